@@ -1,0 +1,58 @@
+"""CMD, the language of human commands and task states on channel C2 (ours: the paper leaves C2's language open).
+
+Objects are named by the person's words ("jar"); which thing of the world that is, pl finds out from km.
+"""
+
+from enum import StrEnum
+
+import msgspec
+
+
+class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """What a person wants done."""
+
+
+class PourInto(Command):
+    """Pour the content of one object into another."""
+
+    source: str
+    destination: str
+
+
+class Take(Command):
+    """Take an object out and hold it; the side is the robot's choice where none is named."""
+
+    object: str
+    side: str = ""
+
+
+class PutDown(Command):
+    """Put a held object down on the table."""
+
+    object: str
+
+
+class LookAround(Command):
+    """Look around and say what is there."""
+
+
+class TaskState(StrEnum):
+    """A task's life as the person sees it."""
+
+    WAITING = "waiting"
+    PLANNING = "planning"
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+    """State of a task, in words for a person."""
+
+    state: TaskState
+    text: str = ""
+
+
+Task = PourInto | Take | PutDown | LookAround
+Content = Task | TaskReport

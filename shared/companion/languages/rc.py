@@ -1,0 +1,143 @@
+"""RC, the language of robot commands on channel C5 (ta asks, ex acts) and of their outcomes.
+
+The paper names no language for C5; this one is ours. A command is one skill. Its key names the act (plan id and step),
+so that an act is never begun twice. Free motions carry joint paths planned by pl; the other skills carry what is wanted
+in the object's frame, and ex solves the joints again from its newest observation.
+"""
+
+import msgspec
+
+from companion.languages.rs import Seen
+from companion.languages.values import BodyPosture, Pose, Side, Vector
+
+
+class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """One skill of ex. `key` is unique for an act of a plan."""
+
+    key: str
+
+
+class MoveJoint(Command):
+    """Move the torso and one arm along a joint path; the other arm keeps its joints.
+
+    `path`: points of 8 joint positions [rad], torso first. `speed`: limit of the tool [m/s]. `fingers`: angle [rad] the
+    moving hand takes at the start of the motion, or None to leave it as it is (always None while it holds something).
+    """
+
+    side: Side
+    path: tuple[tuple[float, ...], ...]
+    speed: float
+    fingers: float | None = None
+
+
+class Segment(msgspec.Struct, frozen=True):
+    """A straight motion of the grip frame: offset in the world frame [m], speed [m/s]."""
+
+    offset: Vector
+    speed: float
+
+
+class MoveCartesian(Command):
+    """Move the grip frame straight, with its orientation kept and the torso still: lift, pull out."""
+
+    side: Side
+    segments: tuple[Segment, ...]
+
+
+class ApproachPoint(msgspec.Struct, frozen=True):
+    """A grip pose in the object's frame and the finger angle [rad] to have there."""
+
+    at: Pose
+    fingers: float
+
+
+class Grasp(Command):
+    """Approach an object through `approach` (outermost first, the grasp last), close until touch, squeeze, lock.
+
+    `squeeze`: motor travel after touch [rad]. `effort`: torque limits [Nm] of fingers one and two (each) and three.
+    `mass`: what the hand will carry [kg], fed forward from the lock on.
+    """
+
+    side: Side
+    object: str
+    grasp: str
+    approach: tuple[ApproachPoint, ...]
+    squeeze: float
+    effort: tuple[float, float]
+    mass: float
+
+
+class Release(Command):
+    """Put a held object down at `place` (its wanted pose in the world) until contact, open, retreat.
+
+    `retreat`: grip poses in the object's frame, nearest first. `surface`: what it is put on. Where the hand is not yet
+    above the place, ex plans the way there itself; `place` None lets ex choose a free spot of the surface.
+    """
+
+    side: Side
+    object: str
+    surface: str
+    place: Pose | None
+    retreat: tuple[ApproachPoint, ...]
+
+
+class Look(Command):
+    """Turn the head to each point in turn [m, world frame] and report what is seen from there."""
+
+    at: tuple[Vector, ...]
+
+
+class Pour(Command):
+    """Tilt a held object over another one, hold, and turn it back.
+
+    `azimuth`: world direction [rad] in which the opening moves down; `spin`: turn of the source about its own axis [rad].
+    `tilts`: first and last tilt from the vertical [rad]. `hold`: time at the last tilt [s].
+    """
+
+    side: Side
+    source: str
+    destination: str
+    azimuth: float
+    spin: float
+    tilts: tuple[float, float]
+    hold: float
+    empty_mass: float
+
+
+class Home(Command):
+    """Bring one arm, with an empty hand, back to its start posture by a way ex plans itself."""
+
+    side: Side
+
+
+class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object, T_grip_object)."""
+
+    key: str
+    body: BodyPosture
+    seen: tuple[Seen, ...] = ()
+    held: dict[Side, tuple[str, str, Pose]] = {}
+    sim_time: float = 0.0
+
+
+class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """An act ended otherwise. `kind`: refused, failed, replan (the world is not as planned), cancelled, unknown."""
+
+    key: str
+    kind: str
+    reason: str
+    body: BodyPosture | None = None
+    seen: tuple[Seen, ...] = ()
+    held: dict[Side, tuple[str, str, Pose]] = {}
+    sim_time: float = 0.0
+
+
+class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """The act is taken; it is expected to last this long [s, simulated]."""
+
+    key: str
+    duration: float
+
+
+Act = MoveJoint | MoveCartesian | Grasp | Release | Look | Pour | Home
+Content = Act | Accepted | Done | NotDone

@@ -1,0 +1,31 @@
+"""RS, the language of readings on channel C5: what the virtual receptor of ex saw, and the robot's state.
+
+Ours (the paper names no language for C5). A pose here was seen by the head camera, with its noise; no true pose travels.
+"""
+
+import msgspec
+
+from companion.languages.values import BodyPosture, Pose
+
+
+class Seen(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """An object seen: its id and model, its pose in the world, the time [s, simulated]."""
+
+    object: str
+    model: str
+    pose: Pose
+    at: float
+
+
+class RobotState(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """The robot's state, on subscription: posture, what the loop does, its lateness [us] and missed cycles."""
+
+    body: BodyPosture
+    mode: str
+    act: str
+    cycles: int
+    missed: int
+    lateness_us: float
+
+
+Content = Seen | RobotState

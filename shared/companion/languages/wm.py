@@ -1,0 +1,401 @@
+"""WM (world model), the language of queries, answers and observations on channels C4 and C6 (paper, section 5.4).
+
+The list of queries is a reconstruction: the 2022 list is not public. It follows what the published planner of the same
+group asks of its world (proghtn-backstream, StatesInterface and generators). Each query names a hypothetical state, or ""
+for the world as observed. Every answer is a pure function of the store and of that state.
+"""
+
+import msgspec
+
+from companion.languages.values import BodyPosture, Pose, Shape, Side, Vector
+
+
+class Query(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
+    """A question to km about `state`."""
+
+    state: str = ""
+
+
+class ListObjects(Query):
+    """Which objects are there, of which class (an ontology class, "" for all)? -> Objects"""
+
+    kind: str = ""
+
+
+class ObjectPose(Query):
+    """Where is it? -> PoseOf"""
+
+    object: str
+
+
+class ObjectModel(Query):
+    """What shape is it? -> ModelOf"""
+
+    object: str
+
+
+class MoveableObjects(Query):
+    """-> Objects"""
+
+
+class StaticObjects(Query):
+    """-> Objects"""
+
+
+class ObjectHole(Query):
+    """Its opening -> Hole"""
+
+    object: str
+
+
+class FlatSurfaces(Query):
+    """What can something be put on, of which object ("" for all)? -> Surfaces"""
+
+    object: str = ""
+
+
+class CurrentGrasp(Query):
+    """Who holds it? -> GraspOf"""
+
+    object: str
+
+
+class GraspAtSide(Query):
+    """What does this hand hold? -> GraspOf"""
+
+    side: Side
+
+
+class GraspSet(Query):
+    """All known grasps of an object -> Grasps"""
+
+    object: str
+
+
+class GraspDefinition(Query):
+    """One grasp -> Grasps of length one"""
+
+    object: str
+    grasp: str
+
+
+class ArmConfiguration(Query):
+    """-> Configuration of 7 joints"""
+
+    side: Side
+
+
+class TorsoConfiguration(Query):
+    """-> Configuration of 1 joint"""
+
+
+class HeadConfiguration(Query):
+    """-> Configuration of 2 joints"""
+
+
+class GripperConfiguration(Query):
+    """-> Configuration of fingers 1, 2, 3 and spread"""
+
+    side: Side
+
+
+class EnvironmentShapes(Query):
+    """Shapes of everything that is not the robot, but for the ignored objects -> Shapes"""
+
+    ignored: tuple[str, ...] = ()
+
+
+class CollisionsInVolume(Query):
+    """Which objects reach into this volume (shape placed in the world)? -> Objects"""
+
+    volume: Shape
+    ignored: tuple[str, ...] = ()
+
+
+class ReservedSpace(Query):
+    """-> Shapes"""
+
+
+class RobotReach(Query):
+    """-> Reach of an arm"""
+
+    side: Side
+
+
+class Holds(Query):
+    """Is this relation true: relation (isIn, isOn, isGraspedBy, isInstanceOf, hasExactPose), subject, value? -> Truth"""
+
+    relation: str
+    subject: str
+    value: str = ""
+
+
+class Change(msgspec.Struct, frozen=True, tag=True):
+    """A change in a hypothetical state."""
+
+
+class Moved(Change):
+    """The object stands here; `exact` False: the pose is only predicted."""
+
+    object: str
+    pose: Pose
+    on: str = ""
+    exact: bool = False
+
+
+class Grasped(Change):
+    """The hand holds the object; `pose` is T_grip_object."""
+
+    object: str
+    side: Side
+    grasp: str
+    pose: Pose
+
+
+class Released(Change):
+    """The hand holds nothing."""
+
+    side: Side
+
+
+class Configured(Change):
+    """Joints of the body [rad]: `part` is torso, right_arm, left_arm, head, right_hand or left_hand."""
+
+    part: str
+    q: tuple[float, ...]
+
+
+class Reserved(Change):
+    """This space is kept free (True) or free again (False) under this name."""
+
+    name: str
+    volume: Shape | None
+
+
+class Poured(Change):
+    """The content of source is in destination."""
+
+    source: str
+    destination: str
+
+
+class HypotheticalState(Query):
+    """Make the state `id` out of `state` by these changes; made twice it is the same (idempotent) -> Made"""
+
+    id: str
+    changes: tuple[Moved | Grasped | Released | Configured | Reserved | Poured, ...] = ()
+
+
+class DropStates(Query):
+    """Forget every hypothetical state whose id begins so -> Made"""
+
+    prefix: str
+
+
+AnyQuery = (
+    ListObjects
+    | ObjectPose
+    | ObjectModel
+    | MoveableObjects
+    | StaticObjects
+    | ObjectHole
+    | FlatSurfaces
+    | CurrentGrasp
+    | GraspAtSide
+    | GraspSet
+    | GraspDefinition
+    | ArmConfiguration
+    | TorsoConfiguration
+    | HeadConfiguration
+    | GripperConfiguration
+    | EnvironmentShapes
+    | CollisionsInVolume
+    | ReservedSpace
+    | RobotReach
+    | Holds
+    | HypotheticalState
+    | DropStates
+)
+
+
+class Answer(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+    """An answer of km."""
+
+
+class Object(msgspec.Struct, frozen=True, array_like=True):
+    """An object: its id, its model, its ontology class."""
+
+    id: str
+    model: str
+    kind: str
+
+
+class Objects(Answer):
+    objects: tuple[Object, ...]
+
+
+class PoseOf(Answer):
+    """Pose in the world; `exact` False: predicted, not observed. `held_by`: it moves with this hand."""
+
+    object: str
+    pose: Pose
+    exact: bool
+    on: str = ""
+    held_by: Side | None = None
+
+
+class ModelOf(Answer):
+    object: str
+    model: str
+    shapes: tuple[Shape, ...]
+    moveable: bool
+    mass: float
+    symmetric: bool
+
+
+class Hole(Answer):
+    """Centre of the opening in the object's frame, its radius [m]; the axis is z."""
+
+    object: str
+    centre: Vector
+    radius: float
+
+
+class Surface(msgspec.Struct, frozen=True):
+    """A flat rectangle of an object: frame in the world (z up), edge lengths [m]."""
+
+    object: str
+    at: Pose
+    size: tuple[float, float]
+
+
+class Surfaces(Answer):
+    surfaces: tuple[Surface, ...]
+
+
+class GraspOf(Answer):
+    """`pose` is T_grip_object; an empty hand answers with object ""."""
+
+    object: str
+    side: Side | None = None
+    grasp: str = ""
+    pose: Pose | None = None
+
+
+class GraspStep(msgspec.Struct, frozen=True, array_like=True):
+    """Pose of the object in the grip frame (T_grip_object), finger angle [rad] of fingers 1-3 there."""
+
+    pose: Pose
+    fingers: float
+
+
+class GraspDef(msgspec.Struct, frozen=True):
+    """A grasp: steps from the outermost to the grasp itself; how it is closed."""
+
+    id: str
+    steps: tuple[GraspStep, ...]
+    closed: float
+    squeeze: float
+    effort: tuple[float, float]
+    kind: str
+
+
+class Grasps(Answer):
+    object: str
+    grasps: tuple[GraspDef, ...]
+
+
+class Configuration(Answer):
+    q: tuple[float, ...]
+
+
+class PlacedShape(msgspec.Struct, frozen=True):
+    """A shape of an object, with the object's pose in the world."""
+
+    object: str
+    pose: Pose
+    shapes: tuple[Shape, ...]
+
+
+class Shapes(Answer):
+    shapes: tuple[PlacedShape, ...]
+
+
+class Reach(Answer):
+    """Distance from the shoulder [m] and shoulder centres in torso_base [m]."""
+
+    near: float
+    far: float
+    shoulders: tuple[Vector, ...]
+
+
+class Truth(Answer):
+    value: bool
+
+
+class Made(Answer):
+    id: str
+
+
+class Unknown(Answer):
+    """km cannot answer, and why: an unknown object, an unknown hypothetical state."""
+
+    reason: str
+
+
+AnyAnswer = (
+    Objects
+    | PoseOf
+    | ModelOf
+    | Hole
+    | Surfaces
+    | GraspOf
+    | Grasps
+    | Configuration
+    | Shapes
+    | Reach
+    | Truth
+    | Made
+    | Unknown
+)
+
+
+class Observation(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+    """What ta tells km, one subject each: the newest one of a subject is the true one."""
+
+
+class SeenObject(Observation):
+    object: str
+    model: str
+    pose: Pose
+    at: float
+
+
+class SeenBody(Observation):
+    body: BodyPosture
+
+
+class SeenHand(Observation):
+    """What a hand holds; object "" when it is empty."""
+
+    side: Side
+    object: str = ""
+    grasp: str = ""
+    pose: Pose | None = None
+
+
+class SeenContent(Observation):
+    """The content of `source` was poured into `destination`."""
+
+    source: str
+    destination: str
+
+
+AnyObservation = SeenObject | SeenBody | SeenHand | SeenContent
+
+
+class ObserveWorld(msgspec.Struct, frozen=True, tag=True):
+    """Subscribe: tell me what is observed from now on."""
+
+
+Content = AnyQuery | AnyAnswer | AnyObservation | ObserveWorld
