@@ -254,11 +254,15 @@ class ModelOf(Answer):
 
 
 class Hole(Answer):
-    """Centre of the opening in the object's frame, its radius [m]; the axis is z."""
+    """The opening, in the object's frame: its centre [m], the radius of its largest circle [m], the direction out of it.
+
+    A jar opens upwards; a cabinet without doors opens along its x axis.
+    """
 
     object: str
     centre: Vector
     radius: float
+    axis: Vector = (0.0, 0.0, 1.0)
 
 
 class Surface(msgspec.Struct, frozen=True):
