@@ -1,0 +1,165 @@
+"""What people's tools and the fleet exchange outside the protocol: the files of a run folder and a_hi's words over HTTP.
+
+None of it is a communicate. docs/run-folder.md says who writes which file, docs/http.md is the contract of a_hi. Names
+and types only: whoever reads or writes a file does so in its own room.
+"""
+
+from enum import StrEnum
+
+import msgspec
+
+RUN_FOLDER_VARIABLE = "ROCO_RUN_DIR"
+LATEST = "latest"  # runs/latest: symbolic link to the newest run folder
+FLEET_FILE = "fleet.json"
+HI_FILE = "hi.json"
+LIVE_FILE = "live.jsonl"
+REPORT_FILE = "report.json"
+
+# The stop flag: one byte, written in place (the loop holds the file mapped; a rename would cut it off).
+STOP_FILE = "stop"
+STOP_RELEASED = b"\x00"
+STOP_HELD = b"\x01"
+
+
+class _Line(msgspec.Struct, frozen=True, tag_field="kind", tag=True, omit_defaults=True):
+    """One line of live.jsonl, written by the monitor. `t`: unix time [s]."""
+
+    t: float
+
+
+class Sent(_Line):
+    """A communicate went by; `bytes`: its whole size; `text`: its content in a few words, where that helps a person."""
+
+    channel: str
+    sender: str
+    receiver: str
+    protocol: str
+    performative: str
+    bytes: int
+    language: str = ""
+    conversation: str = ""
+    text: str = ""
+
+
+class AgentIn(_Line):
+    """An agent (or the loop) entered a state of its FSM; `alive` False: its token is gone."""
+
+    agent: str
+    state: str
+    alive: bool = True
+
+
+class PlanSeen(_Line):
+    """A plan left pl: its id and all its states as paths "machine/state", in the order of the tree."""
+
+    plan: str
+    task: str
+    states: tuple[str, ...]
+
+
+class PlanAt(_Line):
+    """ta entered this state of the plan (path as in PlanSeen), or ended the plan with `outcome`."""
+
+    at: str
+    outcome: str = ""
+
+
+class Happened(_Line):
+    """An event worth a line for a person: jar grasped, plan 2 ready, bowl on the table."""
+
+    name: str
+    text: str = ""
+
+
+LiveLine = Sent | AgentIn | PlanSeen | PlanAt | Happened
+
+
+class ProcessState(StrEnum):
+    """A process as the supervisor sees it."""
+
+    WAITING = "waiting"
+    STARTING = "starting"
+    READY = "ready"
+    BACKING_OFF = "backing-off"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    GIVEN_UP = "given-up"
+
+
+class ProcessStatus(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One process: its pid (0: none), how often it was restarted, why it ended last."""
+
+    name: str
+    state: ProcessState
+    pid: int = 0
+    restarts: int = 0
+    note: str = ""
+
+
+class Fleet(msgspec.Struct, frozen=True):
+    """fleet.json, rewritten whole by the supervisor whenever something changes."""
+
+    system: str
+    connect: str
+    supervisor: int
+    started: float
+    processes: tuple[ProcessStatus, ...]
+
+
+class HiAddress(msgspec.Struct, frozen=True):
+    """hi.json (mode 0600), written by a_hi once it listens on 127.0.0.1."""
+
+    port: int
+    token: str
+
+
+class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """POST /say: a sentence of a person."""
+
+    text: str
+
+
+class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """POST /cancel: this task, or with "" the oldest one that has not ended."""
+
+    task: str = ""
+
+
+class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A task as a_hi knows it. `state`: a companion.languages.cmd.TaskState, or "refused" (never became a task)."""
+
+    task: str
+    state: str
+    text: str
+    said: str = ""
+    since: float = 0.0
+
+
+class Tasks(msgspec.Struct, frozen=True):
+    """GET /tasks: all tasks of this run, oldest first."""
+
+    tasks: tuple[TaskLine, ...]
+
+
+class HiEvent(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Something a_hi tells people; `n` counts from 1 without gaps. `t`: unix time [s]."""
+
+    n: int
+    t: float
+    agent: str
+    name: str
+    text: str
+    task: str = ""
+
+
+class Events(msgspec.Struct, frozen=True):
+    """GET /events: events with n > since; `next` is what to ask with the next time."""
+
+    next: int
+    events: tuple[HiEvent, ...]
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Body of every answer that is not 200: what was wrong and what would have been right."""
+
+    error: str
