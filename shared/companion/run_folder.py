@@ -1,4 +1,4 @@
-"""What people's tools and the fleet exchange outside the protocol: the files of a run folder and a_hi's words over HTTP.
+"""What people's tools and the fleet exchange outside the protocol: a run folder's files, a_hi's words over HTTP.
 
 None of it is a communicate. docs/run-folder.md says who writes which file, docs/http.md is the contract of a_hi. Names
 and types only: whoever reads or writes a file does so in its own room.
