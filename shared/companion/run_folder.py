@@ -27,7 +27,7 @@ class _Line(msgspec.Struct, frozen=True, tag_field="kind", tag=True, omit_defaul
     t: float
 
 
-class Sent(_Line):
+class Sent(_Line, frozen=True):
     """A communicate went by; `bytes`: its whole size; `text`: its content in a few words, where that helps a person."""
 
     channel: str
@@ -41,7 +41,7 @@ class Sent(_Line):
     text: str = ""
 
 
-class AgentIn(_Line):
+class AgentIn(_Line, frozen=True):
     """An agent (or the loop) entered a state of its FSM; `alive` False: its token is gone."""
 
     agent: str
@@ -49,7 +49,7 @@ class AgentIn(_Line):
     alive: bool = True
 
 
-class PlanSeen(_Line):
+class PlanSeen(_Line, frozen=True):
     """A plan left pl: its id and all its states as paths "machine/state", in the order of the tree."""
 
     plan: str
@@ -57,14 +57,14 @@ class PlanSeen(_Line):
     states: tuple[str, ...]
 
 
-class PlanAt(_Line):
+class PlanAt(_Line, frozen=True):
     """ta entered this state of the plan (path as in PlanSeen), or ended the plan with `outcome`."""
 
     at: str
     outcome: str = ""
 
 
-class Happened(_Line):
+class Happened(_Line, frozen=True):
     """An event worth a line for a person: jar grasped, plan 2 ready, bowl on the table."""
 
     name: str

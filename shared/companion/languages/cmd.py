@@ -12,27 +12,27 @@ class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
     """What a person wants done."""
 
 
-class PourInto(Command):
+class PourInto(Command, frozen=True):
     """Pour the content of one object into another."""
 
     source: str
     destination: str
 
 
-class Take(Command):
+class Take(Command, frozen=True):
     """Take an object out and hold it; the side is the robot's choice where none is named."""
 
     object: str
     side: str = ""
 
 
-class PutDown(Command):
+class PutDown(Command, frozen=True):
     """Put a held object down on the table."""
 
     object: str
 
 
-class LookAround(Command):
+class LookAround(Command, frozen=True):
     """Look around and say what is there."""
 
 

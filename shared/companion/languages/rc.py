@@ -17,7 +17,7 @@ class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
     key: str
 
 
-class MoveJoint(Command):
+class MoveJoint(Command, frozen=True):
     """Move the torso and one arm along a joint path; the other arm keeps its joints.
 
     `path`: points of 8 joint positions [rad], torso first. `speed`: limit of the tool [m/s]. `fingers`: angle [rad] the
@@ -37,7 +37,7 @@ class Segment(msgspec.Struct, frozen=True):
     speed: float
 
 
-class MoveCartesian(Command):
+class MoveCartesian(Command, frozen=True):
     """Move the grip frame straight, with its orientation kept and the torso still: lift, pull out."""
 
     side: Side
@@ -51,7 +51,7 @@ class ApproachPoint(msgspec.Struct, frozen=True):
     fingers: float
 
 
-class Grasp(Command):
+class Grasp(Command, frozen=True):
     """Approach an object through `approach` (outermost first, the grasp last), close until touch, squeeze, lock.
 
     `squeeze`: motor travel after touch [rad]. `effort`: torque limits [Nm] of fingers one and two (each) and three.
@@ -67,7 +67,7 @@ class Grasp(Command):
     mass: float
 
 
-class Release(Command):
+class Release(Command, frozen=True):
     """Put a held object down at `place` (its wanted pose in the world) until contact, open, retreat.
 
     `retreat`: grip poses in the object's frame, nearest first. `surface`: what it is put on. Where the hand is not yet
@@ -81,13 +81,13 @@ class Release(Command):
     retreat: tuple[ApproachPoint, ...]
 
 
-class Look(Command):
+class Look(Command, frozen=True):
     """Turn the head to each point in turn [m, world frame] and report what is seen from there."""
 
     at: tuple[Vector, ...]
 
 
-class Pour(Command):
+class Pour(Command, frozen=True):
     """Tilt a held object over another one, hold, and turn it back.
 
     `azimuth`: world direction [rad] in which the opening moves down; `spin`: turn of the source about its own axis [rad].
@@ -104,7 +104,7 @@ class Pour(Command):
     empty_mass: float
 
 
-class Home(Command):
+class Home(Command, frozen=True):
     """Bring one arm, with an empty hand, back to its start posture by a way ex plans itself."""
 
     side: Side

@@ -16,113 +16,113 @@ class Query(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, o
     state: str = ""
 
 
-class ListObjects(Query):
+class ListObjects(Query, frozen=True):
     """Which objects are there, of which class (an ontology class, "" for all)? -> Objects"""
 
     kind: str = ""
 
 
-class ObjectPose(Query):
+class ObjectPose(Query, frozen=True):
     """Where is it? -> PoseOf"""
 
     object: str
 
 
-class ObjectModel(Query):
+class ObjectModel(Query, frozen=True):
     """What shape is it? -> ModelOf"""
 
     object: str
 
 
-class MoveableObjects(Query):
+class MoveableObjects(Query, frozen=True):
     """-> Objects"""
 
 
-class StaticObjects(Query):
+class StaticObjects(Query, frozen=True):
     """-> Objects"""
 
 
-class ObjectHole(Query):
+class ObjectHole(Query, frozen=True):
     """Its opening -> Hole"""
 
     object: str
 
 
-class FlatSurfaces(Query):
+class FlatSurfaces(Query, frozen=True):
     """What can something be put on, of which object ("" for all)? -> Surfaces"""
 
     object: str = ""
 
 
-class CurrentGrasp(Query):
+class CurrentGrasp(Query, frozen=True):
     """Who holds it? -> GraspOf"""
 
     object: str
 
 
-class GraspAtSide(Query):
+class GraspAtSide(Query, frozen=True):
     """What does this hand hold? -> GraspOf"""
 
     side: Side
 
 
-class GraspSet(Query):
+class GraspSet(Query, frozen=True):
     """All known grasps of an object -> Grasps"""
 
     object: str
 
 
-class GraspDefinition(Query):
+class GraspDefinition(Query, frozen=True):
     """One grasp -> Grasps of length one"""
 
     object: str
     grasp: str
 
 
-class ArmConfiguration(Query):
+class ArmConfiguration(Query, frozen=True):
     """-> Configuration of 7 joints"""
 
     side: Side
 
 
-class TorsoConfiguration(Query):
+class TorsoConfiguration(Query, frozen=True):
     """-> Configuration of 1 joint"""
 
 
-class HeadConfiguration(Query):
+class HeadConfiguration(Query, frozen=True):
     """-> Configuration of 2 joints"""
 
 
-class GripperConfiguration(Query):
+class GripperConfiguration(Query, frozen=True):
     """-> Configuration of fingers 1, 2, 3 and spread"""
 
     side: Side
 
 
-class EnvironmentShapes(Query):
+class EnvironmentShapes(Query, frozen=True):
     """Shapes of everything that is not the robot, but for the ignored objects -> Shapes"""
 
     ignored: tuple[str, ...] = ()
 
 
-class CollisionsInVolume(Query):
+class CollisionsInVolume(Query, frozen=True):
     """Which objects reach into this volume (shape placed in the world)? -> Objects"""
 
     volume: Shape
     ignored: tuple[str, ...] = ()
 
 
-class ReservedSpace(Query):
+class ReservedSpace(Query, frozen=True):
     """-> Shapes"""
 
 
-class RobotReach(Query):
+class RobotReach(Query, frozen=True):
     """-> Reach of an arm"""
 
     side: Side
 
 
-class Holds(Query):
+class Holds(Query, frozen=True):
     """Is this relation true: relation (isIn, isOn, isGraspedBy, isInstanceOf, hasExactPose), subject, value? -> Truth"""
 
     relation: str
@@ -134,7 +134,7 @@ class Change(msgspec.Struct, frozen=True, tag=True):
     """A change in a hypothetical state."""
 
 
-class Moved(Change):
+class Moved(Change, frozen=True):
     """The object stands here; `exact` False: the pose is only predicted."""
 
     object: str
@@ -143,7 +143,7 @@ class Moved(Change):
     exact: bool = False
 
 
-class Grasped(Change):
+class Grasped(Change, frozen=True):
     """The hand holds the object; `pose` is T_grip_object."""
 
     object: str
@@ -152,41 +152,41 @@ class Grasped(Change):
     pose: Pose
 
 
-class Released(Change):
+class Released(Change, frozen=True):
     """The hand holds nothing."""
 
     side: Side
 
 
-class Configured(Change):
+class Configured(Change, frozen=True):
     """Joints of the body [rad]: `part` is torso, right_arm, left_arm, head, right_hand or left_hand."""
 
     part: str
     q: tuple[float, ...]
 
 
-class Reserved(Change):
+class Reserved(Change, frozen=True):
     """This space is kept free (True) or free again (False) under this name."""
 
     name: str
     volume: Shape | None
 
 
-class Poured(Change):
+class Poured(Change, frozen=True):
     """The content of source is in destination."""
 
     source: str
     destination: str
 
 
-class HypotheticalState(Query):
+class HypotheticalState(Query, frozen=True):
     """Make the state `id` out of `state` by these changes; made twice it is the same (idempotent) -> Made"""
 
     id: str
     changes: tuple[Moved | Grasped | Released | Configured | Reserved | Poured, ...] = ()
 
 
-class DropStates(Query):
+class DropStates(Query, frozen=True):
     """Forget every hypothetical state whose id begins so -> Made"""
 
     prefix: str
@@ -230,11 +230,11 @@ class Object(msgspec.Struct, frozen=True, array_like=True):
     kind: str
 
 
-class Objects(Answer):
+class Objects(Answer, frozen=True):
     objects: tuple[Object, ...]
 
 
-class PoseOf(Answer):
+class PoseOf(Answer, frozen=True):
     """Pose in the world; `exact` False: predicted, not observed. `held_by`: it moves with this hand."""
 
     object: str
@@ -244,7 +244,7 @@ class PoseOf(Answer):
     held_by: Side | None = None
 
 
-class ModelOf(Answer):
+class ModelOf(Answer, frozen=True):
     object: str
     model: str
     shapes: tuple[Shape, ...]
@@ -253,7 +253,7 @@ class ModelOf(Answer):
     symmetric: bool
 
 
-class Hole(Answer):
+class Hole(Answer, frozen=True):
     """The opening, in the object's frame: its centre [m], the radius of its largest circle [m], the direction out of it.
 
     A jar opens upwards; a cabinet without doors opens along its x axis.
@@ -273,11 +273,11 @@ class Surface(msgspec.Struct, frozen=True):
     size: tuple[float, float]
 
 
-class Surfaces(Answer):
+class Surfaces(Answer, frozen=True):
     surfaces: tuple[Surface, ...]
 
 
-class GraspOf(Answer):
+class GraspOf(Answer, frozen=True):
     """`pose` is T_grip_object; an empty hand answers with object ""."""
 
     object: str
@@ -304,12 +304,12 @@ class GraspDef(msgspec.Struct, frozen=True):
     kind: str
 
 
-class Grasps(Answer):
+class Grasps(Answer, frozen=True):
     object: str
     grasps: tuple[GraspDef, ...]
 
 
-class Configuration(Answer):
+class Configuration(Answer, frozen=True):
     q: tuple[float, ...]
 
 
@@ -321,11 +321,11 @@ class PlacedShape(msgspec.Struct, frozen=True):
     shapes: tuple[Shape, ...]
 
 
-class Shapes(Answer):
+class Shapes(Answer, frozen=True):
     shapes: tuple[PlacedShape, ...]
 
 
-class Reach(Answer):
+class Reach(Answer, frozen=True):
     """Distance from the shoulder [m] and shoulder centres in torso_base [m]."""
 
     near: float
@@ -333,15 +333,15 @@ class Reach(Answer):
     shoulders: tuple[Vector, ...]
 
 
-class Truth(Answer):
+class Truth(Answer, frozen=True):
     value: bool
 
 
-class Made(Answer):
+class Made(Answer, frozen=True):
     id: str
 
 
-class Unknown(Answer):
+class Unknown(Answer, frozen=True):
     """km cannot answer, and why: an unknown object, an unknown hypothetical state."""
 
     reason: str
@@ -368,18 +368,18 @@ class Observation(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=T
     """What ta tells km, one subject each: the newest one of a subject is the true one."""
 
 
-class SeenObject(Observation):
+class SeenObject(Observation, frozen=True):
     object: str
     model: str
     pose: Pose
     at: float
 
 
-class SeenBody(Observation):
+class SeenBody(Observation, frozen=True):
     body: BodyPosture
 
 
-class SeenHand(Observation):
+class SeenHand(Observation, frozen=True):
     """What a hand holds; object "" when it is empty."""
 
     side: Side
@@ -388,7 +388,7 @@ class SeenHand(Observation):
     pose: Pose | None = None
 
 
-class SeenContent(Observation):
+class SeenContent(Observation, frozen=True):
     """The content of `source` was poured into `destination`."""
 
     source: str
