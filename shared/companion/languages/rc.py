@@ -90,7 +90,7 @@ class Look(Command, frozen=True):
 class Pour(Command, frozen=True):
     """Tilt a held object over another one, hold, and turn it back.
 
-    `azimuth`: world direction [rad] in which the opening moves down; `spin`: turn of the source about its own axis [rad].
+    `azimuth`: world direction [rad] in which the opening moves down; `spin`: turn of the source about its axis [rad].
     `tilts`: first and last tilt from the vertical [rad]. `hold`: time at the last tilt [s].
     """
 

@@ -1,6 +1,6 @@
 """RS, the language of readings on channel C5: what the virtual receptor of ex saw, and the robot's state.
 
-Ours (the paper names no language for C5). A pose here was seen by the head camera, with its noise; no true pose travels.
+Ours (the paper names no language for C5). A pose here was seen by the head camera, with noise; no true pose travels.
 """
 
 import msgspec

@@ -1,4 +1,4 @@
-"""SW (supervised worker), the language of ta's states on channel C1, in protocol coordinate (paper, sections 5.4 and 5.5).
+"""SW (supervised worker), the language of ta's states on channel C1, in protocol coordinate (paper, 5.4 and 5.5).
 
 confirm and cancel name this language and carry no content (formula 4); the inform carries a Report.
 """

@@ -51,7 +51,7 @@ Shape = Box | Cylinder | Sphere
 
 
 class BodyPosture(msgspec.Struct, frozen=True):
-    """Joint positions [rad] of the whole body: torso, right and left arm (7), head pan and tilt, fingers (3 and spread)."""
+    """Joint positions [rad] of the body: torso, right and left arm (7), head pan and tilt, fingers (3 and spread)."""
 
     torso: float
     right_arm: tuple[float, ...]

@@ -1,8 +1,8 @@
 """WM (world model), the language of queries, answers and observations on channels C4 and C6 (paper, section 5.4).
 
 The list of queries is a reconstruction: the 2022 list is not public. It follows what the published planner of the same
-group asks of its world (proghtn-backstream, StatesInterface and generators). Each query names a hypothetical state, or ""
-for the world as observed. Every answer is a pure function of the store and of that state.
+group asks of its world (proghtn-backstream, StatesInterface and generators). Each query names a hypothetical state, or
+"" for the world as observed. Every answer is a pure function of the store and of that state.
 """
 
 import msgspec
@@ -123,7 +123,7 @@ class RobotReach(Query, frozen=True):
 
 
 class Holds(Query, frozen=True):
-    """Is this relation true: relation (isIn, isOn, isGraspedBy, isInstanceOf, hasExactPose), subject, value? -> Truth"""
+    """Does relation (isIn, isOn, isGraspedBy, isInstanceOf, hasExactPose) hold of subject and value? -> Truth"""
 
     relation: str
     subject: str
@@ -254,7 +254,7 @@ class ModelOf(Answer, frozen=True):
 
 
 class Hole(Answer, frozen=True):
-    """The opening, in the object's frame: its centre [m], the radius of its largest circle [m], the direction out of it.
+    """The opening, in the object's frame: its centre [m], radius of its largest circle [m], the direction out of it.
 
     A jar opens upwards; a cabinet without doors opens along its x axis.
     """
