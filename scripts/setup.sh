@@ -1,0 +1,87 @@
+# Shared by the scripts of this folder (bash, sourced): go to the project's root, make .venv, install what is locked.
+#
+# The first run takes a minute or so and says what it does; a later one only compares a stamp. Needs nothing but Python
+# 3.11 or newer with venv, and bash. Everything else comes from the package index, versions and hashes as locked.
+
+cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.."
+
+say() { printf '\033[2m--\033[0m %s\n' "$*" >&2; }
+die() {
+    printf '\033[31merror:\033[0m %s\n' "$*" >&2
+    exit 2
+}
+if ! [ -t 2 ]; then
+    say() { printf -- '-- %s\n' "$*" >&2; }
+    die() {
+        printf 'error: %s\n' "$*" >&2
+        exit 2
+    }
+fi
+
+# Print the first Python that is new enough; ROCO_PYTHON names one explicitly.
+find_python() {
+    local candidate
+    for candidate in ${ROCO_PYTHON:+"$ROCO_PYTHON"} python3.11 python3.12 python3.13 python3 python; do
+        if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+            echo "$candidate"
+            return
+        fi
+    done
+    die "no Python 3.11 or newer found (Debian: apt install python3 python3-venv); ROCO_PYTHON=<path> names one"
+}
+
+# Make .venv with an interpreter and uv in it, where it is missing.
+setup_venv() {
+    local python
+    if ! .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+        python=$(find_python)
+        say "making .venv with $("$python" --version)"
+        "$python" -c 'import venv, ensurepip' 2>/dev/null ||
+            die "$python has no venv (Debian: apt install python3-venv, then call this again)"
+        "$python" -m venv --clear .venv ||
+            die "$python -m venv failed (Debian: apt install python3-venv, then call this again)"
+    fi
+    if ! .venv/bin/uv --version >/dev/null 2>&1; then
+        say "getting uv into .venv"
+        .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/uv.txt ||
+            die "pip could not get uv (see above); is the package index reachable?"
+    fi
+}
+
+# Make .venv hold what is locked, and the project itself, editable. Quick when nothing changed since the last time.
+setup() {
+    local stamp=.venv/.locked want
+    want=$(cksum requirements/all.txt pyproject.toml scripts/setup.sh && pwd)
+    if [ -x .venv/bin/python ] && [ "$(cat "$stamp" 2>/dev/null)" = "$want" ]; then
+        return
+    fi
+    setup_venv
+    say "installing what requirements/all.txt locks (about 600 MB the first time)"
+    .venv/bin/uv pip install --python .venv/bin/python --require-hashes -r requirements/all.txt || die "uv could not install (see above)"
+    say "installing the project itself, editable"
+    .venv/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable . ||
+        die "uv could not install the project (see above)"
+    check_libraries
+    printf '%s\n' "$want" >"$stamp"
+}
+
+# Import what needs system libraries, so that a missing one is named here and not in the middle of a run.
+check_libraries() {
+    .venv/bin/python - <<'PYTHON' || die "a system library is missing (see above)"
+import importlib
+import sys
+
+packages = {"libgomp.so": "libgomp1", "libstdc++.so": "libstdc++6", "libGL.so": "libgl1", "libEGL.so": "libegl1"}
+failed = False
+for module in ("numpy", "zenoh", "pinocchio", "coal", "ompl", "mujoco", "rerun"):
+    try:
+        importlib.import_module(module)
+    except ImportError as error:
+        failed = True
+        debian = next((package for library, package in packages.items() if library in str(error)), None)
+        print(f"{module} cannot be imported: {error}", file=sys.stderr)
+        if debian:
+            print(f"  Debian: apt install {debian}", file=sys.stderr)
+sys.exit(failed)
+PYTHON
+}

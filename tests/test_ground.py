@@ -1,0 +1,101 @@
+"""The ground holds: rooms have their rows, locks have hashes and no addresses, scripts say what they need."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
+SCRIPTS = [path for path in [*(ROOT / "scripts").iterdir(), ROOT / ".ci" / "run"] if path.suffix in ("", ".sh")]
+
+
+def pinned(lock: Path) -> dict[str, str]:
+    """Versions of a lock by package name, with their markers."""
+    return dict(re.findall(r"^([a-z0-9-]+)(==[^\\]*?) \\$", lock.read_text(), flags=re.MULTILINE))
+
+
+def test_every_room_has_a_row_that_says_what_it_may_import() -> None:
+    """A new service or package cannot be forgotten by the import contracts."""
+    rows = {contract["room"] for contract in PYPROJECT["tool"]["importlinter"]["contracts"]}
+    rooms = {f"services.{path.parent.name}" for path in (ROOT / "services").glob("*/__init__.py")}
+    rooms |= {path.parent.name for path in (ROOT / "shared").glob("*/__init__.py")}
+    rooms |= {f"velma.{path.parent.name}" for path in (ROOT / "velma").glob("*/__init__.py")}
+    assert rooms <= rows
+
+
+def test_no_service_may_import_another() -> None:
+    """Services meet over communicates only."""
+    for contract in PYPROJECT["tool"]["importlinter"]["contracts"]:
+        assert not [name for name in contract["may_import"] if name.startswith("services")], contract["room"]
+
+
+@pytest.mark.parametrize("room", ["fipa_codec", "services.task"])
+def test_a_forbidden_import_is_found_and_named(room: str, tmp_path: Path) -> None:
+    """The contract sees an import its row does not allow, in a package of that very name."""
+    package = tmp_path.joinpath(*room.split("."))
+    package.mkdir(parents=True)
+    for folder in [package, *package.parents]:
+        if folder == tmp_path:
+            break
+        (folder / "__init__.py").touch()
+    (package / "core.py").write_text("import json\nimport zenoh\n")
+    (tmp_path / ".importlinter").write_text(
+        f"[importlinter]\nroot_packages =\n    {room.partition('.')[0]}\ninclude_external_packages = true\n"
+        "contract_types =\n    room: scripts.rooms.Room\n"
+        f"[importlinter:contract:row]\nname = row\ntype = room\nroom = {room}\nmay_import =\n    msgspec\n"
+    )
+    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
+    lint = Path(sys.executable).with_name("lint-imports")
+    found = subprocess.run(
+        [lint, "--no-logo", "--no-cache"], cwd=tmp_path, capture_output=True, text=True, timeout=50, check=False
+    )
+    assert found.returncode == 1, found.stdout + found.stderr
+    assert f"{room}.core:2: import zenoh" in found.stdout
+    assert "import json" not in found.stdout
+
+
+@pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
+def test_a_lock_has_a_hash_for_each_package_and_no_address(lock: Path) -> None:
+    """What is installed is what was locked, from whatever index the machine uses."""
+    text = lock.read_text()
+    assert "://" not in text
+    for block in re.split(r"\n(?=[a-z0-9])", text.partition("\n")[2]):
+        assert "--hash=sha256:" in block, block
+
+
+@pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
+def test_all_locks_agree_on_versions(lock: Path) -> None:
+    """The images run what the tests ran."""
+    everything = pinned(ROOT / "requirements" / "all.txt")
+    assert pinned(lock).items() <= everything.items()
+
+
+def test_the_lock_covers_what_pyproject_asks_for() -> None:
+    """No dependency was added without scripts/lock."""
+    project = PYPROJECT["project"]
+    asked = [*project["dependencies"], *(name for extra in project["optional-dependencies"].values() for name in extra)]
+    names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in asked}
+    assert names <= pinned(ROOT / "requirements" / "all.txt").keys()
+
+
+def test_each_extra_has_its_lock() -> None:
+    """One lock per image; dev is what all.txt adds."""
+    extras = set(PYPROJECT["project"]["optional-dependencies"]) - {"dev"}
+    assert extras <= {lock.stem for lock in LOCKS}
+
+
+def test_there_is_no_uv_lock() -> None:
+    """uv.lock names registry hosts."""
+    assert not (ROOT / "uv.lock").exists()
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.name)
+def test_a_script_is_sound_bash_and_can_be_called(script: Path) -> None:
+    """A script parses, and is executable unless it is there to be sourced."""
+    subprocess.run(["bash", "-n", script], check=True, timeout=10)
+    assert script.suffix == ".sh" or script.stat().st_mode & 0o111
