@@ -61,8 +61,26 @@ setup() {
     say "installing the project itself, editable"
     .venv/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable . ||
         die "uv could not install the project (see above)"
+    lend_libgomp
     check_libraries
     printf '%s\n' "$want" >"$stamp"
+}
+
+# pinocchio's wheel wants the system's libgomp.so.1 (GNU's OpenMP), which a small machine may lack. Then take the copy that
+# another wheel carries and lay it where pinocchio's run path looks; nothing of the machine is touched.
+lend_libgomp() {
+    .venv/bin/python -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null && return
+    say "libgomp.so.1 is not on this machine (Debian: libgomp1); taking the copy of a wheel"
+    .venv/bin/uv pip install --quiet --python .venv/bin/python --target .venv/lend --no-deps --require-hashes \
+        -r requirements/libgomp.txt || die "uv could not get it; instead (Debian): apt install libgomp1"
+    .venv/bin/python - <<'PYTHON' || die "no libgomp in that wheel; instead (Debian): apt install libgomp1"
+from pathlib import Path
+
+copy = next(Path(".venv/lend").rglob("libgomp*.so.1*"))
+for packages in Path(".venv/lib").glob("python3.*/site-packages/cmeel.prefix/lib"):
+    (packages / "libgomp.so.1").unlink(missing_ok=True)
+    (packages / "libgomp.so.1").symlink_to(copy.resolve())
+PYTHON
 }
 
 # Import what needs system libraries, so that a missing one is named here and not in the middle of a run.
