@@ -179,11 +179,14 @@ class Poured(Change, frozen=True):
     destination: str
 
 
+AnyChange = Moved | Grasped | Released | Configured | Reserved | Poured
+
+
 class HypotheticalState(Query, frozen=True):
     """Make the state `id` out of `state` by these changes; made twice it is the same (idempotent) -> Made"""
 
     id: str
-    changes: tuple[Moved | Grasped | Released | Configured | Reserved | Poured, ...] = ()
+    changes: tuple[AnyChange, ...] = ()
 
 
 class DropStates(Query, frozen=True):
