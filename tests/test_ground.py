@@ -11,7 +11,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
-SCRIPTS = [path for path in [*(ROOT / "scripts").iterdir(), ROOT / ".ci" / "run"] if path.suffix in ("", ".sh")]
+SCRIPTS = [
+    path
+    for path in [*(ROOT / "scripts").iterdir(), ROOT / ".ci" / "run"]
+    if path.is_file() and path.suffix in ("", ".sh")
+]
 
 
 def pinned(lock: Path) -> dict[str, str]:
