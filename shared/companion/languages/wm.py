@@ -248,12 +248,16 @@ class PoseOf(Answer, frozen=True):
 
 
 class ModelOf(Answer, frozen=True):
+    """Shapes in the object's frame, mass [kg]; `symmetric`: about its z axis; it stands on a disc at base_z [m]."""
+
     object: str
     model: str
     shapes: tuple[Shape, ...]
     moveable: bool
     mass: float
     symmetric: bool
+    base_z: float = 0.0
+    base_radius: float = 0.0
 
 
 class Hole(Answer, frozen=True):
@@ -345,8 +349,15 @@ class Made(Answer, frozen=True):
 
 
 class Unknown(Answer, frozen=True):
-    """km cannot answer, and why: an unknown object, an unknown hypothetical state."""
+    """km cannot answer, and why: an unknown object, nothing observed yet."""
 
+    reason: str
+
+
+class UnknownState(Answer, frozen=True):
+    """km has no hypothetical state of this id (any more): whoever made it makes it again, or begins anew."""
+
+    id: str
     reason: str
 
 
@@ -364,6 +375,7 @@ AnyAnswer = (
     | Truth
     | Made
     | Unknown
+    | UnknownState
 )
 
 
