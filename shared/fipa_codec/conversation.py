@@ -1,0 +1,273 @@
+"""A conversation of one agent with one peer: where it stands, what may come, what may be said. No I/O, no clock.
+
+Frozen: `receive` and `send` give a new conversation. It holds its protocol by name and nothing but words and numbers,
+so it encodes into a journal and is the same when read back. Deadlines are data for whoever owns a clock.
+
+Which use of a performative a message makes (`Kind`) comes from three places: "in reply to the cancel" from m_t; a
+confirm has the kind of the message it confirms; anything else is the word of the content's language, which the caller
+passes as `kind` (`Languages.read` yields it for what came in, `Language.kind` for what goes out).
+"""
+
+from typing import Self
+
+import msgspec
+
+from fipa_codec.communicate import Communicate
+from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.protocols import named
+from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row, Table, Way
+
+
+class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One conversation (m_c = `id`) as `me`, in `role`, sees it.
+
+    `deadline`: reply-by of the newest message that waits for an answer, mine or the peer's [unix s], else None. It
+    bounds the next message only: after an agree there is none unless a message sets one (SC00061G). A cancel's
+    deadline stands until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the cancel, "" if there was none.
+    `unconfirmed`: m_w and kind of every message that is still to be confirmed, oldest first.
+    """
+
+    id: str
+    protocol: str
+    role: Role
+    me: str
+    peer: str
+    state: str = START
+    deadline: float | None = None
+    asked: str = ""
+    cancel: str = ""
+    unconfirmed: tuple[tuple[str, Kind], ...] = ()
+
+    @classmethod
+    def open(cls, protocol: str | Protocol, role: Role, *, id: str, me: str, peer: str) -> Self:
+        """A conversation before its first message. LocalProtocolError if the protocol is unknown."""
+        name = protocol.name if isinstance(protocol, Protocol) else named(protocol).name
+        return cls(id=id, protocol=name, role=role, me=me, peer=peer)
+
+    @classmethod
+    def answering(cls, communicate: Communicate, me: str) -> Self:
+        """The participant's conversation for a communicate that belongs to none it knows; `receive` it next.
+
+        It is for openings, and for a cancel that came too late (`request`: answer failure; `coordinate`: drop it).
+        RemoteProtocolError if m_c, sender or a known protocol is missing.
+        """
+        for field in ("conversation", "sender", "protocol"):
+            if not getattr(communicate, field):
+                raise RemoteProtocolError(field, f"is absent, so {me!r} cannot take part in a conversation")
+        try:
+            name = named(communicate.protocol).name
+        except LocalProtocolError as error:
+            raise RemoteProtocolError(error.field, error.reason) from error
+        return cls(id=communicate.conversation, protocol=name, role=Role.PARTICIPANT, me=me, peer=communicate.sender)
+
+    @property
+    def table(self) -> Table:
+        """The rows of my role."""
+        return named(self.protocol).tables[self.role]
+
+    @property
+    def ended(self) -> bool:
+        """Nothing more is to be said by me; late messages that the table allows may still come."""
+        return self.state == NOT_UNDERSTOOD or self.state in self.table.ended
+
+    @property
+    def owes(self) -> bool:
+        """I have to send in this very step (confirm, failure in reply to a late cancel) before I take anything."""
+        return self.state in self.table.urgent
+
+    def late(self, now: float) -> bool:
+        """Has the deadline passed? Equal counts as in time (SC00061G)."""
+        return self.deadline is not None and now > self.deadline
+
+    def allowed(self, way: Way) -> tuple[str, ...]:
+        """What I may send, or take, in this state, in words."""
+        return tuple(row.word for row in self.table.allowed(self.state, way))
+
+    def takes(self, communicate: Communicate, kind: Kind = Kind.PLAIN) -> bool:
+        """Would `receive` take it?"""
+        try:
+            self.receive(communicate, kind)
+        except (RemoteProtocolError, LocalProtocolError):
+            return False
+        return True
+
+    def receive(self, communicate: Communicate, kind: Kind = Kind.PLAIN) -> Self:
+        """The conversation after this message of the peer; `kind` is what the content's language says.
+
+        RemoteProtocolError if it is not mine, not in sequence, or answers something never asked. LocalProtocolError
+        if I owe a message first.
+        """
+        self._require_mine(communicate)
+        if self.state == NOT_UNDERSTOOD:
+            return self
+        performative, reply_to = communicate.performative, communicate.in_reply_to
+        if performative is Performative.NOT_UNDERSTOOD:
+            return self._after_not_understood(RECEIVE, reply_to)
+        if self.owes:
+            raise LocalProtocolError(
+                "performative", f"{self._here} owes {', '.join(self.allowed(SEND))} before it takes"
+            )
+        try:
+            row = self._row(RECEIVE, performative, self._kind(performative, reply_to, kind))
+            self._require_answer(performative, communicate.reply_with, reply_to)
+        except LocalProtocolError as error:
+            raise RemoteProtocolError(error.field, error.reason) from None
+        return self._after(row, communicate)
+
+    def send(
+        self,
+        performative: Performative,
+        *,
+        id: str,
+        now: float,
+        content: msgspec.Raw | None = None,
+        language: str = "",
+        ontology: str = "",
+        kind: Kind = Kind.PLAIN,
+        in_reply_to: str | None = None,
+        reply_by: float | None = None,
+    ) -> tuple[Self, Communicate]:
+        """The conversation after this message of mine, and the message; `id` also is its m_w where one is wanted.
+
+        `in_reply_to` None: what the protocol says (the opening; for a confirm the oldest unconfirmed message; the
+        cancel where `kind` is CANCEL or nothing else can be answered here). LocalProtocolError if it is not allowed.
+        """
+        reply_to = self._default_reply(performative, kind) if in_reply_to is None else in_reply_to
+        communicate = Communicate(
+            performative=performative,
+            content=msgspec.UNSET if content is None else content,
+            language=language,
+            ontology=ontology,
+            protocol=self.protocol,
+            reply_by=reply_by,
+            reply_with=self._label(performative, id),
+            in_reply_to=reply_to,
+            conversation=self.id,
+            sender=self.me,
+            receiver=self.peer,
+            id=id,
+            sent=now,
+        )
+        if performative is Performative.NOT_UNDERSTOOD:
+            return self._after_not_understood(SEND, reply_to), communicate
+        row = self._row(SEND, performative, self._kind(performative, reply_to, kind))
+        self._require_answer(performative, communicate.reply_with, reply_to)
+        return self._after(row, communicate), communicate
+
+    @property
+    def _here(self) -> str:
+        return f"conversation {self.id} ({self.protocol}, {self.role} {self.me!r}, state {self.state})"
+
+    def _row(self, way: Way, performative: Performative, kind: Kind) -> Row:
+        row = self.table.find(self.state, way, performative, kind)
+        if row is None:
+            verb = "got" if way is RECEIVE else "would send"
+            word = f"{performative}[{kind}]" if kind else performative
+            allowed = ", ".join(self.allowed(way)) or "nothing"
+            verb_allowed = "takes" if way is RECEIVE else "may send"
+            raise LocalProtocolError("performative", f"{self._here} {verb} {word}; this state {verb_allowed} {allowed}")
+        return row
+
+    def _kind(self, performative: Performative, reply_to: str, kind: Kind) -> Kind:
+        """The guard word of the row. Only an inform has uses that its content tells apart."""
+        if reply_to and reply_to == self.cancel:
+            return Kind.CANCEL
+        if kind is Kind.CANCEL:
+            raise LocalProtocolError("in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}")
+        if performative is Performative.CONFIRM:
+            known = dict(self.unconfirmed)
+            if reply_to not in known:
+                expected = ", ".join(known) or "nothing"
+                raise LocalProtocolError("in_reply_to", f"{self._here}: {reply_to!r} confirms none of {expected}")
+            return known[reply_to]
+        return kind if performative is Performative.INFORM else Kind.PLAIN
+
+    def _require_mine(self, communicate: Communicate) -> None:
+        """Sender, receiver, m_c and protocol stay the same throughout."""
+        names = (named(self.protocol).name, *named(self.protocol).aliases)
+        checks = (
+            ("conversation", communicate.conversation, (self.id,)),
+            ("sender", communicate.sender, (self.peer,)),
+            ("receiver", communicate.receiver, (self.me,)),
+            ("protocol", communicate.protocol, names),
+        )
+        for field, value, wanted in checks:
+            if value not in wanted:
+                raise RemoteProtocolError(field, f"{self._here} got {value!r} here, wants {wanted[0]!r}")
+
+    def _require_answer(self, performative: Performative, reply_with: str, reply_to: str) -> None:
+        """What must be answerable has its m_w, what answers names something that was asked."""
+        protocol = named(self.protocol)
+        answered = performative is Performative.CANCEL or performative in protocol.confirmed
+        if answered and not reply_with:
+            raise LocalProtocolError("reply_with", f"{self._here}: a {performative} needs one, for its answer")
+        if performative in protocol.openings and self.state != START and reply_with != self.asked:
+            raise LocalProtocolError("reply_with", f"{self._here}: asked again with {reply_with!r}, not {self.asked!r}")
+        known = ("", self.asked, self.cancel, *(label for label, _ in self.unconfirmed))
+        if reply_to not in known:
+            raise LocalProtocolError("in_reply_to", f"{self._here}: {reply_to!r} was never asked here")
+
+    def _label(self, performative: Performative, id: str) -> str:
+        """m_w: set where an answer or a confirm is to name the message; asking again keeps the first one."""
+        if not id:
+            raise LocalProtocolError("id", f"{self._here}: a message needs an id")
+        protocol = named(self.protocol)
+        if performative in protocol.openings:
+            return self.asked or id
+        return id if performative is Performative.CANCEL or performative in protocol.confirmed else ""
+
+    def _default_reply(self, performative: Performative, kind: Kind) -> str:
+        """m_t: the paper leaves it empty in request, inform and cancel of coordinate, and sets it in confirm."""
+        if kind is Kind.CANCEL or self._only_cancel(performative, kind):
+            return self.cancel
+        if performative is Performative.CONFIRM:
+            return self.unconfirmed[0][0] if self.unconfirmed else ""
+        if self.role is Role.INITIATOR or performative in named(self.protocol).confirmed:
+            return ""
+        return self.asked
+
+    def _only_cancel(self, performative: Performative, kind: Kind) -> bool:
+        find = self.table.find
+        return find(self.state, SEND, performative, kind) is None and bool(
+            find(self.state, SEND, performative, Kind.CANCEL)
+        )
+
+    def _after(self, row: Row, communicate: Communicate) -> Self:
+        performative, label = communicate.performative, communicate.reply_with
+        protocol = named(self.protocol)
+        unconfirmed = self.unconfirmed
+        if performative in protocol.confirmed:
+            unconfirmed = (*unconfirmed, (label, row.kind))
+        elif performative is Performative.CONFIRM:
+            unconfirmed = tuple(entry for entry in unconfirmed if entry[0] != communicate.in_reply_to)
+        opens = performative in protocol.openings and self.state == START
+        return msgspec.structs.replace(
+            self,
+            state=str(row.to),
+            deadline=self._next_deadline(row, communicate.reply_by),
+            asked=label if opens else self.asked,
+            cancel=label if performative is Performative.CANCEL else self.cancel,
+            unconfirmed=unconfirmed,
+        )
+
+    def _next_deadline(self, row: Row, reply_by: float | None) -> float | None:
+        """An answer clears the deadline; what is asked again, or crosses a cancel, is no answer."""
+        if row.to in self.table.ended:
+            return None
+        if reply_by is not None:
+            return reply_by
+        cancelling = bool(self.cancel) and self.role is Role.INITIATOR
+        repeats = row.way is SEND and row.to == self.state
+        return self.deadline if cancelling or repeats else None
+
+    def _after_not_understood(self, way: Way, reply_to: str) -> Self:
+        """The rule outside the tables: it ends the interaction; as answer to a cancel it is a failed cancel only."""
+        if self.ended:
+            return self
+        if reply_to and reply_to == self.cancel:
+            row = self.table.find(self.state, way, Performative.FAILURE, Kind.CANCEL)
+            if row is not None:
+                return msgspec.structs.replace(self, state=str(row.to), deadline=None)
+        return msgspec.structs.replace(self, state=NOT_UNDERSTOOD, deadline=None, unconfirmed=())
