@@ -1,1 +1,27 @@
-"""The six content languages of the Robot Companion, one module each (paper, section 5.6)."""
+"""The six content languages of the Robot Companion, one module each (paper, section 5.6), and the registry of them
+by name.
+"""
+
+from companion.languages import cmd, hfsm, rc, rs, sw, wm
+from fipa_codec.languages import Kind, Language, Languages
+
+
+def _kind_of_report(content: object) -> Kind:
+    """In coordinate an inform is one on the way or the last one; the worker's state tells which."""
+    return Kind.FINAL if isinstance(content, sw.Report) and content.state in sw.FINAL else Kind.PROGRESS
+
+
+def _kind_of_task(content: object) -> Kind:
+    """In request an inform tells progress or the result; the task's state tells which (an agree says `waiting`)."""
+    going_on = (cmd.TaskState.PLANNING, cmd.TaskState.RUNNING)
+    return Kind.PROGRESS if isinstance(content, cmd.TaskReport) and content.state in going_on else Kind.PLAIN
+
+
+HFSM = Language("HFSM", hfsm.Content)
+SW = Language("SW", sw.Content, kind=_kind_of_report)
+WM = Language("WM", wm.Content)
+CMD = Language("CMD", cmd.Content, kind=_kind_of_task)
+RC = Language("RC", rc.Content)
+RS = Language("RS", rs.Content)
+
+LANGUAGES = Languages((HFSM, SW, WM, CMD, RC, RS))

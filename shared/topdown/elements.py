@@ -1,0 +1,209 @@
+"""What a design file is made of: one frozen Struct for each kind of entry, with the file's own field names.
+
+The design method of the paper, sections 4 and 5: requirement tree, binary decomposition, channels, protocols,
+interfaces, and the agents' finite state machines. `ruling` on any entry: the paper is silent or contradicts itself,
+and this is what the design does. Nothing here knows a particular system.
+"""
+
+import msgspec
+
+from fipa_codec.performatives import Performative
+
+
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An entry of a design file: unknown fields are errors, since they are misspelt ones."""
+
+    ruling: str = ""
+
+
+class System(Entry, frozen=True):
+    """The system as a whole. `root`: the group that is divided first. `key`: template of a communicate's key
+    expression.
+    """
+
+    name: str
+    root: str
+    key: str
+    text: str = ""
+
+
+class House(Entry, frozen=True):
+    """Traffic that is no communicate (liveliness, receipts, pings ...): its key template, who may write and read it."""
+
+    kind: str
+    key: str
+    writers: tuple[str, ...]
+    readers: tuple[str, ...]
+    text: str = ""
+
+
+class Language(Entry, frozen=True):
+    """A content language by name; its classes are Python's business and are compared by the checks."""
+
+    name: str
+    text: str = ""
+
+
+class Ontology(Entry, frozen=True):
+    """An ontology by name, in a file beside the design."""
+
+    name: str
+    file: str
+    text: str = ""
+
+
+class Requirement(Entry, frozen=True):
+    """A node of the requirement tree; no `parent`: a root."""
+
+    id: str
+    text: str
+    parent: str = ""
+
+
+class Division(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A group is divided in two halves, both with coherent tasks."""
+
+    group: str
+    into: tuple[str, str]
+
+
+class Task(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a group is for."""
+
+    group: str
+    text: str
+
+
+class Reallocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The divided group's end of a channel goes to one half."""
+
+    channel: str
+    to: str
+
+
+class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Both halves need the channel: it is retired, and two new ones take its place (first and second half)."""
+
+    channel: str
+    into: tuple[str, str]
+
+
+class Complement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A channel transmits more than before."""
+
+    channel: str
+    adds: str
+
+
+class NewChannel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A channel that arises in a step."""
+
+    id: str
+    between: tuple[str, str]
+    transmits: str
+
+
+class Step(Entry, frozen=True):
+    """A step of the decomposition, for one or more requirements (paper, section 4, step 2)."""
+
+    requirements: tuple[str, ...]
+    divide: Division | None = None
+    tasks: tuple[Task, ...] = ()
+    reallocate: tuple[Reallocation, ...] = ()
+    split: tuple[Split, ...] = ()
+    complement: tuple[Complement, ...] = ()
+    channels: tuple[NewChannel, ...] = ()
+
+
+class InterfaceEntry(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """[performative, name, argument classes, answer classes]; a class is written LANGUAGE.Class."""
+
+    performative: Performative
+    name: str
+    arguments: tuple[str, ...]
+    answers: tuple[str, ...]
+
+
+class Interface(Entry, frozen=True):
+    """A named set of entries, which several protocols may share."""
+
+    name: str
+    entries: tuple[InterfaceEntry, ...]
+
+
+class Message(Entry, frozen=True):
+    """Who says which act, in which language; `content`: class names of that language ("*set": those of an interface),
+    none = no content.
+
+    `bytes`: the largest size of the whole communicate.
+    """
+
+    sender: str
+    performative: Performative
+    language: str
+    bytes: int
+    content: tuple[str, ...] = ()
+
+
+class Protocol(Entry, frozen=True):
+    """A use of an interaction protocol on a channel.
+
+    `follows`: the name of its table of rows, which is also the communicate's protocol field. `durable`: numbered,
+    journalled, re-sent. `latest`: of informs only the newest value of a subject counts. `latency_s`: what an answer
+    should need at most.
+    """
+
+    name: str
+    channel: str
+    follows: str
+    initiator: str
+    participant: str
+    durable: bool
+    latency_s: float
+    message: tuple[Message, ...]
+    interface: tuple[str, ...] = ()
+    ontology: str = ""
+    latest: bool = False
+
+
+class State(Entry, frozen=True):
+    """A state: its behaviour, the names of its terminal and error conditions, the protocols it acts in."""
+
+    name: str
+    behaviour: str
+    terminal: str
+    error: str = ""
+    talks: tuple[str, ...] = ()
+    text: str = ""
+
+
+class Arc(Entry, frozen=True):
+    """An arc, labelled by the name of its initial condition; no `when`: True."""
+
+    source: str
+    target: str
+    when: str = ""
+
+
+class Agent(Entry, frozen=True):
+    """An agent (a group of the same name that is divided no further) and the state machine of its control subsystem."""
+
+    name: str
+    initial: str
+    state: tuple[State, ...]
+    arc: tuple[Arc, ...]
+    text: str = ""
+
+
+class DesignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The whole file."""
+
+    system: System
+    requirement: tuple[Requirement, ...]
+    step: tuple[Step, ...]
+    language: tuple[Language, ...]
+    interface: tuple[Interface, ...]
+    protocol: tuple[Protocol, ...]
+    agent: tuple[Agent, ...]
+    house: tuple[House, ...] = ()
+    ontology: tuple[Ontology, ...] = ()
