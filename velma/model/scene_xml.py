@@ -1,0 +1,163 @@
+"""Draws a scene as MJCF around the robot: furniture, vessels, grains, and the settings of the physics.
+
+What touches (group 0 and 3) and what is only looked at (group 1) are apart: a vessel is plates and rings for physics
+and a smooth surface for the eye. Names: a body per thing under its id, `grain_<k>` for content.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import yaml
+
+from velma.model import surfaces
+from velma.model.build import HERE, ROBOT_XML, quat_wxyz, text
+from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
+from velma.model.scene import Model, Scene, Thing
+
+Numbers = Mapping[str, Any]
+
+
+@cache
+def objects() -> Numbers:
+    """The numbers of objects.yaml."""
+    numbers: Numbers = yaml.safe_load((HERE / "objects.yaml").read_text())
+    return numbers
+
+
+def grain_name(k: int) -> str:
+    """The body of the k-th grain."""
+    return f"grain_{k}"
+
+
+def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
+    """The MJCF of the robot in a scene, ready for `mujoco.MjModel.from_xml_string`."""
+    root = ET.parse(ROBOT_XML).getroot()
+    root.set("model", scene.name)
+    option = {key: value if isinstance(value, str) else f"{value:g}" for key, value in objects()["option"].items()}
+    ET.SubElement(root, "option", option)
+    ET.SubElement(root, "size", memory="64M")  # room for the contacts of a full pile, estimate
+    default, world = root.find("default"), root.find("worldbody")
+    assert default is not None
+    assert world is not None
+    _classes(default, objects()["contact"])
+    surfaces.studio(root, world, offscreen)
+    for thing in scene.things:
+        _DRAW[thing.model](world, thing)
+    vessel = scene.find(scene.content.inside) if scene.content else None
+    if vessel is not None and scene.content is not None:
+        _grains(world, vessel, scene.content.grains)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _classes(default: ET.Element, contact: Numbers) -> None:
+    def words(kind: str) -> dict[str, str]:
+        numbers = contact[kind]
+        return {key: text(value) if isinstance(value, list) else f"{value:g}" for key, value in numbers.items()}
+
+    robot, thing = Kind.ARM | Kind.HAND, Kind.WORLD | Kind.HAND | Kind.OBJECT | Kind.ARM
+    furniture = masks(Kind.WORLD, robot | Kind.OBJECT | Kind.GRAIN)
+    add_class(default, "furniture", **furniture, **words("furniture"))
+    hidden = {"group": SHAPE_GROUP, "mass": "0"}
+    add_class(default, "jar", **hidden, **masks(Kind.OBJECT, thing), **words("object"))
+    add_class(default, "inner", **hidden, **masks(Kind.INNER, Kind.GRAIN), **words("inner"))
+    add_class(default, "bowl", **hidden, **masks(Kind.OBJECT | Kind.INNER, thing | Kind.GRAIN), **words("object"))
+    add_class(default, "grain", **masks(Kind.GRAIN, Kind.GRAIN | Kind.INNER | Kind.WORLD), **words("grain"))
+
+
+def _body(world: ET.Element, thing: Thing, *, free: bool) -> ET.Element:
+    place = {"pos": text(thing.xyz), "quat": text(quat_wxyz((0.0, 0.0, thing.yaw)))}
+    body = ET.SubElement(world, "body", {"name": thing.id, **place})
+    if free:
+        ET.SubElement(body, "freejoint", name=thing.id)
+    return body
+
+
+def _geom(body: ET.Element, name: str, kind: str, size: Sequence[float], **attributes: str) -> None:
+    ET.SubElement(body, "geom", {"name": f"{body.get('name')}_{name}", "type": kind, "size": text(size), **attributes})
+
+
+def _furniture(world: ET.Element, thing: Thing) -> None:
+    body = _body(world, thing, free=False)
+    for name, part in objects()[thing.model]["parts"].items():
+        look = {"class": "furniture", "material": surfaces.material(thing.model, name)}
+        _geom(body, name, "box", [edge / 2 for edge in part["box"]], pos=text(part["xyz"]), **look)
+
+
+def _jar(world: ET.Element, thing: Thing) -> None:
+    """Outside one cylinder, seen by hands and furniture; inside a ring of plates and a bottom, seen by grains only."""
+    jar, body = objects()["jar"], _body(world, thing, free=True)
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=text([jar["mass"]]), diaginertia=text(jar["inertia"]))
+    radius, half, wall = jar["radius"], jar["height"] / 2, jar["wall"]
+    _geom(body, "side", "cylinder", (radius, half), **{"class": "jar"})
+    ring, inner = jar["inner_ring"], radius - wall
+    # A thick bottom under the jar's own: deeper than a grain's radius, so that none is pressed through.
+    _geom(body, "bottom", "cylinder", (radius + 0.005, 0.01), pos=text((0, 0, -half - 0.005)), **{"class": "inner"})
+    thick, plates = ring["thickness"], ring["plates"]
+    width, middle = (inner + thick) * math.tan(math.pi / plates), inner + thick / 2
+    for k in range(plates):
+        around = 2 * math.pi * k / plates
+        place = {
+            "pos": text((middle * math.cos(around), middle * math.sin(around), 0.004)),
+            "quat": text(quat_wxyz((0, 0, around))),
+        }
+        _geom(body, f"inner_{k}", "box", (thick / 2, width, half - 0.004), **place, **{"class": "inner"})
+    _look(body, "jar")
+
+
+def _bowl(world: ET.Element, thing: Thing) -> None:
+    """A disc and slanted plates, seen by everything: flared, so that fingers and grains meet the wall they would meet."""
+    bowl, body = objects()["bowl"], _body(world, thing, free=True)
+    mass, rim, base, height = bowl["mass"], bowl["rim_radius"], bowl["base_radius"], bowl["height"]
+    about = text((0.006 * mass, 0.006 * mass, 0.008 * mass))  # of a flared shell with a base, estimate
+    ET.SubElement(body, "inertial", pos=text((0, 0, 0.4 * height)), mass=text([mass]), diaginertia=about)
+    foot = bowl["base"] / 2
+    _geom(body, "base", "cylinder", (base, foot), pos=text((0, 0, foot)), **{"class": "bowl"})
+    slant, length = math.atan2(rim - base, height - foot), math.hypot(rim - base, height - foot)
+    width, middle = rim * math.tan(math.pi / bowl["plates"]), (rim + base - bowl["wall"]) / 2
+    for k in range(bowl["plates"]):
+        around = 2 * math.pi * k / bowl["plates"]
+        at = (middle * math.cos(around), middle * math.sin(around), (height + foot) / 2)
+        place = {"pos": text(at), "quat": text(quat_wxyz((0, slant, around)))}
+        _geom(body, f"plate_{k}", "box", (bowl["wall"] / 2, width, length / 2), **place, **{"class": "bowl"})
+    _look(body, "bowl")
+
+
+def _look(body: ET.Element, mesh: str) -> None:
+    for part in surfaces.VESSELS[mesh]:
+        look = {"class": LOOK_CLASS, "mesh": part.mesh, "material": part.material}
+        ET.SubElement(body, "geom", {"name": f"{body.get('name')}_{part.mesh}", "type": "mesh", **look})
+
+
+def _grains(world: ET.Element, jar: Thing, count: int) -> None:
+    """Grains slide along three axes and do not turn: a pile of free joints costs five times as much."""
+    grain = objects()["grain"]
+    for k, at in zip(range(count), _stacked(grain["radius"]), strict=False):
+        body = ET.SubElement(world, "body", name=grain_name(k), pos=text(np.add(jar.xyz, at)))
+        for axis in ("1 0 0", "0 1 0", "0 0 1"):
+            ET.SubElement(body, "joint", type="slide", axis=axis)
+        look = {"class": "grain", "material": "grain"}
+        size = text([grain["radius"]])
+        ET.SubElement(body, "geom", {"type": "sphere", "size": size, "mass": text([grain["mass"]]), **look})
+
+
+def _stacked(radius: float) -> Iterator[tuple[float, float, float]]:
+    """Places in a jar without overlap, layer by layer from the bottom, in the frame of the jar."""
+    jar = objects()["jar"]
+    room = jar["radius"] - jar["wall"] - radius - 0.0015
+    pitch = 2.06 * radius
+    reach = int(room / pitch) + 2
+    for layer in range(int(jar["height"] / pitch)):
+        z = -jar["height"] / 2 + 0.006 + radius + 0.95 * pitch * layer
+        shift = 0.25 * pitch * (layer % 2)
+        for ix in range(-reach, reach + 1):
+            for iy in range(-reach, reach + 1):
+                x, y = (ix + 0.5 * (iy % 2)) * pitch + shift, 0.87 * iy * pitch + shift
+                if math.hypot(x, y) <= room:
+                    yield x, y, z
+
+
+_DRAW = {Model.JAR: _jar, Model.BOWL: _bowl, Model.CABINET: _furniture, Model.TABLE: _furniture}

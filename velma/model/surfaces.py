@@ -1,0 +1,117 @@
+"""How a scene looks: materials, light, and smooth surfaces of revolution for vessels. Touches no physics."""
+
+import math
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+from velma.model.scene import Model
+
+SEGMENTS = 48  # of a full turn; smooth at the size of a picture
+
+
+class Part(NamedTuple):
+    """A surface of revolution: its mesh, its material and its outline of (radius, z) [m]."""
+
+    mesh: str
+    material: str
+    outline: tuple[tuple[float, float], ...]
+
+
+# The outlines follow objects.yaml's jar and bowl; a jar of thin glass, a bowl with a rounded rim.
+VESSELS = {
+    "jar": (
+        Part(
+            "jar_glass",
+            "glass",
+            (
+                (0.0, -0.1),
+                (0.036, -0.1),
+                (0.04, -0.096),
+                (0.04, 0.094),
+                (0.0405, 0.1),
+                (0.037, 0.1),
+                (0.037, -0.094),
+                (0.0, -0.094),
+            ),
+        ),
+    ),
+    "bowl": (
+        Part(
+            "bowl_glaze",
+            "glaze",
+            (
+                (0.0, 0.0),
+                (0.056, 0.0),
+                (0.061, 0.004),
+                (0.0995, 0.096),
+                (0.1, 0.099),
+                (0.0975, 0.1005),
+                (0.095, 0.098),
+                (0.056, 0.007),
+                (0.0, 0.006),
+            ),
+        ),
+    ),
+}
+
+# rgba, specular, shininess, reflectance. Warm wood, white robot, one strong colour for what matters: the grains.
+MATERIALS = {
+    "wood": ((0.78, 0.60, 0.42, 1.0), 0.2, 0.2, 0.0),
+    "wood_light": ((0.88, 0.76, 0.60, 1.0), 0.2, 0.2, 0.0),
+    "wood_dark": ((0.42, 0.30, 0.22, 1.0), 0.2, 0.3, 0.0),
+    "steel": ((0.62, 0.64, 0.66, 1.0), 0.6, 0.6, 0.0),
+    "glass": ((0.72, 0.88, 0.95, 0.32), 0.9, 0.9, 0.0),
+    "glaze": ((0.20, 0.42, 0.62, 1.0), 0.8, 0.7, 0.0),
+    "grain": ((0.93, 0.42, 0.13, 1.0), 0.3, 0.3, 0.0),
+}
+
+
+def material(model: Model, part: str) -> str:
+    """The material of a part of a piece of furniture."""
+    if model is Model.TABLE:
+        return "wood_light" if part == "top" else "steel"
+    return "wood_dark" if part == "back" else "wood"
+
+
+def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> None:
+    """Add materials, meshes, lights and the floor."""
+    asset = ET.SubElement(root, "asset")
+    for name, (rgba, specular, shininess, reflectance) in MATERIALS.items():
+        shine = {"specular": f"{specular:g}", "shininess": f"{shininess:g}", "reflectance": f"{reflectance:g}"}
+        ET.SubElement(asset, "material", {"name": name, "rgba": " ".join(f"{x:g}" for x in rgba), **shine})
+    sky = {"builtin": "gradient", "rgb1": "0.86 0.90 0.94", "rgb2": "0.62 0.68 0.76", "width": "256", "height": "256"}
+    ET.SubElement(asset, "texture", {"name": "sky", "type": "skybox", **sky})
+    tiles = {"builtin": "checker", "rgb1": "0.80 0.80 0.79", "rgb2": "0.76 0.76 0.75", "width": "512", "height": "512"}
+    ET.SubElement(asset, "texture", {"name": "tiles", "type": "2d", **tiles})
+    ET.SubElement(asset, "material", name="floor", texture="tiles", texrepeat="6 6", specular="0.1", reflectance="0.04")
+    for part in (part for parts in VESSELS.values() for part in parts):
+        ET.SubElement(asset, "mesh", name=part.mesh, inertia="shell", **turned(part.outline))
+    visual = ET.SubElement(root, "visual")
+    width, height = offscreen
+    ET.SubElement(visual, "global", offwidth=str(width), offheight=str(height))
+    ET.SubElement(visual, "headlight", ambient="0.38 0.38 0.40", diffuse="0.25 0.25 0.25", specular="0.1 0.1 0.1")
+    ET.SubElement(visual, "quality", shadowsize="4096", offsamples="8")
+    lamp = {"directional": "true", "diffuse": "0.55 0.53 0.50", "specular": "0.25 0.25 0.25", "castshadow": "true"}
+    ET.SubElement(world, "light", {"name": "sun", "pos": "-1.5 1 4", "dir": "0.45 -0.3 -1", **lamp})
+    fill = {"directional": "true", "diffuse": "0.22 0.24 0.28", "castshadow": "false"}
+    ET.SubElement(world, "light", {"name": "fill", "pos": "2 -3 3", "dir": "-0.5 0.8 -0.6", **fill})
+    ET.SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "4 4 0.1", "material": "floor", "class": "furniture"})
+
+
+def turned(outline: tuple[tuple[float, float], ...], segments: int = SEGMENTS) -> dict[str, str]:
+    """Vertices and faces of an outline (radius, z) turned about z, as MJCF words; faces look left of the outline's way."""
+    around = [2 * math.pi * k / segments for k in range(segments)]
+    points = [(r * math.cos(a), r * math.sin(a), z) for r, z in outline for a in around]
+    faces = []
+    for row in range(len(outline) - 1):
+        for k in range(segments):
+            a, b = row * segments + k, row * segments + (k + 1) % segments
+            c, d = a + segments, b + segments
+            if outline[row][0] > 0:
+                faces.append((a, b, d))
+            if outline[row + 1][0] > 0:
+                faces.append((a, d, c))
+    return {
+        "vertex": " ".join(f"{x:.5g}" for point in points for x in point),
+        "face": " ".join(str(i) for face in faces for i in face),
+    }
