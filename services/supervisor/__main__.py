@@ -1,0 +1,78 @@
+"""`python -m services.supervisor`: run the fleet in one run folder until SIGTERM (`roco up` does it).
+
+What the processes share goes to them as environment variables, ROCO_<OPTION>, the same for each.
+"""
+
+import os
+import socket
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from companion.run_folder import RUN_FOLDER_VARIABLE
+from services.supervisor import folder
+from services.supervisor.processes import FLEET, Process
+from services.supervisor.shell import Shell
+
+
+def main(
+    run_dir: Annotated[Path, typer.Option(envvar=RUN_FOLDER_VARIABLE, help="The run's folder; made where missing.")],
+    system: Annotated[
+        str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot.")
+    ] = "roco",
+    connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's address; empty: a free port.")] = "",
+    speed: Annotated[str, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")] = "1",
+    seed: Annotated[int, typer.Option(envvar="ROCO_SEED", help="Varies poses and noise.")] = 1,
+    scene: Annotated[
+        str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
+    ] = "",
+    log_level: Annotated[str, typer.Option(envvar="ROCO_LOG_LEVEL", help="debug, info, warning or error.")] = "info",
+    only: Annotated[str, typer.Option(help="Names of processes, comma between; empty: all.")] = "",
+) -> None:
+    """Run the processes of the Robot Companion: start, watch, restart, stop in order."""
+    run = run_dir.resolve()
+    folder.make(run)
+    address = connect or f"tcp/127.0.0.1:{free_port()}"
+    options = {
+        RUN_FOLDER_VARIABLE: str(run),
+        "ROCO_SYSTEM": system,
+        "ROCO_CONNECT": address,
+        "ROCO_LISTEN": address,
+        "ROCO_SPEED": speed,
+        "ROCO_SEED": str(seed),
+        "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
+        "ROCO_LOG_LEVEL": log_level,
+        "OMP_NUM_THREADS": "1",  # numeric libraries would each take all cores, from the loop too
+        "PYTHONUNBUFFERED": "1",
+        "PYTHONSAFEPATH": "1",
+    }
+    Shell(run, chosen(only), system, address, os.environ | options).serve()
+
+
+def chosen(only: str) -> tuple[Process, ...]:
+    """The processes of the table with these names (comma between), each after those of them it waits for."""
+    names = [name.strip() for name in only.split(",") if name.strip()]
+    unknown = set(names) - {process.name for process in FLEET}
+    if unknown:
+        there_are = ", ".join(process.name for process in FLEET)
+        raise typer.BadParameter(f"no process is called {', '.join(sorted(unknown))}; there are {there_are}")
+    if not names:
+        return FLEET
+    wanted = [process for process in FLEET if process.name in names]
+    return tuple(
+        msgspec.structs.replace(process, after=tuple(name for name in process.after if name in names))
+        for process in wanted
+    )
+
+
+def free_port() -> int:
+    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+if __name__ == "__main__":
+    typer.run(main)
