@@ -5,12 +5,19 @@ Must not know: agents' code, Zenoh.
 """
 
 from enum import StrEnum
+from functools import reduce
+from operator import or_
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
+from companion.coordinate import COORDINATE
 from companion.languages import LANGUAGES, wm
-from topdown import checks
+from fipa_codec import protocols
+from fipa_codec.interfaces import ClassInterfaceInfo
+from fipa_codec.languages import REASON, Language
+from topdown import agreement, checks
 from topdown.design import Design, load
+from topdown.findings import Finding
 
 FILE = Path(__file__).with_name("design.toml")
 DESIGN: Design = load(FILE)
@@ -27,11 +34,42 @@ class AgentName(StrEnum):
     EX = "ex"
 
 
+# The languages of the design (and the one of reasons, which everybody reads): class of a content -> its language.
+_SPOKEN: dict[type, Language] = {
+    kind: language
+    for language in (REASON, *(LANGUAGES.named(entry.name) for entry in DESIGN.file.language))
+    for kind in language.classes
+}
+
+
+def language_of(content: object) -> Language:
+    """The language a content is written in. Raises KeyError for what belongs to none."""
+    return _SPOKEN[type(content)]
+
+
+def class_named(name: str) -> type:
+    """The class written as LANGUAGE.Class in the design. Raises KeyError."""
+    language, _, word = name.partition(".")
+    return {kind.__name__: kind for kind in LANGUAGES.named(language).classes}[word]
+
+
+def _interface(use: str) -> ClassInterfaceInfo:
+    rows: list[tuple[str, str, list[type], Any]] = []
+    for entry in DESIGN.entries(use):
+        answers = [class_named(name) for name in entry.answers]
+        answer = reduce(or_, answers) if answers else None
+        rows.append((entry.performative, entry.name, [class_named(name) for name in entry.arguments], answer))
+    return ClassInterfaceInfo(rows)
+
+
+# What can be asked in each use of a protocol, in the paper's form (section 5.6).
+INTERFACES: dict[str, ClassInterfaceInfo] = {use: _interface(use) for use in DESIGN.protocols}
+
 # Interface sets whose argument classes are, together, exactly the query classes of WM.
 QUERY_INTERFACES = ("knowledge", "hypotheses")
 
 
-def findings(design: Design = DESIGN) -> tuple[checks.Finding, ...]:
+def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
     """Whatever is inconsistent in the design or between it and the languages; nothing, if all is well."""
     classes = {
         entry.name: [kind.__name__ for kind in LANGUAGES.named(entry.name).classes]
@@ -39,8 +77,12 @@ def findings(design: Design = DESIGN) -> tuple[checks.Finding, ...]:
         if entry.name in LANGUAGES.names
     }
     queries = [kind.__name__ for kind in get_args(wm.AnyQuery)]
+    tables = {
+        protocol.name: protocol for protocol in (protocols.REQUEST, protocols.QUERY, protocols.SUBSCRIBE, COORDINATE)
+    }
     return (
         *checks.check(design),
-        *checks.check_languages(design, classes),
-        *checks.check_queries(design, QUERY_INTERFACES, "WM", queries),
+        *agreement.check_languages(design, classes),
+        *agreement.check_protocols(design, tables),
+        *agreement.check_queries(design, QUERY_INTERFACES, "WM", queries),
     )

@@ -1,46 +1,14 @@
-"""Is a design consistent? Typed findings: what kind, where, what is wrong, what would be right.
-
-The paper's specification "lets one check that every query kind is supported and that arguments and answers comply"
-(section 5.6).
-`check` looks at the file alone, `check_languages` compares it with the Python classes of the languages. No I/O.
+"""Is a design consistent in itself? Typed findings, none where all is well; topdown.agreement compares it with code.
+No I/O.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from enum import StrEnum
-
-import msgspec
+from collections.abc import Iterator, Mapping
 
 from fipa_codec.performatives import Performative
 from topdown import elements
 from topdown.design import Design
-
-OPENING = frozenset({Performative.REQUEST, Performative.QUERY_REF, Performative.QUERY_IF, Performative.SUBSCRIBE})
-
-
-class Kind(StrEnum):
-    """What a finding is about."""
-
-    TWICE = "defined twice"
-    REQUIREMENT = "requirement"
-    DECOMPOSITION = "decomposition"
-    CHANNEL = "channel"
-    PROTOCOL = "protocol"
-    LANGUAGE = "language"
-    INTERFACE = "interface"
-    STATE = "state machine"
-
-
-class Finding(msgspec.Struct, frozen=True):
-    """Something inconsistent."""
-
-    kind: Kind
-    where: str
-    wrong: str
-    right: str
-
-    def __str__(self) -> str:
-        return f"{self.where}: {self.wrong}; {self.right}"
+from topdown.findings import Finding, Kind
 
 
 def check(design: Design) -> tuple[Finding, ...]:
@@ -50,46 +18,6 @@ def check(design: Design) -> tuple[Finding, ...]:
         return names
     parts = (_requirements, _decomposition, _channels, _protocols, _messages, _interfaces, _machines, _houses)
     return tuple(finding for part in parts for finding in part(design))
-
-
-def check_languages(design: Design, classes: Mapping[str, Iterable[str]]) -> tuple[Finding, ...]:
-    """Findings between the design and the languages: name -> names of its classes."""
-    known = {name: frozenset(found) for name, found in classes.items()}
-    declared = frozenset(language.name for language in design.file.language)
-    return (
-        *_compare_names(declared, frozenset(known)),
-        *_interface_classes(design, known),
-        *_message_classes(design, known),
-    )
-
-
-def check_queries(
-    design: Design, interfaces: Iterable[str], language: str, kinds: Iterable[str]
-) -> tuple[Finding, ...]:
-    """Findings between the argument classes of interface sets and the query classes a language has: neither may lack
-    one.
-    """
-    declared = Counter(
-        argument for name in interfaces for entry in design.interfaces[name].entries for argument in entry.arguments
-    )
-    wanted = frozenset(f"{language}.{kind}" for kind in kinds)
-    missing = sorted(wanted - declared.keys())
-    foreign = sorted(declared.keys() - wanted)
-    double = sorted(name for name, count in declared.items() if count > 1)
-    return (
-        *(
-            Finding(Kind.INTERFACE, name, "no interface entry asks it", "declare it in an interface of the design")
-            for name in missing
-        ),
-        *(
-            Finding(Kind.INTERFACE, name, f"{language} has no such query class", "define the class or drop the entry")
-            for name in foreign
-        ),
-        *(
-            Finding(Kind.TWICE, name, "several interface entries ask it", "one entry for each query class")
-            for name in double
-        ),
-    )
 
 
 def _twice(design: Design) -> Iterator[Finding]:
@@ -370,37 +298,3 @@ def _houses(design: Design) -> Iterator[Finding]:
                 f"its key {house.key!r} lacks system or owner",
                 "name {system} and {owner} in it",
             )
-
-
-def _compare_names(declared: frozenset[str], known: frozenset[str]) -> Iterator[Finding]:
-    for name in sorted(declared - known):
-        yield Finding(
-            Kind.LANGUAGE, f"language {name}", "has no module", f"languages with one are {', '.join(sorted(known))}"
-        )
-    for name in sorted(known - declared):
-        yield Finding(
-            Kind.LANGUAGE, f"language {name}", "is not in the design", f"the design has {', '.join(sorted(declared))}"
-        )
-
-
-def _interface_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
-    for interface in design.file.interface:
-        for entry in interface.entries:
-            for name in (*entry.arguments, *entry.answers):
-                yield from _class(f"interface {interface.name}, {entry.name}", name, known)
-
-
-def _message_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
-    for use in design.file.protocol:
-        for message in use.message:
-            for name in (name for name in message.content if not name.startswith("*")):
-                yield from _class(
-                    f"protocol {use.name}, {message.sender} {message.performative}", f"{message.language}.{name}", known
-                )
-
-
-def _class(where: str, name: str, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
-    language, _, word = name.partition(".")
-    if word not in known.get(language, frozenset()):
-        ways = ", ".join(sorted(known.get(language, frozenset()))) or f"no language {language!r}"
-        yield Finding(Kind.LANGUAGE, where, f"{language!r} has no class {word!r}", f"its classes are {ways}")
