@@ -1,0 +1,139 @@
+"""Both hands as the loop drives them: motor travels, closing by touch, squeeze, lock. The law is velma.control.hand."""
+
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.executor.loop.program import Close, HandCommand, HandReport, Keep, Move, Open
+from velma.control import hand
+from velma.errors import MotionError
+from velma.names import FINGER_UPPER, SIDES, SPREAD_UPPER
+from velma.sim.backend import PAIR_LIMIT, SINGLE_LIMIT, Command, State
+
+Array = NDArray[np.float64]
+
+LOCK_S = 0.1  # for the gears to take the load; estimate
+SPREAD_SPEED = 0.7  # rad/s, barrett_hand's default
+STALL_CYCLES = 25  # a motor that stands so long has arrived as far as it goes; estimate
+
+
+class Doing(StrEnum):
+    """What a hand does."""
+
+    REST = "rest"
+    MOVING = "moving"
+    CLOSING = "closing"
+    SQUEEZING = "squeezing"
+    LOCKING = "locking"
+
+
+class Fingers:
+    """The motors of both hands. Rows: right, left; fingers one, two, three."""
+
+    def __init__(self) -> None:
+        self.motor, self._goal, self._speed = np.zeros((2, 3)), np.zeros((2, 3)), np.ones((2, 3))
+        self.spread, self._spread_goal = np.zeros(2), np.zeros(2)
+        self.locked = np.zeros(2)
+        self.touched = np.zeros((2, 3), dtype=bool)
+        self._pushing, self._stalling = np.zeros((2, 3), dtype=np.intp), np.zeros((2, 3), dtype=np.intp)
+        self._doing = [Doing.REST, Doing.REST]
+        self._closing: list[Close | None] = [None, None]
+        self._left_s = [0.0, 0.0]
+        self._limit = np.array([[PAIR_LIMIT, PAIR_LIMIT, SINGLE_LIMIT]] * 2)
+
+    def start_from(self, state: State) -> None:
+        """Take the measured hands as the ones told."""
+        self.motor[:] = self._goal[:] = np.clip(state.proximal, 0.0, FINGER_UPPER)
+        self.spread[:] = self._spread_goal[:] = state.spread
+
+    def check(self, row: int, command: HandCommand) -> None:
+        """Raise MotionError if this hand cannot do that now."""
+        if isinstance(command, Move | Close) and self.locked[row]:
+            raise MotionError(f"{SIDES[row]} hand", f"locked, asked to {type(command).__name__}", "an Open before")
+        if isinstance(command, Move) and not all(0.0 <= x <= FINGER_UPPER for x in command.fingers):
+            raise MotionError(f"{SIDES[row]} fingers", command.fingers, f"angles from 0 to {FINGER_UPPER} rad")
+        if not isinstance(command, Keep) and not command.speed > 0.0:
+            raise MotionError(f"{SIDES[row]} hand: speed", command.speed, "a positive number of rad/s")
+
+    def begin(self, row: int, command: HandCommand) -> None:
+        """Start what `check` allowed."""
+        self._stalling[row] = self._pushing[row] = 0
+        match command:
+            case Move():
+                self._goal[row] = command.fingers
+                self._spread_goal[row] = min(max(command.spread, 0.0), SPREAD_UPPER)
+                self._speed[row], self._doing[row] = command.speed, Doing.MOVING
+            case Close():
+                self.touched[row] = False
+                self._goal[row] = command.upto
+                self._speed[row], self._doing[row] = command.speed, Doing.CLOSING
+                self._closing[row] = command
+            case Open():
+                self.locked[row] = 0.0
+                self.touched[row] = False
+                self._goal[row] = np.clip(self.motor[row] - command.by, 0.0, None)
+                self._speed[row], self._doing[row] = command.speed, Doing.MOVING
+
+    def freeze(self) -> None:
+        """Whatever the motors do, they stop; locks stay."""
+        self._goal[:], self._spread_goal[:] = self.motor, self.spread
+        self._doing = [Doing.REST, Doing.REST]
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether both hands have done what they were told."""
+        return self._doing[0] is Doing.REST and self._doing[1] is Doing.REST
+
+    def update(self, state: State, command: Command, dt: float) -> None:
+        """One cycle: judge touch, move the motors, write the servos' targets and the locks into `command`."""
+        stall = hand.stalled(self.motor, state.proximal, state.distal, self._limit)
+        self._stalling = np.where(stall, self._stalling + 1, 0)
+        for row in (0, 1):
+            if self._doing[row] is not Doing.REST:
+                self._go_on(row, state, dt)
+        self.motor = hand.advance(self.motor, self._goal, self._speed, stall, dt)
+        reach = SPREAD_SPEED * dt
+        self.spread += np.clip(self._spread_goal - self.spread, -reach, reach)
+        command.spread[:] = self.spread
+        command.proximal[:] = self.motor
+        command.distal[:] = hand.distal_target(self.motor, state.proximal)
+        command.locked[:] = self.locked
+
+    def _go_on(self, row: int, state: State, dt: float) -> None:
+        arrived = (self.motor[row] == self._goal[row]) | (self._stalling[row] > STALL_CYCLES)
+        close = self._closing[row]
+        if self._doing[row] is Doing.MOVING or close is None:
+            if arrived.all() and self.spread[row] == self._spread_goal[row]:
+                self._doing[row] = Doing.REST
+        elif self._doing[row] is Doing.CLOSING:
+            self._feel(row, state, close)
+            if (self.touched[row] | arrived).all():
+                self._goal[row] = np.clip(self.motor[row] + close.squeeze, 0.0, FINGER_UPPER)
+                self._doing[row], self._left_s[row] = Doing.SQUEEZING, close.squeeze / close.speed + close.settle_s
+        else:
+            self._left_s[row] -= dt
+            if self._left_s[row] <= 0.0:
+                self._hold_on(row, close)
+
+    def _feel(self, row: int, state: State, close: Close) -> None:
+        pushing = hand.touching(
+            self.motor[row], state.proximal[row], state.distal[row], close.speed, close.effort
+        ) & ~self.touched[row]
+        self._pushing[row] = np.where(pushing, self._pushing[row] + 1, 0)
+        new = self._pushing[row] > hand.TOUCH_CYCLES
+        self._goal[row] = np.where(new, self.motor[row], self._goal[row])
+        self.touched[row] |= new
+
+    def _hold_on(self, row: int, close: Close) -> None:
+        if self._doing[row] is Doing.SQUEEZING and close.lock:
+            self.locked[row] = 1.0
+            self._doing[row], self._left_s[row] = Doing.LOCKING, LOCK_S
+        else:
+            self._doing[row] = Doing.REST
+
+    def report(self, row: int, state: State) -> HandReport:
+        """This hand now."""
+        one, two, three = (bool(x) for x in self.touched[row])
+        p, d = [float(x) for x in state.proximal[row]], [float(x) for x in state.distal[row]]
+        return HandReport((one, two, three), (p[0], p[1], p[2]), (d[0], d[1], d[2]), bool(self.locked[row]))

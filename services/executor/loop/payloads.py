@@ -1,0 +1,34 @@
+"""What the hands carry, as the loop feeds it forward: a new weight is taken up gradually."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.executor.loop.program import Payload
+
+Array = NDArray[np.float64]
+
+# kg/s. Velma takes a weight up within 1000 cycles; a bowl of 0.3 kg here in 0.2 s, so that it is lifted at once but not
+# thrown. Estimate.
+RATE = 1.5
+
+
+class Payloads:
+    """Masses (2,) kg and levers (2, 3) m in the grip frames; rows right, left."""
+
+    def __init__(self) -> None:
+        self.mass, self.lever = np.zeros(2), np.zeros((2, 3))
+        self._goal = np.zeros(2)
+
+    def take(self, row: int, payload: Payload | None) -> None:
+        """From now on this hand carries that; None: what it carried. An emptied hand keeps its lever while it unloads."""
+        if payload is None:
+            return
+        self._goal[row] = payload.mass
+        if payload.mass:
+            self.lever[row] = payload.lever
+
+    def advance(self, dt: float) -> None:
+        """Let dt pass."""
+        if not np.array_equal(self.mass, self._goal):
+            step = RATE * dt
+            self.mass += np.clip(self._goal - self.mass, -step, step)

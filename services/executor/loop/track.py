@@ -1,0 +1,78 @@
+"""A timed trajectory followed at a rate that may fall to zero: position and velocity set-points at each cycle.
+
+Between knots the position is linear and the velocity is the central difference; the first knots are pulled towards
+the posture that the body was told before, so that no set-point ever jumps.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.executor.loop.program import KNOT_S
+from velma.errors import MotionError
+from velma.names import BODY
+
+Array = NDArray[np.float64]
+
+BRAKE_S = 0.3  # a cancelled motion comes to rest along its path in this time; estimate: 0.35 m/s over 5 cm
+BLEND_S = 0.3
+FARTHEST_START = 0.05  # rad: what a blend may bridge; a hand then moves at most 4 cm beside its path
+
+
+class Track:
+    """Where the body is told to be, as time goes on."""
+
+    def __init__(self, knots: Array, told: Array) -> None:
+        """`knots` (n, 15) begin near `told` (15,), the last set-point. Raises MotionError where they do not."""
+        self._knots, self._offset = knots, told - knots[0]
+        worst = int(np.argmax(np.abs(self._offset)))
+        if abs(self._offset[worst]) > FARTHEST_START:
+            found = f"{abs(self._offset[worst]):.3f} rad from the set-point in {BODY[worst]}"
+            raise MotionError("first knot", found, f"within {FARTHEST_START} rad: start at the reported set-point")
+        self.duration = (len(knots) - 1) * KNOT_S
+        self._time, self._since, self._rate, self._braking = 0.0, 0.0, 1.0, False
+        self.q, self.v = told.copy(), np.zeros_like(told)
+
+    @property
+    def ended(self) -> bool:
+        """Whether it has come to rest: at its last knot, or where it was braked."""
+        return self._rate == 0.0 or (self._time >= self.duration and self._since >= BLEND_S) or self._still()
+
+    def _still(self) -> bool:
+        return self.duration == 0.0 and not self._offset.any()
+
+    def brake(self) -> None:
+        """Come to rest along the path."""
+        self._braking = True
+
+    def advance(self, dt: float) -> None:
+        """Let dt pass: `q` and `v` (15,) are the new set-points."""
+        if self._braking:
+            self._rate = max(0.0, self._rate - dt / BRAKE_S)
+        self._time = min(self.duration, self._time + self._rate * dt)
+        self._since += self._rate * dt
+        self._sample()
+        if self._offset.any():
+            self._blend()
+
+    def _sample(self) -> None:
+        knots, last = self._knots, len(self._knots) - 1
+        k = min(int(self._time / KNOT_S), max(last - 1, 0))
+        u = self._time / KNOT_S - k
+        a, b = knots[k], knots[min(k + 1, last)]
+        self.q = a + u * (b - a)
+        if self._time >= self.duration:
+            self.v = np.zeros_like(a)
+            return
+        before, after = knots[max(k - 1, 0)], knots[min(k + 2, last)]
+        # One-sided at the ends, where the trajectory is at rest anyway.
+        v = (1 - u) * (b - before) + u * (after - a)
+        self.v = v * (self._rate / (2 * KNOT_S))
+
+    def _blend(self) -> None:
+        s = min(1.0, self._since / BLEND_S)
+        left = 1.0 - s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+        if s >= 1.0:
+            self._offset = np.zeros_like(self._offset)
+            return
+        self.q = self.q + left * self._offset
+        self.v = self.v - (30.0 * s * s * (1.0 - s) ** 2 / BLEND_S * self._rate) * self._offset

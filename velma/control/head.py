@@ -1,0 +1,18 @@
+"""Head position control: the target of the two servos moves to the goal at a limited speed."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from velma.names import HEAD_LOWER, HEAD_SPEED, HEAD_UPPER
+
+Array = NDArray[np.float64]
+
+
+def advance(target: Array, goal: Array, speed: float, dt: float) -> Array:
+    """The next servo target (2,) rad: straight from `target` to `goal` within the limits, at most speed * dt away."""
+    step = np.clip(goal, HEAD_LOWER, HEAD_UPPER) - target
+    reach = min(speed, HEAD_SPEED) * dt
+    length = math.sqrt(step @ step)
+    return np.asarray(target + step * (reach / length if length > reach else 1.0))

@@ -1,0 +1,116 @@
+"""Velma in MuJoCo: the scene, stepped at the control period. Knows the true poses and tells none of them (truth.py does).
+
+A step is `mj_step2` and then `mj_step1`, so that whatever is read between two steps - gravity, contacts, poses - is
+that of the present state and not of the one before.
+"""
+
+import mujoco
+import numpy as np
+
+from velma.model.scene import Scene, checked
+from velma.model.scene_xml import scene_xml
+from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
+from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
+
+# A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
+# without creep; the gear's friction from its maker would settle it.
+LOCK_PROXIMAL, LOCK_DISTAL = 3.0, 1.0
+
+
+def compiled(scene: Scene) -> mujoco.MjModel:
+    """The model of a scene, its joints checked. A mirror of the world is made the same way."""
+    model = mujoco.MjModel.from_xml_string(scene_xml(checked(scene)))
+    joints = [model.joint(j).name for j in range(model.njnt)]
+    check_joints(f"scene {scene.name}", [name for name in joints if name in BODY])
+    if abs(model.opt.timestep - PERIOD_S) > 1e-12:
+        raise ValueError(f"scene {scene.name} steps {model.opt.timestep} s, the loop {PERIOD_S} s: see objects.yaml")
+    return model
+
+
+class MujocoBackend:
+    """A simulated Velma in a scene, in the start posture with open hands."""
+
+    period_s = PERIOD_S
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.model = model = compiled(scene)
+        self.data = mujoco.MjData(model)
+        self._places()
+        self._limits()
+        self.data.qpos[self._q] = START
+        mujoco.mj_step1(model, self.data)
+        self._state = at_rest()
+        self._locked = np.zeros(2)
+        self._work = 0.0
+
+    def _places(self) -> None:
+        model = self.model
+
+        def position(names: tuple[str, ...]) -> Array:
+            return np.array([model.joint(name).qposadr[0] for name in names], dtype=np.intp)
+
+        def speed(names: tuple[str, ...]) -> Array:
+            return np.array([model.joint(name).dofadr[0] for name in names], dtype=np.intp)
+
+        def drive(names: tuple[str, ...]) -> Array:
+            return np.array([model.actuator(name).id for name in names], dtype=np.intp)
+
+        self._q, self._v, self._motors = position(BODY), speed(BODY), drive(BODY)
+        self._head, self._head_servos = position(HEAD), drive(HEAD)
+        self._spread = np.stack([position(SPREAD[side][:1]) for side in SIDES])[:, 0]
+        self._spread_servos = drive(tuple(f"{side}_spread" for side in SIDES))
+        self._proximal = np.stack([position(PROXIMAL[side]) for side in SIDES])
+        self._distal = np.stack([position(DISTAL[side]) for side in SIDES])
+        servos = [[drive(tuple(f"{s}_{kind}_{f}" for f in FINGERS)) for s in SIDES] for kind in ("proximal", "distal")]
+        self._proximal_servos, self._distal_servos = np.stack(servos[0]), np.stack(servos[1])
+        self._stiff_dofs = [speed((*PROXIMAL[side], *SPREAD[side])) for side in SIDES]
+        self._distal_dofs = [speed(DISTAL[side]) for side in SIDES]
+
+    def _limits(self) -> None:
+        closing = np.array([PAIR_LIMIT, PAIR_LIMIT, SINGLE_LIMIT])
+        self.model.actuator_forcerange[self._proximal_servos, 1] = closing
+        self.model.actuator_forcerange[self._distal_servos, 1] = closing * DISTAL_SHARE
+
+    def observe(self) -> State:
+        """The state now; joints are measured without error or delay."""
+        state, qpos = self._state, self.data.qpos
+        state.time = self.data.time
+        state.q[:] = qpos[self._q]
+        state.v[:] = self.data.qvel[self._v]
+        state.head[:] = qpos[self._head]
+        state.spread[:] = qpos[self._spread]
+        state.proximal[:] = qpos[self._proximal]
+        state.distal[:] = qpos[self._distal]
+        return state
+
+    def step(self, command: Command) -> None:
+        """Add the weight of the arms to the torques, set the servos, let 2 ms pass."""
+        data = self.data
+        if not np.array_equal(command.locked, self._locked):
+            self._lock(command.locked)
+        ctrl = data.ctrl
+        ctrl[self._motors] = command.tau + data.qfrc_bias[self._v]
+        ctrl[self._head_servos] = command.head
+        ctrl[self._spread_servos] = command.spread
+        ctrl[self._proximal_servos] = command.proximal
+        ctrl[self._distal_servos] = command.distal
+        mujoco.mj_step2(self.model, data)
+        power = data.actuator_force[self._motors] * data.qvel[self._v]
+        self._work += float(np.abs(power).sum()) * PERIOD_S
+        mujoco.mj_step1(self.model, data)
+
+    def _lock(self, locked: Array) -> None:
+        for row, on in enumerate(locked):
+            self.model.dof_frictionloss[self._stiff_dofs[row]] = LOCK_PROXIMAL * on
+            self.model.dof_frictionloss[self._distal_dofs[row]] = LOCK_DISTAL * on
+        self._locked[:] = locked
+
+    def configuration(self) -> Array:
+        """All coordinates, (nq,): robot, things and grains."""
+        return self.data.qpos
+
+    @property
+    def work_J(self) -> float:
+        """Work of the body joints so far, J: the integral of |torque x speed| with the weight of the arms in it."""
+        return self._work

@@ -1,0 +1,127 @@
+"""The true state of the world, for the report and for tests. Agents must not read it: they see through the receptor."""
+
+import math
+
+import mujoco
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from velma.model.scene import Model, Scene
+from velma.model.scene_xml import grain_name, objects
+from velma.names import SIDES
+from velma.sim.mujoco_backend import MujocoBackend
+
+Array = NDArray[np.float64]
+
+# A grain counts as inside a vessel up to this far outside of its walls: contacts are soft. m, estimate.
+SLACK = 0.005
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """What is truly so at a time: grains by where they are, tilt of every vessel, and what touches what."""
+
+    time_s: float
+    grains: int
+    grains_in: dict[str, int]  # vessel id -> count
+    tilt_deg: dict[str, float]  # vessel id -> angle of its axis from the vertical
+    at: dict[str, tuple[float, float, float]]  # vessel id -> origin, m
+    fingers_on: dict[str, dict[str, int]]  # vessel id -> side -> finger and palm links that touch it
+    furniture_touched: bool  # the robot touches furniture
+    work_J: float
+
+
+class TruthReader:
+    """Reads the truth of a simulated robot."""
+
+    def __init__(self, backend: MujocoBackend) -> None:
+        self._backend = backend
+        model, scene = backend.model, backend.scene
+        self._vessels = {thing.id: thing.model for thing in scene.of(Model.JAR, Model.BOWL)}
+        count = _grains(scene)
+        self._grain_bodies = np.array([model.body(grain_name(k)).id for k in range(count)], dtype=np.intp)
+        self._robot = [_side(model, body) for body in range(model.nbody)]
+        self._furniture = {model.body(thing.id).id for thing in scene.of(Model.CABINET, Model.TABLE)}
+
+    def read(self) -> Truth:
+        """The truth now."""
+        data = self._backend.data
+        inside = {name: self.grains_in(name) for name in self._vessels}
+        return Truth(
+            time_s=data.time,
+            grains=len(self._grain_bodies),
+            grains_in=inside,
+            tilt_deg={name: self.tilt_deg(name) for name in self._vessels},
+            at={name: self._at(name) for name in self._vessels},
+            fingers_on={name: self.fingers_on(name) for name in self._vessels},
+            furniture_touched=self.furniture_touched(),
+            work_J=self._backend.work_J,
+        )
+
+    def pose(self, name: str) -> tuple[Array, Array]:
+        """Rotation (3, 3) and position (3,) of a thing's origin in the world."""
+        body = self._backend.data.body(name)
+        return body.xmat.reshape(3, 3).copy(), body.xpos.copy()
+
+    def _at(self, name: str) -> tuple[float, float, float]:
+        x, y, z = self._backend.data.body(name).xpos
+        return float(x), float(y), float(z)
+
+    def tilt_deg(self, name: str) -> float:
+        """Angle between a thing's axis and the vertical, degrees."""
+        up = float(self._backend.data.body(name).xmat[8])
+        return math.degrees(math.acos(max(-1.0, min(1.0, up))))
+
+    def grains_in(self, name: str) -> int:
+        """How many grains have their centre in a jar or bowl."""
+        rotation, position = self.pose(name)
+        local = (self._backend.data.xpos[self._grain_bodies] - position) @ rotation
+        radius, low, high = _cavity(self._vessels[name])
+        within = (np.hypot(local[:, 0], local[:, 1]) < radius) & (local[:, 2] > low) & (local[:, 2] < high)
+        return int(within.sum())
+
+    def fingers_on(self, name: str) -> dict[str, int]:
+        """Per side: how many links of that hand touch a thing."""
+        touching: dict[str, set[int]] = {side: set() for side in SIDES}
+        thing = self._backend.model.body(name).id
+        for a, b in self._pairs():
+            if thing in (a, b):
+                other = b if a == thing else a
+                side = self._robot[other]
+                if side in touching:
+                    touching[side].add(other)
+        return {side: len(links) for side, links in touching.items()}
+
+    def furniture_touched(self) -> bool:
+        """Whether any link of the robot touches furniture."""
+        for a, b in self._pairs():
+            if (a in self._furniture and self._robot[b]) or (b in self._furniture and self._robot[a]):
+                return True
+        return False
+
+    def _pairs(self) -> list[tuple[int, int]]:
+        data, model = self._backend.data, self._backend.model
+        bodies = model.geom_bodyid[data.contact.geom[: data.ncon]]
+        return [(int(a), int(b)) for a, b in bodies]
+
+
+def _grains(scene: Scene) -> int:
+    return scene.content.grains if scene.content and scene.find(scene.content.inside) else 0
+
+
+def _cavity(model: Model) -> tuple[float, float, float]:
+    """Radius and the two heights of a vessel's inside with some slack, in its frame."""
+    numbers = objects()[model]
+    if model is Model.JAR:
+        half = numbers["height"] / 2
+        return numbers["radius"], -half - SLACK, half + SLACK
+    return numbers["rim_radius"], -SLACK, numbers["height"] + 2 * SLACK
+
+
+def _side(model: mujoco.MjModel, body: int) -> str:
+    """right or left for a link of that arm or hand, "body" for the rest of the robot, "" for anything else."""
+    name = model.body(body).name
+    first = name.removeprefix("calib_").split("_")[0]
+    if first in SIDES:
+        return first
+    return "body" if first in ("torso", "head") else ""
