@@ -4,7 +4,8 @@ formula (4), Figure 8: request(plan), then inform(state) answered by confirm eac
 crosses on the way. One conversation is one plan. Rules, found by exploring both roles (tests/companion):
 co confirms every inform in the step that takes it, also after its cancel; ta never waits for the confirm of a report
 that is not final; an accepted plan has exactly one final report, and that (or a refuse) answers a cancel, which has no
-answer of its own; nothing follows the confirm of the final report.
+answer of its own; nothing follows the confirm of the final report. Which report is final is said by language SW. A
+reply-by that passes at co has no row: co cancels, and the same conversation goes on.
 """
 
 from enum import StrEnum
@@ -13,8 +14,6 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import register
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Row, Table
-
-from companion.languages import sw
 
 PLAIN, PROGRESS, FINAL = Kind.PLAIN, Kind.PROGRESS, Kind.FINAL
 
@@ -41,11 +40,6 @@ class State(StrEnum):
 
 
 S = State
-
-
-def report_kind(content: sw.Content) -> Kind:
-    """Guard word of a sentence in SW: a final state (Succeeded, Failed, Preempted, Replan) ends the plan."""
-    return FINAL if content.state in sw.FINAL else PROGRESS
 
 
 _co = Table(

@@ -25,8 +25,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     `deadline`: reply-by of the newest message that waits for an answer, mine or the peer's [unix s], else None. It
     bounds the next message only: after an agree there is none unless a message sets one (SC00061G). A cancel's
-    deadline stands until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the cancel, "" if there was none.
-    `unconfirmed`: m_w and kind of every message that is still to be confirmed, oldest first.
+    deadline stands until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the cancel, "" if there
+    was none. `unconfirmed`: m_w and kind of every message that is still to be confirmed, oldest first.
     """
 
     id: str

@@ -12,6 +12,8 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Row, Table
 
+__all__ = ["QUERY", "REQUEST", "SUBSCRIBE", "Protocol", "State", "named", "register"]
+
 PLAIN, PROGRESS, CANCEL = Kind.PLAIN, Kind.PROGRESS, Kind.CANCEL
 
 

@@ -57,8 +57,9 @@ class Row(NamedTuple):
 
     @property
     def free(self) -> bool:
-        """A send that may never come, so that nobody may have to wait for it: a cancel, or what changes no state."""
-        return self.way is SEND and (self.performative is Performative.CANCEL or self.to == self.state)
+        """A send that may never come, so nobody may wait for it: a cancel, a complaint, what changes no state."""
+        choice = self.performative in (Performative.CANCEL, Performative.NOT_UNDERSTOOD)
+        return self.way is SEND and (choice or self.to == self.state)
 
 
 class Table:

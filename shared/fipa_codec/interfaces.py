@@ -1,0 +1,110 @@
+"""Interfaces of an agent in the paper's form (section 5.6), checked against the language that carries them.
+
+    ClassInterfaceInfo([("request", "generatePlan", [GroundTaskNetwork], HierarchicalPlan)])
+
+says: performative, query name, argument classes, answer class. In this system a sentence of the language is the one
+argument, so its class tells which entry is meant and the name travels in no message. Must not know: any agent.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, get_args
+
+from fipa_codec.errors import ContentError, LocalProtocolError
+from fipa_codec.languages import Language
+from fipa_codec.performatives import Performative
+
+
+class Entry(NamedTuple):
+    """One service: `arguments` are the classes wanted, in order; `answers` the classes it may answer with."""
+
+    performative: Performative
+    name: str
+    arguments: tuple[type, ...]
+    answers: tuple[type, ...]
+
+    def __str__(self) -> str:
+        arguments = ", ".join(c.__name__ for c in self.arguments)
+        answers = " | ".join(c.__name__ for c in self.answers) or "nothing"
+        return f"{self.performative} {self.name}({arguments}) -> {answers}"
+
+
+class ClassInterfaceInfo:
+    """The services one side of a channel offers.
+
+    Each entry: (performative, name, [argument classes], answer class). The answer may be a union of classes, or None
+    where nothing is answered. LocalProtocolError for an unknown performative, a name or an argument class given twice.
+    """
+
+    def __init__(self, entries: Iterable[tuple[str, str, Sequence[type], Any]]) -> None:
+        self._named: dict[str, Entry] = {}
+        self._by_class: dict[tuple[Performative, type], Entry] = {}
+        for performative, name, arguments, answer in entries:
+            entry = Entry(_performative(performative), name, tuple(arguments), _classes(answer))
+            if self._named.setdefault(name, entry) is not entry:
+                raise LocalProtocolError("interface", f"two entries are named {name!r}")
+            if len(entry.arguments) == 1:
+                key = (entry.performative, entry.arguments[0])
+                if self._by_class.setdefault(key, entry) is not entry:
+                    raise LocalProtocolError("interface", f"{entry} and {self._by_class[key]} cannot be told apart")
+
+    def __iter__(self) -> Iterator[Entry]:
+        return iter(self._named.values())
+
+    def __len__(self) -> int:
+        return len(self._named)
+
+    def named(self, name: str) -> Entry:
+        """LocalProtocolError names the entries there are."""
+        if name not in self._named:
+            raise LocalProtocolError("interface", f"{name!r} is no entry, there are {', '.join(sorted(self._named))}")
+        return self._named[name]
+
+    def check_language(self, language: Language, answers: Language | None = None) -> None:
+        """Every argument class is of `language`, every answer class of `answers` (None: the same language).
+
+        LocalProtocolError names the entry, the class and the language.
+        """
+        for entry in self:
+            for classes, spoken in ((entry.arguments, language), (entry.answers, answers or language)):
+                for wanted in classes:
+                    if wanted not in spoken.classes:
+                        raise LocalProtocolError("interface", f"{entry}: {wanted.__name__} is not of {spoken.name}")
+
+    def entry_for(self, performative: Performative, content: object) -> Entry:
+        """The service a received sentence asks for. ContentError (answer: refuse) if none is offered."""
+        entry = self._by_class.get((performative, type(content)))
+        if entry is None:
+            offered = "; ".join(str(e) for e in self if e.performative is performative) or "nothing"
+            reason = f"{performative} {type(content).__name__} is not supported, offered is {offered}"
+            raise ContentError("content", reason, Performative.REFUSE)
+        return entry
+
+    def check_arguments(self, name: str, arguments: Sequence[object]) -> Entry:
+        """The entry, if the arguments have its classes, in order. ContentError (answer: refuse) names the wrong one."""
+        entry = self.named(name)
+        if len(arguments) != len(entry.arguments):
+            reason = f"has {len(arguments)} arguments, {entry} takes {len(entry.arguments)}"
+            raise ContentError("content", reason, Performative.REFUSE)
+        for position, (argument, wanted) in enumerate(zip(arguments, entry.arguments, strict=True)):
+            if type(argument) is not wanted:
+                reason = f"argument {position} is {type(argument).__name__}, {entry} takes {wanted.__name__}"
+                raise ContentError("content", reason, Performative.REFUSE)
+        return entry
+
+    def check_answer(self, entry: Entry, content: object) -> None:
+        """ContentError (answer: not-understood) if the content is no answer of this entry; None is the empty one."""
+        expected = entry.answers or (type(None),)
+        if type(content) not in expected:
+            raise ContentError("content", f"{type(content).__name__} does not answer {entry}")
+
+
+def _performative(word: str) -> Performative:
+    try:
+        return Performative(word)
+    except ValueError:
+        raise LocalProtocolError("performative", f"{word!r} is none of the 22 acts") from None
+
+
+def _classes(answer: Any) -> tuple[type, ...]:
+    """The classes of a union, of one class, or none."""
+    return () if answer is None else tuple(get_args(answer) or (answer,))

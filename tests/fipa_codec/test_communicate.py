@@ -1,0 +1,203 @@
+"""The envelope: what goes in comes out, it is small, and foreign bytes end in a communicate or in one typed error."""
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fipa_codec.communicate import MAX_BYTES, Communicate, decode, encode, envelope_size
+from fipa_codec.errors import FipaError, LocalProtocolError, MalformedError, RemoteProtocolError
+from fipa_codec.performatives import Performative
+
+WORDS = st.from_regex(r"\A[A-Za-z][A-Za-z0-9_.@-]{0,20}\Z")
+LABELS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=40)
+TIMES = st.floats(allow_nan=False, allow_infinity=False)
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | TIMES | st.text(max_size=8) | st.binary(max_size=8),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=4),
+    max_leaves=8,
+)
+CONTENTS = VALUES.map(lambda value: msgspec.Raw(msgspec.msgpack.encode(value)))
+
+
+def maybe(strategy, absent=""):
+    """A field that may be left out."""
+    return st.just(absent) | strategy
+
+
+COMMUNICATES = st.builds(
+    Communicate,
+    performative=st.sampled_from(Performative),
+    content=maybe(CONTENTS, msgspec.UNSET),
+    language=maybe(WORDS),
+    ontology=maybe(WORDS),
+    protocol=maybe(WORDS),
+    reply_by=maybe(TIMES, None),
+    reply_with=maybe(LABELS),
+    in_reply_to=maybe(LABELS),
+    conversation=maybe(LABELS),
+    sender=maybe(WORDS),
+    receiver=maybe(WORDS),
+    id=maybe(LABELS),
+    sent=TIMES,
+)
+
+
+def typed_or_communicate(data):
+    """Decode; any exception but the one promised fails the test."""
+    try:
+        outcome = decode(data)
+    except MalformedError as error:
+        outcome = error
+    assert isinstance(outcome, Communicate) or (outcome.field and outcome.reason)
+
+
+@given(COMMUNICATES)
+def test_round_trip(communicate):
+    """What is encoded decodes to the same communicate."""
+    assert decode(encode(communicate)) == communicate
+
+
+def test_all_22_performatives():
+    """There are exactly the 22 acts of SC00037J, all wire words in lower case."""
+    assert len(Performative) == 22
+    assert all(p == p.lower() for p in Performative)
+
+
+def test_letters_of_the_paper_on_the_wire():
+    """The map's keys are the letters of the paper's tuple; what is absent takes no byte."""
+    message = Communicate(performative=Performative.AGREE, reply_by=1.0, reply_with="a-1-1", in_reply_to="b-1-1")
+    assert set(msgspec.msgpack.decode(encode(message))) == {"V", "t_b", "m_w", "m_t"}
+    assert encode(Communicate(performative=Performative.AGREE)) == b"\x81\xa1V\xa5agree"
+
+
+@pytest.mark.parametrize(
+    ("performative", "labels"),
+    [
+        (Performative.INFORM, {"reply_with": "ta-3-45"}),
+        (Performative.CONFIRM, {"in_reply_to": "ta-3-45"}),
+        (Performative.CANCEL, {"reply_with": "ta-3-45", "reply_by": 1.76e9}),
+        (Performative.INFORM, {"reply_with": "ta-3-45", "in_reply_to": "co-3-12", "reply_by": 1.76e9}),
+    ],
+)
+def test_envelope_of_a_typical_sw_message_is_at_most_120_bytes(performative, labels):
+    """Paper, 5.7: messages in SW have 100-200 B in all, so the envelope must be small."""
+    message = Communicate(
+        performative=performative,
+        content=msgspec.Raw(b"\xc0"),
+        language="SW",
+        protocol="coordinate",
+        conversation="co-3-12",
+        sender="ta",
+        receiver="co",
+        id="ta-3-45",
+        sent=1.76e9,
+        **labels,
+    )
+    assert envelope_size(message) <= 120
+    assert len(encode(message)) <= 123
+
+
+@given(st.binary(max_size=200))
+def test_random_bytes_end_in_a_typed_error(data):
+    """No bytes make decode raise anything but MalformedError."""
+    typed_or_communicate(data)
+
+
+@given(COMMUNICATES, st.data())
+def test_truncated_bytes_end_in_a_typed_error(communicate, data):
+    """A communicate cut anywhere is none."""
+    whole = encode(communicate)
+    with pytest.raises(MalformedError):
+        decode(whole[: data.draw(st.integers(0, len(whole) - 1))])
+
+
+@given(COMMUNICATES, st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), min_size=1, max_size=5))
+def test_mutated_bytes_end_in_a_typed_error(communicate, changes):
+    """Bytes of a communicate with some of them changed are another communicate or a typed error."""
+    data = bytearray(encode(communicate))
+    for position, value in changes:
+        data[position % len(data)] = value
+    typed_or_communicate(bytes(data))
+
+
+@given(VALUES)
+def test_other_message_pack_ends_in_a_typed_error(value):
+    """Well-formed MessagePack of something else is no communicate."""
+    with pytest.raises(MalformedError):
+        decode(msgspec.msgpack.encode(value))
+
+
+@given(st.dictionaries(st.sampled_from(["V", "Z", "L", "t_b", "m_w", "s", "t", "id", "X"]), VALUES, min_size=1))
+def test_fields_of_wrong_types_end_in_a_typed_error(fields):
+    """The right keys with arbitrary values."""
+    typed_or_communicate(msgspec.msgpack.encode(fields))
+
+
+@pytest.mark.parametrize(
+    ("fields", "field", "reason"),
+    [
+        ({}, "performative (V)", "missing"),
+        ({"V": "inform-done"}, "performative (V)", "inform-done"),
+        ({"V": "inform", "t_b": "soon"}, "reply_by (t_b)", "float"),
+        ({"V": "inform", "t_b": float("nan")}, "reply_by (t_b)", "finite"),
+        ({"V": "inform", "t": float("inf")}, "sent (t)", "finite"),
+        ({"V": "inform", "s": "a/b"}, "sender (s)", "regex"),
+        ({"V": "inform", "r": ""}, "receiver (r)", "regex"),
+        ({"V": "inform", "m_c": "x" * 129}, "conversation (m_c)", "128"),
+        ({"V": "inform", "m_w": "a\n"}, "reply_with (m_w)", "regex"),
+        ({"V": "inform", "X-mood": "good"}, "X-mood", "unknown"),
+    ],
+)
+def test_error_names_field_and_reason(fields, field, reason):
+    """The reader of the error learns which part is wrong, in our words and the paper's, and why."""
+    with pytest.raises(MalformedError) as caught:
+        decode(msgspec.msgpack.encode(fields))
+    assert caught.value.field == field
+    assert reason in caught.value.reason
+    assert caught.value.performative is Performative.NOT_UNDERSTOOD
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"\x82\xa1V\xa6inform\xa1Z" + b"\x91" * 200_000, "nested too deeply"),
+        (b"\x82\xa1V\xa6inform\xa1Z" + b"\xdd\xff\xff\xff\xff", "truncated"),
+        (b"\xdf\xff\xff\xff\xff", "truncated"),
+        (b"\x81\xa1V\xdb\xff\xff\xff\xff", "truncated"),
+        (b"\x81\xa1V\xa1\xff", "UTF-8"),
+        (bytes(MAX_BYTES + 1), "at most"),
+        (b"", "truncated"),
+        (b"\x81\xa1V\xa6inform\x00", "trailing"),
+    ],
+)
+def test_absurd_bytes_end_in_a_typed_error(data, reason):
+    """Deep nesting, lengths that lie, text that is none, too much."""
+    with pytest.raises(MalformedError) as caught:
+        decode(data)
+    assert reason in caught.value.reason
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Communicate(performative=Performative.INFORM, sender="a b"),
+        Communicate(performative=Performative.INFORM, reply_by=float("nan")),
+        Communicate(performative=Performative.INFORM, content=msgspec.Raw(b"\xc1")),
+        Communicate(performative=Performative.INFORM, content=msgspec.Raw(b"")),
+        Communicate(performative=Performative.INFORM, content=msgspec.Raw(b"\xc6\x00\x40\x00\x00" + bytes(2**22))),
+        Communicate(performative=Performative.INFORM, id="\ud800"),
+    ],
+)
+def test_what_could_not_be_decoded_is_not_encoded(message):
+    """Our own mistakes raise here and not at the peer."""
+    with pytest.raises(LocalProtocolError):
+        encode(message)
+
+
+def test_blame_is_in_the_type():
+    """The base class says nothing about whose fault it was and refuses to be raised."""
+    with pytest.raises(TypeError):
+        FipaError("x", "y")
+    assert issubclass(MalformedError, RemoteProtocolError)
+    assert not issubclass(LocalProtocolError, RemoteProtocolError)

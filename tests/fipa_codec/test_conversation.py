@@ -1,0 +1,341 @@
+"""Two conversations against each other with a pretend wire: in sequence is what the tables say, and nothing else."""
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fipa_codec.communicate import decode, encode
+from fipa_codec.conversation import Conversation
+from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, Role
+
+INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
+
+
+class Pair:
+    """Both sides of one conversation and two FIFO channels; every message travels as bytes, every state as a record."""
+
+    def __init__(self, protocol):
+        self.sides = {INITIATOR: Conversation.open(protocol, INITIATOR, id="co-1-1", me="co", peer="ta")}
+        self.wires = {INITIATOR: [], PARTICIPANT: []}
+        self.count = 0
+
+    def send(self, role, performative, **options):
+        """`role` says it; it is on its way then."""
+        self.count += 1
+        options = {"id": f"{role}-1-{self.count}", "now": float(self.count)} | options
+        side, message = self.sides[role].send(performative, **options)
+        self.sides[role] = recorded(side)
+        self.wires[role.other].append((encode(message), options.get("kind", Kind.PLAIN)))
+        return message
+
+    def take(self, role):
+        """`role` takes what is first on its way to it; the participant opens its side with it."""
+        data, kind = self.wires[role].pop(0)
+        message = decode(data)
+        if role not in self.sides:
+            self.sides[role] = Conversation.answering(message, "ta")
+        self.sides[role] = recorded(self.sides[role].receive(message, kind))
+        return message
+
+    def say(self, role, performative, **options):
+        """Sent and taken at once."""
+        self.send(role, performative, **options)
+        return self.take(role.other)
+
+    @property
+    def states(self):
+        """States of initiator and participant."""
+        return self.sides[INITIATOR].state, self.sides[PARTICIPANT].state
+
+
+def recorded(side):
+    """The conversation after a journal: it is the same."""
+    again = msgspec.msgpack.decode(msgspec.msgpack.encode(side), type=Conversation)
+    assert again == side
+    return again
+
+
+@pytest.fixture
+def asked():
+    """A request on its way back and forth: asked, taken, not answered."""
+    pair = Pair("request")
+    pair.say(INITIATOR, P.REQUEST, reply_by=10.0)
+    return pair
+
+
+def test_request_agree_progress_result(asked):
+    """The way without trouble; m_t names the request throughout, and news does not end it."""
+    assert asked.say(PARTICIPANT, P.AGREE).in_reply_to == "initiator-1-1"
+    asked.say(PARTICIPANT, P.INFORM, kind=Kind.PROGRESS)
+    assert asked.states == ("agreed", "agreed")
+    asked.say(PARTICIPANT, P.INFORM)
+    assert asked.states == ("done", "done")
+    assert all(side.ended for side in asked.sides.values())
+
+
+def test_words_of_other_acts_than_inform_make_no_difference(asked):
+    """A language may call the content of an agree progress and that of a failure final: the act says enough."""
+    asked.say(PARTICIPANT, P.AGREE, kind=Kind.PROGRESS)
+    asked.say(PARTICIPANT, P.FAILURE, kind=Kind.FINAL)
+    assert asked.states == ("failed", "failed")
+
+
+def test_cancel_in_time_is_answered_in_reply_to_it(asked):
+    """inform in reply to the cancel ends both the cancel and the request."""
+    asked.say(PARTICIPANT, P.AGREE)
+    cancel = asked.say(INITIATOR, P.CANCEL)
+    assert asked.say(PARTICIPANT, P.INFORM, kind=Kind.CANCEL).in_reply_to == cancel.reply_with
+    assert asked.states == ("cancelled", "cancelled")
+
+
+def test_cancel_that_crosses_the_result_is_answered_by_failure(asked):
+    """The result is taken, the failure in reply to the cancel is awaited, and needs no naming of the cancel."""
+    asked.send(PARTICIPANT, P.INFORM)
+    cancel = asked.send(INITIATOR, P.CANCEL)
+    asked.take(INITIATOR)
+    asked.take(PARTICIPANT)
+    assert asked.states == ("overtaken", "too-late")
+    assert asked.sides[PARTICIPANT].owes
+    assert asked.say(PARTICIPANT, P.FAILURE).in_reply_to == cancel.reply_with
+    assert asked.states == ("settled", "settled")
+
+
+def test_result_while_stopping_comes_before_the_failure(asked):
+    """An act that ends by itself while it is being stopped: first its result, then the failure of the cancel."""
+    asked.say(PARTICIPANT, P.AGREE)
+    asked.say(INITIATOR, P.CANCEL)
+    assert asked.say(PARTICIPANT, P.FAILURE).in_reply_to == "initiator-1-1"
+    assert asked.states == ("overtaken", "too-late")
+    asked.say(PARTICIPANT, P.FAILURE)
+    assert asked.states == ("settled", "settled")
+
+
+def test_cancel_of_a_forgotten_conversation_is_answered(asked):
+    """The participant needs no memory of ended conversations to answer a late cancel."""
+    asked.say(PARTICIPANT, P.REFUSE)
+    del asked.sides[PARTICIPANT]
+    asked.sides[INITIATOR] = msgspec.structs.replace(asked.sides[INITIATOR], state="asked")
+    cancel = asked.say(INITIATOR, P.CANCEL)
+    assert asked.say(PARTICIPANT, P.FAILURE).in_reply_to == cancel.reply_with
+    assert asked.states == ("cancelled", "settled")
+
+
+def test_who_owes_a_message_takes_none(asked):
+    """The failure in reply to a late cancel is said in the step that took the cancel."""
+    asked.say(PARTICIPANT, P.INFORM)
+    owing = msgspec.structs.replace(asked.sides[PARTICIPANT], state="too-late")
+    message = asked.sides[INITIATOR].send(P.NOT_UNDERSTOOD, id="x", now=1.0)[1]
+    with pytest.raises(LocalProtocolError, match=r"owes failure\[cancel\]"):
+        owing.receive(msgspec.structs.replace(message, performative=P.CANCEL, reply_with="k"))
+
+
+def test_deadline_bounds_the_first_answer_only(asked):
+    """reply-by is data on both sides until the answer; equal counts as in time; after an agree there is none."""
+    for side in asked.sides.values():
+        assert side.deadline == 10.0
+        assert not side.late(10.0)
+        assert side.late(10.001)
+    asked.say(PARTICIPANT, P.AGREE)
+    assert [side.deadline for side in asked.sides.values()] == [None, None]
+    assert not asked.sides[INITIATOR].late(1e12)
+
+
+def test_deadline_of_a_cancel_stands_until_its_answer(asked):
+    """What crosses the cancel does not answer it."""
+    asked.send(PARTICIPANT, P.AGREE)
+    asked.send(PARTICIPANT, P.INFORM, kind=Kind.PROGRESS)
+    asked.send(PARTICIPANT, P.INFORM)
+    asked.send(INITIATOR, P.CANCEL, reply_by=20.0)
+    for _ in range(3):
+        asked.take(INITIATOR)
+        assert asked.sides[INITIATOR].deadline == 20.0
+    asked.take(PARTICIPANT)
+    asked.say(PARTICIPANT, P.FAILURE)
+    assert [side.deadline for side in asked.sides.values()] == [None, None]
+
+
+def test_late_answer_is_still_taken(asked):
+    """A deadline that passed ends nothing by itself: the conversation stays open until the peer's last word."""
+    assert asked.sides[INITIATOR].late(11.0)
+    asked.say(PARTICIPANT, P.INFORM, now=11.0)
+    assert asked.states == ("done", "done")
+
+
+@pytest.mark.parametrize("answer", [P.INFORM, P.INFORM_REF, P.FAILURE, P.REFUSE])
+@pytest.mark.parametrize("query", [P.QUERY_REF, P.QUERY_IF])
+def test_query_asked_again(query, answer):
+    """Asking again keeps m_w and the deadline; the answer to the other copy is dropped."""
+    pair = Pair("query")
+    first = pair.send(INITIATOR, query, reply_by=5.0)
+    again = pair.send(INITIATOR, query)
+    assert again.reply_with == first.reply_with
+    assert pair.sides[INITIATOR].deadline == 5.0
+    for _ in range(2):
+        pair.take(PARTICIPANT)
+        pair.say(PARTICIPANT, answer)
+    assert pair.sides[INITIATOR].ended
+    assert pair.sides[PARTICIPANT].ended
+
+
+def test_another_question_in_the_same_conversation_is_an_error():
+    """Asked again means: the same m_w."""
+    pair = Pair("query")
+    message = pair.say(INITIATOR, P.QUERY_REF)
+    with pytest.raises(RemoteProtocolError) as caught:
+        pair.sides[PARTICIPANT].receive(msgspec.structs.replace(message, reply_with="co-1-9"))
+    assert caught.value.field == "reply_with"
+
+
+def test_subscription_lives_until_cancelled():
+    """Repeated until agreed, informed any number of times, ended by a confirmed cancel with an inform crossing."""
+    pair = Pair("subscribe")
+    pair.send(INITIATOR, P.SUBSCRIBE)
+    pair.send(INITIATOR, P.SUBSCRIBE)
+    for _ in range(2):
+        pair.take(PARTICIPANT)
+        pair.say(PARTICIPANT, P.AGREE)
+    for _ in range(3):
+        pair.say(PARTICIPANT, P.INFORM)
+    assert pair.states == ("live", "live")
+    assert not pair.sides[INITIATOR].ended
+    pair.send(PARTICIPANT, P.INFORM)
+    pair.say(INITIATOR, P.CANCEL)
+    pair.take(INITIATOR)
+    pair.say(PARTICIPANT, P.INFORM)
+    assert pair.states == ("cancelled", "cancelled")
+
+
+@pytest.mark.parametrize("who", Role)
+def test_not_understood_ends_the_interaction(asked, who):
+    """Either side may say it at any point; who said it is deaf to what was still on its way."""
+    asked.send(who.other, P.AGREE if who is INITIATOR else P.CANCEL)
+    asked.say(who, P.NOT_UNDERSTOOD, in_reply_to="")
+    asked.take(who)
+    assert asked.states == (NOT_UNDERSTOOD, NOT_UNDERSTOOD)
+    assert all(side.ended and side.deadline is None for side in asked.sides.values())
+
+
+def test_not_understood_as_answer_to_a_cancel_is_a_failed_cancel(asked):
+    """It ends as a failure in reply to the cancel would."""
+    asked.say(PARTICIPANT, P.AGREE)
+    cancel = asked.say(INITIATOR, P.CANCEL)
+    asked.say(PARTICIPANT, P.NOT_UNDERSTOOD, in_reply_to=cancel.reply_with)
+    assert asked.states == ("cancelled", "cancelled")
+
+
+def test_not_understood_changes_no_end(asked):
+    """What has ended stays as it ended."""
+    asked.say(PARTICIPANT, P.REFUSE)
+    asked.say(INITIATOR, P.NOT_UNDERSTOOD)
+    asked.say(PARTICIPANT, P.NOT_UNDERSTOOD)
+    assert asked.states == ("refused", "refused")
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("conversation", "co-1-2"), ("sender", "pl"), ("receiver", "km"), ("protocol", "query"), ("in_reply_to", "x-9-9")],
+)
+def test_what_belongs_elsewhere_is_an_error_naming_its_field(asked, field, value):
+    """Conversation, sides and protocol stay the same throughout; an answer answers something asked."""
+    message = asked.send(PARTICIPANT, P.AGREE)
+    with pytest.raises(RemoteProtocolError) as caught:
+        asked.sides[INITIATOR].receive(msgspec.structs.replace(message, **{field: value}))
+    assert caught.value.field == field
+    assert value in caught.value.reason
+    assert caught.value.performative is P.NOT_UNDERSTOOD
+
+
+def test_alias_of_the_protocol_is_the_protocol(asked):
+    """A peer may write fipa-request."""
+    message = asked.send(PARTICIPANT, P.AGREE)
+    assert asked.sides[INITIATOR].receive(msgspec.structs.replace(message, protocol="fipa-request")).state == "agreed"
+
+
+def test_error_says_what_would_have_been_right(asked):
+    """Agent, conversation, protocol, state and what this state takes."""
+    message = msgspec.structs.replace(asked.send(PARTICIPANT, P.AGREE), performative=P.PROPOSE)
+    with pytest.raises(RemoteProtocolError) as caught:
+        asked.sides[INITIATOR].receive(message)
+    for word in ("co-1-1", "request", "'co'", "asked", "propose", "agree, refuse, failure, inform"):
+        assert word in caught.value.reason
+    assert not asked.sides[INITIATOR].takes(message)
+
+
+@pytest.mark.parametrize(
+    ("missing", "performative"), [("conversation", P.REQUEST), ("sender", P.REQUEST), ("protocol", P.REQUEST)]
+)
+def test_openings_need_conversation_sender_and_protocol(missing, performative):
+    """Without them there is nobody to answer or no way to tell the answer."""
+    message = Pair("request").send(INITIATOR, performative)
+    with pytest.raises(RemoteProtocolError) as caught:
+        Conversation.answering(msgspec.structs.replace(message, **{missing: ""}), "ta")
+    assert caught.value.field == missing
+    with pytest.raises(RemoteProtocolError, match="known are"):
+        Conversation.answering(msgspec.structs.replace(message, protocol="small-talk"), "ta")
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"performative": P.REQUEST}, "performative"),
+        ({"performative": P.CANCEL, "id": ""}, "id"),
+        ({"performative": P.CANCEL, "in_reply_to": "z"}, "in_reply_to"),
+        ({"performative": P.CANCEL, "kind": Kind.CANCEL, "in_reply_to": "z"}, "in_reply_to"),
+    ],
+)
+def test_own_mistakes_raise_loudly(asked, options, field):
+    """What our own code may not say is a LocalProtocolError and leaves the conversation as it was."""
+    before = asked.sides[INITIATOR]
+    with pytest.raises(LocalProtocolError) as caught:
+        before.send(**({"id": "co-1-7", "now": 1.0} | options))
+    assert caught.value.field == field
+    assert asked.sides[INITIATOR] == before
+
+
+@given(st.sampled_from(["request", "query", "subscribe"]), st.data())
+def test_whatever_is_sent_in_sequence_is_taken(protocol, data):
+    """Any walk of two real conversations over FIFO wires: no message meets a state that has no row for it."""
+    walk(Pair(protocol), data)
+
+
+def walk(pair, data, steps=25):
+    """At random: one side sends what it may, or takes what is first on its way."""
+    for _ in range(steps):
+        choices = [("take", role) for role in Role if pair.wires[role] and not owes(pair, role)]
+        choices += [("send", role, row) for role, side in pair.sides.items() for row in sends(side)]
+        if not choices:
+            break
+        action, role, *rows = data.draw(st.sampled_from(choices))
+        if action == "take":
+            pair.take(role)
+        else:
+            pair.send(role, rows[0].performative, kind=rows[0].kind)
+
+
+def owes(pair, role):
+    """Is this side to send first?"""
+    return role in pair.sides and pair.sides[role].owes
+
+
+def sends(side):
+    """The rows by which a side may send now."""
+    return side.table.allowed(side.state, SEND)
+
+
+@given(st.sampled_from(P), st.sampled_from([k for k in Kind if k is not Kind.CANCEL]), st.text(max_size=3))
+def test_any_message_is_taken_or_a_remote_error(performative, kind, label):
+    """Nothing a peer says raises anything but RemoteProtocolError."""
+    pair = Pair("request")
+    message = msgspec.structs.replace(pair.say(INITIATOR, P.REQUEST), performative=performative, reply_with=label)
+    side = pair.sides[PARTICIPANT]
+    try:
+        after = side.receive(message, kind)
+    except RemoteProtocolError:
+        assert performative not in (P.NOT_UNDERSTOOD, P.CANCEL) or not label
+    else:
+        assert performative in (P.NOT_UNDERSTOOD, P.CANCEL)
+        assert after.allowed(RECEIVE) == ()

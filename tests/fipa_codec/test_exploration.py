@@ -1,0 +1,149 @@
+"""Every protocol was walked in both roles over two FIFO channels; spoilt ones are found out."""
+
+import pytest
+
+from fipa_codec.errors import LocalProtocolError
+from fipa_codec.exploration import explore
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, named, register
+from fipa_codec.protocols import State as S
+from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row, Table
+
+PROTOCOLS = (REQUEST, QUERY, SUBSCRIBE)
+INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
+
+
+def complaining(protocol):
+    """The protocol with the rule outside its tables written into them: not-understood at any point, by either side."""
+
+    def table(role):
+        old, other = protocol.tables[role], protocol.tables[role.other]
+        heard = {(row.performative, row.kind) for row in other if row.way is SEND} | {(P.NOT_UNDERSTOOD, Kind.PLAIN)}
+        deaf = [Row(NOT_UNDERSTOOD, RECEIVE, *word, NOT_UNDERSTOOD) for word in heard]
+        opened = old.states - {START} if role is INITIATOR else old.states
+        takes = [Row(s, RECEIVE, P.NOT_UNDERSTOOD, Kind.PLAIN, s if s in old.ended else NOT_UNDERSTOOD) for s in opened]
+        says = [
+            Row(s, SEND, P.NOT_UNDERSTOOD, Kind.PLAIN, NOT_UNDERSTOOD)
+            for s in opened - old.ended - old.urgent - {START}
+        ]
+        ended = (*old.ended, NOT_UNDERSTOOD)
+        return Table([*old, *deaf, *takes, *says], ended=ended, urgent=old.urgent, resting=old.resting)
+
+    return protocol.varied(initiator=table(INITIATOR), participant=table(PARTICIPANT))
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
+@pytest.mark.parametrize("capacity", [1, 2, 3])
+def test_sound(protocol, capacity):
+    """No reception without a row, no stuck configuration, all states reachable, however long the channels."""
+    found = explore(protocol, capacity)
+    assert not found.unspecified, str(found.unspecified[0])
+    assert not found.stuck, str(found.stuck[0])
+    if capacity > 1:
+        assert found.sound, found.unreachable
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
+def test_not_understood_at_any_point_leaves_nobody_waiting(protocol):
+    """The rule outside the tables is closed too: whoever complains goes deaf, whoever hears it ends."""
+    found = explore(complaining(protocol), capacity=2)
+    assert not found.unspecified, str(found.unspecified[0])
+    assert not found.stuck, str(found.stuck[0])
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
+def test_the_only_unused_row_is_for_a_cancel_that_nobody_remembers(protocol):
+    """Rows that no walk uses would be noise; the one for an unknown conversation has its use after a forgotten one."""
+    assert {(role, row.state, row.word) for role, row in explore(protocol).unused} <= {(PARTICIPANT, START, "cancel")}
+
+
+def unspecified_words(protocol):
+    """What the exploration says first about a spoilt protocol."""
+    return [f.text for f in explore(protocol).unspecified]
+
+
+@pytest.mark.parametrize(
+    ("protocol", "state"), [(REQUEST, S.DONE), (REQUEST, S.FAILED), (REQUEST, S.REFUSED), (SUBSCRIBE, S.REFUSED)]
+)
+def test_cancel_that_crosses_the_end_must_be_taken(protocol, state):
+    """The usual drawing leaves the row out; the walk finds the cancel at an ended participant."""
+    table = protocol.tables[PARTICIPANT].without(state, RECEIVE, P.CANCEL)
+    found = explore(protocol.varied(participant=table))
+    assert f"participant in state {state} has no row for cancel" in found.unspecified[0].text
+    assert found.stuck
+    assert [step.row.performative for step in found.unspecified[0].steps].count(P.CANCEL) == 1
+
+
+@pytest.mark.parametrize("state", [S.DONE, S.FAILED, S.REFUSED])
+def test_cancel_that_came_too_late_must_be_answered(state):
+    """Absorbing it in silence leaves the initiator waiting for ever, without any fault."""
+    table = REQUEST.tables[PARTICIPANT].with_rows(Row(state, RECEIVE, P.CANCEL, Kind.PLAIN, state))
+    found = explore(REQUEST.varied(participant=table))
+    assert not found.unspecified
+    assert {c.initiator for c, _, _ in found.stuck} >= {S.OVERTAKEN}
+
+
+@pytest.mark.parametrize("crossing", [P.AGREE, P.REFUSE, P.FAILURE, P.INFORM])
+def test_answers_that_cross_the_cancel_must_be_taken(crossing):
+    """Each answer to the request may be on its way when the initiator cancels."""
+    table = REQUEST.tables[INITIATOR].without(S.CANCELLING_ASKED, RECEIVE, crossing)
+    assert any(f"has no row for {crossing}" in text for text in unspecified_words(REQUEST.varied(initiator=table)))
+
+
+def test_failure_in_reply_to_the_cancel_must_be_awaited():
+    """An initiator that ends with the crossing result meets the answer to its cancel unprepared."""
+    table = REQUEST.tables[INITIATOR].with_rows(Row(S.CANCELLING, RECEIVE, P.INFORM, Kind.PLAIN, S.DONE))
+    assert "initiator in state done has no row for failure[cancel]" in unspecified_words(
+        REQUEST.varied(initiator=table)
+    )
+
+
+def test_progress_that_crosses_the_cancel_must_be_taken():
+    """News of a task may be on its way when it is cancelled."""
+    table = REQUEST.tables[INITIATOR].without(S.CANCELLING, RECEIVE, P.INFORM, Kind.PROGRESS)
+    assert "has no row for inform[progress]" in unspecified_words(REQUEST.varied(initiator=table))[0]
+
+
+def test_asking_again_must_be_taken_after_the_answer():
+    """The second copy of a question meets a participant that has answered the first."""
+    table = QUERY.tables[PARTICIPANT].without(S.DONE, RECEIVE, P.QUERY_REF)
+    assert "participant in state done has no row for query-ref" in unspecified_words(QUERY.varied(participant=table))
+
+
+def test_the_free_choice_of_a_human_is_no_way_out():
+    """A participant that never answers is found, though a cancel would end it."""
+    table = REQUEST.tables[PARTICIPANT]
+    for answer in (P.INFORM, P.FAILURE):
+        table = table.without(S.AGREED, SEND, answer)
+    found = explore(REQUEST.varied(participant=table))
+    assert (S.AGREED, S.AGREED) in {(c.initiator, c.participant) for c, _, _ in found.stuck}
+
+
+def test_unreachable_states_are_named():
+    """A state no walk enters is a mistake of whoever wrote the rows."""
+    island = Row("island", SEND, P.INFORM, Kind.PLAIN, S.DONE)
+    found = explore(REQUEST.varied(participant=REQUEST.tables[PARTICIPANT].with_rows(island)))
+    assert found.unreachable == ((PARTICIPANT, "island"),)
+    assert not found.sound
+
+
+def test_tables_refuse_what_contradicts_itself():
+    """Two rows for one message in one state, and ends that no row leads to."""
+    row = Row(START, SEND, P.REQUEST, Kind.PLAIN, "a")
+    with pytest.raises(LocalProtocolError, match="two rows"):
+        Table([row, row._replace(to="b")], ended=["a"])
+    with pytest.raises(LocalProtocolError, match="nowhere"):
+        Table([row], ended=["nowhere"])
+    with pytest.raises(LocalProtocolError, match="no row"):
+        Table([row], ended=["a"]).without("a", SEND, P.CANCEL)
+
+
+def test_protocols_are_known_by_name_and_by_the_standards_name():
+    """fipa-request is request; a name is never given to another protocol."""
+    assert named("fipa-request") is named("request") is REQUEST
+    with pytest.raises(LocalProtocolError, match=r"known are .*query.*subscribe"):
+        named("small-talk")
+    with pytest.raises(LocalProtocolError, match="already"):
+        register(Protocol("request", initiator=REQUEST.tables[INITIATOR], participant=REQUEST.tables[PARTICIPANT]))
+    assert register(REQUEST) is REQUEST

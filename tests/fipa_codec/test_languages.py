@@ -1,0 +1,133 @@
+"""Content fits its language or ends in a typed error that names field and reason."""
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fipa_codec.communicate import MAX_BYTES, Communicate
+from fipa_codec.errors import ContentError, LocalProtocolError
+from fipa_codec.languages import REASON, Kind, Language, Languages, Reason
+from fipa_codec.performatives import Performative
+
+
+class Leaf(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """A number with a limit."""
+
+    value: float
+    names: tuple[str, ...] = ()
+
+
+class Tree(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """A language may nest."""
+
+    branches: tuple["Tree | Leaf", ...]
+
+
+class Stranger(msgspec.Struct, frozen=True, tag=True):
+    """Of no language here."""
+
+
+TREES = Language("TREES", Tree | Leaf, kind=lambda c: Kind.PROGRESS if isinstance(c, Leaf) else Kind.FINAL)
+LEAVES = st.builds(Leaf, st.floats(allow_nan=False), st.lists(st.text(max_size=5), max_size=3).map(tuple))
+SENTENCES = st.recursive(LEAVES, lambda inner: st.builds(Tree, st.lists(inner, max_size=3).map(tuple)), max_leaves=6)
+
+
+def typed_or_sentence(data):
+    """Decode; any exception but the one promised fails the test."""
+    try:
+        outcome = TREES.decode(data)
+    except ContentError as error:
+        outcome = error
+    assert type(outcome) in TREES.classes or (outcome.field and "TREES" in outcome.reason)
+
+
+@given(SENTENCES)
+def test_round_trip(sentence):
+    """A sentence decodes to itself."""
+    assert TREES.decode(TREES.encode(sentence)) == sentence
+
+
+@given(st.binary(max_size=100))
+def test_random_bytes_end_in_a_typed_error(data):
+    """No content makes decode raise anything but ContentError."""
+    typed_or_sentence(data)
+
+
+@given(SENTENCES, st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), max_size=5), st.integers(0, 40))
+def test_mutated_and_truncated_content_ends_in_a_typed_error(sentence, changes, cut):
+    """Content with bytes changed or cut off is another sentence or a typed error."""
+    data = bytearray(bytes(TREES.encode(sentence)))
+    for position, value in changes:
+        data[position % len(data)] = value
+    typed_or_sentence(bytes(data[: len(data) - cut]))
+
+
+@pytest.mark.parametrize(
+    ("value", "field", "reason"),
+    [
+        ({"type": "Leaf", "value": "high"}, "value", "float"),
+        ({"type": "Leaf"}, "value", "missing"),
+        ({"type": "Leaf", "value": 1.0, "names": ["a", 2]}, "names[1]", "str"),
+        ({"type": "Leaf", "value": 1.0, "colour": 1}, "colour", "unknown"),
+        ({"type": "Tree", "branches": [{"type": "Leaf", "value": None}]}, "branches[0].value", "float"),
+        ({"type": "Bush"}, "type", "Bush"),
+        (17, "content", "int"),
+    ],
+)
+def test_error_names_field_and_reason(value, field, reason):
+    """The path to the wrong part, and what is wrong with it."""
+    with pytest.raises(ContentError) as caught:
+        TREES.decode(msgspec.msgpack.encode(value))
+    assert caught.value.field == field
+    assert reason in caught.value.reason
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        (b"\x82\xa4type\xa4Tree\xa8branches\x91") * 5_000,
+        b"\x82\xa4type\xa4Leaf\xa5names\xdd\xff\xff\xff\xff",
+        b"\x82\xa4type\xa4Tree\xa8branches\xdd\x7f\xff\xff\xff",
+        bytes(MAX_BYTES + 1),
+        b"",
+    ],
+)
+def test_absurd_content_ends_in_a_typed_error(data):
+    """Deep nesting, lengths that lie, too much, nothing."""
+    with pytest.raises(ContentError):
+        TREES.decode(data)
+
+
+@pytest.mark.parametrize("content", [Stranger(), 17, None, Leaf(1.0, ("\ud800",))])
+def test_own_content_outside_the_language_is_a_local_error(content):
+    """We do not say what the peer could not read."""
+    with pytest.raises(LocalProtocolError):
+        TREES.encode(content)
+
+
+def test_read_decodes_by_the_language_named():
+    """Languages.read gives content and kind; no content is None and plain, also without a language."""
+    known = Languages([TREES])
+    leaf = Communicate(performative=Performative.INFORM, language="TREES", content=TREES.encode(Leaf(1.0)))
+    assert known.read(leaf) == (Leaf(1.0), Kind.PROGRESS)
+    assert known.read(Communicate(performative=Performative.CONFIRM, language="TREES")) == (None, Kind.PLAIN)
+    assert known.read(Communicate(performative=Performative.CANCEL)) == (None, Kind.PLAIN)
+
+
+@pytest.mark.parametrize("language", ["", "LATIN"])
+def test_content_in_no_known_language_is_a_typed_error(language):
+    """Unknown languages are named together with the known ones."""
+    message = Communicate(performative=Performative.INFORM, language=language, content=msgspec.Raw(b"\xc0"))
+    with pytest.raises(ContentError) as caught:
+        Languages([TREES]).read(message)
+    assert caught.value.field == "language"
+    assert not language or "TREES" in caught.value.reason
+
+
+def test_reason_is_always_known():
+    """Anybody can be told why something was not understood."""
+    assert Languages().named("reason") is REASON
+    assert REASON.decode(REASON.encode(Reason("no such act", "V"))) == Reason("no such act", "V")
+    with pytest.raises(LocalProtocolError, match="TREES, reason"):
+        Languages([TREES]).named("LATIN")
