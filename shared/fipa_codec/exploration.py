@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row
+from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row, Table
 
 Message = tuple[Performative, Kind]
 
@@ -87,6 +87,29 @@ def explore(protocol: Protocol, capacity: int = CAPACITY) -> Exploration:
         unreachable=tuple(sorted((role, str(s)) for role, t in tables for s in t.states if (role, s) not in seen)),
         unused=tuple((role, row) for role, t in tables for row in t if Step(role, row) not in used),
     )
+
+
+def with_not_understood(protocol: Protocol) -> Protocol:
+    """The protocol with the rule outside its tables written into them, so that it can be explored too.
+
+    Either side may say not-understood once the conversation is open; it ends it for who says and who hears it, and who
+    said it is deaf to what was still on its way. What had ended stays as it ended.
+    """
+    return protocol.varied(
+        initiator=_complaining(protocol, Role.INITIATOR), participant=_complaining(protocol, Role.PARTICIPANT)
+    )
+
+
+def _complaining(protocol: Protocol, role: Role) -> Table:
+    old, peer = protocol.tables[role], protocol.tables[role.other]
+    complaint = (Performative.NOT_UNDERSTOOD, Kind.PLAIN)
+    audible = {(row.performative, row.kind) for row in peer if row.way is SEND} | {complaint}
+    rows = [*old, *(Row(NOT_UNDERSTOOD, RECEIVE, *word, NOT_UNDERSTOOD) for word in sorted(audible))]
+    for state in sorted(old.states - {START}):
+        rows.append(Row(state, RECEIVE, *complaint, state if state in old.ended else NOT_UNDERSTOOD))
+        if state not in old.ended | old.urgent:
+            rows.append(Row(state, SEND, *complaint, NOT_UNDERSTOOD))
+    return Table(rows, ended=(*old.ended, NOT_UNDERSTOOD), urgent=old.urgent, resting=old.resting)
 
 
 class _Walk:

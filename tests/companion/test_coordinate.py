@@ -13,7 +13,7 @@ from companion.languages.sw import Report, WorkerState
 from fipa_codec.communicate import decode, encode, envelope_size
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
-from fipa_codec.exploration import explore
+from fipa_codec.exploration import explore, with_not_understood
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, Role, Row, Table
@@ -79,6 +79,13 @@ def test_sound(capacity):
     assert not found.unspecified, str(found.unspecified[0])
     assert not found.stuck, str(found.stuck[0])
     assert found.sound, found.unreachable
+
+
+def test_not_understood_at_any_point_leaves_nobody_waiting():
+    """The rule outside the tables is closed too."""
+    found = explore(with_not_understood(COORDINATE), capacity=3)
+    assert not found.unspecified, str(found.unspecified[0])
+    assert not found.stuck, str(found.stuck[0])
 
 
 def spoilt(table, role):

@@ -3,34 +3,15 @@
 import pytest
 
 from fipa_codec.errors import LocalProtocolError
-from fipa_codec.exploration import explore
+from fipa_codec.exploration import explore, with_not_understood
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, named, register
 from fipa_codec.protocols import State as S
-from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row, Table
+from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
 
 PROTOCOLS = (REQUEST, QUERY, SUBSCRIBE)
 INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
-
-
-def complaining(protocol):
-    """The protocol with the rule outside its tables written into them: not-understood at any point, by either side."""
-
-    def table(role):
-        old, other = protocol.tables[role], protocol.tables[role.other]
-        heard = {(row.performative, row.kind) for row in other if row.way is SEND} | {(P.NOT_UNDERSTOOD, Kind.PLAIN)}
-        deaf = [Row(NOT_UNDERSTOOD, RECEIVE, *word, NOT_UNDERSTOOD) for word in heard]
-        opened = old.states - {START} if role is INITIATOR else old.states
-        takes = [Row(s, RECEIVE, P.NOT_UNDERSTOOD, Kind.PLAIN, s if s in old.ended else NOT_UNDERSTOOD) for s in opened]
-        says = [
-            Row(s, SEND, P.NOT_UNDERSTOOD, Kind.PLAIN, NOT_UNDERSTOOD)
-            for s in opened - old.ended - old.urgent - {START}
-        ]
-        ended = (*old.ended, NOT_UNDERSTOOD)
-        return Table([*old, *deaf, *takes, *says], ended=ended, urgent=old.urgent, resting=old.resting)
-
-    return protocol.varied(initiator=table(INITIATOR), participant=table(PARTICIPANT))
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
@@ -47,7 +28,7 @@ def test_sound(protocol, capacity):
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 def test_not_understood_at_any_point_leaves_nobody_waiting(protocol):
     """The rule outside the tables is closed too: whoever complains goes deaf, whoever hears it ends."""
-    found = explore(complaining(protocol), capacity=2)
+    found = explore(with_not_understood(protocol), capacity=2)
     assert not found.unspecified, str(found.unspecified[0])
     assert not found.stuck, str(found.stuck[0])
 
