@@ -54,7 +54,7 @@ class ApproachPoint(msgspec.Struct, frozen=True):
 class Grasp(Command, frozen=True):
     """Approach an object through `approach` (outermost first, the grasp last), close until touch, squeeze, lock.
 
-    `squeeze`: motor travel after touch [rad]. `effort`: torque limits [Nm] of fingers one and two (each) and three.
+    `squeeze`: motor travel after touch [rad]. `speed`: at which the fingers close [rad/s].
     `mass`: what the hand will carry [kg], fed forward from the lock on.
     """
 
@@ -63,7 +63,7 @@ class Grasp(Command, frozen=True):
     grasp: str
     approach: tuple[ApproachPoint, ...]
     squeeze: float
-    effort: tuple[float, float]
+    speed: float
     mass: float
 
 
