@@ -58,7 +58,14 @@ class Fleet(msgspec.Struct, frozen=True):
     def status(self) -> tuple[ProcessStatus, ...]:
         """The fleet for fleet.json."""
         return tuple(
-            ProcessStatus(name, known.state, known.pid if known.running else 0, known.restarts, known.note)
+            ProcessStatus(
+                name,
+                known.state,
+                known.pid if known.running else 0,
+                known.restarts,
+                known.note,
+                known.process.optional,
+            )
             for name, known in self.known.items()
         )
 

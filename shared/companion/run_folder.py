@@ -87,13 +87,14 @@ class ProcessState(StrEnum):
 
 
 class ProcessStatus(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One process: its pid (0: none), how often it was restarted, why it ended last."""
+    """One process: its pid (0: none), how often it was restarted, why it ended last; `optional`: not needed by others."""
 
     name: str
     state: ProcessState
     pid: int = 0
     restarts: int = 0
     note: str = ""
+    optional: bool = False
 
 
 class Fleet(msgspec.Struct, frozen=True):

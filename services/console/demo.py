@@ -1,0 +1,139 @@
+"""The main job from start to end, watched: up, say, follow, down, and what the report says."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+from rich.console import Console, RenderableType
+from rich.live import Live
+
+from companion.languages.cmd import TaskState
+from companion.run_folder import LIVE_FILE, REPORT_FILE, Fleet, LiveLine, TaskLine
+from services.console import draw, fleet, live, runs
+from services.console.errors import ConsoleError
+from services.console.hi import Hi
+
+SENTENCE = "pour the content of the jar into the bowl"
+ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED, "refused")
+PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What the command line needs of report.json, which has much more."""
+
+    success: bool
+    failure: str | None = None
+    poured_fraction: float | None = None
+    sim_time_s: float | None = None
+    wall_time_s: float | None = None
+
+
+class Watch:
+    """Shows a run while it goes: a picture in a terminal, lines elsewhere; with `json_lines` one JSON object a line."""
+
+    def __init__(self, run: Path, title: str, console: Console, json_lines: bool = False) -> None:
+        self.scene = draw.Scene(title, time.time())
+        self.run = run
+        self.console = console
+        self.json_lines = json_lines
+        self.pictures = console.is_terminal and not json_lines
+        self._follow = live.Follow(run / LIVE_FILE)
+        self._live: Live | None = None
+        self._told: dict[str, str] = {}
+
+    @contextmanager
+    def showing(self) -> Iterator["Watch"]:
+        """Show it as long as this lasts."""
+        if not self.pictures:
+            yield self
+            return
+        with Live(console=self.console, refresh_per_second=8, get_renderable=self._picture) as self._live:
+            yield self
+
+    def look(self, fleet_now: Fleet | None = None, tasks: tuple[TaskLine, ...] | None = None) -> None:
+        """Take in what is new: lines of the monitor, the fleet, the tasks."""
+        view = self.scene.view
+        for line in self._follow.new():
+            view = live.fold(view, line)
+            self._say(line.t, live.in_words(line), line)
+        self.scene = msgspec.structs.replace(
+            self.scene,
+            view=view,
+            fleet=fleet_now or runs.fleet(self.run) or self.scene.fleet,
+            tasks=self.scene.tasks if tasks is None else tasks,
+            stop_held=runs.stop_held(self.run),
+        )
+        for status in self.scene.fleet.processes if self.scene.fleet else ():
+            self._tell_once(status.name, fleet.describe(status), status)
+        for task in self.scene.tasks:
+            words = f"task {task.task}: {task.state}{': ' + task.text if task.text else ''}"
+            self._tell_once(f"task {task.task}", words, task)
+
+    def _tell_once(self, key: str, words: str, what: msgspec.Struct) -> None:
+        """Say something that lasts, when it is new or changed."""
+        if self._told.get(key) != words:
+            self._told[key] = words
+            self._say(time.time(), words, what)
+
+    def _say(self, t: float, words: str, what: msgspec.Struct | LiveLine) -> None:
+        """Write a line, where no picture is drawn."""
+        if self.json_lines:
+            self.console.out(msgspec.json.encode(what).decode(), highlight=False)
+        elif words and not self.pictures:
+            self.console.out(f"{t - self.scene.began:7.1f} s  {words}", highlight=False)
+
+    def _picture(self) -> RenderableType:
+        return draw.picture(self.scene)
+
+
+def play(run: Path, supervisor_arguments: list[str], environment: dict[str, str], watch: Watch) -> Report:
+    """Bring the fleet up, say the sentence, follow it to its end, bring the fleet down; what the report says.
+
+    The fleet is brought down whatever happens. ConsoleError: it did not come up, or there is no report.
+    """
+    supervisor = fleet.start(run, supervisor_arguments, environment)
+    try:
+        with watch.showing():
+            fleet.wait_ready(run, supervisor, watch.look)
+            follow(Hi(runs.hi_address(run)), SENTENCE, watch, lambda: supervisor.poll() is None)
+    finally:
+        if not watch.json_lines:
+            watch.console.print("stopping the fleet, writing the report …")
+        fleet.down(run)
+    report = runs.read(run / REPORT_FILE, Report)
+    if report is None:
+        raise ConsoleError(f"the run ended without a report ({run / REPORT_FILE} is not there); see {run}/monitor.log")
+    return report
+
+
+def follow(hi: Hi, sentence: str, watch: Watch, alive: Callable[[], bool]) -> TaskLine:
+    """Say a sentence and watch its task to the end. ConsoleError where the fleet ends before."""
+    task = hi.say(sentence)
+    while task.state not in ENDED:
+        if not alive():
+            raise ConsoleError("the fleet ended in the middle of the task; see its logs")
+        time.sleep(PERIOD_S)
+        tasks = hi.tasks()
+        watch.look(tasks=tasks)
+        task = next((line for line in tasks if line.task == task.task), task)
+    watch.look(tasks=(*(line for line in watch.scene.tasks if line.task != task.task), task))
+    return task
+
+
+def verdict(report: Report, run: Path) -> str:
+    """The end of it, in lines for a person."""
+    lines = ["success" if report.success else f"no success: {report.failure or 'see the report'}"]
+    if report.poured_fraction is not None:
+        lines.append(f"{100 * report.poured_fraction:.0f} % of the content is in the bowl")
+    if report.sim_time_s is not None and report.wall_time_s is not None:
+        lines.append(f"{report.sim_time_s:.0f} s of acts in {report.wall_time_s:.0f} s")
+    lines.append(f"report: {run / 'report.html'}")
+    return "\n".join(lines)
+
+
+def verdict_json(report: Report, run: Path) -> str:
+    """The same as one JSON object."""
+    return json.dumps({**msgspec.to_builtins(report), "run": str(run)})

@@ -1,0 +1,115 @@
+"""Bringing the fleet up and down: starts the supervisor as a process of its own, waits for it, ends it by signal."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from companion.run_folder import Fleet, ProcessState, ProcessStatus
+from services.console import runs
+from services.console.errors import FleetError
+
+SUPERVISOR = "services.supervisor"
+PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
+READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, doubled; to be measured
+STOP_S = 90.0  # the monitor may take a minute for its report, the others seconds
+
+
+def start(run: Path, arguments: list[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
+    """Start the supervisor of a run in the background; its words go to <run>/supervisor.log."""
+    other = runs.fleet(run)
+    if other is not None and runs.is_service(other.supervisor, SUPERVISOR):
+        raise FleetError(f"the fleet of {run} runs already (supervisor {other.supervisor}); `roco down` ends it")
+    run.mkdir(parents=True, exist_ok=True)
+    (run / "fleet.json").unlink(missing_ok=True)
+    with (run / "supervisor.log").open("ab") as log:
+        return subprocess.Popen(
+            [sys.executable, "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
+            env=dict(os.environ if environment is None else environment),
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+
+def wait_ready(
+    run: Path,
+    supervisor: subprocess.Popen[bytes],
+    tick: Callable[[Fleet | None], None],
+    patience_s: float = READY_S,
+) -> Fleet:
+    """Wait until all processes but the optional ones are ready; `tick` sees the fleet at each look.
+
+    FleetError names who cannot be started, or who is not ready in time.
+    """
+    deadline = time.monotonic() + patience_s
+    while True:
+        fleet = runs.fleet(run)
+        tick(fleet)
+        if supervisor.poll() is not None:
+            raise FleetError(f"the supervisor ended with code {supervisor.returncode}", _last_words(run))
+        needed = [status for status in fleet.processes if not status.optional] if fleet else []
+        hopeless = tuple(describe(status) for status in needed if status.state is ProcessState.GIVEN_UP)
+        if hopeless:
+            raise FleetError("the fleet cannot come up:", hopeless)
+        missing = [status for status in needed if status.state is not ProcessState.READY]
+        if fleet is not None and not missing:
+            return fleet
+        if time.monotonic() > deadline:
+            who = tuple(describe(status) for status in missing)
+            raise FleetError(f"not ready after {patience_s:.0f} s (logs in {run}):", who)
+        time.sleep(PERIOD_S)
+
+
+def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
+    """End the fleet of a run in order; the names of what was ended. Works with the supervisor dead, too."""
+    fleet = runs.fleet(run)
+    names = tuple(status.name for status in fleet.processes if runs.is_service(status.pid)) if fleet else ()
+    if fleet is not None and runs.is_service(fleet.supervisor, SUPERVISOR):
+        os.kill(fleet.supervisor, signal.SIGTERM)
+        _wait_gone([fleet.supervisor], patience_s)
+    orphans = [pid for pid in _pids(run) if runs.is_service(pid)]
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        for pid in orphans:
+            _signal(pid, number)
+        orphans = _wait_gone(orphans, 10.0)
+    return names
+
+
+def describe(status: ProcessStatus) -> str:
+    """A process in a line."""
+    again = f", restarted {status.restarts}x" if status.restarts else ""
+    return f"{status.name}: {status.state}{again}{': ' + status.note if status.note else ''}"
+
+
+def _pids(run: Path) -> list[int]:
+    """What the pid files of a run say."""
+    texts = [path.read_text().strip() for path in run.glob("*.pid")]
+    return [int(text) for text in texts if text.isdigit()]
+
+
+def _signal(pid: int, number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, number)
+
+
+def _wait_gone(pids: list[int], patience_s: float) -> list[int]:
+    """Wait until these processes are gone; those that are not in time."""
+    deadline = time.monotonic() + patience_s
+    while pids and time.monotonic() < deadline:
+        pids = [pid for pid in pids if runs.is_service(pid)]
+        time.sleep(0.02 if pids else 0.0)
+    return pids
+
+
+def _last_words(run: Path) -> tuple[str, ...]:
+    try:
+        lines = (run / "supervisor.log").read_text(errors="replace").strip().splitlines()
+    except OSError:
+        return ()
+    return tuple(lines[-3:])

@@ -1,0 +1,131 @@
+"""What a person sees of a run while it runs: lines of live.jsonl folded into a picture.
+
+Pure but for `Follow`, which reads new lines of a file. Lines of kinds or with fields of a later version are left out.
+"""
+
+from pathlib import Path
+
+import msgspec
+
+from companion.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+
+LATEST_EVENTS = 8
+_decoder: msgspec.json.Decoder[LiveLine] = msgspec.json.Decoder(LiveLine)
+
+
+class Seen(msgspec.Struct, frozen=True):
+    """An agent: its state, whether its token is there."""
+
+    state: str
+    alive: bool = True
+
+
+class Counted(msgspec.Struct, frozen=True):
+    """A channel: how many communicates went by, their bytes in all, the last one in words."""
+
+    count: int = 0
+    bytes: int = 0
+    last: str = ""
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """A plan: its states as paths in the tree's order, the present one, those passed, how it ended."""
+
+    id: str
+    task: str
+    states: tuple[str, ...]
+    at: str = ""
+    passed: frozenset[str] = frozenset()
+    outcome: str = ""
+
+
+class Event(msgspec.Struct, frozen=True):
+    """Something worth a line; `t`: unix time [s]."""
+
+    t: float
+    who: str
+    text: str
+
+
+class View(msgspec.Struct, frozen=True):
+    """The picture."""
+
+    agents: dict[str, Seen] = {}
+    channels: dict[str, Counted] = {}
+    plan: Plan | None = None
+    plans: int = 0
+    events: tuple[Event, ...] = ()
+
+    def with_event(self, event: Event) -> "View":
+        """The same with one more event; the oldest ones are dropped."""
+        return msgspec.structs.replace(self, events=(*self.events, event)[-LATEST_EVENTS:])
+
+
+def fold(view: View, line: LiveLine) -> View:
+    """The picture after one more line."""
+    match line:
+        case Sent(channel=channel, performative=performative, sender=sender, receiver=receiver):
+            before = view.channels.get(channel, Counted())
+            words = f"{sender}>{receiver} {performative} {line.text}".strip()
+            counted = Counted(before.count + 1, before.bytes + line.bytes, words)
+            return msgspec.structs.replace(view, channels={**view.channels, channel: counted})
+        case AgentIn(agent=agent, state=state, alive=alive):
+            return msgspec.structs.replace(view, agents={**view.agents, agent: Seen(state, alive)})
+        case PlanSeen(plan=plan, task=task, states=states):
+            return msgspec.structs.replace(view, plan=Plan(plan, task, states), plans=view.plans + 1)
+        case PlanAt(at=at, outcome=outcome) if view.plan is not None:
+            return msgspec.structs.replace(view, plan=_moved(view.plan, at, outcome))
+        case Happened(t=t, name=name, text=text):
+            return view.with_event(Event(t, name, text))
+        case _:
+            return view
+
+
+def in_words(line: LiveLine) -> str:
+    """The line for a log without pictures; "" for what is only counted."""
+    match line:
+        case PlanSeen(plan=plan, task=task, states=states):
+            return f"plan {plan} for {task}: {len(states)} states"
+        case PlanAt(at=at, outcome=""):
+            return f"ta: {at}"
+        case PlanAt(at=at, outcome=outcome):
+            return f"ta: plan ended, {outcome}{' at ' + at if at else ''}"
+        case Happened(name=name, text=text):
+            return f"{name}: {text}" if text else name
+        case AgentIn(agent=agent, alive=False):
+            return f"{agent}: gone"
+        case _:
+            return ""
+
+
+def _moved(plan: Plan, at: str, outcome: str) -> Plan:
+    """The plan with another present state; the state before it counts as passed."""
+    passed = plan.passed | {plan.at} if plan.at and (plan.at != at or outcome) else plan.passed
+    return msgspec.structs.replace(plan, at="" if outcome else at, passed=passed, outcome=outcome)
+
+
+class Follow:
+    """Reads what is new in a live file; a line that is not whole yet waits for the next look."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._offset = 0
+
+    def new(self) -> list[LiveLine]:
+        """The lines written since the last look."""
+        try:
+            with self.path.open("rb") as file:
+                file.seek(self._offset)
+                data = file.read()
+        except FileNotFoundError:
+            return []
+        whole = data[: data.rfind(b"\n") + 1]
+        self._offset += len(whole)
+        return [line for raw in whole.splitlines() if (line := _line(raw)) is not None]
+
+
+def _line(raw: bytes) -> LiveLine | None:
+    try:
+        return _decoder.decode(raw)
+    except msgspec.DecodeError:
+        return None

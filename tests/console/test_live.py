@@ -1,0 +1,157 @@
+"""The picture of a run: folded from lines, drawn at any width."""
+
+import io
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from companion.run_folder import (
+    AgentIn,
+    Fleet,
+    Happened,
+    LiveLine,
+    PlanAt,
+    PlanSeen,
+    ProcessState,
+    ProcessStatus,
+    Sent,
+    TaskLine,
+)
+from services.console import draw, live
+
+STATES = ("main", "main/take", "main/take/approach", "main/take/grasp", "main/pour", "main/pour/tilt")
+
+words = st.text("abc/", min_size=1, max_size=6)
+lines: st.SearchStrategy[LiveLine] = st.one_of(
+    st.builds(
+        Sent,
+        t=st.floats(0, 1e9),
+        channel=st.sampled_from(["C1", "C4", "C9"]),
+        sender=words,
+        receiver=words,
+        protocol=words,
+        performative=words,
+        bytes=st.integers(0, 10**6),
+    ),
+    st.builds(AgentIn, t=st.floats(0, 1e9), agent=st.sampled_from(["ta", "pl"]), state=words, alive=st.booleans()),
+    st.builds(PlanSeen, t=st.floats(0, 1e9), plan=words, task=words, states=st.just(STATES)),
+    st.builds(
+        PlanAt, t=st.floats(0, 1e9), at=st.sampled_from([*STATES, "elsewhere"]), outcome=st.sampled_from(["", "failed"])
+    ),
+    st.builds(Happened, t=st.floats(0, 1e9), name=words, text=words),
+)
+
+
+def scene(view: live.View) -> draw.Scene:
+    """A scene around a view, with something of everything."""
+    processes = (
+        ProcessStatus("router", ProcessState.READY, 7),
+        ProcessStatus("ta", ProcessState.READY, 8, restarts=2),
+        ProcessStatus("pl", ProcessState.GIVEN_UP, note="no program"),
+    )
+    fleet = Fleet("test", "tcp/127.0.0.1:1", 9, 0.0, processes)
+    return draw.Scene("a run", 0.0, fleet, (TaskLine("hi-1-1", "running", "on my way", "pour"),), view, stop_held=True)
+
+
+def drawn(view: live.View, width: int = 110) -> str:
+    """The picture as text."""
+    console = Console(width=width, record=True, force_terminal=True, file=io.StringIO())
+    console.print(draw.picture(scene(view), now=12.0))
+    return console.export_text()
+
+
+def folded(*told: LiveLine) -> live.View:
+    """The view after these lines."""
+    view = live.View()
+    for line in told:
+        view = live.fold(view, line)
+    return view
+
+
+@given(st.lists(lines, max_size=20), st.integers(20, 200))
+def test_whatever_was_told_can_be_drawn(told: list[LiveLine], width: int) -> None:
+    """No line and no width of a terminal breaks the picture; the fleet stands in it."""
+    text = drawn(folded(*told), width)
+    assert "router" in text or width < 60
+
+
+@given(st.lists(lines, max_size=20))
+def test_counts_are_those_of_the_lines(told: list[LiveLine]) -> None:
+    """Each communicate counts once, on its channel, with its bytes."""
+    view = folded(*told)
+    for channel in ("C1", "C4", "C9"):
+        sent = [line for line in told if isinstance(line, Sent) and line.channel == channel]
+        counted = view.channels.get(channel, live.Counted())
+        assert (counted.count, counted.bytes) == (len(sent), sum(line.bytes for line in sent))
+
+
+def test_the_present_state_stands_out_and_those_before_are_ticked() -> None:
+    """The tree shows where the robot is."""
+    text = drawn(
+        folded(
+            PlanSeen(t=0, plan="p", task="pour", states=STATES),
+            PlanAt(t=1, at="main/take/approach"),
+            PlanAt(t=2, at="main/take/grasp"),
+        )
+    )
+    assert "▶ grasp" in text
+    assert "✓ approach" in text
+    assert "▾ take" in text
+    assert "· tilt" in text
+
+
+def test_a_machine_left_behind_is_ticked() -> None:
+    """Once the last state of a machine has passed, the machine has."""
+    text = drawn(
+        folded(
+            PlanSeen(t=0, plan="p", task="pour", states=STATES),
+            PlanAt(t=2, at="main/take/grasp"),
+            PlanAt(t=3, at="main/pour/tilt"),
+        )
+    )
+    assert "✓ take" in text
+
+
+@given(st.integers(1, 30), st.integers(1, 12), st.data())
+def test_a_long_plan_is_cut_around_the_present_state(machines: int, leaves: int, data: st.DataObject) -> None:
+    """At most so many lines, in the order of the tree, and the present state is one of them."""
+    states = [path for m in range(machines) for path in (f"m{m}", *(f"m{m}/s{n}" for n in range(leaves)))]
+    at = data.draw(st.sampled_from(states))
+    paths = draw.shown(live.Plan("p", "pour", tuple(states), at), 16)
+    assert len(paths) <= 16
+    assert at in paths
+    assert list(paths) == [path for path in states if path in paths]
+
+
+def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> None:
+    """A line in the making waits for the next look; a kind of a later version does no harm."""
+    file = tmp_path / "live.jsonl"
+    follow = live.Follow(file)
+    assert follow.new() == []
+    first, second = Happened(t=1.0, name="a"), Happened(t=2.0, name="b")
+    whole = msgspec.json.encode(second) + b"\n"
+    file.write_bytes(msgspec.json.encode(first) + b'\n{"kind":"Later","t":1}\nnot json\n' + whole[:9])
+    assert follow.new() == [first]
+    with file.open("ab") as rest:
+        rest.write(whole[9:])
+    assert follow.new() == [second]
+    assert follow.new() == []
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (PlanAt(t=0, at="main/take"), "ta: main/take"),
+        (PlanAt(t=0, at="main/pour", outcome="failed"), "ta: plan ended, failed at main/pour"),
+        (Happened(t=0, name="jar grasped"), "jar grasped"),
+        (AgentIn(t=0, agent="km", state="idle", alive=False), "km: gone"),
+        (AgentIn(t=0, agent="km", state="idle"), ""),
+    ],
+)
+def test_a_line_in_words(line: LiveLine, said: str) -> None:
+    """What a log shows; what is merely counted shows nothing."""
+    assert live.in_words(line) == said
