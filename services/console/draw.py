@@ -14,6 +14,17 @@ from companion.run_folder import Fleet, ProcessState, ProcessStatus, TaskLine
 from services.console.live import Plan, View
 
 PLAN_LINES = 16  # a terminal of 40 lines still has room for the rest
+ROLES = {
+    "router": "carries words",
+    "monitor": "records",
+    "loop": "moves Velma",
+    "km": "knows",
+    "pl": "plans",
+    "ta": "does the plan",
+    "ex": "acts and sees",
+    "co": "coordinates",
+    "hi": "listens",
+}
 COLOURS = {
     "ready": "green",
     "done": "green",
@@ -43,8 +54,8 @@ class Scene(msgspec.Struct, frozen=True):
 def picture(scene: Scene, now: float | None = None) -> RenderableType:
     """Draw it all; `now`: unix time [s]."""
     upper = Table.grid(expand=True, padding=(0, 1))
-    upper.add_column(ratio=5)
     upper.add_column(ratio=6)
+    upper.add_column(ratio=5)
     left = Group(
         Panel(agents(scene), title="who does what", title_align="left", border_style="dim"),
         Panel(channels(scene.view), title="communicates", title_align="left", border_style="dim"),
@@ -71,18 +82,18 @@ def agents(scene: Scene) -> Table:
     if scene.fleet is None:
         table.add_row(Text("starting the supervisor …", "dim"))
     for status in scene.fleet.processes if scene.fleet else ():
-        table.add_row(Text(status.name, "bold"), _doing(status, scene.view), _role(status.name))
+        table.add_row(Text(status.name, "bold"), Text(ROLES.get(status.name, ""), "dim"), _doing(status, scene.view))
     return table
 
 
 def channels(view: View) -> Table:
     """Counts and bytes of each channel of the design, and its last communicate."""
-    table = Table.grid(padding=(0, 2))
-    table.add_column()
-    table.add_column()
-    table.add_column(justify="right")
-    table.add_column(justify="right")
-    table.add_column(no_wrap=True, overflow="ellipsis", max_width=28)
+    table = Table.grid(padding=(0, 1), expand=True)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True, justify="right")
+    table.add_column(no_wrap=True, justify="right", min_width=9)
+    table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
     for name, channel in DESIGN.channels.items():
         counted = view.channels.get(name)
         row = (str(counted.count), f"{counted.bytes / 1000:.1f} kB", counted.last) if counted else ("-", "", "")
@@ -154,15 +165,8 @@ def _doing(status: ProcessStatus, view: View) -> Text:
     else:
         text = Text(status.state, COLOURS.get(status.state, ""))
     if status.restarts:
-        text.append(f" (restarted {status.restarts}x)", "yellow")
+        text.append(f" ↻{status.restarts}", "yellow")
     return text
-
-
-def _role(name: str) -> Text:
-    """What a process is for, in a few words of the design where it is an agent of it."""
-    other = {"router": "carries the communicates", "monitor": "records", "loop": "moves Velma, 500 Hz"}
-    words = other.get(name) or (DESIGN.agents[name].text if name in DESIGN.agents else "")
-    return Text(words.partition(":")[0].partition(",")[0], "dim", no_wrap=True, overflow="ellipsis")
 
 
 def _wholly_passed(plan: Plan, machine: str) -> bool:
