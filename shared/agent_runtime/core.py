@@ -1,0 +1,279 @@
+"""The pure core of an agent: step(state, event, now) -> (state, effects). No clock, no I/O, no thread.
+
+A step takes at most one event to the behaviour, runs it and the chain of states it leads to, and ends in one journal
+record if anything durable happened: a stream message or an observation was taken, a durable communicate or an
+observation issued, the FSM's state or the memory (but for its `soft` field) changed, or the behaviour asked for it by
+`turn.keep()`. Else the record is None.
+
+Whoever drives it: state = core.boot(last record); sync core.record(state) before anything else; step with Started,
+then with what happens; after each step carry the effects out in their order; while `effects.more`, step with Next();
+at `wake_at` with Tick().
+"""
+
+from typing import Generic, TypeVar
+
+from msgspec.structs import replace
+
+from agent_runtime import streams
+from agent_runtime.agent import Agent, Behaviour
+from agent_runtime.effects import Effects, Out
+from agent_runtime.errors import AgentTableError, BehaviourError
+from agent_runtime.events import (
+    AnyEvent,
+    Arrived,
+    Garbled,
+    Late,
+    LinkChanged,
+    Local,
+    Next,
+    PeerChanged,
+    Receipted,
+    Received,
+    Settled,
+    Started,
+    Tick,
+    Woken,
+)
+from agent_runtime.intake import admit
+from agent_runtime.state import CoreState, Held, Waiting, encode_memory, encode_record, fresh, restored, same_memory
+from agent_runtime.turn import Seen, Turn
+from agent_runtime.verdict import Verdict, What, carry_out, judge
+from agent_runtime.wiring import Delivery, Wiring
+from fipa_codec.tables import SEND, Role
+
+M = TypeVar("M")
+CHAIN_BOUND = 16
+"""States entered in one step; the paper's machines have at most 5, so more is a loop (estimate)."""
+LATE_AFTER = 0.001
+"""A message at reply-by itself is in time (SC00061G); look a millisecond later."""
+
+
+class Core(Generic[M]):
+    """An agent bound to its wiring. Has no state of its own."""
+
+    def __init__(self, agent: Agent[M], wiring: Wiring) -> None:
+        if agent.name != wiring.agent:
+            raise AgentTableError(agent.name, f"is wired as {wiring.agent!r}", "give it its own wiring")
+        self.agent, self.wiring = agent, wiring
+
+    def boot(self, record: bytes | None) -> CoreState:
+        """The state to start from, of the next incarnation: the first memory, or what the journal's record tells."""
+        state = fresh(self.agent) if record is None else restored(self.agent, record)
+        if state.agent != self.agent.name or state.state not in self.agent.behaviours:
+            raise AgentTableError(
+                self.agent.name,
+                f"the journal is of agent {state.agent!r} in state {state.state!r}",
+                "use its own journal",
+            )
+        state.incarnation += 1
+        return state
+
+    def record(self, state: CoreState) -> bytes:
+        """The journal record of a state."""
+        return encode_record(state)
+
+    def step(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Effects]:
+        """One step; the given state stays as it was. Bugs of the agent raise BehaviourError or LocalProtocolError."""
+        after, out = state.fork(), Out()
+        after.soft.step += 1
+        self._note(after, out, event, now)
+        self._take_one(after, out, now)
+        self._check_owed(after)
+        durable = self._durable(state, after, out)
+        record = encode_record(after) if durable else None
+        return after, out.sealed(record, self._ready(after, now), self._wake_at(after, now))
+
+    # --- what an event does before anything is taken ------------------------------------------------------------------
+
+    def _note(self, state: CoreState, out: Out, event: AnyEvent, now: float) -> None:
+        match event:
+            case Arrived(communicate=communicate):
+                admit(state, out, self.wiring, communicate)
+            case Local():
+                _queue(state, Waiting(event))
+            case Receipted(peer=peer):
+                if streams.settle(state, event, now):
+                    _queue(state, Waiting(Settled(peer), forced=True))
+            case PeerChanged(agent=peer, incarnation=incarnation):
+                self._note_peer(state, out, peer, incarnation, now)
+                _queue(state, Waiting(event, forced=True))
+            case LinkChanged(up=up):
+                state.soft.up = up
+                out.log("router back" if up else "router away", level="info" if up else "warning")
+                self._flush_all(state, out, now, wanted=up)
+            case Started():
+                _queue(state, Waiting(event, forced=True))
+                self._flush_all(state, out, now, wanted=True)
+            case Garbled(key=key, reason=reason):
+                state.count("garbled")
+                out.log("garbled", level="warning", key=key, why=reason)
+            case Tick():
+                streams.on_time(state, out, self.wiring, now)
+            case Next():
+                pass
+            case _:
+                raise BehaviourError(
+                    self.agent.name, state.state, f"was stepped with {event!r}", "that is the core's own"
+                )
+
+    def _note_peer(self, state: CoreState, out: Out, peer: str, incarnation: int | None, now: float) -> None:
+        if incarnation is None:
+            state.soft.peers.pop(peer, None)
+        else:
+            state.soft.peers[peer] = incarnation
+            streams.flush(state, out, self.wiring, peer, now, force=False)
+
+    def _flush_all(self, state: CoreState, out: Out, now: float, *, wanted: bool) -> None:
+        for peer in self.wiring.peers if wanted else ():
+            streams.flush(state, out, self.wiring, peer, now, force=True)
+
+    # --- taking one event ---------------------------------------------------------------------------------------------
+
+    def _take_one(self, state: CoreState, out: Out, now: float) -> None:
+        full = streams.blocked(state)
+        if full is not None:
+            state.count("outbox full")
+            out.log("outbox full", level="error", peer=full, bound=streams.OUTBOX_BOUND)
+            return
+        found = self._find_waiting(state)
+        if found is not None:
+            self._take_waiting(state, out, *found, now)
+        elif (name := _due_wake(state, now)) is not None:
+            del state.wakes[name]
+            self._run(state, out, Woken(name), now)
+        elif (held := self._find_late(state, now)) is not None:
+            self._take_late(state, out, held, now)
+
+    def _ready(self, state: CoreState, now: float) -> bool:
+        if streams.blocked(state) is not None:
+            return False
+        return (
+            self._find_waiting(state) is not None
+            or _due_wake(state, now) is not None
+            or self._find_late(state, now) is not None
+        )
+
+    def _find_waiting(self, state: CoreState) -> tuple[Waiting, Verdict | None] | None:
+        """The first entry of the inbox that can be taken; streams in order, so a number behind one not taken is not."""
+        passed: set[str] = set()
+        takes = self._behaviour(state).takes
+        for waiting in state.soft.inbox:
+            if waiting.number and waiting.peer in passed:
+                continue
+            if not isinstance(waiting.event, Arrived):
+                if waiting.forced or takes(state.memory, waiting.event):
+                    return waiting, None
+                continue
+            verdict = judge(state, self.wiring, waiting)
+            if verdict.what is not What.TAKE or takes(
+                state.memory, Received(waiting.event.communicate, waiting.content)
+            ):
+                return waiting, verdict
+            if waiting.number:
+                passed.add(waiting.peer)
+        return None
+
+    def _find_late(self, state: CoreState, now: float) -> Held | None:
+        takes = self._behaviour(state).takes
+        for held in _waits(state):
+            if held.reply_by is not None and now > held.reply_by and takes(state.memory, Late(held.conversation.id)):
+                return held
+        return None
+
+    def _take_waiting(self, state: CoreState, out: Out, waiting: Waiting, verdict: Verdict | None, now: float) -> None:
+        state.soft.inbox = tuple(one for one in state.soft.inbox if one is not waiting)
+        event: Seen | None = waiting.event
+        if verdict is not None:
+            event = carry_out(state, out, self.wiring, waiting, verdict, now)
+        if event is not None:
+            self._run(state, out, event, now)
+
+    def _take_late(self, state: CoreState, out: Out, held: Held, now: float) -> None:
+        name = held.conversation.id
+        state.count("late")
+        if held.delivery is Delivery.DURABLE:
+            state.conversations[name] = replace(held, late=True)
+            out.durable = True
+        else:
+            state.soft.conversations.pop(name, None)
+            state.soft.asks.pop(name, None)
+        self._run(state, out, Late(name), now)
+
+    # --- the behaviour ------------------------------------------------------------------------------------------------
+
+    def _behaviour(self, state: CoreState) -> Behaviour[M]:
+        return self.agent.behaviours[state.state]
+
+    def _run(self, state: CoreState, out: Out, event: Seen, now: float) -> None:
+        """One elementary action, then the arcs it opens; entering a state runs its behaviour once without an event."""
+        out.handled = event
+        self._act(state, out, event, now)
+        for _ in range(CHAIN_BOUND):
+            behaviour = self._behaviour(state)
+            if not (behaviour.terminal(state.memory) or behaviour.error(state.memory)):
+                return
+            target = self.agent.next_state(state.state, state.memory)
+            if target is None:
+                arcs = ", ".join(
+                    f"{a.when or 'always'} -> {a.target}" for a in self.agent.arcs if a.source == state.state
+                )
+                raise BehaviourError(
+                    self.agent.name, state.state, "ended, and no arc may be taken", f"arcs: {arcs or 'none'}"
+                )
+            out.log("state", old=state.state, new=target)
+            state.state = target
+            self._act(state, out, None, now)
+        raise BehaviourError(
+            self.agent.name,
+            state.state,
+            f"entered {CHAIN_BOUND} states in one step",
+            "some state must wait for an event",
+        )
+
+    def _act(self, state: CoreState, out: Out, event: Seen | None, now: float) -> None:
+        turn = Turn(state, self.wiring, out, event, now)
+        state.memory = self._behaviour(state).transition(state.memory, turn)
+
+    def _check_owed(self, state: CoreState) -> None:
+        """What a protocol wants said in the very step that took something must have been said."""
+        for held in (*state.conversations.values(), *state.soft.conversations.values()):
+            talk = held.conversation
+            if talk.owes:
+                wanted = ", ".join(row.word for row in talk.table.allowed(talk.state, SEND))
+                what = f"took a message in {talk.id} ({talk.protocol}, {talk.state}) and owes its answer"
+                raise BehaviourError(self.agent.name, state.state, what, f"say {wanted} in the same step")
+
+    # --- the record and the time --------------------------------------------------------------------------------------
+
+    def _durable(self, before: CoreState, after: CoreState, out: Out) -> bool:
+        if not same_memory(before.memory, after.memory):
+            kept = encode_memory(after.memory)
+            out.durable = out.durable or kept != before.kept
+            after.kept = kept
+        return out.durable or before.state != after.state
+
+    def _wake_at(self, state: CoreState, now: float) -> float | None:
+        """When the next Tick is wanted; what is past already waits for a behaviour that takes it, or for room."""
+        times: list[float] = []
+        if state.soft.up:
+            times += [at for at, _ in state.soft.resend.values()] + [one.at for one in state.soft.asks.values()]
+        if streams.blocked(state) is None:
+            times += state.wakes.values()
+            ends = [held.reply_by for held in _waits(state) if held.reply_by is not None]
+            times += [end + LATE_AFTER for end in ends if end + LATE_AFTER > now]
+        return min(times, default=None)
+
+
+def _queue(state: CoreState, waiting: Waiting) -> None:
+    state.soft.inbox = (*state.soft.inbox, waiting)
+
+
+def _due_wake(state: CoreState, now: float) -> str | None:
+    due = [(at, name) for name, at in state.wakes.items() if at <= now]
+    return min(due)[1] if due else None
+
+
+def _waits(state: CoreState) -> list[Held]:
+    """Conversations in which this agent waits for an end whose time was not told yet."""
+    both = (*state.conversations.values(), *state.soft.conversations.values())
+    return [held for held in both if held.conversation.role is Role.INITIATOR and not held.late]

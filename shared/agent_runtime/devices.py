@@ -1,0 +1,111 @@
+"""What stands beside an agent on its own side: a worker process, the loop, an HTTP server, or a plain function in
+tests.
+
+`turn.tell(struct)` reaches the device's `tell`; what the device `post`s reaches the agent as Local(struct). The shell
+and the pretend wires use the same interface, so an agent and its devices are wired alike in both.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol
+
+from agent_runtime.worker import Worker
+
+
+class Post(Protocol):
+    """Hands a Struct to the agent as Local, after `delay_s`; may be called on any thread and never blocks."""
+
+    def __call__(self, content: Any, delay_s: float = 0.0) -> None: ...
+
+
+class Device(Protocol):
+    """`busy`: it computes and will post soon; the pretend wires' clock stands still meanwhile."""
+
+    @property
+    def busy(self) -> bool: ...
+
+    def tell(self, content: Any) -> None:
+        """Take a word of the agent; must not block."""
+
+    def close(self) -> None:
+        """The agent's process ends (or died, in the pretend wires)."""
+
+
+DeviceMaker = Callable[[Post], Device]
+
+
+class NoDevice:
+    """For agents without anything on their own side; whatever it is told is a bug of the agent."""
+
+    busy = False
+
+    def tell(self, content: Any) -> None:
+        """Refuse."""
+        raise TypeError(f"this agent has no device to tell {type(content).__name__} to: give shell or wires one")
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class Called:
+    """A function as a device: called with each word, it gives what to post back after how many seconds."""
+
+    busy = False
+
+    def __init__(self, post: Post, answer: Callable[[Any], Iterable[tuple[float, Any]]]) -> None:
+        self._post, self._answer = post, answer
+
+    def tell(self, content: Any) -> None:
+        """Call the function and post what it gives."""
+        for delay_s, reply in self._answer(content):
+            self._post(reply, delay_s)
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class Errand:
+    """A worker process as a device: a word of class `begin` starts a new one (the old one is killed), one of class
+    `stop` kills it, any other is handed on.
+
+    It is busy from each word handed on until the worker says something. `ended(exit code)` makes the word that is
+    posted when the worker ends by itself, None for none.
+    """
+
+    def __init__(
+        self, post: Post, entry: str, *, answers: Any, begin: type, stop: type, ended: Callable[[int], Any]
+    ) -> None:
+        self._post, self._entry, self._answers = post, entry, answers
+        self._begin, self._stop, self._ended = begin, stop, ended
+        self._worker: Worker | None = None
+        self._busy = False
+
+    @property
+    def busy(self) -> bool:
+        """The worker computes."""
+        return self._busy
+
+    def tell(self, content: Any) -> None:
+        """Start, stop or tell the worker."""
+        if isinstance(content, self._stop | self._begin):
+            self.close()
+        if isinstance(content, self._begin):
+            self._worker = Worker(self._entry, answers=self._answers, on_message=self._heard, on_end=self._over)
+        if self._worker is not None:
+            self._busy = True
+            self._worker.tell(content)
+
+    def close(self) -> None:
+        """Kill the worker, if there is one."""
+        if self._worker is not None:
+            self._worker.kill()
+        self._worker, self._busy = None, False
+
+    def _heard(self, message: Any) -> None:
+        self._post(message)
+        self._busy = False
+
+    def _over(self, code: int) -> None:
+        word = self._ended(code)
+        if word is not None:
+            self._post(word)
+        self._busy = False

@@ -1,0 +1,130 @@
+"""What can happen to an agent: the x of the paper's (c', y) := f(c, x), one event a step (paper, section 3).
+
+The first group reaches behaviours as `turn.event`; the second is the core's own (receipts, time, the state of the
+wire). Events say nothing of sockets or clocks: a shell or a pretend wire makes them and passes the time beside them.
+"""
+
+from typing import Any
+
+import msgspec
+
+from fipa_codec.communicate import Communicate
+
+
+class Event(msgspec.Struct, frozen=True, tag=True):
+    """Something that happened to the agent."""
+
+
+class Started(Event, frozen=True):
+    """The agent was started (`first`) or restored after a death; its soft memory and soft conversations are gone."""
+
+    first: bool = True
+
+
+class Received(Event, frozen=True):
+    """A communicate in its turn and in sequence; `content` is decoded by the language it names (None where it has
+    none).
+
+    A cancel for a conversation that has ended or never was is answered by the runtime, as the protocol says, and not
+    seen.
+    """
+
+    communicate: Communicate
+    content: Any = None
+
+    @property
+    def conversation(self) -> str:
+        """The conversation it belongs to."""
+        return self.communicate.conversation or ""
+
+
+class Late(Event, frozen=True):
+    """reply-by of a conversation this agent opened has passed. Once per conversation; a durable one stays open."""
+
+    conversation: str
+
+
+class Broken(Event, frozen=True):
+    """A conversation ended because what the peer said in it could not be taken; the peer was told not-understood."""
+
+    conversation: str
+    reason: str
+
+
+class Settled(Event, frozen=True):
+    """The last observation due to this subscriber is receipted (the barrier before a final report)."""
+
+    peer: str
+
+
+class Woken(Event, frozen=True):
+    """The time asked for by `turn.wake(name, at)` has come."""
+
+    name: str
+
+
+class Local(Event, frozen=True):
+    """A word from the agent's own side: a worker process, a person over HTTP, an outcome of the loop."""
+
+    content: Any
+
+
+class PeerChanged(Event, frozen=True):
+    """A peer appeared under an incarnation (or another one), or is gone (None)."""
+
+    agent: str
+    incarnation: int | None
+
+
+class Arrived(Event, frozen=True):
+    """A communicate came off the wire; the core decides what it is worth."""
+
+    communicate: Communicate
+
+
+class Receipted(Event, frozen=True):
+    """The peer has journalled all stream messages up to `taken`, or (taken 0) this version of a subject."""
+
+    peer: str
+    taken: int = 0
+    subject: str = ""
+    version: tuple[int, int] = (0, 0)
+
+
+class Garbled(Event, frozen=True):
+    """Bytes on the agent's key that are no communicate."""
+
+    key: str
+    reason: str
+
+
+class LinkChanged(Event, frozen=True):
+    """The own way to the router is there (`up`) or lost; nothing is sent while lost, and no peer is dead for it."""
+
+    up: bool
+
+
+class Tick(Event, frozen=True):
+    """Time passed: what is due is re-sent, asked again, woken or late."""
+
+
+class Next(Event, frozen=True):
+    """Take the next waiting message, if the present behaviour takes one."""
+
+
+AnyEvent = (
+    Started
+    | Received
+    | Late
+    | Broken
+    | Settled
+    | Woken
+    | Local
+    | PeerChanged
+    | Arrived
+    | Receipted
+    | Garbled
+    | LinkChanged
+    | Tick
+    | Next
+)

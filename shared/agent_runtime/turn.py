@@ -1,0 +1,224 @@
+"""One elementary action as a behaviour sees it: the event and the time that came in, and what may go out.
+
+A turn knows no clock, no socket and no file; what is said here leaves the agent only after the step's record is on the
+disk.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from msgspec.structs import replace
+
+from agent_runtime import streams
+from agent_runtime.effects import Out
+from agent_runtime.errors import BehaviourError
+from agent_runtime.events import Broken, Late, Local, PeerChanged, Received, Settled, Started, Woken
+from agent_runtime.state import CoreState, Due, Held
+from agent_runtime.wiring import Delivery, Link, Wiring
+from fipa_codec.communicate import Communicate
+from fipa_codec.conversation import Conversation
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
+
+Seen = Received | Late | Broken | Woken | Local | PeerChanged | Settled | Started
+"""What a behaviour may find in `turn.event`, besides None (the state was just entered)."""
+
+
+class Turn:
+    """`event`: what happened, None where the state was just entered; `now`: unix seconds."""
+
+    def __init__(self, state: CoreState, wiring: Wiring, out: Out, event: Seen | None, now: float) -> None:
+        self.event = event
+        self.now = now
+        self._state, self._wiring, self._out = state, wiring, out
+
+    # --- communicates -------------------------------------------------------------------------------------------------
+
+    def open(
+        self,
+        to: str,
+        protocol: str,
+        performative: Performative,
+        content: Any = None,
+        *,
+        reply_by_s: float | None = None,
+    ) -> str:
+        """Open a conversation with `to` as its initiator; its id.
+
+        `reply_by_s`: seconds from now after which Late comes, unless the conversation has ended. A durable one then
+        stays open until the peer's last word; a volatile question is given up. LocalProtocolError where the design has
+        no such link.
+        """
+        link = self._wiring.required(to, protocol)
+        name = self._state.name()
+        talk = Conversation.open(protocol, Role.INITIATOR, id=name, me=self._state.agent, peer=to)
+        reply_by = None if reply_by_s is None else self.now + reply_by_s
+        held = Held(talk, link.delivery, reply_by=reply_by)
+        self._speak(held, link, performative, content, reply_by=reply_by)
+        return name
+
+    def say(
+        self,
+        conversation: str,
+        performative: Performative,
+        content: Any = None,
+        *,
+        in_reply_to: str | None = None,
+        kind: Kind | None = None,
+        reply_by_s: float | None = None,
+    ) -> None:
+        """Say something in an open conversation; the language is that of the content's class.
+
+        `in_reply_to` None: what the protocol says. `kind=Kind.CANCEL`: this answers the peer's cancel. `reply_by_s`
+        sets the time of Late anew. BehaviourError where the conversation is not open, LocalProtocolError where the
+        protocol forbids it.
+        """
+        held = self._held(conversation)
+        link = self._wiring.required(held.conversation.peer, held.conversation.protocol)
+        reply_by = None if reply_by_s is None else self.now + reply_by_s
+        if reply_by is not None:
+            held = replace(held, reply_by=reply_by, late=False)
+        self._speak(held, link, performative, content, in_reply_to=in_reply_to, kind=kind, reply_by=reply_by)
+
+    def drop(self, conversation: str) -> None:
+        """Give a volatile conversation up without a word: nothing is asked again, later answers are ignored.
+
+        Nothing happens where it is over already; BehaviourError for a durable one, which ends by its protocol only.
+        """
+        if conversation in self._state.conversations:
+            raise self._error(f"dropped durable conversation {conversation!r}", "say cancel, and wait for the end")
+        self._state.soft.conversations.pop(conversation, None)
+        self._state.soft.asks.pop(conversation, None)
+
+    def holds(self, conversation: str) -> bool:
+        """Whether the conversation is open."""
+        return self._state.held(conversation) is not None
+
+    def conversation(self, conversation: str) -> Conversation:
+        """The open conversation: protocol, role, peer, state, `.cancel`. BehaviourError where it is not open."""
+        return self._held(conversation).conversation
+
+    def conversations(self, peer: str = "", protocol: str = "") -> tuple[Conversation, ...]:
+        """All open conversations, or those with a peer or of a protocol, oldest first."""
+        both = (*self._state.conversations.values(), *self._state.soft.conversations.values())
+        talks = (held.conversation for held in both)
+        return tuple(talk for talk in talks if peer in ("", talk.peer) and protocol in ("", talk.protocol))
+
+    # --- observations -------------------------------------------------------------------------------------------------
+
+    def observe(self, to: str, subject: str, content: Any) -> None:
+        """Owe `to` this newest observation of `subject` until it is receipted, whether subscribed at present or not.
+
+        `to` is the subscriber, not the conversation: a renewed subscription gets what is due.
+        """
+        if not subject or not subject.isascii() or not subject.isprintable() or " " in subject:
+            raise self._error(f"observed subject {subject!r}", "a subject is printable ASCII without blanks")
+        language = self._wiring.language(content)
+        self._state.counter += 1
+        due = Due((self._state.incarnation, self._state.counter), language.name, language.encode(content))
+        streams.observed(self._state, self._out, to, subject, due, self.now)
+        held = streams.live_subscription(self._state, to)
+        if held is not None:
+            streams.send_observation(self._state, self._out, self._wiring, held, subject, due, self.now)
+
+    @property
+    def due(self) -> tuple[tuple[str, str], ...]:
+        """(subscriber, subject) of every observation not receipted yet; the event Settled says when there is none."""
+        return tuple((peer, subject) for peer, due in self._state.due.items() for subject in due)
+
+    # --- the own side -------------------------------------------------------------------------------------------------
+
+    def tell(self, content: Any) -> None:
+        """Hand a Struct to the agent's own devices (worker, loop, HTTP), after the record is on the disk."""
+        self._out.tells.append(content)
+
+    def wake(self, name: str, at: float) -> None:
+        """Have Woken(name) come at `at` [unix s]; a second call with the name moves it. It survives a death."""
+        self._state.wakes[name] = at
+
+    def unwake(self, name: str) -> None:
+        """Want it no longer."""
+        self._state.wakes.pop(name, None)
+
+    def keep(self) -> None:
+        """Ask for a journal record of this step, though nothing durable happened in it."""
+        self._out.durable = True
+
+    def log(self, event: str, level: str = "info", **fields: Any) -> None:
+        """Write one structured line."""
+        self._out.log(event, level, **fields)
+
+    def count(self, what: str) -> None:
+        """One more of it among the agent's counters."""
+        self._state.count(what)
+
+    @property
+    def me(self) -> str:
+        """The agent's name."""
+        return self._state.agent
+
+    @property
+    def incarnation(self) -> int:
+        """Boot counter of this agent."""
+        return self._state.incarnation
+
+    @property
+    def peers(self) -> Mapping[str, int]:
+        """Incarnation of every peer that is known to be alive."""
+        return self._state.soft.peers
+
+    # ------------------------------------------------------------------------------------------------------------------
+
+    def _speak(
+        self,
+        held: Held,
+        link: Link,
+        performative: Performative,
+        content: Any,
+        *,
+        in_reply_to: str | None = None,
+        kind: Kind | None = None,
+        reply_by: float | None = None,
+    ) -> None:
+        durable = link.delivery is Delivery.DURABLE
+        language = None if content is None else self._wiring.language(content)
+        if kind is None:
+            kind = Kind.PLAIN if language is None else language.kind(content)
+        talk, communicate = held.conversation.send(
+            performative,
+            id=str(streams.next_number(self._state, link.peer)) if durable else self._state.name(),
+            now=self.now,
+            content=None if language is None else language.encode(content),
+            language=link.silent if language is None else language.name,
+            ontology=link.ontology,
+            kind=kind,
+            in_reply_to=in_reply_to,
+            reply_by=reply_by,
+        )
+        dispatch(self._state, self._out, self._wiring, replace(held, conversation=talk), communicate, self.now)
+
+    def _held(self, conversation: str) -> Held:
+        held = self._state.held(conversation)
+        if held is None:
+            known = ", ".join(talk.id for talk in self.conversations()) or "none"
+            raise self._error(f"conversation {conversation!r} is not open", f"open are {known}; ask turn.holds() first")
+        return held
+
+    def _error(self, what: str, hint: str) -> BehaviourError:
+        return BehaviourError(self._state.agent, self._state.state, what, hint)
+
+
+def dispatch(state: CoreState, out: Out, wiring: Wiring, held: Held, communicate: Communicate, now: float) -> None:
+    """Keep the conversation and send its newest communicate as its delivery demands."""
+    talk = held.conversation
+    if held.delivery is Delivery.DURABLE:
+        streams.issue(state, out, communicate, now)
+    elif talk.role is Role.INITIATOR and not talk.ended:
+        streams.ask(state, out, communicate, now)
+    else:
+        held = replace(held, answer=communicate)
+        streams.send(state, out, communicate)
+    state.keep(held)
+    if held.delivery is Delivery.LATEST and talk.role is Role.PARTICIPANT and talk.state in talk.table.resting:
+        streams.send_due(state, out, wiring, talk.peer, now)

@@ -1,0 +1,191 @@
+"""Whether a waiting communicate is in sequence, and what the runtime does with one that is not.
+
+Nothing a peer says kills an agent. In sequence: it goes to the behaviour. A cancel that came too late is answered as
+its protocol demands. A question asked again gets its answer again. What is wrong on a durable stream, or as an
+opening, is answered not-understood, which ends the conversation on both sides. Volatile strays are dropped: copies and
+late answers are normal there.
+"""
+
+from enum import StrEnum
+
+import msgspec
+from msgspec.structs import replace
+
+from agent_runtime import streams
+from agent_runtime.effects import Out, Receipt
+from agent_runtime.events import Broken, Received
+from agent_runtime.intake import reject
+from agent_runtime.state import CoreState, Held, Waiting
+from agent_runtime.turn import dispatch
+from agent_runtime.wiring import Delivery, Wiring
+from fipa_codec.communicate import Communicate
+from fipa_codec.conversation import Conversation
+from fipa_codec.errors import RemoteProtocolError
+from fipa_codec.languages import REASON, Kind, Reason
+from fipa_codec.performatives import Performative
+from fipa_codec.protocols import named
+from fipa_codec.tables import Role
+
+
+class What(StrEnum):
+    """What is to be done with it."""
+
+    TAKE = "take"
+    REPEAT = "asked again"
+    LATE_CANCEL = "late cancel"
+    DROP = "stray"
+    REFUSE = "not understood"
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """`held`: the conversation after the message (TAKE, LATE_CANCEL), or as it was (REPEAT, REFUSE)."""
+
+    what: What
+    held: Held | None = None
+    error: RemoteProtocolError | None = None
+
+
+def judge(state: CoreState, wiring: Wiring, waiting: Waiting) -> Verdict:
+    """The verdict; nothing is changed."""
+    communicate: Communicate = waiting.event.communicate
+    held = state.held(communicate.conversation)
+    try:
+        if held is None:
+            return _judge_new(state, wiring, waiting, communicate)
+        if waiting.fault is not None:
+            return Verdict(What.REFUSE, held, waiting.fault)
+        if _asked_again(held, communicate):
+            return Verdict(What.REPEAT, held)
+        talk = held.conversation.receive(communicate, waiting.kind)
+    except RemoteProtocolError as error:
+        durable = waiting.number > 0
+        return Verdict(What.REFUSE if durable else What.DROP, held if durable else None, error)
+    return Verdict(What.TAKE, replace(held, conversation=talk))
+
+
+def _judge_new(state: CoreState, wiring: Wiring, waiting: Waiting, communicate: Communicate) -> Verdict:
+    link = wiring.required(communicate.sender, communicate.protocol)
+    opening = communicate.performative in named(link.protocol).openings
+    if link.role is Role.INITIATOR or not (opening or communicate.performative is Performative.CANCEL):
+        return Verdict(What.DROP, error=RemoteProtocolError("conversation", "is not open here"))
+    if waiting.fault is not None:
+        return Verdict(What.REFUSE, error=waiting.fault)
+    try:
+        talk = Conversation.answering(communicate, state.agent).receive(communicate, waiting.kind)
+    except RemoteProtocolError as error:
+        return Verdict(What.REFUSE, error=error)
+    return Verdict(What.TAKE if opening else What.LATE_CANCEL, Held(talk, link.delivery))
+
+
+def _asked_again(held: Held, communicate: Communicate) -> bool:
+    talk = held.conversation
+    return (
+        held.delivery is not Delivery.DURABLE
+        and talk.role is Role.PARTICIPANT
+        and communicate.performative in named(talk.protocol).openings
+        and communicate.reply_with == talk.asked
+    )
+
+
+def carry_out(
+    state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
+) -> Received | Broken | None:
+    """Count the message as taken, do what the verdict says; the event for the behaviour, None where there is none."""
+    communicate: Communicate = waiting.event.communicate
+    _mark_taken(state, out, waiting)
+    held = verdict.held
+    match verdict.what:
+        case What.TAKE if held is not None:
+            state.soft.asks.pop(communicate.conversation, None)
+            _supersede(state, held)
+            state.keep(held)
+            return Received(communicate, waiting.content)
+        case What.REPEAT if held is not None:
+            state.count(What.REPEAT)
+            if held.answer is not None:
+                streams.send(state, out, held.answer)
+                streams.send_due(state, out, wiring, communicate.sender, now)
+        case What.LATE_CANCEL if held is not None:
+            state.count(What.LATE_CANCEL)
+            _answer_late_cancel(state, out, wiring, held, now)
+        case What.REFUSE:
+            return _refuse(state, out, wiring, waiting, verdict, now)
+        case _:
+            why = str(verdict.error)
+            if waiting.number:
+                reject(state, out, communicate, What.DROP, why)
+            else:
+                state.count(What.DROP)
+    return None
+
+
+def _mark_taken(state: CoreState, out: Out, waiting: Waiting) -> None:
+    if waiting.number:
+        state.taken[waiting.peer] = waiting.number
+        streams.receipt_stream(state, out, waiting.peer)
+        out.durable = True
+    elif waiting.subject:
+        state.versions[waiting.peer] = state.versions.get(waiting.peer, {}) | {waiting.subject: waiting.version}
+        out.receipts.append(Receipt(waiting.peer, subject=waiting.subject, version=waiting.version))
+        out.durable = True
+
+
+def _supersede(state: CoreState, held: Held) -> None:
+    """A subscriber's new conversation takes the place of its older one."""
+    talk = held.conversation
+    if held.delivery is not Delivery.LATEST or talk.role is Role.INITIATOR:
+        return
+    for name, other in list(state.soft.conversations.items()):
+        same = (other.conversation.peer, other.conversation.protocol) == (talk.peer, talk.protocol)
+        if same and name != talk.id:
+            del state.soft.conversations[name]
+
+
+def _answer_late_cancel(state: CoreState, out: Out, wiring: Wiring, held: Held, now: float) -> None:
+    """`request` and `subscribe` owe a failure in reply to the cancel; `coordinate` drops it."""
+    talk = held.conversation
+    if not talk.owes:
+        return
+    reason = Reason("the conversation has ended, or never was")
+    durable = held.delivery is Delivery.DURABLE
+    talk, communicate = talk.send(
+        Performative.FAILURE,
+        id=str(streams.next_number(state, talk.peer)) if durable else state.name(),
+        now=now,
+        content=REASON.encode(reason),
+        language=REASON.name,
+        kind=Kind.CANCEL,
+    )
+    dispatch(state, out, wiring, replace(held, conversation=talk), communicate, now)
+
+
+def _refuse(
+    state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
+) -> Broken | None:
+    """Say not-understood with the reason; a conversation it was said in is over, and the behaviour is told."""
+    communicate: Communicate = waiting.event.communicate
+    error = verdict.error or RemoteProtocolError("", "not understood")
+    reject(state, out, communicate, What.REFUSE, str(error))
+    durable = waiting.number > 0
+    answer = Communicate(
+        performative=error.performative,
+        content=REASON.encode(Reason(error.reason, error.field)),
+        language=REASON.name,
+        protocol=communicate.protocol,
+        in_reply_to=communicate.reply_with,
+        conversation=communicate.conversation,
+        sender=state.agent,
+        receiver=communicate.sender,
+        id=str(streams.next_number(state, communicate.sender)) if durable else state.name(),
+        sent=now,
+    )
+    if durable:
+        streams.issue(state, out, answer, now)
+    else:
+        streams.send(state, out, answer)
+    if verdict.held is None:
+        return None
+    name = verdict.held.conversation.id
+    for place in (state.conversations, state.soft.conversations, state.soft.asks):
+        place.pop(name, None)
+    return Broken(name, str(error))

@@ -1,0 +1,108 @@
+"""How one agent is wired to the others: for each peer and protocol the channel, the role, the delivery and the
+languages.
+
+The design file of a system knows all this; whoever starts an agent builds its Wiring from there, so the runtime
+imports no system. Key expressions: `roco/<system>/<channel>/<sender>/<receiver>/<protocol>/<performative>` for
+communicates, `roco/<system>/_/<kind>/<owner>[/<peer>]` for what is none (receipts, pings, liveliness).
+"""
+
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import msgspec
+
+from fipa_codec.communicate import Communicate
+from fipa_codec.errors import LocalProtocolError
+from fipa_codec.languages import Language, Languages
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
+
+
+class Delivery(StrEnum):
+    """What is promised for the communicates of a protocol on a channel."""
+
+    DURABLE = "durable"
+    """Numbered stream: taken once, in order, whatever dies (requests, cancels, reports)."""
+    VOLATILE = "volatile"
+    """Asked again until answered; the answer is a pure function (queries)."""
+    LATEST = "latest"
+    """The opening is volatile; of the informs each subject's newest is kept until receipted (observations)."""
+
+
+class Link(msgspec.Struct, frozen=True):
+    """This agent's side of one protocol with one peer; `silent`: the language named by acts without content."""
+
+    peer: str
+    channel: str
+    protocol: str
+    role: Role
+    delivery: Delivery
+    ontology: str = ""
+    silent: str = ""
+
+
+class Wiring(msgspec.Struct, frozen=True, dict=True):
+    """All links of `agent` in `system`, and the languages of the system."""
+
+    system: str
+    agent: str
+    links: tuple[Link, ...]
+    languages: Languages
+
+    @cached_property
+    def _by_peer(self) -> dict[tuple[str, str], Link]:
+        return {(link.peer, link.protocol): link for link in self.links}
+
+    @cached_property
+    def _by_class(self) -> dict[type, Language]:
+        named = [self.languages.named(name) for name in self.languages.names]
+        return {kind: language for language in named for kind in language.classes}
+
+    @cached_property
+    def peers(self) -> tuple[str, ...]:
+        """Everybody this agent talks to, sorted."""
+        return tuple(sorted({link.peer for link in self.links}))
+
+    def link(self, peer: str, protocol: str) -> Link | None:
+        """The link, or None where the design has none."""
+        return self._by_peer.get((peer, protocol))
+
+    def required(self, peer: str, protocol: str) -> Link:
+        """The link; LocalProtocolError names those there are."""
+        link = self.link(peer, protocol)
+        if link is None:
+            known = ", ".join(f"{p}:{name}" for p, name in self._by_peer)
+            raise LocalProtocolError("protocol", f"{self.agent!r} has no {protocol!r} with {peer!r}, it has {known}")
+        return link
+
+    def language(self, content: Any) -> Language:
+        """The language a content's class belongs to; LocalProtocolError where there is none."""
+        language = self._by_class.get(type(content))
+        if language is None:
+            raise LocalProtocolError("content", f"{type(content).__name__} belongs to none of {self.languages.names}")
+        return language
+
+    def key(self, communicate: Communicate) -> str:
+        """The key expression a communicate of this agent is put on."""
+        link = self.required(communicate.receiver, communicate.protocol)
+        return communicate_key(
+            self.system, link.channel, self.agent, link.peer, link.protocol, communicate.performative
+        )
+
+    def inbox_keys(self) -> tuple[str, ...]:
+        """The key expressions this agent listens on, one a channel and peer."""
+        pairs = sorted({(link.channel, link.peer) for link in self.links})
+        return tuple(f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs)
+
+
+def communicate_key(
+    system: str, channel: str, sender: str, receiver: str, protocol: str, performative: Performative
+) -> str:
+    """Where a communicate is put."""
+    return f"roco/{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
+
+
+def service_key(system: str, kind: str, owner: str, *peer: str) -> str:
+    """Where the runtime's own messages are put: `alive`, `receipt`, `ping`, `pong`."""
+    return "/".join(("roco", system, "_", kind, owner, *peer))
