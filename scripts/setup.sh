@@ -74,12 +74,14 @@ lend_libgomp() {
     .venv/bin/uv pip install --quiet --python .venv/bin/python --target .venv/lend --no-deps --require-hashes \
         -r requirements/libgomp.txt || die "uv could not get it; instead (Debian): apt install libgomp1"
     .venv/bin/python - <<'PYTHON' || die "no libgomp in that wheel; instead (Debian): apt install libgomp1"
+import shutil
 from pathlib import Path
 
 copy = next(Path(".venv/lend").rglob("libgomp*.so.1*"))
 for packages in Path(".venv/lib").glob("python3.*/site-packages/cmeel.prefix/lib"):
     (packages / "libgomp.so.1").unlink(missing_ok=True)
     (packages / "libgomp.so.1").symlink_to(copy.resolve())
+shutil.rmtree(".venv/lend/sklearn")  # 40 MB that nobody uses
 PYTHON
 }
 
