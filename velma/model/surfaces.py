@@ -56,13 +56,14 @@ VESSELS = {
 
 # rgba, specular, shininess, reflectance. Warm wood, white robot, one strong colour for what matters: the grains.
 MATERIALS = {
-    "wood": ((0.78, 0.60, 0.42, 1.0), 0.2, 0.2, 0.0),
+    "wood": ((0.80, 0.62, 0.44, 1.0), 0.2, 0.2, 0.0),
+    # Sides one can look through: from most places a closed cabinet would hide what the story is about.
+    "wood_thin": ((0.86, 0.70, 0.52, 0.38), 0.2, 0.2, 0.0),
     "wood_light": ((0.88, 0.76, 0.60, 1.0), 0.2, 0.2, 0.0),
-    "wood_dark": ((0.42, 0.30, 0.22, 1.0), 0.2, 0.3, 0.0),
     "steel": ((0.62, 0.64, 0.66, 1.0), 0.6, 0.6, 0.0),
     "glass": ((0.72, 0.88, 0.95, 0.32), 0.9, 0.9, 0.0),
     "glaze": ((0.20, 0.42, 0.62, 1.0), 0.8, 0.7, 0.0),
-    "grain": ((0.93, 0.42, 0.13, 1.0), 0.3, 0.3, 0.0),
+    "grain": ((0.96, 0.72, 0.16, 1.0), 0.3, 0.3, 0.0),
 }
 
 
@@ -70,7 +71,7 @@ def material(model: Model, part: str) -> str:
     """The material of a part of a piece of furniture."""
     if model is Model.TABLE:
         return "wood_light" if part == "top" else "steel"
-    return "wood_dark" if part == "back" else "wood"
+    return "wood_thin" if part in ("back", "left_side", "right_side", "top") else "wood"
 
 
 def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> None:
@@ -83,19 +84,33 @@ def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> N
     ET.SubElement(asset, "texture", {"name": "sky", "type": "skybox", **sky})
     tiles = {"builtin": "checker", "rgb1": "0.80 0.80 0.79", "rgb2": "0.76 0.76 0.75", "width": "512", "height": "512"}
     ET.SubElement(asset, "texture", {"name": "tiles", "type": "2d", **tiles})
-    ET.SubElement(asset, "material", name="floor", texture="tiles", texrepeat="6 6", specular="0.1", reflectance="0.04")
+    ET.SubElement(
+        asset,
+        "material",
+        name="floor",
+        texture="tiles",
+        texrepeat="1.5 1.5",
+        texuniform="true",
+        specular="0.1",
+        reflectance="0",
+    )
     for part in (part for parts in VESSELS.values() for part in parts):
         ET.SubElement(asset, "mesh", name=part.mesh, inertia="shell", **turned(part.outline))
     visual = ET.SubElement(root, "visual")
     width, height = offscreen
     ET.SubElement(visual, "global", offwidth=str(width), offheight=str(height))
     ET.SubElement(visual, "headlight", ambient="0.38 0.38 0.40", diffuse="0.25 0.25 0.25", specular="0.1 0.1 0.1")
-    ET.SubElement(visual, "quality", shadowsize="4096", offsamples="8")
+    ET.SubElement(visual, "quality", shadowsize="8192", offsamples="8")
+    ET.SubElement(visual, "map", haze="0.25", fogstart="6", fogend="14", shadowclip="8")
+    ET.SubElement(visual, "rgba", haze="0.86 0.90 0.94 1", fog="0.86 0.90 0.94 1")
+    ET.SubElement(root, "statistic", center="0.5 0 0.9", extent="2.2")
     lamp = {"directional": "true", "diffuse": "0.55 0.53 0.50", "specular": "0.25 0.25 0.25", "castshadow": "true"}
-    ET.SubElement(world, "light", {"name": "sun", "pos": "-1.5 1 4", "dir": "0.45 -0.3 -1", **lamp})
+    ET.SubElement(world, "light", {"name": "sun", "pos": "-0.6 0.8 3.2", "dir": "0.35 -0.25 -1", **lamp})
     fill = {"directional": "true", "diffuse": "0.22 0.24 0.28", "castshadow": "false"}
     ET.SubElement(world, "light", {"name": "fill", "pos": "2 -3 3", "dir": "-0.5 0.8 -0.6", **fill})
-    ET.SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "4 4 0.1", "material": "floor", "class": "furniture"})
+    ET.SubElement(
+        world, "geom", {"name": "floor", "type": "plane", "size": "0 0 0.1", "material": "floor", "class": "furniture"}
+    )
 
 
 def turned(outline: tuple[tuple[float, float], ...], segments: int = SEGMENTS) -> dict[str, str]:

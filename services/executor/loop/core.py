@@ -259,7 +259,7 @@ class LoopCore:
             largest_error_m=(self._largest[0], self._largest[1]),
         )
 
-    def _hand(self, row: int):  # noqa: ANN202 - HandReport
+    def _hand(self, row: int):
         return self._fingers.report(row, self.state)
 
     def _forget(self) -> None:

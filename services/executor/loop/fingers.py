@@ -117,9 +117,10 @@ class Fingers:
                 self._hold_on(row, close)
 
     def _feel(self, row: int, state: State, close: Close) -> None:
-        pushing = hand.touching(
-            self.motor[row], state.proximal[row], state.distal[row], close.speed, close.effort
-        ) & ~self.touched[row]
+        pushing = (
+            hand.touching(self.motor[row], state.proximal[row], state.distal[row], close.speed, close.effort)
+            & ~self.touched[row]
+        )
         self._pushing[row] = np.where(pushing, self._pushing[row] + 1, 0)
         new = self._pushing[row] > hand.TOUCH_CYCLES
         self._goal[row] = np.where(new, self.motor[row], self._goal[row])
