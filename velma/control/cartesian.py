@@ -54,7 +54,7 @@ class CartesianGains(msgspec.Struct, frozen=True):
 
 
 def rotation_vector(rotation: Array) -> Array:
-    """log(R), (3,) rad, for R (3, 3). Exact up to half a turn; at half a turn the axis has no sign and one is chosen."""
+    """log(R), (3,) rad, for R (3, 3). At half a turn the axis has no sign, and one is chosen."""
     sine = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     cosine = (rotation[0, 0] + rotation[1, 1] + rotation[2, 2] - 1.0) / 2.0
     length = 0.5 * math.sqrt(sine @ sine)
@@ -83,7 +83,8 @@ def task_inertia(jacobian: Array, inverse_mass: Array) -> tuple[Array, Array]:
     through = jacobian @ inverse_mass
     mobility = through @ jacobian.T
     mobility[np.diag_indices(12)] += REGULARISATION
-    return np.linalg.inv(mobility), through
+    inertia: Array = np.asarray(np.linalg.inv(mobility), dtype=np.float64)
+    return inertia, through
 
 
 def damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
@@ -108,7 +109,7 @@ def task_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
 
 
 def payload_wrench(rotation: Array, mass: Array, lever: Array) -> Array:
-    """h (12,): upward force and moment about the grip that carry masses (2,) kg at levers (2, 3) m in the grip frame."""
+    """h (12,): force and moment at the grips that carry masses (2,) kg at levers (2, 3) m in the grip frames."""
     wrench = np.zeros(12)
     for row in (0, 1):
         weight = mass[row] * GRAVITY
@@ -138,7 +139,7 @@ class CartesianImpedance:
     def torque(self, terms: Terms, error: Array, slip: Array, stray: Array, wrench: Array) -> Array:
         """tau (15,) for error e (12,), slip v - v_des (15,), stray q_des - q (15,) and a wrench to add, h (12,)."""
         jacobian = terms.jacobian
-        inertia, through = task_inertia(jacobian, np.linalg.inv(terms.mass))
+        inertia, through = task_inertia(jacobian, np.asarray(np.linalg.inv(terms.mass), dtype=np.float64))
         if self._age >= self.gains.renewed_every:
             self._damping = task_damping(inertia, self._stiffness, self.gains.damping_ratio)
             self._age = 0

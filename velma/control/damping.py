@@ -2,7 +2,7 @@
 
     tau = -d v
 
-It takes no model and no set-point, so it is there when everything else failed; it takes energy out and never puts any in.
+It takes no model and no set-point, so it is there when everything else failed; it takes energy out and puts none in.
 """
 
 import numpy as np

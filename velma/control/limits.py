@@ -1,4 +1,4 @@
-"""What Velma's lower level accepts; a body that is commanded more falls into damping (velma_system, common_predicates)."""
+"""What Velma's lower level accepts: a body commanded more falls into damping (velma_system, common_predicates)."""
 
 import numpy as np
 from numpy.typing import NDArray

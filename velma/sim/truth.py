@@ -2,8 +2,8 @@
 
 import math
 
-import mujoco
 import msgspec
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 

@@ -20,7 +20,7 @@ class Payloads:
         self._goal = np.zeros(2)
 
     def take(self, row: int, payload: Payload | None) -> None:
-        """From now on this hand carries that; None: what it carried. An emptied hand keeps its lever while it unloads."""
+        """From now on this hand carries that; None: what it carried. An emptied hand keeps its lever meanwhile."""
         if payload is None:
             return
         self._goal[row] = payload.mass

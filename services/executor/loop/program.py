@@ -46,7 +46,7 @@ class Close(msgspec.Struct, frozen=True, tag=True):
 
 
 class Open(msgspec.Struct, frozen=True, tag=True):
-    """The fingers are unlocked and open by an angle [rad], slowly, so that what they hold is set down and not flicked."""
+    """Unlock the fingers and open them by an angle [rad], slowly, so that what they hold is set down, not flicked."""
 
     by: float = 0.105
     speed: float = 0.15
