@@ -22,7 +22,7 @@ Colour = tuple[float, float, float, float]
 
 
 class Look(NamedTuple):
-    """A shape on a body: capsules and cylinders run between two points, ellipsoids and boxes have a centre and half axes."""
+    """A shape on a body: capsules and cylinders between two points, ellipsoids and boxes by centre and half axes."""
 
     kind: str
     size: Sequence[float]

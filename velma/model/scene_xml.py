@@ -109,7 +109,7 @@ def _jar(world: ET.Element, thing: Thing) -> None:
 
 
 def _bowl(world: ET.Element, thing: Thing) -> None:
-    """A disc and slanted plates, seen by everything: flared, so that fingers and grains meet the wall they would meet."""
+    """A disc and slanted plates, seen by everything: flared, so that fingers and grains meet a true wall."""
     bowl, body = objects()["bowl"], _body(world, thing, free=True)
     mass, rim, base, height = bowl["mass"], bowl["rim_radius"], bowl["base_radius"], bowl["height"]
     about = text((0.006 * mass, 0.006 * mass, 0.008 * mass))  # of a flared shell with a base, estimate

@@ -84,16 +84,8 @@ def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> N
     ET.SubElement(asset, "texture", {"name": "sky", "type": "skybox", **sky})
     tiles = {"builtin": "checker", "rgb1": "0.80 0.80 0.79", "rgb2": "0.76 0.76 0.75", "width": "512", "height": "512"}
     ET.SubElement(asset, "texture", {"name": "tiles", "type": "2d", **tiles})
-    ET.SubElement(
-        asset,
-        "material",
-        name="floor",
-        texture="tiles",
-        texrepeat="1.5 1.5",
-        texuniform="true",
-        specular="0.1",
-        reflectance="0",
-    )
+    floor = {"texture": "tiles", "texrepeat": "1.5 1.5", "texuniform": "true", "specular": "0.1"}
+    ET.SubElement(asset, "material", {"name": "floor", **floor})
     for part in (part for parts in VESSELS.values() for part in parts):
         ET.SubElement(asset, "mesh", name=part.mesh, inertia="shell", **turned(part.outline))
     visual = ET.SubElement(root, "visual")
@@ -114,7 +106,7 @@ def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> N
 
 
 def turned(outline: tuple[tuple[float, float], ...], segments: int = SEGMENTS) -> dict[str, str]:
-    """Vertices and faces of an outline (radius, z) turned about z, as MJCF words; faces look left of the outline's way."""
+    """Vertices and faces of an outline (radius, z) turned about z, as MJCF words; faces look left of its way."""
     around = [2 * math.pi * k / segments for k in range(segments)]
     points = [(r * math.cos(a), r * math.sin(a), z) for r, z in outline for a in around]
     faces = []

@@ -1,4 +1,4 @@
-"""Velma in MuJoCo: the scene, stepped at the control period. Knows the true poses and tells none of them (truth.py does).
+"""Velma in MuJoCo: the scene, stepped at the control period. Knows the true poses and tells none (truth.py does).
 
 A step is `mj_step2` and then `mj_step1`, so that whatever is read between two steps - gravity, contacts, poses - is
 that of the present state and not of the one before.
