@@ -41,6 +41,11 @@ class Flat(msgspec.Struct, frozen=True, array_like=True):
     along_x: float
     along_y: float
 
+    @property
+    def centre(self) -> Vector:
+        """Its middle, in the thing's frame."""
+        return self.x, self.y, self.z
+
 
 class Model(msgspec.Struct, frozen=True):
     """A kind of thing. `kind` is its class in the ontology; shapes are in its own frame."""

@@ -1,0 +1,192 @@
+"""Rigid transforms and overlap of convex shapes in plain Python: enough for relations and volumes, no robot.
+
+Poses are `T_A_B` (companion.languages.values), metres, quaternions w first. `overlap` is GJK on support functions
+(Gilbert, Johnson, Keerthi 1988): for convex shapes, true where they share a point. Must not know: facts, queries.
+"""
+
+import math
+from collections.abc import Iterable
+
+from companion.languages.values import Box, Cylinder, Pose, Shape, Sphere, Vector
+
+Quat = tuple[float, float, float, float]
+Bounds = tuple[Vector, Vector]
+# GJK needs a handful of rounds for such shapes; when it has not decided after these, they touch (safe side).
+ROUNDS = 32
+
+
+def rotate(quat_wxyz: Quat, v: Vector) -> Vector:
+    """v turned by a unit quaternion."""
+    w, x, y, z = quat_wxyz
+    a, b, c = v
+    tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+
+
+def conjugate(quat_wxyz: Quat) -> Quat:
+    """The turn back."""
+    w, x, y, z = quat_wxyz
+    return w, -x, -y, -z
+
+
+def place(pose: Pose, point: Vector) -> Vector:
+    """A point of frame B, in frame A, by T_A_B."""
+    x, y, z = rotate(pose.quat_wxyz, point)
+    a, b, c = pose.xyz
+    return x + a, y + b, z + c
+
+
+def unplace(pose: Pose, point: Vector) -> Vector:
+    """A point of frame A, in frame B, by T_A_B."""
+    return rotate(conjugate(pose.quat_wxyz), _minus(point, pose.xyz))
+
+
+def compose(first: Pose, second: Pose) -> Pose:
+    """T_A_B, T_B_C -> T_A_C."""
+    w, x, y, z = first.quat_wxyz
+    a, b, c, d = second.quat_wxyz
+    turn = (
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
+    )
+    return Pose(place(first, second.xyz), turn)
+
+
+def half_sizes(shape: Shape) -> Vector:
+    """Half edge lengths of the box around a shape, in the shape's own frame."""
+    match shape:
+        case Box(size=(x, y, z)):
+            return x / 2, y / 2, z / 2
+        case Cylinder(radius=r, length=length):
+            return r, r, length / 2
+        case Sphere(radius=r):
+            return r, r, r
+
+
+def bounds(shape: Shape, pose: Pose) -> Bounds:
+    """Lowest and highest coordinates of the box around a shape of an object, the object standing at `pose`."""
+    at = compose(pose, shape.at)
+    half = half_sizes(shape)
+    axes = [
+        rotate(at.quat_wxyz, (half[0], 0, 0)),
+        rotate(at.quat_wxyz, (0, half[1], 0)),
+        rotate(at.quat_wxyz, (0, 0, half[2])),
+    ]
+    reach = [sum(abs(axis[i]) for axis in axes) for i in range(3)]
+    x, y, z = at.xyz
+    return (x - reach[0], y - reach[1], z - reach[2]), (x + reach[0], y + reach[1], z + reach[2])
+
+
+def bounds_of(shapes: Iterable[Shape], pose: Pose) -> Bounds:
+    """The box around several shapes. Raises ValueError for none."""
+    boxes = [bounds(shape, pose) for shape in shapes]
+    low = [min(box[0][i] for box in boxes) for i in range(3)]
+    high = [max(box[1][i] for box in boxes) for i in range(3)]
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+
+def apart(one: Bounds, other: Bounds) -> bool:
+    """Have two boxes along the axes nothing in common?"""
+    return any(one[1][i] < other[0][i] or other[1][i] < one[0][i] for i in range(3))
+
+
+def within(box: Bounds, point: Vector) -> bool:
+    """Is the point in the box?"""
+    return all(low <= value <= high for low, value, high in zip(box[0], point, box[1], strict=True))
+
+
+def overlap(one: Shape, at: Pose, other: Shape, there: Pose) -> bool:
+    """Do two shapes share a point, their objects standing at `at` and `there`?"""
+    if apart(bounds(one, at), bounds(other, there)):
+        return False
+    first, second = compose(at, one.at), compose(there, other.at)
+    simplex: list[Vector] = []
+    direction = _minus(second.xyz, first.xyz)
+    if direction == (0.0, 0.0, 0.0):
+        return True
+    for _ in range(ROUNDS):
+        point = _minus(_support(one, first, direction), _support(other, second, _negative(direction)))
+        if _dot(point, direction) < 0:
+            return False
+        simplex.append(point)
+        simplex, direction = _nearest(simplex)
+        if _dot(direction, direction) < 1e-18:
+            return True
+    return True
+
+
+def _support(shape: Shape, at: Pose, direction: Vector) -> Vector:
+    """The shape's point that lies farthest in a direction of the world."""
+    x, y, z = rotate(conjugate(at.quat_wxyz), direction)
+    match shape:
+        case Box(size=(a, b, c)):
+            local = (math.copysign(a / 2, x), math.copysign(b / 2, y), math.copysign(c / 2, z))
+        case Cylinder(radius=r, length=length):
+            flat = math.hypot(x, y)
+            local = (r * x / flat if flat else 0.0, r * y / flat if flat else 0.0, math.copysign(length / 2, z))
+        case Sphere(radius=r):
+            norm = math.sqrt(x * x + y * y + z * z)
+            local = (r * x / norm, r * y / norm, r * z / norm)
+    return place(at, local)
+
+
+def _nearest(simplex: list[Vector]) -> tuple[list[Vector], Vector]:
+    """The part of a simplex (newest point last) that faces the origin, and the direction from it to the origin.
+
+    A zero direction says that the origin is in it.
+    """
+    if len(simplex) == 1:
+        return simplex, _negative(simplex[0])
+    if len(simplex) == 2:
+        return _line(simplex[0], simplex[1])
+    if len(simplex) == 3:
+        return _triangle(simplex[0], simplex[1], simplex[2])
+    return _tetrahedron(*simplex)
+
+
+def _line(b: Vector, a: Vector) -> tuple[list[Vector], Vector]:
+    ab, ao = _minus(b, a), _negative(a)
+    if _dot(ab, ao) <= 0:
+        return [a], ao
+    return [b, a], _cross(_cross(ab, ao), ab)
+
+
+def _triangle(c: Vector, b: Vector, a: Vector) -> tuple[list[Vector], Vector]:
+    ab, ac, ao = _minus(b, a), _minus(c, a), _negative(a)
+    normal = _cross(ab, ac)
+    if _dot(_cross(normal, ac), ao) > 0:
+        return _line(c, a) if _dot(ac, ao) > 0 else _line(b, a)
+    if _dot(_cross(ab, normal), ao) > 0:
+        return _line(b, a)
+    if _dot(normal, ao) >= 0:
+        return [c, b, a], normal if _dot(normal, ao) > 0 else (0.0, 0.0, 0.0)
+    return [b, c, a], _negative(normal)
+
+
+def _tetrahedron(d: Vector, c: Vector, b: Vector, a: Vector) -> tuple[list[Vector], Vector]:
+    ab, ac, ad, ao = _minus(b, a), _minus(c, a), _minus(d, a), _negative(a)
+    if _dot(_cross(ab, ac), ao) > 0:
+        return _triangle(c, b, a)
+    if _dot(_cross(ac, ad), ao) > 0:
+        return _triangle(d, c, a)
+    if _dot(_cross(ad, ab), ao) > 0:
+        return _triangle(b, d, a)
+    return [d, c, b, a], (0.0, 0.0, 0.0)
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _negative(a: Vector) -> Vector:
+    return -a[0], -a[1], -a[2]
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -1,0 +1,74 @@
+"""Observations become facts: the newest one of a subject is the true one, older ones are ignored.
+
+`observed` is pure (a scene in, a scene out); `apply` does the same to a store, facts and version in one transaction.
+Must not know: who observed, protocols.
+"""
+
+import msgspec
+
+from companion.languages import wm
+from services.knowledge.relations import related
+from services.knowledge.scene import Held, Scene, Thing
+from services.knowledge.store import Store
+
+Version = tuple[int, int]
+"""Incarnation of the observer and its count."""
+
+
+def subject_of(observation: wm.AnyObservation) -> str:
+    """What an observation is about; the latest version of each subject counts."""
+    match observation:
+        case wm.SeenObject(object=name):
+            return f"object:{name}"
+        case wm.SeenHand(side=side):
+            return f"hand:{side.value}"
+        case wm.SeenContent(source=name):
+            return f"content:{name}"
+        case wm.SeenBody():
+            return "body"
+
+
+def observed(scene: Scene, observation: wm.AnyObservation, version: Version, now: float = 0.0) -> Scene:
+    """The scene with this observation in it, or the very same scene if it has this subject as new or newer.
+
+    `now`: time of observations that do not carry one themselves [s].
+    """
+    subject = subject_of(observation)
+    if subject in scene.versions and version <= scene.versions[subject]:
+        return scene
+    at = observation.at if isinstance(observation, wm.SeenObject) else now
+    stamped = msgspec.structs.replace(
+        scene, versions={**scene.versions, subject: version}, times={**scene.times, subject: at}
+    )
+    return _noted(stamped, observation, at)
+
+
+def apply(store: Store, observation: wm.AnyObservation, version: Version, now: float = 0.0) -> bool:
+    """Store an observation and its version in one transaction; False if the store has this subject as new or newer."""
+    scene = observed(store.scene, observation, version, now)
+    if scene is store.scene:
+        return False
+    store.write(scene)
+    return True
+
+
+def _noted(scene: Scene, observation: wm.AnyObservation, at: float) -> Scene:
+    match observation:
+        case wm.SeenObject(object=name, model=model, pose=pose):
+            # What a hand holds moves with it: its pose holds for the moment it was seen in, and for no longer.
+            exact = scene.holder(name) is None
+            return related(scene.with_thing(Thing(name, model, pose, at, exact)), at)
+        case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
+            return related(scene.with_hand(side, Held(name, grasp, pose)), at)
+        case wm.SeenContent(source=source, destination=destination):
+            return msgspec.structs.replace(scene, contents={**scene.contents, source: destination})
+        case wm.SeenBody(body=body):
+            joints = {
+                "torso": (body.torso,),
+                "right_arm": body.right_arm,
+                "left_arm": body.left_arm,
+                "head": body.head,
+                "right_hand": body.right_hand,
+                "left_hand": body.left_hand,
+            }
+            return msgspec.structs.replace(scene, joints=joints)

@@ -1,0 +1,132 @@
+"""Hypothetical states: what would be if a plan were carried out. In memory only, and lost with the process.
+
+A hypothesis is made out of the observed world or of another hypothesis by changes; its id is chosen by pl, so making it
+twice is making it once. Their number is bounded, the oldest goes first; whoever names one that is gone is told so and
+makes it again. Everything is a value: making and dropping give a new `Overlays`. Must not know: the store.
+"""
+
+from typing import Any
+
+import msgspec
+
+from companion.languages import wm
+from services.knowledge.relations import related
+from services.knowledge.scene import PARTS, Held, Scene
+
+# A search of the pouring plan makes some tens of states; at a few kB each this many are no burden; estimate.
+LARGEST = 1024
+
+
+class Impossible(Exception):
+    """A change that cannot be made; `reason` in words for pl."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(reason)
+
+
+class Hypothesis(msgspec.Struct, frozen=True):
+    """A state with the words it was made by."""
+
+    parent: str
+    changes: tuple[wm.AnyChange, ...]
+    scene: Scene
+
+
+class Overlays(msgspec.Struct, frozen=True):
+    """All hypothetical states by id, oldest first. `Overlays()` has none."""
+
+    states: dict[str, Hypothesis] = {}
+    largest: int = LARGEST
+
+    def scene(self, id: str, observed: Scene) -> Scene | None:
+        """The scene of a state ("": the observed one), None if there is no such state (any more)."""
+        if id == "":
+            return observed
+        found = self.states.get(id)
+        return found.scene if found else None
+
+    def make(self, query: wm.HypotheticalState, observed: Scene) -> "tuple[Overlays, wm.AnyAnswer]":
+        """The state asked for, made unless it is there already by the same words."""
+        if query.id == "":
+            return self, wm.Unknown('a hypothetical state needs an id; "" is the world as observed')
+        known = self.states.get(query.id)
+        if known is not None:
+            same = (known.parent, known.changes) == (query.state, query.changes)
+            return self, wm.Made(query.id) if same else wm.Unknown(f"state {query.id!r} was made by other changes")
+        parent = self.scene(query.state, observed)
+        if parent is None:
+            return self, unknown_state(query.state)
+        try:
+            scene = changed(parent, query.changes)
+        except Impossible as error:
+            return self, wm.Unknown(error.reason)
+        return self._with(query.id, Hypothesis(query.state, query.changes, scene)), wm.Made(query.id)
+
+    def drop(self, prefix: str) -> "Overlays":
+        """Without every state whose id begins so."""
+        kept = {id: state for id, state in self.states.items() if not id.startswith(prefix)}
+        return self if len(kept) == len(self.states) else msgspec.structs.replace(self, states=kept)
+
+    def _with(self, id: str, made: Hypothesis) -> "Overlays":
+        states = {**self.states, id: made}
+        for oldest in list(states)[: max(0, len(states) - self.largest)]:
+            del states[oldest]
+        return msgspec.structs.replace(self, states=states)
+
+
+def unknown_state(id: str) -> wm.UnknownState:
+    """The answer to a query that names a state which is not there."""
+    return wm.UnknownState(id, f"no hypothetical state {id!r}: never made, dropped, or lost by a restart")
+
+
+def changed(scene: Scene, changes: tuple[wm.AnyChange, ...]) -> Scene:
+    """The scene after the changes, in order. Raises Impossible."""
+    for change in changes:
+        scene = _changed(scene, change)
+    return scene
+
+
+def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
+    match change:
+        case wm.Moved():
+            return _moved(scene, change)
+        case wm.Grasped(object=name, side=side, grasp=grasp, pose=pose):
+            _require(scene, name)
+            return related(scene.with_hand(side, Held(name, grasp, pose)), 0.0)
+        case wm.Released(side=side):
+            return related(scene.with_hand(side, Held()), 0.0)
+        case wm.Configured(part=part, q=q):
+            if len(q) != PARTS.get(part):
+                raise Impossible(f"part {part!r} with {len(q)} joints; parts are {_words(PARTS)}")
+            return msgspec.structs.replace(scene, joints={**scene.joints, part: q})
+        case wm.Reserved(name=name, volume=None):
+            return msgspec.structs.replace(scene, reserved={k: v for k, v in scene.reserved.items() if k != name})
+        case wm.Reserved(name=name, volume=volume):
+            return msgspec.structs.replace(scene, reserved={**scene.reserved, name: volume})
+        case wm.Poured(source=source, destination=destination):
+            _require(scene, source)
+            _require(scene, destination)
+            return msgspec.structs.replace(scene, contents={**scene.contents, source: destination})
+
+
+def _moved(scene: Scene, change: wm.Moved) -> Scene:
+    """The object stands elsewhere; what pl says it stands on goes before what geometry finds."""
+    _require(scene, change.object)
+    thing = msgspec.structs.replace(scene.things[change.object], pose=change.pose, exact=change.exact)
+    after = related(scene.with_thing(thing), thing.related_at)
+    if not change.on:
+        return after
+    _require(scene, change.on)
+    return after.with_thing(msgspec.structs.replace(after.things[change.object], on=change.on))
+
+
+def _require(scene: Scene, name: str) -> None:
+    if name not in scene.things:
+        raise Impossible(
+            f"object {name!r} was never observed; observed are {', '.join(sorted(scene.things)) or 'none'}"
+        )
+
+
+def _words(table: dict[str, Any]) -> str:
+    return ", ".join(f"{name} ({value})" for name, value in table.items())

@@ -1,0 +1,80 @@
+"""isOn and isIn, computed from poses and shapes (facts follow from geometry, nobody asserts them by hand).
+
+Pure functions of a scene. Must not know: where poses come from.
+"""
+
+from functools import cache
+
+import msgspec
+
+from companion.languages.values import Pose, Vector
+from companion.models import MODELS, Flat, Model
+from services.knowledge import geometry
+from services.knowledge.scene import Scene, Thing
+
+# A base this near to a surface stands on it: a pose is seen within some 4 mm (architecture of the receptor), and an
+# object that was tilted by a degree or two stands a few mm higher; estimate.
+TOUCH_M = 0.03
+# What stands on a thing is looked for this far above its own base, so that what stands on a roof is not inside;
+# estimate.
+INSIDE_M = 0.01
+
+
+def related(scene: Scene, now: float) -> Scene:
+    """The scene with all its relations as geometry has them now (`now`: time of the newest
+    observation).
+    """
+    things = {name: _related(scene, thing, now) for name, thing in scene.things.items()}
+    return msgspec.structs.replace(scene, things=things)
+
+
+def relate(scene: Scene, thing: Thing) -> tuple[str, tuple[str, ...]]:
+    """What a thing is on ("" nothing) and in (sorted by id)."""
+    model = thing.known
+    if model is None:
+        return "", ()
+    others = [other for other in scene.things.values() if other.id != thing.id and other.known is not None]
+    held = scene.holder(thing.id) is not None
+    inside = tuple(sorted(other.id for other in others if other.known and _is_in(thing, model, other, other.known)))
+    return ("" if held else _support(thing, model, others)), inside
+
+
+def _related(scene: Scene, thing: Thing, now: float) -> Thing:
+    on, inside = relate(scene, thing)
+    if (on, inside) == (thing.on, thing.inside):
+        return thing
+    return msgspec.structs.replace(thing, on=on, inside=inside, related_at=now)
+
+
+def _support(thing: Thing, model: Model, others: list[Thing]) -> str:
+    """The thing with the nearest flat surface below the middle of the base."""
+    base = geometry.place(thing.pose, (0.0, 0.0, model.base.z))
+    found = [
+        (abs(gap), other.id)
+        for other in others
+        if other.known
+        for flat in other.known.surfaces
+        if (gap := _gap(flat, other.pose, base)) is not None
+    ]
+    return min(found)[1] if found else ""
+
+
+def _gap(flat: Flat, pose: Pose, base: Vector) -> float | None:
+    """Height of a point above a surface, None if it is not above it or too far away."""
+    x, y, z = geometry.unplace(pose, base)
+    over = abs(x - flat.x) <= flat.along_x / 2 and abs(y - flat.y) <= flat.along_y / 2
+    return z - flat.z if over and abs(z - flat.z) <= TOUCH_M else None
+
+
+def _is_in(thing: Thing, model: Model, other: Thing, container: Model) -> bool:
+    """Is the foot of a thing within a thing that has an opening?"""
+    if container.hole is None:
+        return False
+    foot = geometry.place(thing.pose, (0.0, 0.0, model.base.z + INSIDE_M))
+    return geometry.within(_interior(container.name), geometry.unplace(other.pose, foot))
+
+
+@cache
+def _interior(model: str) -> geometry.Bounds:
+    """The box around a model, in its own frame."""
+    return geometry.bounds_of(MODELS[model].shapes, Pose((0.0, 0.0, 0.0)))
