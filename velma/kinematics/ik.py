@@ -1,0 +1,203 @@
+"""Inverse kinematics of a grip: follow a pose from here (iterative), find postures for it (closed form), judge them.
+
+`solve` and `line` keep the posture and move on from it, so their answers are continuous; `sample` knows no "here" and
+returns postures comfortable enough to end a motion in. Sides are "left" and "right", poses T_world_grip, q (15,) [rad].
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import eigenpy
+import numpy as np
+import pinocchio as pin
+
+from velma import names
+from velma.kinematics.arm import ArmGeometry
+from velma.kinematics.robot import Robot, between
+from velma.names import Array, Columns
+
+Accept = Callable[[Array], bool]
+
+TORSO_END = 1.3  # rad: end postures keep away from the torso's limit of 1.57 (trial runs: turning back needs room)
+END_MARGIN = 0.08  # rad from every limit of the arm at the end of a motion (trial runs)
+_STAY_INSIDE = 0.03  # rad: iterations are clipped this far inside the limits
+_DAMPING = 1e-4  # of J J^T; small enough to reach 0.5 mm, large enough to pass the elbow's singularity
+_LARGEST_TURN = 0.35  # rad a joint may move in one iteration
+_LARGEST_ERROR = 0.25  # m and rad: a farther target is approached in parts
+_JUMP = 0.25  # rad between neighbours of a line: more means that the elbow flipped
+
+
+class PathBlocked(Exception):
+    """A straight line of the grip cannot be followed to its end; `q` is the first configuration that failed."""
+
+    def __init__(self, reason: str, q: Array, fraction: float) -> None:
+        self.reason, self.q, self.fraction = reason, q, fraction
+        super().__init__(f"the line of the grip ends at {100 * fraction:.0f} % of its length: {reason}")
+
+
+def _step(jacobian: Array, error: Array) -> Array:
+    """Damped least squares: J^T (J J^T + damping)^-1 error, shortened to `_LARGEST_TURN`."""
+    square = jacobian @ jacobian.T
+    square.ravel()[::7] += _DAMPING
+    change = eigenpy.LLT(square).solve(error) @ jacobian
+    largest = max(change.max(), -change.min())
+    return np.asarray(change if largest <= _LARGEST_TURN else change * (_LARGEST_TURN / largest))
+
+
+def solve(
+    robot: Robot,
+    side: str,
+    target: Any,
+    q: Array,
+    *,
+    columns: Columns | None = None,
+    iterations: int = 45,
+    tolerance: tuple[float, float] = (5e-4, 2e-3),
+) -> Array | None:
+    """q with the grip of `side` at `target`, reached from q by moving only `columns` (torso + arm by default).
+
+    Tolerance is per axis in m and rad; the answer is a new array at least 0.03 rad inside the limits, or None.
+    """
+    columns = names.COLUMNS[side] if columns is None else columns
+    lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE
+    model, data, frame = robot.model, robot.data, robot.frame[side]
+    near, turned = tolerance
+    goal, goal_rotation = target.translation, target.rotation
+    error, q = np.empty(6), q.copy()
+    for _ in range(iterations):
+        pin.computeJointJacobians(model, data, q)
+        here = pin.updateFramePlacement(model, data, frame)
+        error[:3] = goal - here.translation
+        error[3:] = pin.log3(goal_rotation @ here.rotation.T)
+        size = np.abs(error)
+        if size[:3].max() < near and size[3:].max() < turned:
+            return q
+        jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).take(columns, 1)
+        change = _step(jacobian, np.minimum(np.maximum(error, -_LARGEST_ERROR), _LARGEST_ERROR))
+        q[columns] = np.minimum(np.maximum(q.take(columns) + change, lower), upper)
+    return None
+
+
+def line(
+    robot: Robot,
+    side: str,
+    q: Array,
+    target: Any,
+    *,
+    step: float = 0.015,
+    accept: Accept | None = None,
+    columns: Columns | None = None,
+) -> list[Array]:
+    """Configurations, q first, whose grip goes straight to `target`, at most `step` [m] and 0.06 rad apart.
+
+    Only `columns` move (the 7 joints of the arm by default). Raises `PathBlocked` with the reason "reach" (no
+    solution), "jump" (a joint would move over 0.25 rad in one step) or "collision" (`accept` said no).
+    """
+    columns = names.ARM[side] if columns is None else columns
+    start = robot.grip(q, side)
+    length = float(np.linalg.norm(target.translation - start.translation))
+    turn = float(np.linalg.norm(pin.log3(target.rotation @ start.rotation.T)))
+    count = max(2, int(max(length / step, turn / 0.06)))
+    path = [q]
+    for k, pose in enumerate(between(start, target, count)):
+        following = solve(robot, side, pose, path[-1], columns=columns, iterations=15)
+        if following is None:
+            raise PathBlocked("reach", path[-1], k / count)
+        if np.abs(following - path[-1]).max() > _JUMP:
+            raise PathBlocked("jump", following, k / count)
+        if accept is not None and not accept(following):
+            raise PathBlocked("collision", following, k / count)
+        path.append(following)
+    return path
+
+
+def _inside(polygon: Array, x: Array, y: Array) -> Any:
+    """Which points (n,) lie inside the polygon (corners, 2): an odd number of edges to the right of each."""
+    x0, y0 = polygon[:, 0, None], polygon[:, 1, None]
+    x1, y1 = np.roll(x0, 1, axis=0), np.roll(y0, 1, axis=0)
+    crosses = (y0 > y) != (y1 > y)
+    at = (x1 - x0) * (y - y0) / (y1 - y0) + x0
+    return np.count_nonzero(crosses & (x < at), axis=0) % 2 == 1
+
+
+def _margins(robot: Robot, arm: Array, side: str) -> tuple[Array, Array]:
+    """Of arms (n, 7): distance to the nearest limit and to the nearest straight shoulder, elbow or wrist, (n,) rad."""
+    columns = names.ARM[side]
+    to_limit = np.minimum(arm - robot.lower[columns], robot.upper[columns] - arm).min(axis=1)
+    return to_limit, np.abs(arm[:, 1::2]).min(axis=1)
+
+
+def margin(robot: Robot, q: Array, side: str) -> tuple[float, float]:
+    """Distance [rad] of the arm to its nearest limit, and of joints 1, 3, 5 to zero, where they are singular."""
+    to_limit, to_singular = _margins(robot, q[None, names.ARM[side]], side)
+    return float(to_limit[0]), float(to_singular[0])
+
+
+def _comfortable(robot: Robot, arm: Array, torso: Array, side: str) -> Any:
+    to_limit, _ = _margins(robot, arm, side)
+    inside = _inside(names.WRIST_POLYGON[side], arm[:, 5], arm[:, 6])
+    return (to_limit >= END_MARGIN) & inside & (np.abs(torso) <= TORSO_END)
+
+
+def comfortable(robot: Robot, q: Array, side: str) -> bool:
+    """Whether a motion may end in q: 0.08 rad from limits, wrist pair allowed, torso within 1.3 rad."""
+    return bool(_comfortable(robot, q[None, names.ARM[side]], q[None, names.TORSO], side)[0])
+
+
+def comfort(robot: Robot, q: Array, side: str) -> Array:
+    """How good configurations (n, 15) are to work in, larger is better: far from limits and singularities, torso ahead.
+
+    The weights are those the trial runs chose grasps with.
+    """
+    to_limit, to_singular = _margins(robot, q[:, names.ARM[side]], side)
+    return np.minimum(to_limit, 0.5) + 0.5 * np.minimum(to_singular, 0.4) - 0.25 * np.abs(q[:, names.TORSO])
+
+
+@lru_cache(maxsize=8)
+def geometry(robot: Robot, side: str) -> ArmGeometry:
+    """The closed form of one arm, computed once per robot."""
+    return ArmGeometry(robot, side)
+
+
+def postures(
+    robot: Robot,
+    side: str,
+    target: Any,
+    q: Array,
+    rng: np.random.Generator,
+    *,
+    starts: int = 24,
+    torso: tuple[float, float] | float = (-0.9, 0.9),
+) -> Array:
+    """Comfortable configurations (m, 15) with the grip at `target`: `starts` random torsos and elbows, 8 branches each.
+
+    The other arm keeps its joints of q. `torso` [rad] is a range, or one angle to keep. No collision is looked at.
+    """
+    turned = np.full(starts, torso) if isinstance(torso, (int, float)) else rng.uniform(*torso, starts)
+    found, _ = geometry(robot, side).postures(target, turned, rng.uniform(-np.pi, np.pi, starts))
+    found = found[_comfortable(robot, found[:, 1:], found[:, 0], side)]
+    whole = np.tile(q, (len(found), 1))
+    whole[:, names.COLUMNS[side]] = found
+    return whole
+
+
+def sample(
+    robot: Robot,
+    side: str,
+    target: Any,
+    q: Array,
+    rng: np.random.Generator,
+    *,
+    starts: int = 24,
+    torso: tuple[float, float] | float = (-0.9, 0.9),
+    accept: Accept | None = None,
+    best: bool = False,
+) -> Array | None:
+    """The first configuration of `postures` that `accept` agrees with, tried in order of comfort if `best`, or None."""
+    found = postures(robot, side, target, q, rng, starts=starts, torso=torso)
+    order = np.argsort(-comfort(robot, found, side), kind="stable") if best else rng.permutation(len(found))
+    for k in order:
+        if accept is None or accept(found[k]):
+            return np.array(found[k])
+    return None
