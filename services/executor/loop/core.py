@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from services.executor.loop.fingers import Fingers
 from services.executor.loop.payloads import Payloads
-from services.executor.loop.program import HeadGoal, Mode, Motion, Phase, Report, Result, Until, checked
+from services.executor.loop.program import HandReport, HeadGoal, Mode, Motion, Phase, Report, Result, Until, checked
 from services.executor.loop.track import Track
 from velma.control import cartesian, damping, head, joint, limits
 from velma.control.cartesian import CartesianGains, CartesianImpedance
@@ -64,12 +64,16 @@ class LoopCore:
 
     # -- what the outside may ask ------------------------------------------------------------------------------------
 
-    def begin(self, asked: Motion) -> None:
-        """Start a motion now. One that cannot be is reported as failed with its reason; nothing moves then."""
+    def begin(self, asked: Motion) -> str:
+        """Start a motion now, or say in words why not; nothing moves then. "" is yes.
+
+        A refused motion is reported as failed, unless another one runs, whose report stays.
+        """
         refused = self._refused(asked)
         if refused:
-            self.report = Report(asked.key, Phase.FAILED, refused, right=self._hand(0), left=self._hand(1))
-            return
+            if self._motion is None:
+                self.report = Report(asked.key, Phase.FAILED, refused, right=self._hand(0), left=self._hand(1))
+            return refused
         self._forget()
         self._motion, self._track = asked, Track(asked.path(), self.setpoint)
         self._began = self.state.time
@@ -79,6 +83,7 @@ class LoopCore:
         if asked.head is not None:
             self._head_goal = asked.head
         self._tell(Phase.RUNNING)
+        return ""
 
     def _refused(self, asked: Motion) -> str:
         if self._motion is not None:
@@ -117,7 +122,9 @@ class LoopCore:
             self._enter(Mode.DAMPING, reason)
 
     def run(self, asked: Motion) -> Result:
-        """Start a motion and cycle until it has ended. Result.phase says how."""
+        """Start a motion and cycle until it has ended. Result.phase says how. Raises MotionError while another runs."""
+        if self._motion is not None:
+            raise MotionError("running", self._motion.key, "no motion running; cancel it or wait for its end")
         self.begin(asked)
         while self.report.phase is Phase.RUNNING:
             self.cycle()
@@ -259,7 +266,7 @@ class LoopCore:
             largest_error_m=(self._largest[0], self._largest[1]),
         )
 
-    def _hand(self, row: int):
+    def _hand(self, row: int) -> HandReport:
         return self._fingers.report(row, self.state)
 
     def _forget(self) -> None:

@@ -78,7 +78,7 @@ class Until(StrEnum):
     TOUCH = "touch"  # the closing hands are closed
 
 
-class Motion(msgspec.Struct, frozen=True):
+class Motion(msgspec.Struct, frozen=True, tag=True):
     """A motion of the whole body.
 
     `knots` are joint positions (n, 15) as float64 bytes, `KNOT_S` apart; the first is where the body is told to be now.

@@ -1,0 +1,188 @@
+"""Both ends of the slot file: `AgentLink` for the executor's agent, `StopLink` for people, `LoopLink` for the loop."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from services.executor.loop.program import Cancel, Mode, Motion, Release, Report
+from services.executor.loop.slots import Counters, LoopFile, packed
+from velma.sim.backend import State
+
+Array = NDArray[np.float64]
+LoopCommand = Motion | Cancel | Release
+
+STOPS, RELEASES = 0, 1  # counters of the stop slot
+
+
+class LoopState(msgspec.Struct, frozen=True):
+    """The robot as the loop sees it. Arrays travel as float64 bytes; read them with the methods."""
+
+    time_s: float  # simulated
+    cycles: int
+    mode: Mode
+    busy: bool
+    work_J: float
+    faults: int
+    last_fault: str
+    body: bytes  # q, v, set-point: (3, 15)
+    hands: bytes  # head 2, spread 2, proximal 6, distal 6
+    world: bytes  # every coordinate of the world model, for the receptor's mirror
+
+    @property
+    def q(self) -> Array:
+        """Measured joints (15,), rad."""
+        return np.frombuffer(self.body, count=15)
+
+    @property
+    def v(self) -> Array:
+        """Measured speeds (15,), rad/s."""
+        return np.frombuffer(self.body, offset=15 * 8, count=15)
+
+    @property
+    def setpoint(self) -> Array:
+        """Where the joints are told to be (15,), rad: a motion begins here."""
+        return np.frombuffer(self.body, offset=30 * 8, count=15)
+
+    @property
+    def head(self) -> Array:
+        """Pan and tilt (2,), rad."""
+        return np.frombuffer(self.hands, count=2)
+
+    def fingers(self, row: int) -> tuple[Array, Array]:
+        """Proximal and distal joints (3,) each of a hand (0 right, 1 left), rad."""
+        proximal = np.frombuffer(self.hands, offset=(4 + 3 * row) * 8, count=3)
+        return proximal, np.frombuffer(self.hands, offset=(10 + 3 * row) * 8, count=3)
+
+    @property
+    def configuration(self) -> Array:
+        """Coordinates of the world model (nq,); empty without one."""
+        return np.frombuffer(self.world)
+
+
+class Told(msgspec.Struct, frozen=True):
+    """The loop's word: the number of the command taken last, its refusal if it was refused, the running report."""
+
+    taken: int = 0
+    refusal: str = ""
+    report: Report = Report()
+
+
+class Timing(msgspec.Struct, frozen=True):
+    """How late cycles began against their deadlines, us; missed: their command came after the next deadline."""
+
+    cycles: int = 0
+    missed: int = 0
+    skipped: int = 0  # periods that were given up because the process had been away for long
+    lateness_us: dict[str, float] = {}  # p50, p99, p999, max
+    compute_us: dict[str, float] = {}
+    realtime: bool = False
+
+
+_STATE = msgspec.msgpack.Decoder(LoopState).decode
+_TOLD = msgspec.msgpack.Decoder(Told).decode
+_TIMING = msgspec.msgpack.Decoder(Timing).decode
+_COMMAND = msgspec.msgpack.Decoder(LoopCommand).decode
+
+
+class AgentLink:
+    """The executor agent's end."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises SlotError where no loop of this version has put its file."""
+        self.file = LoopFile.open(path)
+        self._beat = Counters(self.file.slots["beat"], 1)
+
+    def send(self, command: LoopCommand) -> int:
+        """Command the loop. Returns the number that `told().taken` shows once taken; wait for it before the next."""
+        return self.file.slots["command"].write(packed(command))
+
+    def beat(self) -> None:
+        """Say that the agent lives: at least every 50 ms during an act."""
+        self._beat.add(0)
+
+    def state(self) -> LoopState | None:
+        """The newest state; None before the loop's first cycle."""
+        found = self.file.slots["state"].read()
+        return _STATE(found[1]) if found else None
+
+    def told(self) -> Told:
+        """The loop's newest word."""
+        found = self.file.slots["told"].read()
+        return _TOLD(found[1]) if found else Told()
+
+    def sealed_truth(self) -> bytes:
+        """The newest truth, encoded, to be passed on to the monitor unread; empty where there is none."""
+        found = self.file.slots["truth"].read()
+        return found[1] if found else b""
+
+    def timing(self) -> Timing:
+        """Deadline statistics so far."""
+        found = self.file.slots["timing"].read()
+        return _TIMING(found[1]) if found else Timing()
+
+
+class StopLink:
+    """A person's end: works with every agent dead."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises SlotError."""
+        self.file = LoopFile.open(path)
+        self._counters = Counters(self.file.slots["stop"], 2)
+
+    def stop(self) -> None:
+        """Hold the robot where it is."""
+        self._counters.add(STOPS)
+
+    def release(self) -> None:
+        """Let it be commanded again, once the stop has lasted its dwell time."""
+        self._counters.add(RELEASES)
+
+
+class LoopLink:
+    """The loop's end: takes what is new, tells what is so."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = LoopFile.create(path)
+        self._slots = self.file.slots
+        self._beat, self._stop = Counters(self._slots["beat"], 1), Counters(self._slots["stop"], 2)
+        self._taken, self._stops = 0, (0, 0)
+        self._body, self._hands = np.zeros((3, 15)), np.zeros(16)
+
+    def command(self) -> tuple[int, LoopCommand | msgspec.DecodeError] | None:
+        """The next command with its number, once; what is no command comes as the error that says why."""
+        slot = self._slots["command"]
+        if slot.number in (self._taken, self._taken + 1):
+            return None
+        found = slot.read()
+        if found is None or found[0] == self._taken:
+            return None
+        self._taken = found[0]
+        try:
+            return found[0], _COMMAND(found[1])
+        except msgspec.DecodeError as error:
+            return found[0], error
+
+    def people(self) -> tuple[bool, bool]:
+        """Whether a stop, and whether a release, was asked for since."""
+        now = self._stop.read()
+        stop, release = now[STOPS] != self._stops[STOPS], now[RELEASES] != self._stops[RELEASES]
+        self._stops = (now[STOPS], now[RELEASES])
+        return stop, release
+
+    def heartbeat(self) -> int:
+        """The agent's counter."""
+        return self._beat.read()[0]
+
+    def show_state(self, state: State, setpoint: Array, rest: LoopState) -> None:
+        """Publish a state; `rest` carries what is no array."""
+        self._body[0], self._body[1], self._body[2] = state.q, state.v, setpoint
+        self._hands[:2], self._hands[2:4] = state.head, state.spread
+        self._hands[4:10], self._hands[10:] = state.proximal.ravel(), state.distal.ravel()
+        body, hands = self._body.tobytes(), self._hands.tobytes()
+        self._slots["state"].write(packed(msgspec.structs.replace(rest, body=body, hands=hands)))
+
+    def show(self, slot: str, record: msgspec.Struct) -> None:
+        """Publish told, truth or timing."""
+        self._slots[slot].write(packed(record))

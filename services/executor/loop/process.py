@@ -1,0 +1,138 @@
+"""The loop with its clock and its slots: what the process of `__main__` turns, and what tests turn by hand.
+
+`--speed 1`: a cycle every 2 ms of wall time, always. `--speed max`: simulated time goes on only while something
+happens, as fast as it can; between acts the world stands still.
+"""
+
+import time
+from enum import StrEnum
+
+import msgspec
+
+from services.executor.loop.core import LoopCore
+from services.executor.loop.link import LoopLink, LoopState, Told
+from services.executor.loop.program import Cancel, Mode, Motion, Phase, Release
+from services.executor.loop.timing import Pacer
+from velma.sim.truth import TruthReader
+
+HEARTBEAT_S = 0.1  # of wall time without a beat during an act
+SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody looks
+SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
+IDLE_S = 0.002  # how long to look away while the world stands still
+
+
+class Speed(StrEnum):
+    """How simulated time goes."""
+
+    REAL = "1"
+    MAX = "max"
+
+
+class LoopProcess:
+    """Turns a core by commands from slots. `turn` is one cycle, or a short rest where time stands still."""
+
+    def __init__(
+        self, core: LoopCore, link: LoopLink, *, speed: Speed, truth: TruthReader | None, pacer: Pacer
+    ) -> None:
+        self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
+        self._told, self._shown = Told(), core.mode
+        self._beat, self._heard = link.heartbeat(), time.monotonic()
+        core.hold(SETTLE_S)
+        self._publish()
+
+    def turn(self) -> None:
+        """Take what was asked, let a period pass, show what is new."""
+        self._people()
+        self._take()
+        self._listen()
+        if self._speed is Speed.REAL:
+            self._pacer.wait()
+            self.core.cycle()
+            self._pacer.done()
+            self._show()
+        elif self.core.busy:
+            self.core.cycle()
+            self._show()
+        else:
+            time.sleep(IDLE_S)
+
+    def end(self, cycles: int = 50) -> None:
+        """The last commands are damping, whatever ran."""
+        self.core.abandon("the loop is shut down")
+        for _ in range(cycles):
+            self.core.cycle()
+        self._publish()
+
+    def _people(self) -> None:
+        stop, release = self._link.people()
+        if stop:
+            self.core.stop()
+        if release:
+            self.core.release()
+        if stop or release:
+            self._publish()
+
+    def _take(self) -> None:
+        found = self._link.command()
+        if found is None:
+            return
+        number, command = found
+        refusal = ""
+        match command:
+            case Motion():
+                refusal = self.core.begin(command)
+                self._heard = time.monotonic()  # a motion is a sign of life
+            case Cancel():
+                self.core.cancel(command.key)
+            case Release():
+                self.core.release()
+            case msgspec.DecodeError():
+                refusal = f"not a command: {command}"
+        self._told = Told(number, refusal, self.core.report)
+        self._publish()
+
+    def _listen(self) -> None:
+        beat, now = self._link.heartbeat(), time.monotonic()
+        if beat != self._beat or self.core.report.phase is not Phase.RUNNING:
+            self._beat, self._heard = beat, now
+        elif now - self._heard > HEARTBEAT_S and self.core.mode is Mode.MOTION:
+            self.core.abandon(f"the agent's heartbeat stood still for {HEARTBEAT_S:g} s")
+
+    def _show(self) -> None:
+        core = self.core
+        if core.report is not self._told.report or core.mode is not self._shown:
+            self._publish()
+        elif core.cycles % SHOW_EVERY == 0:
+            self._show_state()
+            if core.cycles % TRUTH_EVERY == 0:
+                self._show_truth()
+            if core.cycles % TIMING_EVERY == 0:
+                self._link.show("timing", self._pacer.timing())
+
+    def _publish(self) -> None:
+        """State and truth first: who sees a motion ended must find the world in which it did."""
+        self._show_state()
+        self._show_truth()
+        self._told, self._shown = msgspec.structs.replace(self._told, report=self.core.report), self.core.mode
+        self._link.show("told", self._told)
+        self._link.show("timing", self._pacer.timing())
+
+    def _show_state(self) -> None:
+        core = self.core
+        rest = LoopState(
+            time_s=core.state.time,
+            cycles=core.cycles,
+            mode=core.mode,
+            busy=core.busy,
+            work_J=core.backend.work_J,
+            faults=core.faults,
+            last_fault=core.last_fault,
+            body=b"",
+            hands=b"",
+            world=core.backend.configuration().tobytes(),
+        )
+        self._link.show_state(core.backend.observe(), core.setpoint, rest)
+
+    def _show_truth(self) -> None:
+        if self._truth is not None:
+            self._link.show("truth", self._truth.read())

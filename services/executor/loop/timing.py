@@ -1,0 +1,107 @@
+"""When a cycle begins: absolute deadlines, priority where the kernel grants it, and how late it all was.
+
+Lateness is counted in bins of fixed number, so that nothing grows while the robot runs.
+"""
+
+import ctypes
+import gc
+import os
+import time
+
+import numpy as np
+
+from services.executor.loop.link import Timing
+
+FIFO_PRIORITY = 80  # below the kernel's own threads (99), above everything normal
+MCL_CURRENT_AND_FUTURE = 1 | 2  # mlockall(2)
+
+BIN_US, BINS = 5, 8000  # up to 40 ms; anything later is in the last bin, its maximum is kept apart
+MOST_BEHIND = 10  # periods that are caught up by running faster; beyond that they are given up and counted
+
+
+class Histogram:
+    """Durations in us, in fixed bins."""
+
+    def __init__(self) -> None:
+        self._bins = np.zeros(BINS, dtype=np.int64)
+        self._count, self._max = 0, 0.0
+
+    def add(self, us: float) -> None:
+        """Count one."""
+        self._bins[min(BINS - 1, max(0, int(us / BIN_US)))] += 1
+        self._count += 1
+        self._max = max(self._max, us)
+
+    def figures(self) -> dict[str, float]:
+        """p50, p99, p999 (upper edges of their bins) and max, us."""
+        if not self._count:
+            return {}
+        upto = np.cumsum(self._bins)
+        out = {}
+        for name, share in (("p50", 0.5), ("p99", 0.99), ("p999", 0.999)):
+            out[name] = min(self._max, float(BIN_US * (1 + np.searchsorted(upto, share * self._count))))
+        out["max"] = self._max
+        return out
+
+
+class Pacer:
+    """Real time: cycle k begins k periods after the first wait."""
+
+    def __init__(self, period_s: float, realtime: bool = False) -> None:
+        self._period, self._next = period_s, 0.0
+        self._late, self._compute = Histogram(), Histogram()
+        self._cycles, self._missed, self._skipped, self._realtime = 0, 0, 0, realtime
+        self._began = 0.0
+
+    def wait(self) -> None:
+        """Sleep until the next deadline; behind it, go on at once."""
+        self._next = self._next + self._period if self._cycles else time.monotonic()
+        left = self._next - time.monotonic()
+        if left > 0:
+            time.sleep(left)
+        self._began = time.monotonic()
+        late = self._began - self._next
+        if late > MOST_BEHIND * self._period:
+            given_up = int(late / self._period)
+            self._skipped += given_up
+            self._next += given_up * self._period
+        self._late.add(1e6 * max(0.0, late))
+
+    def done(self) -> None:
+        """The cycle's command is out."""
+        now = time.monotonic()
+        self._cycles += 1
+        self._missed += now > self._next + self._period
+        self._compute.add(1e6 * (now - self._began))
+
+    def timing(self) -> Timing:
+        """The figures so far."""
+        return Timing(
+            cycles=self._cycles,
+            missed=self._missed,
+            skipped=self._skipped,
+            lateness_us=self._late.figures(),
+            compute_us=self._compute.figures(),
+            realtime=self._realtime,
+        )
+
+
+def take_priority() -> str:
+    """Ask for SCHED_FIFO and locked memory. Returns "" if granted, else one sentence that says what was not and why."""
+    refused = []
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+    except OSError as error:
+        refused.append(f"SCHED_FIFO ({error.strerror})")
+    if ctypes.CDLL(None, use_errno=True).mlockall(MCL_CURRENT_AND_FUTURE) != 0:
+        refused.append(f"locked memory ({os.strerror(ctypes.get_errno())})")
+    if not refused:
+        return ""
+    return f"no {' and no '.join(refused)}: some cycles will be late; needs CAP_SYS_NICE and CAP_IPC_LOCK"
+
+
+def still_memory() -> None:
+    """No garbage collection from here on: what exists stays, what comes makes no cycles."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
