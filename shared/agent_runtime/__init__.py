@@ -1,6 +1,6 @@
 """Embodied agents in general (paper, section 3): pure core, journal, pretend wires, and the shell that does the I/O.
 
-How to write an agent (tests/agent_runtime/toy.py is a whole one):
+How to write an agent (tests/agent_runtime/toy_agents.py is a whole one):
 
 1. Memory: a frozen msgspec Struct with defaults. It is journalled whenever it changes; what a death may take goes into
    a field named `soft` (another frozen Struct, all defaults): questions under way, hypotheses, ids of queries.
@@ -14,7 +14,7 @@ How to write an agent (tests/agent_runtime/toy.py is a whole one):
 4. What a protocol owes at once (confirm, coordinate's Running) must be said in the step that took the message.
 5. `Started(first=False)`: soft things are gone; ask, subscribe or search again. Durable conversations, wake-ups and the
    memory are there.
-6. `Agent(name, start, memory, behaviours, arcs, conditions, local)` from the design's table, `Wiring` from its channels.
+6. `Agent(name, start, memory, behaviours, arcs, conditions, local)` from the table, `Wiring` from the channels.
 7. Run it on `wires.Wires` in tests, by `shell.run` in a process: the same core, the same bytes.
 
 A peer's slips (out of sequence, content of no language) are answered not-understood and counted; a conversation that

@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toy import Want, asker, server, wirings
+from toy_agents import Want, asker, server, wirings
 
 from agent_runtime.wires import Faults, Point, Quiet, Wires
 

@@ -1,0 +1,11 @@
+"""The fleet's router: a Zenoh router opened from Python (as fast as the stand-alone one, and nothing to install).
+
+It listens, says so by `router.ready` in the run folder and a line, and waits for a signal. No agent may live in this
+process: the router's access rules would not hold for it.
+"""
+
+from agent_runtime import cli
+from agent_runtime.router import serve
+
+if __name__ == "__main__":
+    cli.run("router", "The fleet's Zenoh router.", serve)

@@ -1,0 +1,70 @@
+"""Structured logs: every event as one JSON line in a file, and what the level asks for as a short line on the console.
+
+Each line has time, agent and event; lines about a conversation have its id.
+"""
+
+import logging
+import sys
+import time
+from pathlib import Path
+from typing import Any, TextIO
+
+import msgspec
+import structlog
+
+LEVELS = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+
+
+class Log:
+    """`file`: JSON lines are appended there, from debug on; `level`: the least that the console shows."""
+
+    def __init__(
+        self, agent: str, level: str = "info", file: Path | None = None, console: TextIO | None = None
+    ) -> None:
+        """Raises ValueError for an unknown level."""
+        if level not in LEVELS:
+            raise ValueError(f"log level {level!r} is none of {', '.join(LEVELS)}")
+        self._least = LEVELS[level]
+        self._file: TextIO | None = None
+        self._json: Any = None
+        if file is not None:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            self._file = file.open("a", encoding="utf-8", buffering=1)
+            self._json = _wrapped(self._file, structlog.processors.JSONRenderer(serializer=_json), agent)
+        self._short = _wrapped(console or sys.stdout, _short, agent)
+
+    def write(self, event: str, level: str = "info", **fields: Any) -> None:
+        """One line."""
+        at = time.time()
+        if self._json is not None:
+            self._json.msg(event, t=at, level=level, **fields)
+        if LEVELS.get(level, logging.ERROR) >= self._least:
+            self._short.msg(event, t=at, level=level, **fields)
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+            self._file = self._json = None
+
+
+def _wrapped(out: TextIO, renderer: Any, agent: str) -> Any:
+    logger = structlog.wrap_logger(
+        structlog.WriteLogger(out), processors=[renderer], wrapper_class=structlog.BoundLogger, context_class=dict
+    )
+    return logger.bind(agent=agent)
+
+
+def _json(line: dict[str, Any], **_: Any) -> str:
+    return msgspec.json.encode(line, enc_hook=str).decode()
+
+
+def _short(_: Any, __: str, line: dict[str, Any]) -> str:
+    """`12:00:01.123 ta   sent  inform to co  co-1-4`: time, agent, event, the rest as words."""
+    at = float(line.pop("t"))
+    level, agent, event = line.pop("level"), line.pop("agent"), line.pop("event")
+    conversation = line.pop("conversation", "")
+    words = " ".join(f"{name}={value}" for name, value in line.items() if value not in ("", None))
+    clock = time.strftime("%H:%M:%S", time.localtime(at)) + f".{int(at % 1 * 1000):03d}"
+    mark = {"warning": "! ", "error": "!! "}.get(level, "")
+    return " ".join(part for part in (clock, f"{agent:<6}", f"{mark}{event}", words, conversation) if part)

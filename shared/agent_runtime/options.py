@@ -1,0 +1,22 @@
+"""What every service is told at its start; cli.py fills it from the command line and the environment."""
+
+from pathlib import Path
+
+import msgspec
+
+
+class Options(msgspec.Struct, frozen=True, kw_only=True):
+    """`connect`: the router's endpoint; `listen`: where the router itself listens; `run_dir`: files of this run.
+
+    `speed`: "1" (simulated time is real time) or "max"; `seed`: varies poses and noise; `scene`: a scene's TOML file,
+    None for the canonical one.
+    """
+
+    connect: str = "tcp/127.0.0.1:7447"
+    listen: str = "tcp/127.0.0.1:7447"
+    system: str = "roco"
+    run_dir: Path = Path("runs/manual")
+    log_level: str = "info"
+    speed: str = "1"
+    seed: int = 1
+    scene: Path | None = None

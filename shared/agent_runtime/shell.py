@@ -1,0 +1,351 @@
+"""The shell around the core: one loop thread that owns session, clock, journal and signals.
+
+Callbacks and devices only put into the inbox; the loop takes one entry at a time, steps the core, and carries the
+effects out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. SIGTERM and
+SIGINT stop it between steps. An exception of the agent's own code ends the process with status 1: the journal is as
+before the step, whoever supervises starts it again.
+"""
+
+import heapq
+import os
+import signal
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agent_runtime.agent import Agent
+from agent_runtime.core import Core
+from agent_runtime.devices import Device, DeviceMaker, NoDevice
+from agent_runtime.effects import Effects, Receipt
+from agent_runtime.events import (
+    AnyEvent,
+    Arrived,
+    Garbled,
+    LinkChanged,
+    Local,
+    Next,
+    PeerChanged,
+    Receipted,
+    Received,
+    Started,
+    Tick,
+)
+from agent_runtime.inbox import Class, Inbox
+from agent_runtime.journal import Journal
+from agent_runtime.logs import Log
+from agent_runtime.options import Options
+from agent_runtime.peers import Peers
+from agent_runtime.state import CoreState
+from agent_runtime.steplog import StepLog
+from agent_runtime.wiring import Delivery, Wiring
+from agent_runtime.zenoh_wire import Bytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
+from fipa_codec.communicate import Communicate, decode
+from fipa_codec.errors import MalformedError
+
+HEARTBEAT_S = 1.0
+"""Of the heartbeat file and of pings until they are answered; estimate: people look once a second."""
+
+
+class Stop(msgspec.Struct, frozen=True):
+    """A signal to stop in order."""
+
+    signal: int
+
+
+class Heartbeat(msgspec.Struct, frozen=True):
+    """<agent>.heartbeat.json and the key `_/state/<agent>`: what the agent is at. `at`: unix seconds."""
+
+    agent: str
+    pid: int
+    incarnation: int
+    step: int
+    state: str
+    ready: bool
+    up: bool
+    peers: dict[str, int]
+    unreceipted: dict[str, int]
+    due: dict[str, int]
+    counts: dict[str, int]
+    at: float
+
+
+class Shell:
+    """One agent in one process; `run` returns the exit status."""
+
+    def __init__(self, agent: Agent[Any], wiring: Wiring, options: Options, device: DeviceMaker | None = None) -> None:
+        """Opens files, takes the journal (JournalError where another process has it); nothing is sent before `run`."""
+        self.name = agent.name
+        self._options, run = options, options.run_dir
+        self.log = Log(agent.name, options.log_level, run / "logs" / f"{agent.name}.jsonl")
+        self._core = Core(agent, wiring)
+        self._inbox = Inbox()
+        self._peers = Peers(wiring.peers)
+        self._journal = Journal(run / "journal" / f"{agent.name}.journal")
+        self._steps = StepLog(run / "steps" / f"{agent.name}.steps")
+        self._maker = device
+        self._device: Device = NoDevice()
+        self._later: list[tuple[float, int, Any]] = []
+        self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links}
+        self._state: CoreState = self._boot()
+        self._wire: ZenohWire | None = None
+        self._wake_at: float | None = None
+        self._beat_at = 0.0
+
+    def _boot(self) -> CoreState:
+        """Raise the incarnation and sync it before anything is sent under it."""
+        before = self._journal.last
+        state = self._core.boot(before)
+        self._journal.append(self._core.record(state))
+        self._steps.boot(state.incarnation, before or b"", time.time())
+        self._ready_file.unlink(missing_ok=True)
+        return state
+
+    @property
+    def _ready_file(self) -> Path:
+        return self._options.run_dir / f"{self.name}.ready"
+
+    # --- the loop -----------------------------------------------------------------------------------------------------
+
+    def run(self) -> int:
+        """Serve until a signal comes. 0: stopped in order; 1: an error of the agent's own."""
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda caught, _: self._inbox.interrupt(Stop(caught)))
+        try:
+            self._serve()
+        except Exception:
+            self.log.write("died", level="error", why=traceback.format_exc())
+            return 1
+        finally:
+            self._close()
+        return 0
+
+    def _serve(self) -> None:
+        stopping: list[Stop] = []
+        session = open_client(self._options.connect, lambda: self._stop_came(stopping))
+        if session is None:
+            return
+        self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._inbox)
+        self._peers.router(True, time.time())
+        if self._maker is not None:
+            self._device = self._maker(self._post)
+        first = self._state.incarnation == 1
+        self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
+        self._happen(Started(first))
+        while True:
+            item = self._inbox.get(self._wait_s())
+            if isinstance(item, Stop):
+                self.log.write("stopping", signal=item.signal)
+                return
+            if item is not None:
+                self._take(item)
+            self._on_time()
+
+    def _stop_came(self, stopping: list[Stop]) -> bool:
+        """Whether a signal came while there is no router yet."""
+        item = self._inbox.get(0.0)
+        if isinstance(item, Stop):
+            stopping.append(item)
+        return bool(stopping)
+
+    def _wait_s(self) -> float:
+        times = [self._beat_at, self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None]
+        return min(at for at in times if at is not None) - time.time()
+
+    def _on_time(self) -> None:
+        now = time.time()
+        for gone in self._peers.gone(now):
+            self._changed(gone)
+        while self._later and self._later[0][0] <= now:
+            self._happen(Local(heapq.heappop(self._later)[2]))
+        if self._wake_at is not None and self._wake_at <= now:
+            self._happen(Tick())
+        if self._beat_at <= now:
+            self._beat_at = now + HEARTBEAT_S
+            self._ping_all()
+            self._beat()
+
+    def _close(self) -> None:
+        self._device.close()
+        if self._wire is not None:
+            self._wire.close()
+        self._journal.close()
+        self._steps.close()
+        self._ready_file.unlink(missing_ok=True)
+        self.log.write("stopped")
+        self.log.close()
+
+    # --- what comes in ------------------------------------------------------------------------------------------------
+
+    def _post(self, content: Any, delay_s: float = 0.0) -> None:
+        """For devices, on any thread."""
+        self._inbox.put(Class.CONTROL, _Posted(content, time.time() + delay_s if delay_s > 0.0 else 0.0))
+
+    def _take(self, item: Any) -> None:
+        now = time.time()
+        match item:
+            case Bytes():
+                self._happen(_opened(item))
+            case ReceiptBytes():
+                self._happen(self._receipt(item))
+            case _Posted(content=content, at=0.0):
+                self._happen(Local(content))
+            case _Posted(content=content, at=at):
+                heapq.heappush(self._later, (at, id(item), content))
+            case Token(agent=agent, incarnation=incarnation, alive=alive):
+                for change in self._peers.token(agent, incarnation, alive, now):
+                    self._changed(change)
+            case RouterSeen(up=up):
+                for lost_or_back in self._peers.router(up, now):
+                    self._changed(lost_or_back)
+            case Ping():
+                self._pinged(item)
+
+    def _receipt(self, item: ReceiptBytes) -> AnyEvent:
+        try:
+            receipt = msgspec.msgpack.decode(item.data, type=Receipt)
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+            return Garbled(f"receipt of {item.peer}", str(error))
+        return Receipted(item.peer, receipt.taken, receipt.subject, receipt.version)
+
+    def _changed(self, change: PeerChanged | LinkChanged) -> None:
+        if isinstance(change, PeerChanged):
+            level = "info" if change.incarnation is not None else "warning"
+            self.log.write("peer", level=level, peer=change.agent, incarnation=change.incarnation or "gone")
+            self._ping_all()
+        self._happen(change)
+
+    # --- steps --------------------------------------------------------------------------------------------------------
+
+    def _happen(self, event: AnyEvent) -> None:
+        """Step, and again while more can be taken."""
+        following: AnyEvent | None = event
+        while following is not None:
+            now = time.time()
+            before = self._state.state
+            self._state, effects = self._core.step(self._state, following, now)
+            self._carry_out(effects)
+            self._steps.step(self._state.incarnation, self._state.soft.step, now, following, effects)
+            self._wake_at = effects.wake_at
+            if self._state.state != before:
+                self._beat()
+            following = Next() if effects.more else None
+
+    def _carry_out(self, effects: Effects) -> None:
+        """In this order: see the module's text."""
+        assert self._wire is not None
+        if effects.record is not None:
+            self._journal.append(effects.record)
+        for receipt in effects.receipts:
+            self._wire.send_receipt(receipt)
+        if isinstance(effects.handled, Received):
+            self._log_communicate("received", effects.handled.communicate, 0)
+        for communicate in effects.sends:
+            self._log_communicate("sent", communicate, self._wire.send(communicate))
+        for content in effects.tells:
+            self._device.tell(content)
+        for line in effects.logs:
+            self.log.write(line.event, line.level, **line.fields)
+
+    def _log_communicate(self, event: str, communicate: Communicate, size: int) -> None:
+        peer = communicate.receiver if event == "sent" else communicate.sender
+        link = self._core.wiring.link(peer, communicate.protocol)
+        durable = link is not None and link.delivery is Delivery.DURABLE
+        self.log.write(
+            event,
+            level="info" if durable else "debug",
+            performative=str(communicate.performative),
+            peer=peer,
+            protocol=communicate.protocol,
+            language=communicate.language,
+            id=communicate.id,
+            bytes=size or None,
+            conversation=communicate.conversation,
+        )
+
+    # --- readiness and life -------------------------------------------------------------------------------------------
+
+    def _ping_all(self) -> None:
+        """Ask on every channel that has not answered yet."""
+        if self._wire is not None:
+            for peer, channel in self._unanswered:
+                self._wire.ping(peer, channel)
+
+    def _pinged(self, ping: Ping) -> None:
+        assert self._wire is not None
+        if not ping.pong:
+            self._wire.ping(ping.peer, ping.channel, pong=True)
+        elif (ping.peer, ping.channel) in self._unanswered:
+            self._unanswered.discard((ping.peer, ping.channel))
+            if not self._unanswered:
+                self.log.write("ready")
+                self._beat()
+
+    def _beat(self) -> None:
+        """Say what the agent is at: file, key, and once it is ready the file that says so."""
+        state = self._state
+        beat = Heartbeat(
+            agent=self.name,
+            pid=os.getpid(),
+            incarnation=state.incarnation,
+            step=state.soft.step,
+            state=state.state,
+            ready=not self._unanswered,
+            up=self._peers.up,
+            peers=dict(self._peers.alive),
+            unreceipted={peer: len(sent) for peer, sent in state.outbox.items()},
+            due={peer: len(due) for peer, due in state.due.items()},
+            counts=state.counts | {f"dropped {kind}": count for kind, count in self._inbox.dropped.items()},
+            at=time.time(),
+        )
+        data = msgspec.json.encode(beat)
+        _replace(self._options.run_dir / f"{self.name}.heartbeat.json", data)
+        if beat.ready and not self._ready_file.exists():
+            _replace(self._ready_file, str(state.incarnation).encode())
+        if self._wire is not None:
+            self._wire.publish("state", data)
+
+
+class _Posted(msgspec.Struct, frozen=True):
+    """A device's word; `at` 0: now."""
+
+    content: Any
+    at: float
+
+
+def _opened(item: Bytes) -> AnyEvent:
+    """The communicate in what came, if it is one and says what its key says (the router's rights go by the key)."""
+    try:
+        communicate = decode(item.data)
+    except MalformedError as error:
+        return Garbled(item.key, str(error))
+    told = (communicate.sender, communicate.receiver, communicate.protocol, str(communicate.performative))
+    chunks = tuple(item.key.split("/")[3:])
+    if told != chunks:
+        return Garbled(item.key, f"the communicate says {'/'.join(told)}")
+    return Arrived(communicate)
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Write a small file so that a reader sees the old one or the new one."""
+    beside = path.with_name(f".{path.name}.new")
+    beside.write_bytes(data)
+    beside.replace(path)
+
+
+def run(
+    agent: Agent[Any],
+    wiring: Wiring,
+    options: Options,
+    device: DeviceMaker | None = None,
+    *,
+    prepare: Callable[[Shell], None] | None = None,
+) -> int:
+    """Run an agent until it is told to stop; the exit status. `prepare` sees the shell before it serves (tests)."""
+    shell = Shell(agent, wiring, options, device)
+    if prepare is not None:
+        prepare(shell)
+    return shell.run()

@@ -1,0 +1,102 @@
+"""The unsynced log of steps in the run folder: what came in, when, and a hash of what went out.
+
+It replays an agent to the same bytes: each life begins with the journal record it started from. Losing its tail costs
+nothing but that proof, so it is never synced. A line is <length u32><msgpack array>; a torn last line is ignored.
+"""
+
+import hashlib
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agent_runtime import events
+from agent_runtime.core import Core
+from agent_runtime.effects import Effects
+
+HEAD = struct.Struct("<I")
+BOOT = "boot"
+
+
+class Step(msgspec.Struct, frozen=True, array_like=True):
+    """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8 bytes of hash."""
+
+    incarnation: int
+    step: int
+    at: float
+    kind: str
+    input: bytes
+    output: bytes = b""
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=repr)
+_decoder = msgspec.msgpack.Decoder(Step)
+
+
+def fingerprint(effects: Effects) -> bytes:
+    """A hash of everything a step put out: record, receipts, communicates, words to the devices."""
+    parts = (effects.record, effects.receipts, effects.sends, effects.tells)
+    return hashlib.blake2b(_encoder.encode(parts), digest_size=8).digest()
+
+
+class StepLog:
+    """The open log of one agent."""
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = path.open("ab", buffering=0)
+
+    def boot(self, incarnation: int, record: bytes, now: float) -> None:
+        """A life begins from this record (b"": the first one)."""
+        self._write(Step(incarnation, 0, now, BOOT, record))
+
+    def step(self, incarnation: int, step: int, now: float, event: events.AnyEvent, effects: Effects) -> None:
+        """One step of the core."""
+        kind = type(event).__name__
+        self._write(Step(incarnation, step, now, kind, _encoder.encode(event), fingerprint(effects)))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _write(self, step: Step) -> None:
+        data = _encoder.encode(step)
+        self._file.write(HEAD.pack(len(data)) + data)
+
+
+def read(path: Path) -> Iterator[Step]:
+    """All whole lines of a log."""
+    data, at = path.read_bytes(), 0
+    while at + HEAD.size <= len(data):
+        (length,) = HEAD.unpack_from(data, at)
+        body = data[at + HEAD.size : at + HEAD.size + length]
+        if len(body) < length:
+            return
+        yield _decoder.decode(body)
+        at += HEAD.size + length
+
+
+def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effects]]:
+    """Run a core through a log: each step with its effects now; compare `fingerprint(effects)` with `step.output`."""
+    state = core.boot(None)
+    for step in steps:
+        if step.kind == BOOT:
+            state = core.boot(step.input or None)
+            continue
+        state, effects = core.step(state, _event(core, step), step.at)
+        yield step, effects
+
+
+def _event(core: Core[Any], step: Step) -> events.AnyEvent:
+    kind = getattr(events, step.kind)
+    if kind is not events.Local:
+        event: events.AnyEvent = msgspec.msgpack.decode(step.input, type=kind)
+        return event
+    content = msgspec.msgpack.decode(step.input, type=_RawLocal).content
+    return events.Local(msgspec.msgpack.decode(content, type=core.agent.local))
+
+
+class _RawLocal(msgspec.Struct, tag="Local"):
+    content: msgspec.Raw

@@ -1,0 +1,118 @@
+"""The toy agents as processes over a real router: the promises of the pretend wires hold over the real one."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+import toy_agents as toy
+import zenoh
+from toy_fleet import Fleet, wait_for
+
+from agent_runtime.core import Core
+from agent_runtime.journal import last_record
+from agent_runtime.state import restored
+from agent_runtime.steplog import fingerprint, read, replay
+from agent_runtime.wiring import communicate_key
+from agent_runtime.zenoh_wire import client_config
+from fipa_codec.communicate import Communicate, encode
+from fipa_codec.performatives import Performative
+
+pytestmark = pytest.mark.zenoh
+
+
+def journalled(run: Path, agent: str) -> object:
+    """The memory in the agent's journal."""
+    record = last_record((run / "journal" / f"{agent}.journal").read_bytes())
+    assert record is not None
+    return restored(toy.asker() if agent == "asker" else toy.server(), record).memory
+
+
+def answers(run: Path) -> tuple[tuple[int, int], ...]:
+    """What the asker has got."""
+    memory = journalled(run, "asker")
+    assert isinstance(memory, toy.AskerMemory)
+    return memory.answers
+
+
+def done(run: Path) -> tuple[int, ...]:
+    """What the server worked on."""
+    memory = journalled(run, "server")
+    assert isinstance(memory, toy.ServerMemory)
+    return memory.done
+
+
+def expect(fleet: Fleet, *numbers: int) -> None:
+    """These were asked, worked on and answered, once each and in order."""
+    wait_for(lambda: len(answers(fleet.run)) >= len(numbers), f"{len(numbers)} answers\n{fleet.logs()}")
+    assert answers(fleet.run) == tuple((number, 2 * number) for number in numbers)
+    assert done(fleet.run) == numbers
+
+
+def test_request_is_answered_and_stop_is_orderly(fleet: Fleet) -> None:
+    """A request goes there and comes back; SIGTERM ends each with status 0; the step log replays to the same bytes."""
+    fleet.want(4)
+    expect(fleet, 4)
+    assert [fleet.stop(name) for name in ("asker", "server", "router")] == [0, 0, 0]
+    to_server, _ = toy.wirings()
+    steps = list(replay(Core(toy.asker(), to_server), read(fleet.run / "steps" / "asker.steps")))
+    assert steps
+    assert all(fingerprint(effects) == step.output for step, effects in steps)
+
+
+@pytest.mark.parametrize("victim", ["server", "asker"])
+def test_killed_in_the_middle(fleet: Fleet, victim: str) -> None:
+    """kill -9 while requests are under way, and a restart from the journal: everything happens exactly once."""
+    for number in range(6):
+        fleet.want(number)
+    wait_for(lambda: len(answers(fleet.run)) >= 2, "some answers")
+    if victim == "asker":
+        # What a person said and no record holds is lost by a death, so all must be in memory first.
+        wait_for(lambda: _all_wanted(fleet.run), "all words are taken")
+        (fleet.run / "want").unlink()
+    fleet.kill(victim)
+    fleet.start(victim)
+    expect(fleet, *range(6))
+    fleet.ready(victim)
+    assert fleet.beat(victim).incarnation == 2
+
+
+def _all_wanted(run: Path) -> bool:
+    memory = journalled(run, "asker")
+    assert isinstance(memory, toy.AskerMemory)
+    return len(memory.answers) + len(memory.wanted) == 6
+
+
+def test_router_killed(fleet: Fleet) -> None:
+    """Nobody is taken for dead when the router dies; when it is back the traffic goes on."""
+    fleet.want(1)
+    expect(fleet, 1)
+    fleet.kill("router")
+    wait_for(lambda: not fleet.beat("asker").up, "the asker sees that the router is away")
+    fleet.want(2)
+    wait_for(lambda: fleet.beat("asker").state == "asking", "the asker asks")
+    assert fleet.beat("asker").peers == {"server": 1}
+    fleet.start("router")
+    expect(fleet, 1, 2)
+    wait_for(lambda: fleet.beat("asker").up, "the asker sees the router")
+    assert fleet.beat("asker").peers == {"server": 1}
+
+
+def test_garbage_kills_nobody(fleet: Fleet) -> None:
+    """Garbage on an agent's keys is counted, and the next request is served."""
+    with zenoh.open(client_config(fleet.endpoint)) as session:
+        key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
+        lie = Communicate(
+            performative=Performative.CANCEL,
+            protocol="request",
+            conversation="c",
+            sender="asker",
+            receiver="server",
+            id="1",
+        )
+        for data in (b"", b"garbage", b"\xc1" * 100, msgspec.msgpack.encode({"V": "request"}), encode(lie)):
+            session.put(key, data)
+        session.put("roco/toy/_/receipt/asker/server", b"\x93garbage")
+        session.put("roco/toy/_/alive/asker/many", b"")
+        wait_for(lambda: fleet.beat("server").counts.get("garbled", 0) == 6, "all garbage is counted")
+    fleet.want(9)
+    expect(fleet, 9)

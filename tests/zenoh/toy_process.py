@@ -1,0 +1,56 @@
+"""One of the toy agents as a process of its own: `python toy_process.py asker|server <connect> <run folder>`.
+
+Words for the asker come as files: the asker's device looks at <run>/want and posts each new line as Want.
+"""
+
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "agent_runtime"))
+
+import toy_agents as toy
+
+from agent_runtime import shell
+from agent_runtime.devices import Post
+from agent_runtime.options import Options
+
+
+class WantFile:
+    """Posts the lines of a file, each once in this life."""
+
+    busy = False
+
+    def __init__(self, post: Post, path: Path) -> None:
+        self._post, self._path = post, path
+        self._ended = threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        seen = 0
+        while not self._ended.wait(0.02):
+            lines = self._path.read_text().split() if self._path.exists() else []
+            for line in lines[seen:]:
+                self._post(toy.Want(int(line)))
+            seen = len(lines)
+
+    def tell(self, content: Any) -> None:
+        """Nothing is told."""
+
+    def close(self) -> None:
+        """Look no more."""
+        self._ended.set()
+
+
+def main(name: str, connect: str, run: Path) -> int:
+    """Serve until a signal comes."""
+    to_server, to_asker = toy.wirings()
+    options = Options(connect=connect, run_dir=run, log_level="debug")
+    if name == "asker":
+        return shell.run(toy.asker(), to_server, options, lambda post: WantFile(post, run / "want"))
+    return shell.run(toy.server(), to_asker, options)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], sys.argv[2], Path(sys.argv[3])))
