@@ -13,6 +13,8 @@ Quat = tuple[float, float, float, float]
 Bounds = tuple[Vector, Vector]
 # GJK needs a handful of rounds for such shapes; when it has not decided after these, they touch (safe side).
 ROUNDS = 32
+# Squared length below which a direction is none: a nanometre, far below what is measured anywhere.
+_SAME = 1e-18
 
 
 def rotate(quat_wxyz: Quat, v: Vector) -> Vector:
@@ -104,7 +106,7 @@ def overlap(one: Shape, at: Pose, other: Shape, there: Pose) -> bool:
     first, second = compose(at, one.at), compose(there, other.at)
     simplex: list[Vector] = []
     direction = _minus(second.xyz, first.xyz)
-    if direction == (0.0, 0.0, 0.0):
+    if _dot(direction, direction) < _SAME:
         return True
     for _ in range(ROUNDS):
         point = _minus(_support(one, first, direction), _support(other, second, _negative(direction)))
@@ -112,7 +114,7 @@ def overlap(one: Shape, at: Pose, other: Shape, there: Pose) -> bool:
             return False
         simplex.append(point)
         simplex, direction = _nearest(simplex)
-        if _dot(direction, direction) < 1e-18:
+        if _dot(direction, direction) < _SAME:
             return True
     return True
 

@@ -1,0 +1,154 @@
+"""The design of the Robot Companion is consistent, and says what the paper says."""
+
+from typing import get_args
+
+import pytest
+
+from companion.design import DESIGN, INTERFACES, AgentName, class_named, findings, language_of
+from companion.languages import LANGUAGES, hfsm, sw, wm
+from fipa_codec.communicate import Communicate
+from fipa_codec.performatives import Performative as P
+from topdown.checks import reachable
+from topdown.errors import NoSuchEntry
+
+# Section 5.2: channel -> the agents it joins in the end.
+CHANNELS = {
+    "C1": {"co", "ta"},
+    "C2": {"co", "hi"},
+    "C3": {"co", "pl"},
+    "C4": {"pl", "km"},
+    "C5": {"ex", "ta"},
+    "C6": {"ta", "km"},
+}
+# Section 5.5, Tables 3 to 6: the states of the paper (ours may be more).
+STATES = {
+    "co": {"trigger", "procReq", "compSP", "schedule", "switch"},
+    "pl": {"idle", "initialize", "search", "finalize"},
+    "km": {"idle", "questionAnswering", "knowledgeSaving"},
+    "ta": {"idle", "running", "finished"},
+}
+
+
+def said(sender: str, receiver: str, protocol: str, performative: P) -> Communicate:
+    """A communicate as far as its address goes."""
+    return Communicate(sender=sender, receiver=receiver, protocol=protocol, performative=performative)
+
+
+def test_the_design_is_consistent() -> None:
+    """Neither in itself nor with the languages, the protocols' rows and the kinds of queries is there a finding."""
+    assert [str(finding) for finding in findings()] == []
+
+
+def test_six_channels_join_the_agents_as_in_the_paper() -> None:
+    """The steps, walked, end in the paper's figure."""
+    assert {channel.id: set(channel.ends) for channel in DESIGN.channels.values()} == CHANNELS
+    assert DESIGN.decomposition.last.groups == tuple(DESIGN.decomposition.last.groups)
+    assert set(DESIGN.agents) == {name.value for name in AgentName} == set(DESIGN.decomposition.last.groups)
+
+
+@pytest.mark.parametrize("agent", STATES)
+def test_every_state_of_the_paper_is_there_and_reachable(agent: str) -> None:
+    """Names are the paper's."""
+    assert STATES[agent] <= reachable(DESIGN.agent(agent))
+
+
+def test_states_that_are_not_the_papers_have_a_ruling() -> None:
+    """Whatever we added to a machine of the paper says so."""
+    for agent, states in STATES.items():
+        extra = [state for state in DESIGN.agent(agent).state if state.name not in states]
+        assert all(state.ruling for state in extra)
+
+
+def test_a_communicate_travels_on_the_key_of_the_design() -> None:
+    """The key names system, channel, sender, receiver, protocol and act."""
+    key = DESIGN.key("lab", said("co", "ta", "coordinate", P.REQUEST))
+    assert key == "roco/lab/C1/co/ta/coordinate/request"
+    assert DESIGN.keys_to("lab", "ta") == "roco/lab/*/*/ta/*/*"
+    assert DESIGN.house_key("alive", system="lab", owner="ta", incarnation=3) == "roco/lab/_/alive/ta/3"
+
+
+def test_every_rule_has_its_own_key() -> None:
+    """No two rules share a key, so access rights can be as fine as the rules."""
+    keys = [DESIGN.key_of("lab", rule) for rule in DESIGN.rules.values()]
+    assert len(keys) == len(set(keys))
+
+
+def test_a_message_outside_the_design_has_no_key() -> None:
+    """hi never talks to ta; and the error says which acts there are."""
+    with pytest.raises(NoSuchEntry):
+        DESIGN.key("lab", said("hi", "ta", "coordinate", P.REQUEST))
+    with pytest.raises(NoSuchEntry) as caught:
+        DESIGN.key("lab", said("co", "ta", "coordinate", P.PROPOSE))
+    assert P.REQUEST in caught.value.known
+
+
+def test_formula_4_holds() -> None:
+    """confirm and cancel are in SW without content, the request is a plan in HFSM."""
+    for act in (P.CONFIRM, P.CANCEL):
+        rule = DESIGN.rule(said("co", "ta", "coordinate", act))
+        assert (rule.language, rule.contents) == ("SW", ())
+    rule = DESIGN.rule(said("co", "ta", "coordinate", P.REQUEST))
+    assert (rule.language, rule.contents) == ("HFSM", ("HFSM.HierarchicalPlan",))
+
+
+def test_queries_are_small_and_answers_may_be_large() -> None:
+    """Section 5.4: 250 bytes and 1 MB; hypothetical states have a budget of their own."""
+    rule = DESIGN.rule(said("pl", "km", "query", P.QUERY_REF))
+    assert rule.sizes["WM.ObjectPose"] == 250
+    assert rule.sizes["WM.HypotheticalState"] > 250
+    assert DESIGN.rule(said("km", "pl", "query", P.INFORM_REF)).bytes == 1_000_000
+    assert "WM.HypotheticalState" not in DESIGN.rule(said("ta", "km", "query", P.QUERY_REF)).contents
+
+
+def test_durable_are_the_channels_of_the_main_line() -> None:
+    """C1, C2, C3 and acts on C5 are journalled; queries and subscriptions are not."""
+    assert {use.name for use in DESIGN.file.protocol if use.durable} == {
+        "execute_plan",
+        "execute_command",
+        "generate_plan",
+        "act",
+    }
+    assert DESIGN.rule(said("ta", "km", "subscribe", P.INFORM)).latest
+    assert not DESIGN.rule(said("ta", "km", "subscribe", P.AGREE)).latest
+
+
+def test_a_reason_may_go_with_every_no() -> None:
+    """refuse, failure and not-understood may carry a Reason in the language everybody reads."""
+    for rule in DESIGN.rules.values():
+        no = rule.performative in (P.REFUSE, P.FAILURE, P.NOT_UNDERSTOOD)
+        assert ("reason.Reason" in rule.contents) == no
+
+
+def test_the_interface_of_the_paper_is_the_papers() -> None:
+    """ClassInterfaceInfo([('request', 'generatePlan', [GroundTaskNetwork], HierarchicalPlan)])"""
+    (entry,) = INTERFACES["generate_plan"]
+    assert (entry.performative, entry.name) == (P.REQUEST, "generatePlan")
+    assert (entry.arguments, entry.answers) == ((hfsm.GroundTaskNetwork,), (hfsm.HierarchicalPlan,))
+
+
+def test_every_query_kind_of_wm_can_be_asked() -> None:
+    """Each query class finds its entry on C4."""
+    asked = {argument for entry in INTERFACES["ask_for_planning"] for argument in entry.arguments}
+    assert asked == set(get_args(wm.AnyQuery))
+
+
+def test_every_content_class_has_one_language() -> None:
+    """The language of a sentence follows from its class."""
+    assert language_of(sw.Report(sw.WorkerState.RUNNING)).name == "SW"
+    assert class_named("WM.PoseOf") is wm.PoseOf
+    classes = [kind for name in LANGUAGES.names for kind in LANGUAGES.named(name).classes]
+    assert len(classes) == len(set(classes))
+
+
+def test_an_agents_interface_is_what_its_rules_say() -> None:
+    """km sends answers and a subscription, in WM with O_RoCo (and reasons)."""
+    side = DESIGN.side("km")
+    assert side.sends >= {P.INFORM_REF, P.SUBSCRIBE}
+    assert side.languages_sent == {"WM", "reason"}
+    assert side.ontologies_received == {"RoCo"}
+    assert DESIGN.peers("co") == {"ta": "C1", "hi": "C2", "pl": "C3"}
+
+
+def test_conditions_to_bind_are_listed() -> None:
+    """An agent's code learns which names it must bind."""
+    assert {"switch", "command_arrived", "switched"} <= DESIGN.conditions("co")

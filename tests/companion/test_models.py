@@ -1,0 +1,95 @@
+"""Object models and grasps: numbers that belong together do."""
+
+import math
+
+import pytest
+
+from companion.languages import WM, wm
+from companion.languages.values import Box, Cylinder, Pose
+from companion.models import CLOSINGS, GRASPS, MODELS, REACH
+
+
+def turned(pose: Pose, v: tuple[float, float, float]) -> tuple[float, ...]:
+    """A point of the inner frame in the outer one."""
+    w, x, y, z = pose.quat_wxyz
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return tuple(sum(row[i] * v[i] for i in range(3)) + pose.xyz[k] for k, row in enumerate(rows))
+
+
+def test_there_are_as_many_grasps_as_were_published() -> None:
+    """96 for the jar, 32 for the bowl; boxes 24, 16, 8."""
+    counts = {name: len(grasps) for name, grasps in GRASPS.items()}
+    assert counts == {"jar": 96, "bowl_high": 32, "box1": 24, "box2": 16, "box3": 8}
+
+
+@pytest.mark.parametrize("model", GRASPS)
+def test_a_grasp_comes_nearer_with_every_step(model: str) -> None:
+    """From the outermost step on the object comes closer to the hand, with unit quaternions and names of its own."""
+    assert len({grasp.id for grasp in GRASPS[model]}) == len(GRASPS[model])
+    for grasp in GRASPS[model]:
+        distances = [step.pose.xyz[2] for step in grasp.steps]
+        assert distances == sorted(distances, reverse=True)
+        assert grasp.closed > grasp.steps[-1].fingers
+        for step in grasp.steps:
+            assert math.hypot(*step.pose.quat_wxyz) == pytest.approx(1.0)
+
+
+def test_the_jar_sits_deeper_in_the_hand_than_published() -> None:
+    """Published at 0.02 in front of the grip; closing drags it to the palm from there, so 18 mm less."""
+    assert {round(grasp.steps[-1].pose.xyz[2], 6) for grasp in GRASPS["jar"]} == {0.002}
+
+
+def test_the_jars_axis_is_across_the_approach() -> None:
+    """Every jar grasp is one from the side."""
+    for grasp in GRASPS["jar"]:
+        pose = Pose((0.0, 0.0, 0.0), grasp.steps[-1].pose.quat_wxyz)
+        assert turned(pose, (0.0, 0.0, 1.0))[2] == pytest.approx(0.0, abs=1e-5)
+
+
+def test_the_hands_close_as_the_trials_say() -> None:
+    """The jar is squeezed hard with unequal effort, the bowl hardly at all."""
+    jar, bowl = GRASPS["jar"][0], GRASPS["bowl_high"][0]
+    assert (math.degrees(jar.squeeze), jar.effort) == (pytest.approx(40.0), (0.8, 1.5))
+    assert (math.degrees(bowl.squeeze), bowl.effort) == (pytest.approx(0.8), (1.5, 1.5))
+    assert [CLOSINGS["bowl_high"].kind_of(number) for number in (0, 15, 16, 31)] == [
+        "rim_two_inside",
+        "rim_two_inside",
+        "rim_one_inside",
+        "rim_one_inside",
+    ]
+
+
+def test_the_bowls_boards_lean_from_its_base_to_its_rim() -> None:
+    """Twenty boards; the top of each is near the rim radius, the bottom near the base radius, all outwards alike."""
+    boards = [shape for shape in MODELS["bowl_high"].shapes if isinstance(shape, Box)]
+    assert len(boards) == 20
+    for board in boards:
+        half = board.size[2] / 2
+        x, y, z = turned(board.at, (0.0, 0.0, half))
+        assert math.hypot(x, y) == pytest.approx(0.1, abs=0.005)
+        assert z == pytest.approx(0.1, abs=0.002)
+        x, y, z = turned(board.at, (0.0, 0.0, -half))
+        assert math.hypot(x, y) == pytest.approx(0.06, abs=0.005)
+        assert z == pytest.approx(0.003, abs=0.002)
+    assert any(isinstance(shape, Cylinder) for shape in MODELS["bowl_high"].shapes)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_says_where_it_is_from_and_has_shapes(name: str) -> None:
+    """Each has a source, some shape, mass, and a base at its lowest point or above."""
+    model = MODELS[name]
+    assert model.source
+    assert model.shapes
+    assert model.mass > 0
+    answer = model.of("x")
+    assert WM.decode(WM.encode(answer)) == answer
+    assert isinstance(answer, wm.ModelOf)
+
+
+def test_arms_reach_from_their_own_shoulder() -> None:
+    """Left is where y is positive."""
+    assert {side.value: reach.shoulders[0][1] > 0 for side, reach in REACH.items()} == {"left": True, "right": False}

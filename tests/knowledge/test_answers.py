@@ -1,0 +1,226 @@
+"""Every kind of query has its answer, answers are pure, and nothing is known that was not observed."""
+
+from typing import get_args
+
+import pytest
+
+from companion.design import DESIGN, INTERFACES
+from companion.languages import WM, wm
+from companion.languages.values import Box, Cylinder, Pose, Side
+from companion.models import GRASPS, MODELS
+from fipa_codec.performatives import Performative
+from services.knowledge import observe
+from services.knowledge.answers import ANSWERS, MAKERS, answer, ask
+from services.knowledge.overlays import Overlays
+from services.knowledge.store import Store
+
+VOLUME = Cylinder(0.1, 0.3, Pose((0.85, 0.37, 1.25)))
+
+# One query of each kind, about the recorded scene.
+EXAMPLES: tuple[wm.AnyQuery, ...] = (
+    wm.ListObjects(),
+    wm.ObjectPose(object="jar_1"),
+    wm.ObjectModel(object="jar_1"),
+    wm.MoveableObjects(),
+    wm.StaticObjects(),
+    wm.ObjectHole(object="jar_1"),
+    wm.FlatSurfaces(object="table_1"),
+    wm.CurrentGrasp(object="jar_1"),
+    wm.GraspAtSide(side=Side.LEFT),
+    wm.GraspSet(object="jar_1"),
+    wm.GraspDefinition(object="jar_1", grasp="7"),
+    wm.ArmConfiguration(side=Side.LEFT),
+    wm.TorsoConfiguration(),
+    wm.HeadConfiguration(),
+    wm.GripperConfiguration(side=Side.LEFT),
+    wm.EnvironmentShapes(),
+    wm.CollisionsInVolume(volume=VOLUME),
+    wm.ReservedSpace(),
+    wm.RobotReach(side=Side.LEFT),
+    wm.Holds(relation="isIn", subject="jar_1", value="cabinet_2"),
+    wm.HypotheticalState(id="p", changes=(wm.Poured("jar_1", "bowl_1"),)),
+    wm.DropStates(prefix="p"),
+)
+ABOUT_AN_OBJECT = [query for query in EXAMPLES if getattr(query, "object", "") or getattr(query, "subject", "")]
+ABOUT_THE_BODY = [
+    query for query in EXAMPLES if isinstance(query, wm.GraspAtSide) or "Configuration" in type(query).__name__
+]
+
+
+def name_of(query: wm.AnyQuery) -> str:
+    """For the report of the tests."""
+    return type(query).__name__
+
+
+def test_every_kind_of_query_has_a_function_and_an_entry_in_the_interface() -> None:
+    """Language, table and design agree."""
+    kinds = set(get_args(wm.AnyQuery))
+    assert set(ANSWERS) | MAKERS == kinds
+    assert not set(ANSWERS) & MAKERS
+    assert {argument for entry in INTERFACES["ask_for_planning"] for argument in entry.arguments} == kinds
+    assert {type(query) for query in EXAMPLES} == kinds
+
+
+@pytest.mark.parametrize("query", EXAMPLES, ids=name_of)
+def test_the_answer_is_of_the_class_the_design_promises(kitchen: Store, query: wm.AnyQuery) -> None:
+    """And it fits its language and the size budget."""
+    interface = INTERFACES["ask_for_planning"]
+    said = answer(kitchen, query)
+    interface.check_answer(interface.entry_for(Performative.QUERY_REF, query), said)
+    raw = WM.encode(said)
+    assert WM.decode(raw) == said
+    assert len(bytes(raw)) < DESIGN.rules["km", "pl", "query", Performative.INFORM_REF].bytes
+
+
+@pytest.mark.parametrize("query", EXAMPLES, ids=name_of)
+def test_a_query_is_small_enough_for_its_budget(query: wm.AnyQuery) -> None:
+    """Content and an envelope of 120 bytes."""
+    budget = DESIGN.rules["pl", "km", "query", Performative.QUERY_REF].sizes[f"WM.{type(query).__name__}"]
+    assert len(bytes(WM.encode(query))) + 120 <= budget
+
+
+@pytest.mark.parametrize("query", EXAMPLES, ids=name_of)
+def test_answers_are_pure(kitchen: Store, query: wm.AnyQuery) -> None:
+    """Asked twice, the same answer; and nothing observed has changed."""
+    before = kitchen.scene
+    assert answer(kitchen, query) == answer(kitchen, query)
+    assert kitchen.scene is before
+
+
+@pytest.mark.parametrize("query", [*ABOUT_AN_OBJECT, *ABOUT_THE_BODY], ids=name_of)
+def test_who_has_observed_nothing_knows_nothing(query: wm.AnyQuery) -> None:
+    """A starved store answers Unknown, in words that name what was asked."""
+    said = answer(Store.open(), query)
+    assert isinstance(said, wm.Unknown)
+    assert "never observed" in said.reason
+
+
+def test_who_has_observed_nothing_lists_nothing() -> None:
+    """No object, surface, shape or collision comes from anywhere else."""
+    store = Store.open()
+    for query in (wm.ListObjects(), wm.MoveableObjects(), wm.StaticObjects(), wm.CollisionsInVolume(volume=VOLUME)):
+        assert answer(store, query) == wm.Objects(())
+    assert answer(store, wm.EnvironmentShapes()) == wm.Shapes(())
+    assert answer(store, wm.FlatSurfaces()) == wm.Surfaces(())
+
+
+def test_an_object_that_was_seen_is_known_and_its_neighbour_is_not() -> None:
+    """Knowledge comes by subject."""
+    store = Store.open()
+    observe.apply(store, wm.SeenObject("jar_1", "jar", Pose((1.0, 0.0, 1.0)), 0.0), (1, 1))
+    assert isinstance(answer(store, wm.ObjectPose(object="jar_1")), wm.PoseOf)
+    said = answer(store, wm.ObjectPose(object="bowl_1"))
+    assert isinstance(said, wm.Unknown)
+    assert "jar_1" in said.reason
+
+
+def test_objects_are_listed_by_class_and_superclass(kitchen: Store) -> None:
+    """A container is a jar, a bowl or a cabinet; an unknown class is told with those there are."""
+    said = answer(kitchen, wm.ListObjects(kind="Container"))
+    assert isinstance(said, wm.Objects)
+    assert {(thing.id, thing.kind) for thing in said.objects} == {
+        ("jar_1", "Jar"),
+        ("bowl_1", "Bowl"),
+        ("cabinet_2", "CabinetNoDoor"),
+    }
+    said = answer(kitchen, wm.ListObjects(kind="Teapot"))
+    assert isinstance(said, wm.Unknown)
+    assert "Bowl" in said.reason
+
+
+def test_surfaces_are_in_the_world(kitchen: Store) -> None:
+    """A table's top is at its height, a cabinet has two shelves and a roof."""
+    said = answer(kitchen, wm.FlatSurfaces())
+    assert isinstance(said, wm.Surfaces)
+    heights = sorted(round(surface.at.xyz[2], 3) for surface in said.surfaces if surface.object == "cabinet_2")
+    assert heights == [0.88, 1.18, 1.475]
+    (top,) = (surface for surface in said.surfaces if surface.object == "table_1")
+    assert top.at.xyz == pytest.approx((0.783, -0.84, 0.775))
+
+
+def test_a_held_object_moves_with_its_hand(kitchen: Store) -> None:
+    """PoseOf names the hand, CurrentGrasp gives T_grip_object, and the object is no part of the surroundings."""
+    grip = Pose((0.0, 0.0, 0.002), (0.0, 1.0, 0.0, 0.0))
+    observe.apply(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "7", grip), (1, 50))
+    pose = answer(kitchen, wm.ObjectPose(object="jar_1"))
+    assert isinstance(pose, wm.PoseOf)
+    assert (pose.held_by, pose.exact) == (Side.LEFT, False)
+    grasp = wm.GraspOf("jar_1", Side.LEFT, "7", grip)
+    assert answer(kitchen, wm.CurrentGrasp(object="jar_1")) == grasp
+    assert answer(kitchen, wm.GraspAtSide(side=Side.LEFT)) == grasp
+    assert answer(kitchen, wm.GraspAtSide(side=Side.RIGHT)) == wm.GraspOf("", Side.RIGHT)
+    shapes = answer(kitchen, wm.EnvironmentShapes(ignored=("table_2",)))
+    assert isinstance(shapes, wm.Shapes)
+    assert {shape.object for shape in shapes.shapes} == {"table_1", "cabinet_2", "bowl_1"}
+
+
+def test_grasps_are_those_of_the_model(kitchen: Store) -> None:
+    """All, or the one that is asked for; a table has none."""
+    assert answer(kitchen, wm.GraspSet(object="bowl_1")) == wm.Grasps("bowl_1", GRASPS["bowl_high"])
+    one = answer(kitchen, wm.GraspDefinition(object="jar_1", grasp="7"))
+    assert isinstance(one, wm.Grasps)
+    assert [grasp.id for grasp in one.grasps] == ["7"]
+    for query in (wm.GraspSet(object="table_1"), wm.GraspDefinition(object="jar_1", grasp="777")):
+        assert isinstance(answer(kitchen, query), wm.Unknown)
+
+
+def test_a_volume_is_met_by_what_reaches_into_it(kitchen: Store) -> None:
+    """Around the jar: jar and cabinet; a small one in mid air: nothing; ignored objects are not named."""
+    around = wm.CollisionsInVolume(volume=VOLUME)
+    said = answer(kitchen, around)
+    assert isinstance(said, wm.Objects)
+    assert {thing.id for thing in said.objects} == {"jar_1", "cabinet_2"}
+    free = wm.CollisionsInVolume(volume=Box((0.1, 0.1, 0.1), Pose((0.3, 0.0, 1.5))))
+    assert answer(kitchen, free) == wm.Objects(())
+    said = answer(kitchen, wm.CollisionsInVolume(volume=VOLUME, ignored=("jar_1", "cabinet_2")))
+    assert said == wm.Objects(())
+
+
+@pytest.mark.parametrize(
+    ("relation", "subject", "value", "true"),
+    [
+        ("isIn", "jar_1", "cabinet_2", True),
+        ("isIn", "jar_1", "", True),
+        ("isIn", "jar_1", "bowl_1", False),
+        ("isOn", "cabinet_2", "table_2", True),
+        ("isOn", "table_1", "", False),
+        ("isGraspedBy", "jar_1", "", False),
+        ("isInstanceOf", "jar_1", "Container", True),
+        ("isInstanceOf", "jar_1", "jar", True),
+        ("isInstanceOf", "jar_1", "Bowl", False),
+        ("hasExactPose", "bowl_1", "", True),
+        ("isIn", "jar_1.content", "bowl_1", False),
+    ],
+)
+def test_relations_hold_or_not(kitchen: Store, relation: str, subject: str, value: str, true: bool) -> None:
+    """As in the recorded scene."""
+    assert answer(kitchen, wm.Holds(relation=relation, subject=subject, value=value)) == wm.Truth(true)
+
+
+def test_content_is_where_it_was_poured(kitchen: Store) -> None:
+    """Known by the observation of a pouring only."""
+    observe.apply(kitchen, wm.SeenContent("jar_1", "bowl_1"), (1, 60))
+    assert answer(kitchen, wm.Holds(relation="isIn", subject="jar_1.content", value="bowl_1")) == wm.Truth(True)
+
+
+def test_an_unknown_relation_is_told_with_those_there_are(kitchen: Store) -> None:
+    """The answer lists the words."""
+    said = answer(kitchen, wm.Holds(relation="likes", subject="jar_1"))
+    assert isinstance(said, wm.Unknown)
+    assert "isIn" in said.reason
+
+
+def test_a_model_says_what_pl_needs(kitchen: Store) -> None:
+    """The answer is the model's, under the object's name; a table has no opening."""
+    assert answer(kitchen, wm.ObjectModel(object="jar_1")) == MODELS["jar"].of("jar_1")
+    assert isinstance(answer(kitchen, wm.ObjectHole(object="table_1")), wm.Unknown)
+
+
+def test_reserved_space_is_a_hypotheticals_only(kitchen: Store) -> None:
+    """A plan keeps a volume free in its own states; the observed world has none."""
+    query = wm.HypotheticalState(id="p", changes=(wm.Reserved("pouring", VOLUME),))
+    overlays, _ = ask(kitchen.scene, Overlays(), query)
+    said = answer(kitchen, wm.ReservedSpace(state="p"), overlays)
+    assert isinstance(said, wm.Shapes)
+    assert [(shape.object, shape.shapes) for shape in said.shapes] == [("pouring", (VOLUME,))]
+    assert answer(kitchen, wm.ReservedSpace(), overlays) == wm.Shapes(())

@@ -1,0 +1,136 @@
+"""Observations become facts, the newest of a subject is the true one, and relations follow from geometry."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.languages import wm
+from companion.languages.values import Pose, Side
+from services.knowledge.observe import observed, subject_of
+from services.knowledge.scene import Scene
+from services.knowledge.store import Store
+
+from .conftest import KITCHEN, yaw
+
+
+def seen(name: str, model: str, xyz: tuple[float, float, float], at: float = 0.0) -> wm.SeenObject:
+    """An upright object seen."""
+    return wm.SeenObject(name, model, Pose(xyz), at)
+
+
+def scene_of(*observations: wm.AnyObservation) -> Scene:
+    """All of them, one after the other."""
+    scene = Scene()
+    for count, observation in enumerate(observations):
+        scene = observed(scene, observation, (1, count))
+    return scene
+
+
+def test_the_cabinet_holds_jar_and_bowl_and_stands_on_a_table(kitchen: Store) -> None:
+    """The relations of the recorded scene, though the jar was seen before the cabinet."""
+    things = kitchen.scene.things
+    assert (things["jar_1"].on, things["jar_1"].inside) == ("cabinet_2", ("cabinet_2",))
+    assert (things["bowl_1"].on, things["bowl_1"].inside) == ("cabinet_2", ("cabinet_2",))
+    assert (things["cabinet_2"].on, things["cabinet_2"].inside) == ("table_2", ())
+    assert things["table_1"].on == ""
+
+
+def test_relations_carry_the_time_of_the_observation_they_rest_on(kitchen: Store) -> None:
+    """The jar was seen at 1.2 s; that it is in the cabinet is known since that was seen, at 1.4 s."""
+    jar = kitchen.scene.things["jar_1"]
+    assert (jar.at, jar.related_at) == (1.2, 1.4)
+
+
+def test_on_the_roof_is_not_inside() -> None:
+    """A jar on top of the cabinet is on it and not in it."""
+    scene = scene_of(seen("c", "cabinet_no_door", (1.0, 0.0, 1.0)), seen("j", "jar", (1.0, 0.0, 1.0 + 0.35 + 0.1)))
+    assert (scene.things["j"].on, scene.things["j"].inside) == ("c", ())
+
+
+def test_beside_the_table_is_not_on_it() -> None:
+    """The middle of the base must be above the surface, and near it."""
+    table = seen("t", "table", (0.0, 0.0, 0.0))
+    for xyz, on in (((0.0, 0.0, 0.775), "t"), ((0.5, 0.0, 0.775), ""), ((0.0, 0.0, 0.9), ""), ((0.0, 0.0, 0.785), "t")):
+        assert scene_of(table, seen("b", "bowl_high", xyz)).things["b"].on == on
+
+
+def test_a_bowl_may_hold_something() -> None:
+    """A lid that lies in a bowl is in it."""
+    scene = scene_of(seen("b", "bowl_high", (0.0, 0.0, 0.0)), seen("l", "jar_lid", (0.01, 0.0, 0.03)))
+    assert scene.things["l"].inside == ("b",)
+
+
+@given(st.permutations([(1, 1), (1, 2), (2, 1), (2, 2)]))
+def test_whatever_the_order_of_arrival_the_newest_observation_stays(order: list[tuple[int, int]]) -> None:
+    """Older versions of a subject change nothing; a new incarnation is newer than any count."""
+    scene = Scene()
+    for version in order:
+        scene = observed(scene, seen("j", "jar", (float(version[0]), float(version[1]), 0.0)), version)
+    assert scene.things["j"].pose.xyz == (2.0, 2.0, 0.0)
+    assert scene.versions["object:j"] == (2, 2)
+
+
+@given(st.sampled_from(KITCHEN), st.integers(0, 5))
+def test_an_observation_taken_twice_is_taken_once(observation: wm.AnyObservation, version: int) -> None:
+    """The second time the scene is the very same object."""
+    once = observed(Scene(), observation, (1, version))
+    assert observed(once, observation, (1, version)) is once
+
+
+def test_subjects_are_separate() -> None:
+    """A hand, an object and the body do not outdate each other."""
+    subjects = [subject_of(observation) for observation in KITCHEN]
+    assert len(set(subjects)) == len(subjects)
+
+
+def test_what_a_hand_holds_has_no_exact_pose_until_it_is_seen_after_its_release() -> None:
+    """It moves with the hand; put down unseen it is where it was predicted; seen again it is exact."""
+    jar = seen("j", "jar", (0.0, 0.0, 0.0))
+    grasp = wm.SeenHand(Side.LEFT, "j", "17", Pose((0.0, 0.0, 0.002), yaw(0.3)))
+    assert scene_of(jar).things["j"].exact
+    assert not scene_of(jar, grasp).things["j"].exact
+    assert not scene_of(jar, grasp, jar).things["j"].exact
+    assert not scene_of(jar, grasp, wm.SeenHand(Side.LEFT)).things["j"].exact
+    assert scene_of(jar, grasp, wm.SeenHand(Side.LEFT), jar).things["j"].exact
+
+
+def test_an_object_is_in_one_hand_at_most() -> None:
+    """Seen in the right hand, it is no longer in the left one."""
+    hold = [wm.SeenHand(side, "j", "1", Pose((0.0, 0.0, 0.0))) for side in (Side.LEFT, Side.RIGHT)]
+    scene = scene_of(seen("j", "jar", (0.0, 0.0, 0.0)), *hold)
+    assert scene.holder("j") is Side.RIGHT
+    assert scene.hands[Side.LEFT].object == ""
+
+
+def test_a_held_object_stands_on_nothing(kitchen: Store) -> None:
+    """Grasped on the shelf, it is held and not put."""
+    scene = observed(kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0))
+    assert scene.things["jar_1"].on == ""
+
+
+def test_an_object_of_an_unknown_model_is_kept() -> None:
+    """It is somewhere, though nothing else is known of it."""
+    scene = scene_of(seen("x", "teapot", (0.0, 0.0, 0.0)))
+    assert scene.things["x"].kind == "PhysicalObject"
+    assert scene.things["x"].known is None
+
+
+def test_the_hands_posture_is_four_numbers(kitchen: Store) -> None:
+    """All six parts of the body are there after one observation."""
+    assert {part: len(q) for part, q in kitchen.scene.joints.items()} == {
+        "torso": 1,
+        "right_arm": 7,
+        "left_arm": 7,
+        "head": 2,
+        "right_hand": 4,
+        "left_hand": 4,
+    }
+
+
+def test_observed_is_pure(kitchen: Store) -> None:
+    """The scene it is given stays as it was."""
+    before = kitchen.scene
+    kept = (dict(before.things), dict(before.versions))
+    observed(before, seen("jar_1", "jar", (0.0, 0.0, 0.0)), (9, 9))
+    assert (before.things, before.versions) == kept
+    assert pytest.approx(before.things["jar_1"].pose.xyz) == (0.851, 0.369, 1.281)

@@ -1,0 +1,110 @@
+"""The store keeps what was observed, whole and with its version, and says it in the terms of the ontology."""
+
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+from rdflib import RDF, URIRef
+
+from companion.languages import wm
+from companion.languages.values import BodyPosture, Pose, Side
+from services.knowledge import observe
+from services.knowledge.ontology import ROCO, below
+from services.knowledge.store import THING, Store, iri
+
+from .conftest import KITCHEN
+
+number = st.floats(-2.0, 2.0, allow_nan=False)
+poses = st.builds(Pose, st.tuples(number, number, number))
+names = st.sampled_from(["jar_1", "bowl_1", 'odd "name" > x', "schüssel"])
+observations: st.SearchStrategy[wm.AnyObservation] = st.one_of(
+    st.builds(wm.SeenObject, names, st.sampled_from(["jar", "bowl_high", "table", "teapot"]), poses, number),
+    st.builds(wm.SeenHand, st.sampled_from(Side), st.one_of(st.just(""), names), st.just("3"), poses),
+    st.builds(wm.SeenContent, names, names),
+    st.builds(
+        wm.SeenBody,
+        st.builds(
+            BodyPosture,
+            number,
+            *(st.tuples(*[number] * 7),) * 2,
+            st.tuples(number, number),
+            *(st.tuples(*[number] * 4),) * 2,
+        ),
+    ),
+)
+versions = st.tuples(st.integers(1, 3), st.integers(0, 9))
+
+
+@given(st.lists(st.tuples(observations, versions), max_size=8))
+def test_what_is_read_back_is_what_was_written(story: list[tuple[wm.AnyObservation, tuple[int, int]]]) -> None:
+    """A store opened on the same triples has the same scene, whatever was observed in whatever order."""
+    store = Store.open()
+    for observation, version in story:
+        observe.apply(store, observation, version, now=1.5)
+    assert Store(store._triples).scene == store.scene
+
+
+def test_a_store_on_disk_is_found_again(tmp_path: Path) -> None:
+    """Facts, versions and times survive; an old version is ignored afterwards too."""
+    store = Store.open(tmp_path / "km")
+    for count, observation in enumerate(KITCHEN):
+        observe.apply(store, observation, (1, count), now=2.0)
+    scene = store.scene
+    del store
+    again = Store.open(tmp_path / "km")
+    assert again.scene == scene
+    assert not observe.apply(again, KITCHEN[2], (1, 2))
+
+
+def test_an_older_version_is_not_stored(kitchen: Store) -> None:
+    """`apply` says so, and the scene is the very same object."""
+    before = kitchen.scene
+    assert not observe.apply(kitchen, KITCHEN[0], (1, 0))
+    assert kitchen.scene is before
+
+
+def test_facts_are_in_the_terms_of_the_ontology(kitchen: Store) -> None:
+    """Class, model, relations, time and version of an object are triples."""
+    graph, jar = kitchen.graph(), URIRef(iri(THING, "jar_1"))
+    assert (jar, RDF.type, ROCO.Jar) in graph
+    assert (jar, ROCO.isIn, URIRef(iri(THING, "cabinet_2"))) in graph
+    assert float(graph.value(jar, ROCO.observedAt)) == 1.2
+    assert str(graph.value(jar, ROCO.version)) == "1.3"
+
+
+def test_people_may_ask_in_sparql(kitchen: Store) -> None:
+    """Everything that is in a container, by class and superclass."""
+    rows = kitchen.graph().query(
+        """
+        PREFIX : <urn:robot-companion:roco#>
+        PREFIX rdfs: <http://www.w3.org/2000/01/rdf-schema#>
+        SELECT ?thing WHERE { ?thing :isIn ?where . ?where a/rdfs:subClassOf* :Container }
+        """
+    )
+    assert {str(row[0]).removeprefix(THING) for row in rows} == {"jar_1", "bowl_1"}
+
+
+def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -> None:
+    """A jar taken out of the cabinet is no longer in it; what the ontology says of the hand stays."""
+    observe.apply(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002))), (1, 20))
+    observe.apply(kitchen, wm.SeenObject("jar_1", "jar", Pose((0.4, 0.4, 1.4)), 9.0), (1, 21))
+    graph, jar = kitchen.graph(), URIRef(iri(THING, "jar_1"))
+    assert not list(graph.objects(jar, ROCO.isIn))
+    assert list(graph.objects(jar, ROCO.isGraspedBy)) == [ROCO.left_hand]
+    assert len(list(graph.objects(jar, ROCO.record))) == 1
+    assert str(graph.value(ROCO.left_hand, ROCO.atSide)) == "left"
+
+
+def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> None:
+    """No property is made up by the store."""
+    observe.apply(kitchen, wm.SeenContent("jar_1", "bowl_1"), (1, 30))
+    observe.apply(kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31))
+    graph = kitchen.graph()
+    used = {p for p in graph.predicates() if p in ROCO}
+    assert all((p, RDF.type, None) in graph for p in used)
+
+
+def test_classes_below_a_class_are_known_at_once() -> None:
+    """A cabinet without doors is a container."""
+    assert "CabinetNoDoor" in below()["Container"]
+    assert "Table" not in below()["Container"]

@@ -1,0 +1,79 @@
+"""A design file that is wrong is refused with the place, what is wrong and what would be right."""
+
+from pathlib import Path
+
+import pytest
+
+from topdown import loading
+from topdown.errors import DesignError
+
+SMALL = Path(__file__).with_name("lamp.toml").read_text()
+
+
+def line_of(text: str, part: str) -> int:
+    """Line number of the first line with this text."""
+    return next(number for number, line in enumerate(text.splitlines(), start=1) if part in line)
+
+
+def test_a_good_file_is_read() -> None:
+    """Every entry is there, typed."""
+    file = loading.read(SMALL)
+    assert file.protocol[0].message[1].performative.value == "inform"
+    assert file.step[0].divide is not None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field", "right"),
+    [
+        ("durable = true", 'durable = "yes"', "protocol[0].durable", "bool"),
+        ('performative = "inform"', 'performative = "shout"', "protocol[0].message[1].performative", "Performative"),
+        ("bytes = 100\n\n[[agent]]", "bytes = 1.5\n\n[[agent]]", "protocol[0].message[1].bytes", "int"),
+        ('text = "switch a lamp"', "text = 3", "requirement[0].text", "str"),
+        ('root = "all"', "root = 1", "system.root", "str"),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_line(old: str, new: str, field: str, right: str) -> None:
+    """The error has file, line, field and the type wanted."""
+    text = SMALL.replace(old, new)
+    with pytest.raises(DesignError) as caught:
+        loading.read(text, "lamp.toml")
+    error = caught.value
+    assert (error.file, error.field) == ("lamp.toml", field)
+    assert error.line == line_of(text, new.splitlines()[0])
+    assert right in error.right
+    assert f"lamp.toml:{error.line}" in str(error)
+
+
+def test_a_misspelt_field_names_the_fields_there_are() -> None:
+    """Unknown fields are errors, and the known ones are listed."""
+    text = SMALL.replace("participant =", "participent =")
+    with pytest.raises(DesignError) as caught:
+        loading.read(text)
+    assert "participent" in caught.value.wrong
+    assert "participant" in caught.value.right
+    assert caught.value.line == line_of(text, "participent")
+
+
+def test_a_missing_field_points_at_its_entry() -> None:
+    """The line is that of the entry that lacks it."""
+    text = SMALL.replace('sender = "lamp"\n', "")
+    with pytest.raises(DesignError) as caught:
+        loading.read(text)
+    assert "sender" in caught.value.wrong
+    entry = text.splitlines()[caught.value.line - 1 if caught.value.line else 0]
+    assert entry == "[[protocol.message]]"
+
+
+def test_what_is_no_toml_is_named_with_its_line() -> None:
+    """Syntax errors carry the line as well."""
+    text = SMALL.replace("durable = true", "durable = ")
+    with pytest.raises(DesignError) as caught:
+        loading.read(text)
+    assert caught.value.line == line_of(text, "durable =")
+
+
+def test_a_file_is_read_from_its_path(tmp_path: Path) -> None:
+    """`load` reads what `read` reads."""
+    path = tmp_path / "design.toml"
+    path.write_text(SMALL)
+    assert loading.load(path) == loading.read(SMALL)
