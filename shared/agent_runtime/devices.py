@@ -67,8 +67,8 @@ class Errand:
     """A worker process as a device: a word of class `begin` starts a new one (the old one is killed), one of class
     `stop` kills it, any other is handed on.
 
-    It is busy from each word handed on until the worker says something. `ended(exit code)` makes the word that is
-    posted when the worker ends by itself, None for none.
+    The worker says one thing for each word it is told; it is busy until it has. `ended(exit code)` makes the word that
+    is posted when the worker ends by itself, None for none.
     """
 
     def __init__(
@@ -77,12 +77,12 @@ class Errand:
         self._post, self._entry, self._answers = post, entry, answers
         self._begin, self._stop, self._ended = begin, stop, ended
         self._worker: Worker | None = None
-        self._busy = False
+        self._told = self._said = 0
 
     @property
     def busy(self) -> bool:
         """The worker computes."""
-        return self._busy
+        return self._told > self._said
 
     def tell(self, content: Any) -> None:
         """Start, stop or tell the worker."""
@@ -91,21 +91,21 @@ class Errand:
         if isinstance(content, self._begin):
             self._worker = Worker(self._entry, answers=self._answers, on_message=self._heard, on_end=self._over)
         if self._worker is not None:
-            self._busy = True
+            self._told += 1
             self._worker.tell(content)
 
     def close(self) -> None:
         """Kill the worker, if there is one."""
         if self._worker is not None:
             self._worker.kill()
-        self._worker, self._busy = None, False
+        self._worker, self._told, self._said = None, 0, 0
 
     def _heard(self, message: Any) -> None:
         self._post(message)
-        self._busy = False
+        self._said += 1  # after the post: between the two the device must not look idle
 
     def _over(self, code: int) -> None:
         word = self._ended(code)
         if word is not None:
             self._post(word)
-        self._busy = False
+        self._said = self._told

@@ -22,7 +22,7 @@ from agent_runtime.devices import Device, DeviceMaker, NoDevice
 from agent_runtime.effects import Effects, Receipt
 from agent_runtime.errors import RuntimeFault
 from agent_runtime.events import AnyEvent, Arrived, Local, Next, PeerChanged, Receipted, Started, Tick
-from agent_runtime.state import CoreState
+from agent_runtime.state import CoreState, restored
 from agent_runtime.wiring import Wiring
 from fipa_codec.communicate import Communicate, decode, encode
 
@@ -102,9 +102,16 @@ class Wires:
         return node
 
     def memory(self, agent: str) -> Any:
-        """The agent's present memory; None while it is down."""
-        state = self.nodes[agent].state
-        return None if state is None else state.memory
+        """The agent's memory: the present one, while it is down the one in its journal."""
+        node = self.nodes[agent]
+        if node.state is not None:
+            return node.state.memory
+        agent_table = node.core.agent
+        return agent_table.memory if node.journal is None else restored(agent_table, node.journal).memory
+
+    def up(self, agent: str) -> bool:
+        """Whether the agent is running."""
+        return self.nodes[agent].state is not None
 
     def post(self, agent: str, content: Any, delay_s: float = 0.0) -> None:
         """A word from the agent's own side, as a device would post it; repeated until the agent is up."""

@@ -19,8 +19,8 @@ def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> Wire
 
 def answers(wires: Wires) -> tuple[tuple[int, int], ...]:
     """What the asker has got so far."""
-    memory = wires.memory("asker")
-    return () if memory is None else memory.answers
+    found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
+    return found
 
 
 def test_requests_are_answered_in_order() -> None:
@@ -61,7 +61,7 @@ def test_exactly_once_under_faults(seed: int, loss: float, duplication: float, d
     wires = toy_wires(*range(6), seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay, crash=crash))
     wires.run(lambda: len(answers(wires)) == 6, limit_s=3600.0)
     wires.faults = Faults()
-    wires.run(lambda: all(node.state is not None for node in wires.nodes.values()))
+    wires.run(lambda: wires.up("asker") and wires.up("server"))
     assert answers(wires) == tuple((n, 2 * n) for n in range(6))
     assert wires.memory("server").done == tuple(range(6))
 

@@ -1,0 +1,56 @@
+"""Listening to everything of a system, for recorders: one session, one subscription, no agent.
+
+Takes part in nothing: it sends no receipt and declares no token, so nobody waits for it. Callbacks of Zenoh call
+`on_sample`, which must only enqueue: while it works, every other sample waits.
+"""
+
+import time
+from collections.abc import Callable
+
+import msgspec
+import zenoh
+
+from agent_runtime.options import Options
+from agent_runtime.wiring import service_key
+from agent_runtime.zenoh_wire import open_client
+
+
+class Sample(msgspec.Struct, frozen=True):
+    """What came by on `key` at `at` [unix s]. `token`: a liveliness token, there or (`gone`) vanished; no data then."""
+
+    key: str
+    data: bytes
+    at: float
+    token: bool = False
+    gone: bool = False
+
+
+class Tap:
+    """The open subscription."""
+
+    def __init__(self, session: zenoh.Session, system: str, on_sample: Callable[[Sample], None]) -> None:
+        self._session = session
+
+        def heard(sample: zenoh.Sample) -> None:
+            on_sample(Sample(str(sample.key_expr), sample.payload.to_bytes(), time.time()))
+
+        def lived(sample: zenoh.Sample) -> None:
+            gone = sample.kind == zenoh.SampleKind.DELETE
+            on_sample(Sample(str(sample.key_expr), b"", time.time(), token=True, gone=gone))
+
+        tokens = service_key(system, "alive", "*", "*")
+        # References are kept: a dropped declaration is undeclared.
+        self._declared = (
+            session.declare_subscriber(f"roco/{system}/**", heard),
+            session.liveliness().declare_subscriber(tokens, lived, history=True),
+        )
+
+    def close(self) -> None:
+        """Hear no more."""
+        self._session.close()
+
+
+def open_tap(options: Options, on_sample: Callable[[Sample], None], give_up: Callable[[], bool]) -> Tap | None:
+    """A tap, as soon as the router is there; None when `give_up` says so first."""
+    session = open_client(options.connect, give_up)
+    return None if session is None else Tap(session, options.system, on_sample)

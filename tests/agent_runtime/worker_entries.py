@@ -1,0 +1,56 @@
+"""What the workers of the tests do in their child process."""
+
+import os
+import time
+
+import msgspec
+
+from agent_runtime.worker import Link
+
+
+class Count(msgspec.Struct, frozen=True, tag=True):
+    """Count to `end`, asking at each number whether to go on."""
+
+    end: int
+    pad: bytes = b""
+
+
+class Go(msgspec.Struct, frozen=True, tag=True):
+    """Go on."""
+
+
+class At(msgspec.Struct, frozen=True, tag=True):
+    """Got here."""
+
+    number: int
+    pad: bytes = b""
+
+
+class Halt(msgspec.Struct, frozen=True, tag=True):
+    """Stop it."""
+
+
+class Ended(msgspec.Struct, frozen=True, tag=True):
+    """The worker ended by itself."""
+
+    code: int
+
+
+def count(link: Link) -> None:
+    """Count as told."""
+    task = link.recv(Count)
+    for number in range(task.end):
+        link.send(At(number, task.pad))
+        link.recv(Go)
+
+
+def spin(link: Link) -> None:
+    """Say the process id, then compute for ever."""
+    link.send(At(os.getpid()))
+    while True:
+        time.monotonic()
+
+
+def crash(link: Link) -> None:
+    """Die of an error."""
+    raise SystemExit(3)
