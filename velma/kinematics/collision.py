@@ -1,0 +1,256 @@
+"""What would touch what: the robot's own contact shapes and the things around it, checked by coal.
+
+Shapes, excluded pairs and the rule "a link does not meet its neighbour" are read from the robot file that MuJoCo
+simulates, so both give the same verdicts (tested). Every geometry belongs to a group: "left_hand", "right_hand"
+(palm and fingers), "robot" (the rest), or the name of a thing. Things that rest are not checked against each other; a
+thing in a hand is checked against all but that hand. No planning, no physics.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Literal
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pinocchio as pin
+
+from velma import names
+from velma.errors import VelmaError
+from velma.kinematics.robot import Robot, body_frame
+from velma.kinematics.shapes import placement, solid
+from velma.names import Array
+
+Kind = Literal["furniture", "object"]
+
+MARGIN = 0.006  # m: kept free between any two shapes when planning (trial runs)
+DISTAL_SHARE = 1 / 3  # a finger's outer joint turns by this share of the inner one while it moves freely (BarrettHand)
+ROBOT = "robot"
+
+
+class UnknownThing(VelmaError):
+    """The collision world holds no thing of that name."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        self.name, self.known = name, tuple(known)
+        super().__init__(f"nothing called {name!r} was put into the collision world; it holds {', '.join(self.known)}")
+
+
+@dataclass
+class _Thing:
+    shapes: tuple[Any, ...]
+    kind: Kind
+    pose: Any  # T_world_thing, or T_grip_thing while held
+    side: str | None = None
+    geometries: range = field(default=range(0))
+
+
+@dataclass(frozen=True)
+class _Body:
+    """The robot's geometries: all 33 joints, their shapes, the group of each, and which pairs are compared (n, n)."""
+
+    model: Any
+    shapes: Any
+    groups: tuple[str, ...]
+    meets: Array
+    fixed: Array
+
+
+def _group(body: str) -> str:
+    return next((f"{side}_hand" for side in names.SIDES if body.startswith(f"{side}_Hand")), ROBOT)
+
+
+@lru_cache(maxsize=8)
+def _body(robot: Robot) -> _Body:
+    model = pin.buildModelFromMJCF(str(robot.path))
+    shapes = pin.buildGeomFromMJCF(model, str(robot.path), pin.GeometryType.COLLISION)
+    bodies = [model.frames[shape.parentFrame].name for shape in shapes.geometryObjects]
+    joints = np.array([shape.parentJoint for shape in shapes.geometryObjects])
+    parents = np.array(model.parents)[joints]
+    excluded = {frozenset((e.attrib["body1"], e.attrib["body2"])) for e in ET.parse(robot.path).iter("exclude")}
+    apart = np.array([[frozenset((a, b)) not in excluded for b in bodies] for a in bodies])
+    # MuJoCo never compares what one joint carries, nor a link with the one it hangs on, unless that is the world.
+    neighbours = (parents[:, None] == joints) & (parents[:, None] > 0)
+    meets = apart & (joints[:, None] != joints) & ~neighbours & ~neighbours.T
+    return _Body(model, shapes, tuple(map(_group, bodies)), meets, joints == 0)
+
+
+class World:
+    """The robot among things. Not to be shared between threads; q (15,) [rad], poses T_world_thing, `margin` [m]."""
+
+    def __init__(self, robot: Robot, margin: float = MARGIN) -> None:
+        self.margin = margin
+        self.checks = 0  # states looked at so far
+        self._body = _body(robot)
+        model = self._body.model
+        self._data = model.createData()
+        self._q = pin.neutral(model)
+        self._columns = np.array([model.joints[model.getJointId(name)].idx_q for name in names.BODY])
+        self._index = {name: model.joints[model.getJointId(name)].idx_q for name in list(model.names)[1:]}
+        self._grip = {side: body_frame(model, names.GRIP_BODY[side]) for side in names.SIDES}
+        self._things: dict[str, _Thing] = {}
+        self._allowed: tuple[tuple[str, str], ...] = ()
+        self._shapes: Any = None  # None: things came or went, everything below is to be built again
+        self._fresh = False  # whether the compared pairs agree with what is held and allowed
+
+    # -- things ----------------------------------------------------------------------------------------------------
+    def put(self, name: str, shapes: Sequence[Any], pose: Any, kind: Kind = "furniture") -> None:
+        """A thing rests at `pose`; one of that name is replaced, also out of a hand. Moving one is cheap."""
+        old = self._things.get(name)
+        if old is not None and (old.shapes is shapes or old.shapes == tuple(shapes)) and old.kind == kind:
+            self._place(old, None, pose)
+            return
+        for shape in shapes:
+            solid(shape)  # refuse what is no shape now, not at the next check
+        self._things[name] = _Thing(tuple(shapes), kind, pose)
+        self._forget()
+
+    def remove(self, name: str) -> None:
+        """The thing is gone."""
+        self._thing(name)
+        del self._things[name]
+        self._forget()
+
+    def attach(self, name: str, side: str, T_grip_object: Any) -> None:
+        """The hand of `side` carries the thing."""
+        self._place(self._thing(name), side, T_grip_object)
+
+    def detach(self, name: str, pose: Any = None) -> None:
+        """The thing rests at `pose`; without one, where the hand would have it with all joints as last checked."""
+        thing = self._thing(name)
+        if pose is None:
+            pose = self._where(thing)
+        self._place(thing, None, pose)
+
+    def pose(self, name: str) -> Any:
+        """T_world_thing; of a held one, with all joints as last checked."""
+        return self._where(self._thing(name))
+
+    def held(self, name: str) -> Any:
+        """T_grip_thing of a thing in a hand; None of one that rests."""
+        thing = self._thing(name)
+        return thing.pose if thing.side else None
+
+    def fingers(self, side: str, angle: float) -> None:
+        """All three fingers of a hand are bent by `angle` [rad]; their outer joints follow as in free motion."""
+        for inner, outer in zip(names.PROXIMAL[side], names.DISTAL[side], strict=True):
+            self._q[self._index[inner]] = min(angle, names.FINGER_UPPER)
+            self._q[self._index[outer]] = min(angle * DISTAL_SHARE, names.DISTAL_UPPER)
+
+    def head(self, pan: float, tilt: float) -> None:
+        """The head looks there [rad]."""
+        for name, angle in zip(names.HEAD, (pan, tilt), strict=True):
+            self._q[self._index[name]] = angle
+
+    def allow(self, *pairs: tuple[str, str]) -> None:
+        """Only these pairs of groups may touch from now on; without any, none may."""
+        self._allowed, self._fresh = pairs, False
+
+    # -- checks ----------------------------------------------------------------------------------------------------
+    def free(self, q: Array) -> bool:
+        """Whether nothing comes nearer to anything than the margin, at q (15,)."""
+        if not self._fresh:
+            self._refresh()
+        self.checks += 1
+        self._q[self._columns] = q
+        pin.updateGeometryPlacements(self._body.model, self._data, self._shapes, self._placed, self._q)
+        self._broad.update(False)
+        return not pin.computeCollisions(self._broad, self._stop)
+
+    def touching(self, q: Array) -> list[tuple[str, str, float]]:
+        """Pairs nearer than the margin at q, nearest first: link or thing, link or thing, distance [m]."""
+        if not self._fresh:
+            self._refresh()
+        self._q[self._columns] = q
+        pin.computeCollisions(self._body.model, self._data, self._shapes, self._placed, self._q, False)
+        nearest: dict[tuple[str, str], float] = {}
+        for k, pair in enumerate(self._shapes.collisionPairs):
+            if self._placed.activeCollisionPairs[k] and self._placed.collisionResults[k].isCollision():
+                key = (self._called(pair.first), self._called(pair.second))
+                distance = pin.computeDistance(self._shapes, self._placed, k).min_distance
+                nearest[key] = min(distance, nearest.get(key, np.inf))
+        return sorted(((a, b, d) for (a, b), d in nearest.items()), key=lambda found: found[2])
+
+    # -- inside ----------------------------------------------------------------------------------------------------
+    def _thing(self, name: str) -> _Thing:
+        try:
+            return self._things[name]
+        except KeyError:
+            raise UnknownThing(name, self._things) from None
+
+    def _where(self, thing: _Thing) -> Any:
+        if thing.side is None:
+            return thing.pose
+        pin.forwardKinematics(self._body.model, self._data, self._q)
+        return pin.updateFramePlacement(self._body.model, self._data, self._grip[thing.side]) * thing.pose
+
+    def _forget(self) -> None:
+        self._shapes, self._fresh = None, False
+
+    def _called(self, geometry: int) -> str:
+        shape = self._shapes.geometryObjects[geometry]
+        return str(self._body.model.frames[shape.parentFrame].name if geometry < len(self._body.groups) else shape.name)
+
+    def _place(self, thing: _Thing, side: str | None, pose: Any) -> None:
+        self._fresh = self._fresh and thing.side == side
+        thing.side, thing.pose = side, pose
+        if self._shapes is None:
+            return
+        joint, T_joint_thing = 0, pose
+        if side is not None:
+            grip = self._body.model.frames[self._grip[side]]
+            joint, T_joint_thing = grip.parentJoint, grip.placement * pose
+        for k, shape in zip(thing.geometries, thing.shapes, strict=True):
+            geometry = self._shapes.geometryObjects[k]
+            geometry.parentJoint, geometry.placement = joint, T_joint_thing * placement(shape.at)
+
+    def _refresh(self) -> None:
+        if self._shapes is None:
+            self._build()
+        meets = self._compared()
+        self._placed.setActiveCollisionPairs(self._shapes, meets, True)
+        self._fresh = True
+
+    def _build(self) -> None:
+        """All geometries anew, every pair that may ever be compared among them."""
+        self._shapes = self._body.shapes.copy()
+        groups = list(self._body.groups)
+        for name, thing in self._things.items():
+            thing.geometries = range(len(groups), len(groups) + len(thing.shapes))
+            for shape in thing.shapes:
+                geometry = pin.GeometryObject(name, 0, 0, placement(shape.at), solid(shape))
+                geometry.name = name
+                self._shapes.addGeometryObject(geometry)
+                groups.append(name)
+        self._groups = np.array(groups)
+        for thing in self._things.values():
+            self._place(thing, thing.side, thing.pose)
+        self._shapes.setCollisionPairs(self._possible(), True)
+        self._placed = self._shapes.createData()
+        count = len(groups)
+        self._placed.setSecurityMargins(self._shapes, np.full((count, count), self.margin), True, True)
+        self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._body.model, self._shapes, self._placed)
+        self._stop = pin.CollisionCallBackDefault(self._shapes, self._placed, True)
+
+    def _possible(self) -> Array:
+        count, own = len(self._groups), len(self._body.groups)
+        furniture = np.isin(self._groups, [name for name, t in self._things.items() if t.kind == "furniture"])
+        meets = self._groups[:, None] != self._groups
+        meets[:own, :own] = self._body.meets
+        meets[np.ix_(furniture, furniture)] = False
+        fixed = np.zeros(count, dtype=bool)
+        fixed[:own] = self._body.fixed
+        meets[np.ix_(fixed, furniture)] = meets[np.ix_(furniture, fixed)] = False
+        return meets
+
+    def _compared(self) -> Array:
+        meets = self._possible()
+        resting = [name for name, thing in self._things.items() if thing.side is None]
+        still = np.isin(self._groups, resting)
+        still[: len(self._body.groups)] = self._body.fixed
+        meets[np.ix_(still, still)] = False
+        carried = [(name, f"{thing.side}_hand") for name, thing in self._things.items() if thing.side]
+        for a, b in (*carried, *self._allowed):
+            first, second = self._groups == a, self._groups == b
+            meets[np.ix_(first, second)] = meets[np.ix_(second, first)] = False
+        return meets

@@ -1,0 +1,68 @@
+"""Solid shapes that the collision world accepts: anything with the fields of a box, a cylinder or a sphere.
+
+The content languages have such values of their own; this package does not know them, only what they must offer. The
+three classes here serve whoever has no others. A place is a `pin.SE3` or a pose with `xyz` and `quat_wxyz`.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from velma.errors import VelmaError
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box by its full edge lengths [m]; `at` is its centre in the frame of its thing."""
+
+    size: tuple[float, float, float]
+    at: Any = field(default_factory=pin.SE3.Identity)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder along its own z axis, radius and length [m]; `at` is its centre in the frame of its thing."""
+
+    radius: float
+    length: float
+    at: Any = field(default_factory=pin.SE3.Identity)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere by its radius [m]; `at` is its centre in the frame of its thing."""
+
+    radius: float
+    at: Any = field(default_factory=pin.SE3.Identity)
+
+
+class NoShape(VelmaError):
+    """A thing was given a shape that is no box, cylinder or sphere."""
+
+    def __init__(self, found: object) -> None:
+        self.found = found
+        super().__init__(f"{found!r} is no shape: expected size (box), radius and length (cylinder) or radius (sphere)")
+
+
+def placement(at: Any) -> Any:
+    """`pin.SE3` of a place; the quaternion is normalised."""
+    if isinstance(at, pin.SE3):
+        return at
+    w, x, y, z = at.quat_wxyz
+    quaternion = pin.Quaternion(w, x, y, z)
+    quaternion.normalize()
+    return pin.SE3(quaternion.matrix(), np.array(at.xyz, dtype=np.float64))
+
+
+def solid(shape: Any) -> Any:
+    """The shape as coal computes with it. Raises `NoShape`."""
+    if hasattr(shape, "size"):
+        return coal.Box(*shape.size)
+    if hasattr(shape, "length"):
+        return coal.Cylinder(shape.radius, shape.length)
+    if hasattr(shape, "radius"):
+        return coal.Sphere(shape.radius)
+    raise NoShape(shape)
