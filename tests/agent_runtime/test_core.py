@@ -1,0 +1,391 @@
+"""The pure core, step by step: slips of peers are answered and counted, our own raise, nothing is out of turn."""
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from msgspec import Raw, Struct
+from msgspec.msgpack import encode as pack
+from msgspec.structs import replace
+from toy_agents import Double, Doubled, Want, asker, server, wirings
+
+from agent_runtime.agent import Agent, Arc, Behaviour
+from agent_runtime.core import CHAIN_BOUND, Core
+from agent_runtime.effects import Effects
+from agent_runtime.errors import AgentTableError, BehaviourError
+from agent_runtime.events import (
+    Arrived,
+    Broken,
+    Late,
+    LinkChanged,
+    Local,
+    Next,
+    PeerChanged,
+    Receipted,
+    Received,
+    Started,
+    Tick,
+    Woken,
+)
+from agent_runtime.state import CoreState
+from agent_runtime.streams import OUTBOX_BOUND
+from agent_runtime.turn import Turn
+from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.errors import LocalProtocolError
+from fipa_codec.languages import REASON, Kind
+from fipa_codec.performatives import Performative as P
+
+TO_SERVER, TO_ASKER = wirings()
+
+
+class Seen(Struct, frozen=True):
+    """Every event the agent saw, by class name."""
+
+    seen: tuple[str, ...] = ()
+
+
+class Driven:
+    """A core with its state, stepped by hand; `do` is the transition's body."""
+
+    def __init__(self, agent: Agent[Any], wiring: Any) -> None:
+        self.core = Core(agent, wiring)
+        self.state: CoreState = self.core.boot(None)
+        self.now = 100.0
+        self.out: list[Effects] = []
+
+    def step(self, event: Any) -> Effects:
+        """Step, and again while more can be taken; the first step's effects."""
+        self.out = []
+        following = event
+        while following is not None:
+            before = pack(self.core.record(self.state))
+            after, effects = self.core.step(self.state, following, self.now)
+            assert pack(self.core.record(self.state)) == before, "a step must not change the state it is given"
+            self.state, following = after, Next() if effects.more else None
+            self.out.append(effects)
+        return self.out[0]
+
+    def sends(self) -> list[Communicate]:
+        """All communicates of the last step and those that followed it, through the codec."""
+        return [decode(encode(one)) for effects in self.out for one in effects.sends]
+
+
+def recording(*, said: Any = None, takes: Any = None) -> Agent[Seen]:
+    """An agent called server that notes what it sees; `said(turn)` may speak."""
+
+    def transition(memory: Seen, turn: Turn) -> Seen:
+        if said is not None:
+            said(turn)
+        return Seen((*memory.seen, type(turn.event).__name__))
+
+    behaviour = Behaviour(transition, takes=takes or (lambda memory, event: True))
+    return Agent("server", "s", Seen(), {"s": behaviour}, local=Want)
+
+
+def request(number: int, *, conversation: str = "asker-1-1", content: Any = None, **fields: Any) -> Arrived:
+    """A request of the asker as it comes off the wire."""
+    raw = Raw(pack(Double(3))) if content is None else content
+    parts = {"performative": P.REQUEST, "content": raw, "language": "SUM", "reply_with": str(number)} | fields
+    return Arrived(
+        Communicate(
+            protocol="request", conversation=conversation, sender="asker", receiver="server", id=str(number), **parts
+        )
+    )
+
+
+def agree(turn: Turn) -> None:
+    """Agree to a request."""
+    if isinstance(turn.event, Received) and turn.event.communicate.performative is P.REQUEST:
+        turn.say(turn.event.conversation, P.AGREE)
+
+
+def stop(turn: Turn) -> None:
+    """Agree to a request, stop at a cancel."""
+    agree(turn)
+    if isinstance(turn.event, Received) and turn.event.communicate.performative is P.CANCEL:
+        turn.say(turn.event.conversation, P.INFORM, Doubled(0), kind=Kind.CANCEL)
+
+
+# --- streams ----------------------------------------------------------------------------------------------------------
+
+
+def test_taken_in_order_and_once() -> None:
+    """A gap gets no receipt, a copy is receipted again, the rest is taken in its order."""
+    one = Driven(recording(said=agree), TO_ASKER)
+    assert one.step(request(2, conversation="b")).receipts == ()
+    assert [r.taken for r in one.step(request(1)).receipts] == [1]
+    assert [r.taken for r in one.step(request(2, conversation="b")).receipts] == [2]
+    again = one.step(request(1))
+    assert [r.taken for r in again.receipts] == [2]
+    assert again.record is None
+    assert one.state.memory.seen == ("Received", "Received")
+    assert one.state.counts == {"gap": 1, "taken before": 1}
+
+
+def test_not_taken_waits_unreceipted_and_holds_its_stream_up() -> None:
+    """A message that is not taken gets no receipt, and none behind it is taken, but the own side is."""
+    wanting = {"go": False}
+    one = Driven(recording(said=agree, takes=lambda memory, event: isinstance(event, Local) or wanting["go"]), TO_ASKER)
+    assert one.step(request(1)).receipts == ()
+    assert one.step(request(2, conversation="b")).receipts == ()
+    assert one.step(request(1)).record is None
+    one.step(Local(Want(1)))
+    assert one.state.memory.seen == ("Local",)
+    wanting["go"] = True
+    one.step(Tick())
+    assert [r.taken for effects in one.out for r in effects.receipts] == [1, 2]
+
+
+def test_back_pressure() -> None:
+    """With a full outbox nothing is taken; receipts still count, and then it goes on."""
+    one = Driven(asker(*range(3)), TO_SERVER)
+    one.step(Started())
+    first = one.sends()[0]
+    for number in range(2, OUTBOX_BOUND + 1):
+        fill = replace(first, id=str(number))
+        one.state.outbox["server"] = (
+            *one.state.outbox["server"],
+            type(one.state.outbox["server"][0])(number, fill),
+        )
+    answer = Arrived(
+        Communicate(
+            performative=P.AGREE,
+            protocol="request",
+            conversation=first.conversation,
+            sender="server",
+            receiver="asker",
+            id="1",
+        )
+    )
+    effects = one.step(answer)
+    assert (effects.receipts, effects.record, effects.more) == ((), None, False)
+    one.step(Receipted("server", taken=5))
+    assert one.state.taken == {"server": 1}
+
+
+def test_resending_backs_off_and_ends_with_the_receipt() -> None:
+    """0.2 s, doubled up to 2 s; at once on the peer's return; never while the router is away or after the receipt."""
+    one = Driven(asker(1), TO_SERVER)
+    times = [one.step(Started()).wake_at]
+    for _ in range(4):
+        one.now = times[-1] or 0.0
+        times.append(one.step(Tick()).wake_at)
+        assert [c.id for c in one.sends()] == ["1"]
+    gaps = [round((b or 0.0) - (a or 0.0), 6) for a, b in pairwise(times)]
+    assert gaps == [0.4, 0.8, 1.6, 2.0]
+    one.now += 1.0
+    one.step(PeerChanged("server", 2))
+    assert [c.id for c in one.sends()] == ["1"]
+    one.step(LinkChanged(False))
+    one.now += 10.0
+    one.step(Tick())
+    assert one.sends() == []
+    one.step(LinkChanged(True))
+    assert [c.id for c in one.sends()] == ["1"]
+    one.step(Receipted("server", taken=1))
+    one.now += 100.0
+    one.step(Tick())
+    assert one.sends() == []
+
+
+def test_late_comes_once_and_ends_nothing() -> None:
+    """reply-by gives one Late; the conversation stays open and its answer is taken."""
+    one = Driven(asker(1), TO_SERVER)
+    one.step(Started())
+    name = one.state.memory.asking
+    one.now = 105.0
+    one.step(Tick())
+    assert one.state.memory.late == 0, "at reply-by itself it is in time"
+    one.now = 105.01
+    one.step(Tick())
+    one.now = 200.0
+    one.step(Tick())
+    assert one.state.memory.late == 1
+    raw = Raw(pack(Doubled(2)))
+    one.step(
+        Arrived(
+            Communicate(
+                performative=P.INFORM,
+                content=raw,
+                language="SUM",
+                protocol="request",
+                conversation=name,
+                sender="server",
+                receiver="asker",
+                id="1",
+            )
+        )
+    )
+    assert one.state.memory.answers == ((1, 2),)
+
+
+# --- slips of peers ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"content": Raw(pack({"type": "Nothing"}))},
+        {"content": Raw(b"\xc1")},
+        {"content": Raw(pack(Double(1))), "language": "KLINGON"},
+        {"content": Raw(pack(Double(1))), "language": ""},
+    ],
+)
+def test_unreadable_requests_are_answered(fields: dict[str, Any]) -> None:
+    """Content that no language reads: not-understood with the reason, receipted, counted; no behaviour sees it."""
+    one = Driven(recording(), TO_ASKER)
+    effects = one.step(request(1, **fields))
+    (answer,) = one.sends()
+    assert (answer.performative, answer.in_reply_to, answer.conversation) == (P.NOT_UNDERSTOOD, "1", "asker-1-1")
+    assert REASON.decode(answer.content).text  # type: ignore[arg-type]
+    assert [r.taken for r in effects.receipts] == [1]
+    assert one.state.counts == {"not understood": 1}
+    assert one.state.memory.seen == ()
+    assert not one.state.conversations
+
+
+def test_out_of_sequence_breaks_the_conversation() -> None:
+    """A second request in a conversation: not-understood, the conversation is over, and the behaviour is told."""
+    one = Driven(recording(said=agree), TO_ASKER)
+    one.step(request(1))
+    one.step(request(2))
+    assert one.sends()[-1].performative is P.NOT_UNDERSTOOD
+    assert one.state.memory.seen == ("Received", "Broken")
+    assert not one.state.conversations
+
+
+def test_a_late_cancel_is_answered_by_the_core() -> None:
+    """A cancel for a conversation that ended or never was gets its failure; the behaviour does not see it."""
+    one = Driven(recording(said=stop), TO_ASKER)
+    one.step(request(1, performative=P.CANCEL, content=None, language="SUM"))
+    (answer,) = one.sends()
+    assert (answer.performative, answer.in_reply_to) == (P.FAILURE, "1")
+    assert one.state.memory.seen == ()
+
+
+def test_cancel_in_time() -> None:
+    """A cancel of an open conversation reaches the behaviour, whose answer ends it."""
+    one = Driven(recording(said=stop), TO_ASKER)
+    one.step(request(1))
+    one.step(request(2, performative=P.CANCEL))
+    assert [(c.performative, c.in_reply_to) for c in one.sends()] == [(P.INFORM, "2")]
+    assert not one.state.conversations
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"sender": "stranger"}, {"receiver": "somebody"}, {"protocol": "query"}, {"id": "first"}, {"id": "-1"}],
+)
+def test_strangers_are_dropped(fields: dict[str, str]) -> None:
+    """What is not for us, of no known link, or without a number on a stream: counted, no receipt, no answer."""
+    one = Driven(recording(), TO_ASKER)
+    effects = one.step(Arrived(replace(request(1).communicate, **fields)))
+    assert (effects.sends, effects.receipts, effects.record) == ((), (), None)
+    assert sum(one.state.counts.values()) == 1
+    assert effects.logs[0].level == "warning"
+
+
+def test_a_stray_not_understood_is_never_answered() -> None:
+    """Two agents that do not understand each other must not go on about it for ever."""
+    one = Driven(recording(), TO_ASKER)
+    one.step(request(1, performative=P.NOT_UNDERSTOOD, content=None, language=""))
+    assert one.sends() == []
+
+
+# --- our own slips ----------------------------------------------------------------------------------------------------
+
+
+def test_what_is_owed_must_be_said() -> None:
+    """An illegal act raises; so does speaking in a conversation that is not open."""
+    one = Driven(recording(said=lambda turn: turn.say("asker-1-1", P.CONFIRM)), TO_ASKER)
+    with pytest.raises(LocalProtocolError, match="confirm"):
+        one.step(request(1))
+    two = Driven(recording(said=lambda turn: turn.say("nowhere", P.AGREE)), TO_ASKER)
+    with pytest.raises(BehaviourError, match=r"'nowhere' is not open; open are none"):
+        two.step(Started())
+    three = Driven(recording(said=lambda turn: turn.open("moon", "request", P.REQUEST, Double(1))), TO_ASKER)
+    with pytest.raises(LocalProtocolError, match="moon"):
+        three.step(Started())
+
+
+def test_a_chain_without_end_raises() -> None:
+    """States that all end at once are a loop, found after a bounded number of them."""
+    ends = Behaviour(lambda memory, turn: memory, terminal=lambda memory: True)
+    agent = Agent("server", "a", Seen(), {"a": ends, "b": ends}, (Arc("a", "b"), Arc("b", "a")))
+    with pytest.raises(BehaviourError, match=f"{CHAIN_BOUND} states"):
+        Driven(agent, TO_ASKER).step(Started())
+
+
+def test_an_end_without_an_arc_raises() -> None:
+    """A behaviour that ended where no arc may be taken names the arcs there are."""
+    ends = Behaviour(lambda memory, turn: memory, terminal=lambda memory: True)
+    never = {"never": lambda memory: False}
+    agent = Agent("server", "a", Seen(), {"a": ends}, (Arc("a", "a", "never"),), never)
+    with pytest.raises(BehaviourError, match="never -> a"):
+        Driven(agent, TO_ASKER).step(Started())
+
+
+@pytest.mark.parametrize(
+    ("start", "arc"), [("x", Arc("a", "a")), ("a", Arc("a", "x")), ("a", Arc("x", "a")), ("a", Arc("a", "a", "x"))]
+)
+def test_a_table_with_a_hole_is_refused(start: str, arc: Arc) -> None:
+    """Unknown start, source, target or condition: said when the agent is built."""
+    with pytest.raises(AgentTableError, match="'x'"):
+        Agent("server", start, Seen(), {"a": Behaviour(lambda memory, turn: memory)}, (arc,))
+
+
+# --- records ----------------------------------------------------------------------------------------------------------
+
+
+class Mixed(Struct, frozen=True):
+    """A hard and a soft part."""
+
+    hard: int = 0
+    soft: Seen = Seen()
+
+
+def test_soft_memory_costs_no_record_and_dies() -> None:
+    """Changes of the soft field write nothing; the journal brings back the hard part and a fresh soft one."""
+
+    def transition(memory: Mixed, turn: Turn) -> Mixed:
+        if isinstance(turn.event, Woken):
+            return replace(memory, hard=memory.hard + 1)
+        return replace(memory, soft=Seen((*memory.soft.seen, "x")))
+
+    agent = Agent("server", "s", Mixed(), {"s": Behaviour(transition)}, local=Want)
+    one = Driven(agent, TO_ASKER)
+    assert one.step(Local(Want(1))).record is None
+    one.state.wakes["w"] = 100.0
+    record = one.step(Tick()).record
+    assert record is not None
+    back = one.core.boot(record)
+    assert (back.memory, back.incarnation) == (Mixed(1), 2)
+
+
+def test_a_restored_core_goes_on() -> None:
+    """From its record an agent knows its conversations, numbers, outbox and wake-ups, under the next incarnation."""
+    one = Driven(server(), TO_ASKER)
+    record = one.step(request(1)).record
+    assert record is not None
+    one.state = one.core.boot(record)
+    one.step(Started(first=False))
+    assert [c.performative for c in one.sends()] == [P.AGREE], "the outbox goes out again"
+    one.now = 100.1
+    one.step(Tick())
+    assert one.sends()[-1].performative is P.INFORM
+    assert one.sends()[-1].id == "2"
+
+
+def test_a_journal_of_another_agent_is_refused() -> None:
+    """A record of another agent, or of a state that is no more, is not believed."""
+    one = Driven(server(), TO_ASKER)
+    record = one.core.record(one.state)
+    with pytest.raises(AgentTableError, match="journal"):
+        Core(recording(), TO_ASKER).boot(record)
+
+
+def test_events_of_the_core_are_not_the_drivers() -> None:
+    """A driver may not step with what only the core makes."""
+    for event in (Late("c"), Broken("c", ""), Woken("w")):
+        with pytest.raises(BehaviourError, match="core's own"):
+            Driven(recording(), TO_ASKER).step(event)

@@ -1,0 +1,153 @@
+"""Toy agents for the soft kinds: `watcher` owes its observations to `knower`, who subscribes and can be asked.
+
+`asker` puts questions to the knower; they are volatile: asked again until answered.
+"""
+
+import msgspec
+from msgspec.structs import replace
+
+from agent_runtime.agent import Agent, Behaviour
+from agent_runtime.events import Broken, Late, Local, PeerChanged, Received, Settled, Started
+from agent_runtime.turn import Turn
+from agent_runtime.wiring import Delivery, Link, Wiring
+from fipa_codec.languages import Language, Languages
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
+
+
+class Topic(msgspec.Struct, frozen=True, tag=True):
+    """Everything, please."""
+
+
+class Seen(msgspec.Struct, frozen=True, tag=True):
+    """An observation; also the word of the watcher's receptor."""
+
+    subject: str
+    value: int
+
+
+class WhatOf(msgspec.Struct, frozen=True, tag=True):
+    """What is known of it? Also a person's word to the asker."""
+
+    subject: str
+
+
+class Known(msgspec.Struct, frozen=True, tag=True):
+    """This, or -1."""
+
+    value: int
+
+
+class Finish(msgspec.Struct, frozen=True, tag=True):
+    """To the watcher: done, once everything is settled."""
+
+
+LANGUAGES = Languages([Language("OBS", Topic | Seen | WhatOf | Known)])
+
+
+def wiring(agent: str) -> Wiring:
+    """The wiring of one of the three."""
+
+    def link(peer: str, protocol: str, role: Role, delivery: Delivery) -> Link:
+        return Link(peer, "T2" if protocol == "subscribe" else "T3", protocol, role, delivery, silent="OBS")
+
+    links = {
+        "watcher": (link("knower", "subscribe", Role.PARTICIPANT, Delivery.LATEST),),
+        "knower": (
+            link("watcher", "subscribe", Role.INITIATOR, Delivery.LATEST),
+            link("asker", "query", Role.PARTICIPANT, Delivery.VOLATILE),
+        ),
+        "asker": (link("knower", "query", Role.INITIATOR, Delivery.VOLATILE),),
+    }
+    return Wiring("toy", agent, links[agent], LANGUAGES)
+
+
+class WatcherMemory(msgspec.Struct, frozen=True):
+    """How often the knower subscribed; whether the end is wanted, and reached."""
+
+    finishing: bool = False
+    finished: bool = False
+
+
+def watch(memory: WatcherMemory, turn: Turn) -> WatcherMemory:
+    """Agree to each subscription, owe each observation, finish behind the barrier."""
+    match turn.event:
+        case Received(content=Topic()) as received:
+            turn.say(received.conversation, Performative.AGREE)
+        case Local(content=Seen(subject=subject) as seen):
+            turn.observe("knower", subject, seen)
+        case Local(content=Finish()):
+            memory = replace(memory, finishing=True)
+        case Settled() | Started():
+            pass
+    if memory.finishing and not turn.due:
+        memory = replace(memory, finished=True)
+    return memory
+
+
+def watcher() -> Agent[WatcherMemory]:
+    """The observing agent."""
+    return Agent("watcher", "watching", WatcherMemory(), {"watching": Behaviour(watch)}, local=Seen | Finish)
+
+
+class Subscription(msgspec.Struct, frozen=True):
+    """Soft: the conversation, and the incarnation of the watcher it was opened for."""
+
+    conversation: str = ""
+    incarnation: int = 0
+
+
+class KnowerMemory(msgspec.Struct, frozen=True):
+    """The store; the subscription is soft."""
+
+    store: tuple[tuple[str, int], ...] = ()
+    history: tuple[Seen, ...] = ()
+    soft: Subscription = Subscription()
+
+
+def know(memory: KnowerMemory, turn: Turn) -> KnowerMemory:
+    """Subscribe to each incarnation of the watcher, store what comes, answer questions."""
+    match turn.event:
+        case PeerChanged(agent="watcher", incarnation=int(incarnation)):
+            if incarnation != memory.soft.incarnation:
+                turn.drop(memory.soft.conversation)
+                name = turn.open("watcher", "subscribe", Performative.SUBSCRIBE, Topic())
+                return replace(memory, soft=Subscription(name, incarnation))
+        case Received(content=Seen() as seen):
+            store = dict(memory.store) | {seen.subject: seen.value}
+            return replace(memory, store=tuple(store.items()), history=(*memory.history, seen))
+        case Received(content=WhatOf(subject=subject)) as received:
+            turn.say(received.conversation, Performative.INFORM_REF, Known(dict(memory.store).get(subject, -1)))
+    return memory
+
+
+def knower() -> Agent[KnowerMemory]:
+    """The knowing agent."""
+    return Agent("knower", "knowing", KnowerMemory(), {"knowing": Behaviour(know)})
+
+
+class AskerMemory(msgspec.Struct, frozen=True):
+    """What came of the questions."""
+
+    answers: tuple[int, ...] = ()
+    late: int = 0
+    broken: int = 0
+
+
+def question(memory: AskerMemory, turn: Turn) -> AskerMemory:
+    """Ask what a person wants to know."""
+    match turn.event:
+        case Local(content=WhatOf() as what):
+            turn.open("knower", "query", Performative.QUERY_REF, what, reply_by_s=5.0)
+        case Received(content=Known(value=value)):
+            return replace(memory, answers=(*memory.answers, value))
+        case Late():
+            return replace(memory, late=memory.late + 1)
+        case Broken():
+            return replace(memory, broken=memory.broken + 1)
+    return memory
+
+
+def asker() -> Agent[AskerMemory]:
+    """The asking agent."""
+    return Agent("asker", "asking", AskerMemory(), {"asking": Behaviour(question)}, local=WhatOf)
