@@ -1,0 +1,50 @@
+"""The device beside a_pl: a child process that searches, and a warm one that waits for the next request.
+
+Loading the geometry takes a child some seconds, so it does that before it is needed. Stop kills the searching child at
+once; the next child is started in its place.
+"""
+
+from agent_runtime.devices import Post
+from agent_runtime.worker import Worker
+from services.planner.search_process import Answer, Begin, Died, Found, FromSearch, NotFound, Stop
+
+ENTRY = "services.planner.search_process:serve"
+
+
+class Searcher:
+    """busy: from a word to the child until it says something."""
+
+    def __init__(self, post: Post) -> None:
+        self._post = post
+        self._busy = self._searching = False
+        self._child = self._new()
+
+    @property
+    def busy(self) -> bool:
+        """The child computes."""
+        return self._busy
+
+    def tell(self, content: Begin | Answer | Stop) -> None:
+        """Hand a word to the child, or kill it."""
+        if (self._searching and isinstance(content, Stop | Begin)) or not self._child.alive:
+            self._child.kill()
+            self._child, self._searching, self._busy = self._new(), False, False
+        if isinstance(content, Begin | Answer):
+            self._searching = self._busy = True
+            self._child.tell(content)
+
+    def close(self) -> None:
+        """Kill the child."""
+        self._child.kill()
+
+    def _new(self) -> Worker:
+        return Worker(ENTRY, answers=FromSearch, on_message=self._heard, on_end=self._over)
+
+    def _heard(self, word: FromSearch) -> None:  # type: ignore[valid-type]
+        self._searching = self._searching and not isinstance(word, Found | NotFound)
+        self._post(word)
+        self._busy = False
+
+    def _over(self, code: int) -> None:
+        self._post(Died(code))
+        self._busy = False

@@ -1,0 +1,146 @@
+"""a_ta's behaviours outside the plan, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
+
+idle -> running (the plan's own machine: running.py) -> closing -> finished -> idle; stopping and securing lie between
+where a plan is cancelled or an act is late. Must not know: pl, geometry.
+"""
+
+from msgspec.structs import replace
+
+from agent_runtime.agent import Agent, Taken
+from agent_runtime.events import Broken, Received, Settled, Started, Woken
+from agent_runtime.turn import Turn
+from companion.binding import bind
+from companion.languages import hfsm, rc, sw, wm
+from fipa_codec.performatives import Performative
+from services.task import acts, running
+from services.task import plan as plans
+from services.task.memory import CONDITIONS, Memory
+from services.task.survey import SURVEY
+
+SURVEYS = 3  # tries of a look around; estimate: ex may still be coming up at the first
+AGAIN_S, AGAIN = 2.0, "survey again"
+BARRIER_S, BARRIER = 30.0, "barrier"  # estimate: km is restarted within seconds, or it is gone for good
+REASON_CHARS = 200  # a report is to stay within its 400 bytes
+
+
+def agent() -> Agent[Memory]:
+    """a_ta as the design has it."""
+    behaviours = {
+        "await_plan": await_plan,
+        "survey": survey,
+        "run_plan": running.run_plan,
+        "stop_act": stop_act,
+        "make_safe": running.make_safe,
+        "close_plan": close_plan,
+        "await_acknowledgement": await_acknowledgement,
+    }
+    busy = {name: no_new_plan for name in behaviours if name != "await_plan"}
+    return bind("ta", Memory(), behaviours, CONDITIONS, takes=busy)
+
+
+def no_new_plan(memory: Memory, event: Taken) -> bool:
+    """A plan waits in the inbox until the one before is confirmed; everything else is taken in every state."""
+    return not (isinstance(event, Received) and isinstance(event.content, hfsm.HierarchicalPlan))
+
+
+# --- idle and surveying -----------------------------------------------------------------------------------------------
+
+
+def await_plan(memory: Memory, turn: Turn) -> Memory:
+    """idle: a plan is taken or refused; a new observer of the world makes ta look around."""
+    memory, _ = acts.hear(memory, turn)
+    match turn.event:
+        case Received(content=hfsm.HierarchicalPlan() as plan) as received:
+            return _taken(memory, turn, received.conversation, plan)
+        case Received(content=wm.ObserveWorld()) as received:
+            turn.say(received.conversation, Performative.AGREE)
+            return replace(memory, survey=SURVEYS)
+        case _:
+            return memory
+
+
+def _taken(memory: Memory, turn: Turn, conversation: str, plan: hfsm.HierarchicalPlan) -> Memory:
+    try:
+        plans.check(plan.root)
+    except plans.PlanError as error:
+        turn.say(conversation, Performative.REFUSE, sw.Report(sw.WorkerState.FAILED, reason=str(error)[:REASON_CHARS]))
+        return memory
+    return Memory(conversation=conversation, plan=plan, hands=memory.hands, acts=memory.acts)
+
+
+def survey(memory: Memory, turn: Turn) -> Memory:
+    """surveying: one look around, tried again a few times where ex cannot do it yet."""
+    match turn.event:
+        case None:
+            return _look_around(memory, turn)
+        case Woken(name=name) if name == AGAIN:
+            return _look_around(memory, turn)
+        case Received(content=wm.ObserveWorld()) as received:
+            turn.say(received.conversation, Performative.AGREE)
+            return memory
+    if acts.overdue(memory, turn):
+        return acts.stop(memory, turn)
+    memory, outcome = acts.hear(memory, turn)
+    if memory.act is not None or outcome is None:
+        return memory
+    if isinstance(outcome, rc.Done):
+        return replace(memory, survey=0)
+    turn.log("survey failed", level="warning", kind=outcome.kind, reason=outcome.reason)
+    if memory.survey > 1:
+        turn.wake(AGAIN, turn.now + AGAIN_S)
+    return replace(memory, survey=memory.survey - 1)
+
+
+def _look_around(memory: Memory, turn: Turn) -> Memory:
+    if memory.act is not None:
+        return memory
+    number = memory.acts + 1
+    return acts.begin(replace(memory, acts=number), turn, replace(SURVEY, key=f"{SURVEY.key}-{number}"))
+
+
+# --- stopping ---------------------------------------------------------------------------------------------------------
+
+
+def stop_act(memory: Memory, turn: Turn) -> Memory:
+    """stopping: ex was asked to stop; its last word is awaited, what crossed it is noted."""
+    memory = running.always(memory, turn)
+    memory, _ = acts.hear(memory, turn)
+    return memory
+
+
+# --- closing and finished ---------------------------------------------------------------------------------------------
+
+
+def close_plan(memory: Memory, turn: Turn) -> Memory:
+    """closing: the final report goes out once km has every observation it rests on (the barrier)."""
+    memory = running.always(memory, turn)
+    assert memory.end is not None
+    pending = any(peer == acts.OBSERVER for peer, _ in turn.due)
+    match turn.event:
+        case Woken(name=name) if name == BARRIER and pending:
+            words = f"{memory.reason} (observations pending: km does not take them)".strip()
+            return _report(memory, turn, words)
+        case None | Settled() | Started() | Woken() if not pending:
+            return _report(memory, turn, memory.reason)
+        case None:
+            turn.wake(BARRIER, turn.now + BARRIER_S)
+    return memory
+
+
+def _report(memory: Memory, turn: Turn, reason: str) -> Memory:
+    assert memory.end is not None
+    turn.unwake(BARRIER)
+    if turn.holds(memory.conversation):
+        report = sw.Report(memory.end, reason=reason[:REASON_CHARS])
+        turn.say(memory.conversation, Performative.INFORM, report)
+    return replace(memory, reported=True)
+
+
+def await_acknowledgement(memory: Memory, turn: Turn) -> Memory:
+    """finished: until co has confirmed the final report, which ends the conversation."""
+    match turn.event:
+        case Received(content=wm.ObserveWorld()) as received:
+            turn.say(received.conversation, Performative.AGREE)
+        case Broken() | Received() | None if not turn.holds(memory.conversation):
+            return Memory(hands=memory.hands, acts=memory.acts)
+    return memory

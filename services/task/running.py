@@ -1,0 +1,196 @@
+"""a_ta's super-state: the plan's own state machine, or the machine that makes a cancelled plan safe (paper, Table 6).
+
+A position in the plan's tree is all that is kept; plan.py says what an outcome leads to. Every change of state is
+reported to co, which confirms it; no confirm but the last is waited for.
+"""
+
+from collections.abc import Callable
+
+from msgspec.structs import replace
+
+from agent_runtime.events import Broken, Late, Received, Started
+from agent_runtime.turn import Turn
+from companion.languages import hfsm, rc, sw, wm
+from fipa_codec.performatives import Performative
+from services.task import acts
+from services.task import plan as plans
+from services.task.memory import Memory, Soft, way_to_safety
+from services.task.survey import SURVEY
+
+ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
+PATH_CHARS = 200  # a report is to stay within its 400 bytes
+Outcome = hfsm.Outcome
+
+ENDS = {
+    Outcome.SUCCEEDED: sw.WorkerState.SUCCEEDED,
+    Outcome.FAILED: sw.WorkerState.FAILED,
+    Outcome.REPLAN: sw.WorkerState.REPLAN,
+    Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
+}
+OF_KIND = {"replan": Outcome.REPLAN, "unknown": Outcome.REPLAN}
+"""Kinds of NotDone that are no failure: the world is not as planned."""
+
+
+def always(memory: Memory, turn: Turn) -> Memory:
+    """What is taken in every state of a plan: an observer comes (back), the conversation with co breaks."""
+    match turn.event:
+        case Received(content=wm.ObserveWorld()) as received:
+            turn.say(received.conversation, Performative.AGREE)
+        case Broken(conversation=name, reason=reason) if name == memory.conversation and memory.end is None:
+            return _preempted(memory, turn, f"the conversation with co broke: {reason}")
+    return memory
+
+
+# --- running ----------------------------------------------------------------------------------------------------------
+
+
+def run_plan(memory: Memory, turn: Turn) -> Memory:
+    """running: the plan's states, until it ends, is cancelled, or an act is late."""
+    if turn.event is None:
+        assert memory.plan is not None
+        return enter(memory, turn, plans.first(memory.plan.root))
+    memory = always(memory, turn)
+    if memory.end is not None:
+        return memory
+    match turn.event:
+        case Received(communicate=word, conversation=name) if name == memory.conversation:
+            return _preempted(memory, turn, "") if word.performative is Performative.CANCEL else memory
+        case _:
+            return _go_on(memory, turn, _finish)
+
+
+def _preempted(memory: Memory, turn: Turn, reason: str) -> Memory:
+    """co wants no more of it: the act is stopped, the question dropped; what is held is put down afterwards."""
+    if memory.soft.question:
+        turn.drop(memory.soft.question)
+    memory = acts.stop(memory, turn)
+    _tell(memory, turn, sw.WorkerState.TERMINATING)
+    return replace(memory, cancelled=True, end=sw.WorkerState.PREEMPTED, reason=reason, soft=Soft())
+
+
+def _finish(memory: Memory, outcome: Outcome, reason: str) -> Memory:
+    return replace(memory, end=ENDS[outcome], reason=reason)
+
+
+# --- securing ---------------------------------------------------------------------------------------------------------
+
+
+def make_safe(memory: Memory, turn: Turn) -> Memory:
+    """securing: what is held is put down as the plan says; a second cancel changes nothing."""
+    if turn.event is None:
+        safe = way_to_safety(memory)
+        assert safe is not None
+        return enter(replace(memory, safe=safe, secured=True, end=None), turn, plans.first(safe))
+    return _go_on(always(memory, turn), turn, _secured)
+
+
+def _secured(memory: Memory, outcome: Outcome, reason: str) -> Memory:
+    if outcome is Outcome.SUCCEEDED:
+        return replace(memory, end=sw.WorkerState.PREEMPTED)
+    held = ", ".join(memory.hands.values()) or "nothing"
+    words = f"cancelled, but not everything could be put down (held: {held}): {reason}"
+    return replace(memory, end=sw.WorkerState.FAILED, reason=words)
+
+
+# --- both -------------------------------------------------------------------------------------------------------------
+
+Finish = Callable[[Memory, Outcome, str], Memory]
+
+
+def enter(memory: Memory, turn: Turn, position: plans.Position, finish: Finish | None = None) -> Memory:
+    """Go to the leaf at `position`, report it, and begin what it says."""
+    memory = replace(memory, at=position)
+    _tell(memory, turn, sw.WorkerState.RUNNING)
+    leaf = plans.leaf(memory.machine, position)
+    if isinstance(leaf, hfsm.ActState):
+        return acts.begin(memory, turn, leaf.command)
+    if isinstance(leaf, hfsm.AskState):
+        return _ask(memory, turn, leaf)
+    return leave(memory, turn, leaf.outcome, leaf.reason, finish or _finish)
+
+
+def leave(memory: Memory, turn: Turn, outcome: Outcome, reason: str, finish: Finish) -> Memory:
+    """The leaf ended so: on to the next one, or the machine has ended."""
+    following = plans.after(memory.machine, memory.at, outcome)
+    if isinstance(following, Outcome):
+        return finish(memory, following, reason)
+    return enter(memory, turn, following, finish)
+
+
+def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
+    """Whatever the present leaf waited for."""
+    if acts.overdue(memory, turn):
+        assert memory.act is not None
+        words = f"ex took too long for {memory.act.command.key}"
+        return replace(acts.stop(memory, turn), end=sw.WorkerState.FAILED, reason=words)
+    if memory.soft.question or isinstance(turn.event, Started):
+        return _answered(memory, turn, finish)
+    memory, outcome = acts.hear(memory, turn)
+    if outcome is None or memory.act is not None:
+        return memory
+    return _acted(memory, turn, outcome, finish)
+
+
+def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) -> Memory:
+    if memory.looking:
+        return finish(replace(memory, looking=False), Outcome.REPLAN, memory.reason)
+    if isinstance(outcome, rc.Done):
+        return leave(memory, turn, Outcome.SUCCEEDED, _seen(memory, outcome), finish)
+    turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
+    if outcome.kind == "unknown" and memory.safe is None:
+        return _look(memory, turn, outcome)
+    return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), outcome.reason, finish)
+
+
+def _look(memory: Memory, turn: Turn, outcome: rc.NotDone) -> Memory:
+    """Nobody knows how the act ended: look at the world without moving an arm, then have it planned anew."""
+    memory = replace(memory, looking=True, reason=outcome.reason)
+    _tell(memory, turn, sw.WorkerState.ERROR)
+    return acts.begin(memory, turn, replace(SURVEY, key=f"{outcome.key}.look"))
+
+
+def _seen(memory: Memory, outcome: rc.Done) -> str:
+    """After a look that ends a plan the person wants to know what was seen."""
+    leaf = plans.leaf(memory.machine, memory.at)
+    looked = isinstance(leaf, hfsm.ActState) and isinstance(leaf.command, rc.Look)
+    return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}" if looked else ""
+
+
+# --- questions --------------------------------------------------------------------------------------------------------
+
+
+def _ask(memory: Memory, turn: Turn, leaf: hfsm.AskState) -> Memory:
+    name = turn.open(acts.OBSERVER, "query", Performative.QUERY_REF, leaf.query, reply_by_s=ASK_WITHIN_S)
+    return replace(memory, soft=Soft(name))
+
+
+def _answered(memory: Memory, turn: Turn, finish: Finish) -> Memory:
+    leaf = plans.leaf(memory.machine, memory.at)
+    if not isinstance(leaf, hfsm.AskState):
+        return memory
+    match turn.event:
+        case Started():
+            return _ask(memory, turn, leaf)
+        case Received(conversation=name, content=content) if name == memory.soft.question:
+            memory = replace(memory, soft=Soft())
+            if isinstance(content, wm.Truth) and content.value is leaf.expect:
+                return leave(memory, turn, Outcome.SUCCEEDED, "", finish)
+            return leave(memory, turn, leaf.otherwise, _no(leaf, content), finish)
+        case Late(conversation=name) | Broken(conversation=name) if name == memory.soft.question:
+            words = f"km does not answer: {leaf.name}"
+            return leave(replace(memory, soft=Soft()), turn, Outcome.FAILED, words, finish)
+        case _:
+            return memory
+
+
+def _no(leaf: hfsm.AskState, content: object) -> str:
+    why = content.reason if isinstance(content, wm.Unknown | wm.UnknownState) else "no"
+    return f"{leaf.name} {why}"
+
+
+def _tell(memory: Memory, turn: Turn, state: sw.WorkerState) -> None:
+    """Report where the plan is."""
+    if not turn.holds(memory.conversation) or memory.plan is None:
+        return
+    path = "/".join((*((memory.safe.name,) if memory.safe else ()), *memory.at))[-PATH_CHARS:]
+    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, at=path))
