@@ -57,9 +57,12 @@ def _noted(scene: Scene, observation: wm.AnyObservation, at: float) -> Scene:
         case wm.SeenObject(object=name, model=model, pose=pose):
             # What a hand holds moves with it: its pose holds for the moment it was seen in, and for no longer.
             exact = scene.holder(name) is None
-            return related(scene.with_thing(Thing(name, model, pose, at, exact)), at)
+            kept = scene.things.get(name, Thing(name, model, pose))
+            seen = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=exact)
+            return related(scene.with_thing(seen), at, name)
         case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
-            return related(scene.with_hand(side, Held(name, grasp, pose)), at)
+            before = scene.hands.get(side, Held()).object
+            return related(scene.with_hand(side, Held(name, grasp, pose)), at, before, name)
         case wm.SeenContent(source=source, destination=destination):
             return msgspec.structs.replace(scene, contents={**scene.contents, source: destination})
         case wm.SeenBody(body=body):

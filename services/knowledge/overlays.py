@@ -93,9 +93,11 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
             return _moved(scene, change)
         case wm.Grasped(object=name, side=side, grasp=grasp, pose=pose):
             _require(scene, name)
-            return related(scene.with_hand(side, Held(name, grasp, pose)), 0.0)
+            before = scene.hands.get(side, Held()).object
+            return related(scene.with_hand(side, Held(name, grasp, pose)), scene.things[name].related_at, before, name)
         case wm.Released(side=side):
-            return related(scene.with_hand(side, Held()), 0.0)
+            before = scene.hands.get(side, Held()).object
+            return related(scene.with_hand(side, Held()), 0.0, before)
         case wm.Configured(part=part, q=q):
             if len(q) != PARTS.get(part):
                 raise Impossible(f"part {part!r} with {len(q)} joints; parts are {_words(PARTS)}")
@@ -114,7 +116,7 @@ def _moved(scene: Scene, change: wm.Moved) -> Scene:
     """The object stands elsewhere; what pl says it stands on goes before what geometry finds."""
     _require(scene, change.object)
     thing = msgspec.structs.replace(scene.things[change.object], pose=change.pose, exact=change.exact)
-    after = related(scene.with_thing(thing), thing.related_at)
+    after = related(scene.with_thing(thing), thing.related_at, thing.id)
     if not change.on:
         return after
     _require(scene, change.on)

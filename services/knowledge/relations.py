@@ -20,12 +20,26 @@ TOUCH_M = 0.03
 INSIDE_M = 0.01
 
 
-def related(scene: Scene, now: float) -> Scene:
-    """The scene with all its relations as geometry has them now (`now`: time of the newest
-    observation).
+def related(scene: Scene, now: float, *touched: str) -> Scene:
+    """The scene with its relations as geometry has them, after the things `touched` moved, were taken or let go.
+
+    `now`: time of the newest observation [s]. Relations between things that stayed are kept.
     """
-    things = {name: _related(scene, thing, now) for name, thing in scene.things.items()}
+    moved = [scene.things[name] for name in touched if name in scene.things]
+    things = {
+        name: _related(scene, thing, now) if any(_concerns(other, thing) for other in moved) else thing
+        for name, thing in scene.things.items()
+    }
     return msgspec.structs.replace(scene, things=things)
+
+
+def _concerns(moved: Thing, thing: Thing) -> bool:
+    """May the move change what the thing is on or in?"""
+    if moved.id in (thing.id, thing.on) or moved.id in thing.inside:
+        return True
+    if moved.known is None or thing.known is None:
+        return False
+    return _is_in(thing, thing.known, moved, moved.known) or bool(_support(thing, thing.known, [moved]))
 
 
 def relate(scene: Scene, thing: Thing) -> tuple[str, tuple[str, ...]]:
@@ -33,10 +47,11 @@ def relate(scene: Scene, thing: Thing) -> tuple[str, tuple[str, ...]]:
     model = thing.known
     if model is None:
         return "", ()
+    if scene.holder(thing.id) is not None:
+        return "", ()  # it goes where the hand goes
     others = [other for other in scene.things.values() if other.id != thing.id and other.known is not None]
-    held = scene.holder(thing.id) is not None
     inside = tuple(sorted(other.id for other in others if other.known and _is_in(thing, model, other, other.known)))
-    return ("" if held else _support(thing, model, others)), inside
+    return _support(thing, model, others), inside
 
 
 def _related(scene: Scene, thing: Thing, now: float) -> Thing:

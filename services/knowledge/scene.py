@@ -57,7 +57,8 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
 class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     """Objects, hands, joints [rad] per part of the body, spaces kept free, contents poured (source -> destination).
 
-    `versions`: the newest observation of each subject that is in here; `times`: when it was made.
+    `versions`: the newest observation of each subject that is in here; `times`: when it was made, or, of what carries
+    no time of its own, when it came.
     A hand or a part that is missing was never observed.
     """
 

@@ -1,5 +1,6 @@
 """Observations become facts, the newest of a subject is the true one, and relations follow from geometry."""
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,6 +8,7 @@ from hypothesis import strategies as st
 from companion.languages import wm
 from companion.languages.values import Pose, Side
 from services.knowledge.observe import observed, subject_of
+from services.knowledge.relations import relate
 from services.knowledge.scene import Scene
 from services.knowledge.store import Store
 
@@ -16,6 +18,20 @@ from .conftest import KITCHEN, yaw
 def seen(name: str, model: str, xyz: tuple[float, float, float], at: float = 0.0) -> wm.SeenObject:
     """An upright object seen."""
     return wm.SeenObject(name, model, Pose(xyz), at)
+
+
+# Things that come and go: on the table, in the hand, the furniture itself pushed aside.
+MOVES: tuple[wm.AnyObservation, ...] = (
+    seen("jar_1", "jar", (0.783, -0.84, 0.875)),
+    seen("bowl_1", "bowl_high", (0.8, -0.8, 0.775)),
+    seen("lid_1", "jar_lid", (0.8, -0.8, 0.805)),
+    seen("table_1", "table", (0.783, 0.84, 0.0)),
+    seen("cabinet_2", "cabinet_no_door", (0.783, -0.84, 1.125)),
+    wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0))),
+    wm.SeenHand(Side.RIGHT, "bowl_1", "1", Pose((0.0, 0.0, 0.0))),
+    wm.SeenHand(Side.LEFT),
+    wm.SeenHand(Side.RIGHT, "jar_1", "1", Pose((0.0, 0.0, 0.0))),
+)
 
 
 def scene_of(*observations: wm.AnyObservation) -> Scene:
@@ -103,9 +119,9 @@ def test_an_object_is_in_one_hand_at_most() -> None:
 
 
 def test_a_held_object_stands_on_nothing(kitchen: Store) -> None:
-    """Grasped on the shelf, it is held and not put."""
+    """Grasped on the shelf, it is where the hand is: neither on the shelf nor in the cabinet."""
     scene = observed(kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0))
-    assert scene.things["jar_1"].on == ""
+    assert (scene.things["jar_1"].on, scene.things["jar_1"].inside) == ("", ())
 
 
 def test_an_object_of_an_unknown_model_is_kept() -> None:
@@ -125,6 +141,20 @@ def test_the_hands_posture_is_four_numbers(kitchen: Store) -> None:
         "right_hand": 4,
         "left_hand": 4,
     }
+
+
+@given(st.lists(st.sampled_from([*KITCHEN[:5], *MOVES]), min_size=1, max_size=12))
+def test_relations_kept_are_those_that_would_be_computed_anew(story: list[wm.AnyObservation]) -> None:
+    """Looking only at what moved gives what looking at everything gives, whatever happened in whatever order."""
+    scene = scene_of(*story)
+    for thing in scene.things.values():
+        assert (thing.on, thing.inside) == relate(scene, thing)
+
+
+def test_a_scene_encodes_whole(kitchen: Store) -> None:
+    """It goes into a journal and comes back as it was."""
+    scene = kitchen.scene
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(scene), type=Scene) == scene
 
 
 def test_observed_is_pure(kitchen: Store) -> None:
