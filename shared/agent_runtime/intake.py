@@ -31,11 +31,11 @@ def admit(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) 
     if communicate.receiver != state.agent or link is None:
         reject(state, out, communicate, "not for us", f"no {communicate.protocol!r} with {communicate.sender!r}")
     elif link.delivery is Delivery.DURABLE:
-        _admit_durable(state, out, wiring, communicate)
+        _admit_durable(state, out, wiring, link, communicate)
     elif _is_observation(link, communicate):
-        _admit_observation(state, out, wiring, communicate)
+        _admit_observation(state, out, wiring, link, communicate)
     else:
-        _admit_volatile(state, out, wiring, communicate)
+        _admit_volatile(state, out, wiring, link, communicate)
 
 
 def reject(state: CoreState, out: Out, communicate: Communicate, what: str, why: str) -> None:
@@ -61,7 +61,7 @@ def _is_observation(link: Link, communicate: Communicate) -> bool:
     )
 
 
-def _admit_durable(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) -> None:
+def _admit_durable(state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate) -> None:
     peer = communicate.sender
     if not (communicate.id.isascii() and communicate.id.isdigit()):
         reject(state, out, communicate, "no stream number", "a durable communicate has its stream's number as id")
@@ -76,10 +76,10 @@ def _admit_durable(state: CoreState, out: Out, wiring: Wiring, communicate: Comm
     elif number > taken + waiting + 1 or waiting >= HELD_OF_STREAM:
         state.count("gap")
     else:
-        _wait(state, wiring, communicate, peer=peer, number=number)
+        _wait(state, wiring, link, communicate, peer=peer, number=number)
 
 
-def _admit_observation(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) -> None:
+def _admit_observation(state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate) -> None:
     peer, parsed = communicate.sender, parse_observation(communicate.id)
     held = state.soft.conversations.get(communicate.conversation)
     if parsed is None or held is None:
@@ -94,32 +94,34 @@ def _admit_observation(state: CoreState, out: Out, wiring: Wiring, communicate: 
     if any(one.version >= version for one in older):
         return
     state.soft.inbox = tuple(one for one in state.soft.inbox if one not in older)
-    _wait(state, wiring, communicate, peer=peer, subject=subject, version=version)
+    _wait(state, wiring, link, communicate, peer=peer, subject=subject, version=version)
 
 
-def _admit_volatile(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) -> None:
+def _admit_volatile(state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate) -> None:
     waiting = [one for one in state.soft.inbox if isinstance(one.event, Arrived) and not one.number]
     if any(_same(one.event.communicate, communicate) for one in waiting):
         state.count("waiting already")
     elif len(waiting) >= HELD_VOLATILE:
         reject(state, out, communicate, "inbox full", f"{HELD_VOLATILE} volatile messages wait already")
     else:
-        _wait(state, wiring, communicate, peer=communicate.sender)
+        _wait(state, wiring, link, communicate, peer=communicate.sender)
 
 
 def _same(one: Communicate, other: Communicate) -> bool:
     return (one.sender, one.id, one.conversation) == (other.sender, other.id, other.conversation)
 
 
-def _wait(state: CoreState, wiring: Wiring, communicate: Communicate, **place: Any) -> None:
-    content, kind, fault = _read(wiring.languages, communicate)
+def _wait(state: CoreState, wiring: Wiring, link: Link, communicate: Communicate, **place: Any) -> None:
+    content, kind, fault = _read(wiring.languages, link, communicate)
     waiting = Waiting(Arrived(communicate), content=content, kind=kind, fault=fault, **place)
     state.soft.inbox = (*state.soft.inbox, waiting)
 
 
-def _read(languages: Languages, communicate: Communicate) -> tuple[Any, Kind, RemoteProtocolError | None]:
+def _read(languages: Languages, link: Link, communicate: Communicate) -> tuple[Any, Kind, RemoteProtocolError | None]:
     try:
         content, kind = languages.read(communicate)
+        name = f"{communicate.language}.{type(content).__name__}" if content is not None else ""
+        link.require_heard(communicate.performative, name)
     except RemoteProtocolError as error:
         return None, Kind.PLAIN, error
     return content, kind, None

@@ -14,7 +14,7 @@ from agent_runtime.effects import Out
 from agent_runtime.errors import BehaviourError
 from agent_runtime.events import Broken, Late, Local, PeerChanged, Received, Settled, Started, Woken
 from agent_runtime.state import CoreState, Due, Held
-from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.wiring import Delivery, Link, Wiring, class_name
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 from fipa_codec.languages import Kind
@@ -183,6 +183,7 @@ class Turn:
     ) -> None:
         durable = link.delivery is Delivery.DURABLE
         language = None if content is None else self._wiring.language(content)
+        link.require_said(performative, class_name(language, content))
         if kind is None:
             kind = Kind.PLAIN if language is None else language.kind(content)
         talk, communicate = held.conversation.send(

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from fipa_codec.communicate import Communicate
-from fipa_codec.errors import LocalProtocolError
+from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
@@ -31,7 +31,11 @@ class Delivery(StrEnum):
 
 
 class Link(msgspec.Struct, frozen=True):
-    """This agent's side of one protocol with one peer; `silent`: the language named by acts without content."""
+    """This agent's side of one protocol with one peer; `silent`: the language named by acts without content.
+
+    `says`, `hears`: the interface: LANGUAGE.Class of each content an act may have, () for an act without content. Empty
+    tables: not checked (toys).
+    """
 
     peer: str
     channel: str
@@ -40,6 +44,31 @@ class Link(msgspec.Struct, frozen=True):
     delivery: Delivery
     ontology: str = ""
     silent: str = ""
+    says: dict[Performative, tuple[str, ...]] = {}
+    hears: dict[Performative, tuple[str, ...]] = {}
+
+    def require_said(self, performative: Performative, content: str) -> None:
+        """LocalProtocolError where the interface has no such act, or not with this content (LANGUAGE.Class or "")."""
+        wrong = _misfit(self.says, performative, content)
+        if wrong is not None:
+            raise LocalProtocolError(wrong[0], f"{self.protocol} with {self.peer!r} on {self.channel}: {wrong[1]}")
+
+    def require_heard(self, performative: Performative, content: str) -> None:
+        """ContentError likewise, for what the peer says."""
+        wrong = _misfit(self.hears, performative, content)
+        if wrong is not None:
+            raise ContentError(wrong[0], f"{self.protocol} of {self.peer!r} on {self.channel}: {wrong[1]}")
+
+
+def _misfit(table: dict[Performative, tuple[str, ...]], act: Performative, content: str) -> tuple[str, str] | None:
+    """Field and reason, None where all is well. What has contents may also come without: the tables decide that."""
+    if not table:
+        return None
+    if act not in table:
+        return "performative", f"{act} is not in the design; there are {', '.join(sorted(table))}"
+    if content and content not in table[act]:
+        return "content", f"{act} does not carry {content}; it carries {', '.join(table[act]) or 'nothing'}"
+    return None
 
 
 class Wiring(msgspec.Struct, frozen=True, dict=True):
@@ -94,6 +123,11 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         """The key expressions this agent listens on, one a channel and peer."""
         pairs = sorted({(link.channel, link.peer) for link in self.links})
         return tuple(f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs)
+
+
+def class_name(language: Language | None, content: Any) -> str:
+    """LANGUAGE.Class of a content, "" for none: as the interfaces of a design name it."""
+    return "" if language is None else f"{language.name}.{type(content).__name__}"
 
 
 def communicate_key(
