@@ -172,16 +172,17 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     def _kind(self, performative: Performative, reply_to: str, kind: Kind) -> Kind:
         """The guard word of the row. Only an inform has uses that its content tells apart."""
-        if reply_to and reply_to == self.cancel:
-            return Kind.CANCEL
-        if kind is Kind.CANCEL:
-            raise LocalProtocolError("in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}")
         if performative is Performative.CONFIRM:
+            # First: both sides number their own messages, so the confirmed one may have the label of the cancel.
             known = dict(self.unconfirmed)
             if reply_to not in known:
                 expected = ", ".join(known) or "nothing"
                 raise LocalProtocolError("in_reply_to", f"{self._here}: {reply_to!r} confirms none of {expected}")
             return known[reply_to]
+        if reply_to and reply_to == self.cancel:
+            return Kind.CANCEL
+        if kind is Kind.CANCEL:
+            raise LocalProtocolError("in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}")
         return kind if performative is Performative.INFORM else Kind.PLAIN
 
     def _require_mine(self, communicate: Communicate) -> None:

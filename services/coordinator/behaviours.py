@@ -1,0 +1,101 @@
+"""The five behaviours of co (paper, section 5.5: trigger, procReq, compSP, schedule, switch), bound to the design.
+
+co rests in `trigger`, and in `compSP` while a plan is made; procReq, schedule and switch are passed in one step.
+Messages are heard in both resting states alike (hearing.py). Must not know: clocks, the wire.
+"""
+
+from functools import partial
+
+from msgspec.structs import replace
+
+from agent_runtime.agent import Agent
+from agent_runtime.turn import Turn
+from companion.binding import bind
+from companion.design import AgentName
+from companion.languages.cmd import TaskState
+from fipa_codec.performatives import Performative as P
+from services.coordinator import words
+from services.coordinator.hearing import hear, not_answering
+from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, plan_wanted
+
+
+def await_trigger(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
+    """Behaviour of `trigger`: take what comes; at entry what ended before is settled."""
+    if turn.event is None:
+        return replace(memory, over=False, choice=Choice.OPEN)
+    return hear(memory, turn, limits)
+
+
+def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
+    """Behaviour of `procReq`: agree to a command and put it behind the others, or refuse it."""
+    for job in memory.arrived:
+        why_not = _why_not(memory, turn, limits)
+        if why_not:
+            turn.say(job.conversation, P.REFUSE, words.report(TaskState.FAILED, why_not))
+            continue
+        ahead = len(memory.jobs)
+        text = f"{ahead} before it" if ahead else "next"
+        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, text))
+        memory = replace(memory, jobs=(*memory.jobs, job))
+    return replace(memory, arrived=())
+
+
+def _why_not(memory: Memory, turn: Turn, limits: Limits) -> str:
+    if memory.loose:
+        return f"busy: {not_answering(memory, turn)}"
+    if len(memory.jobs) >= limits.waiting:
+        return f"busy: {len(memory.jobs)} tasks are open already; wait for one, or cancel one"
+    return ""
+
+
+def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
+    """Behaviour of `compSP`: ask for the plan of the first task; it brings the expected duration with it."""
+    if turn.event is not None:
+        return hear(memory, turn, limits)
+    job = memory.first
+    if job is None or not plan_wanted(memory):
+        return memory
+    job = replace(job, plans=job.plans + 1)
+    talk = turn.open(AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s)
+    words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {job.at}" if job.at else ""))
+    return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at=""))
+
+
+def schedule(memory: Memory, turn: Turn) -> Memory:
+    """Behaviour of `schedule`: continue with the plan that runs, or switch to the one that is ready."""
+    return replace(memory, choice=decide(memory.jobs))
+
+
+def decide(jobs: tuple[Job, ...]) -> Choice:
+    """In order of arrival: switch when the first task has its plan and nothing runs.
+
+    TaskER's costs, deadlines and suspension decide here later.
+    """
+    running = any(job.stage is Stage.RUNNING for job in jobs)
+    ready = bool(jobs) and jobs[0].stage is Stage.PLANNED
+    return Choice.SWITCH if ready and not running else Choice.CONTINUE
+
+
+def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
+    """Behaviour of `switch`: request the plan of ta, with its reply-by. Nothing runs that had to be ended first."""
+    job = memory.first
+    if job is None or job.plan is None:
+        return memory
+    plan = job.plan
+    talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan))
+    words.progress(turn, job, TaskState.RUNNING, f"plan {job.plans} takes about {plan.duration:.0f} s")
+    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, started=job.started or turn.now)
+    return replace(memory.with_job(job), choice=Choice.OPEN)
+
+
+def coordinator(limits: Limits | None = None) -> Agent[Memory]:
+    """The agent co."""
+    bound = {"limits": limits or Limits()}
+    behaviours = {
+        "await_trigger": partial(await_trigger, **bound),
+        "process_request": partial(process_request, **bound),
+        "compute_schedule_parameters": partial(compute_schedule_parameters, **bound),
+        "schedule": schedule,
+        "switch_plan": partial(switch_plan, **bound),
+    }
+    return bind(AgentName.CO, Memory(), behaviours, CONDITIONS)

@@ -1,0 +1,194 @@
+"""What a message, or its absence, does to co's tasks, in whatever state co is: the rows of co's side of C1, C2 and C3.
+
+Rows as explored with the scheme of delivery: every inform of ta is confirmed in the step that takes it; a cancel of hi
+is answered once pl or ta has had its last word; when a reply-by passes, hi is told at once, the peer is cancelled, and
+the talk goes on `loose` until its end. Must not know: states and arcs.
+"""
+
+from collections.abc import Callable
+
+from msgspec.structs import replace
+
+from agent_runtime.events import Broken, Late, Received, Woken
+from agent_runtime.turn import Turn
+from companion.design import AgentName
+from companion.languages import cmd, hfsm, sw
+from companion.languages.cmd import TaskState
+from companion.languages.sw import WorkerState
+from fipa_codec.performatives import Performative as P
+from services.coordinator import words
+from services.coordinator.memory import Job, Limits, Memory, Stage
+
+PATIENCE = "patience"
+WHO = {AgentName.PL: "the planner", AgentName.TA: "the robot"}
+NO_SENTENCE = "this is no command; say PourInto, Take, PutDown or LookAround of language CMD"
+
+
+def hear(memory: Memory, turn: Turn, limits: Limits) -> Memory:
+    """Memory after the turn's event; unchanged for what concerns no task."""
+    match turn.event:
+        case Received() as received:
+            memory = _FROM[received.communicate.sender](memory, turn, received, limits)
+        case Late(conversation=name) if (job := memory.of_talk(name)) is not None:
+            memory = _on_late(memory, turn, job, limits)
+        case Broken(conversation=name, reason=why):
+            memory = _on_broken(memory, turn, name, why, limits)
+        case Woken(name=name) if name == PATIENCE:
+            memory = _out_of_patience(memory, turn)
+    return _tied_up(memory, turn)
+
+
+def _tied_up(memory: Memory, turn: Turn) -> Memory:
+    """Forget loose talks that have had their last word."""
+    loose = tuple(name for name in memory.loose if turn.holds(name))
+    if memory.loose and not loose:
+        turn.unwake(PATIENCE)
+    return memory if loose == memory.loose else replace(memory, loose=loose)
+
+
+# --- hi ---------------------------------------------------------------------------------------------------------------
+
+
+def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
+    name, content = received.conversation, received.content
+    match received.communicate.performative:
+        case P.REQUEST if isinstance(content, cmd.Task):
+            return replace(memory, arrived=(*memory.arrived, Job(name, content, turn.now)))
+        case P.REQUEST:
+            turn.say(name, P.REFUSE, words.report(TaskState.FAILED, NO_SENTENCE))
+        case P.CANCEL if (job := memory.of_hi(name)) is not None:
+            return cancel(memory, turn, job, limits)
+        case P.NOT_UNDERSTOOD if (job := memory.of_hi(name)) is not None:
+            return cancel(memory, turn, job, limits)
+    return memory
+
+
+def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
+    """Hi wants a task no more (or can hear of it no more): what waits ends at once, the rest when pl or ta says so."""
+    if job.stage not in (Stage.PLANNING, Stage.RUNNING):
+        words.cancelled(turn, job, "it had not begun")
+        return memory.without_job(job)
+    if job.cancelling:
+        return memory
+    patience_s = limits.cancel_planning_s if job.stage is Stage.PLANNING else limits.cancel_acting_s / limits.speed
+    turn.say(job.talk, P.CANCEL, reply_by_s=patience_s)
+    return memory.with_job(replace(job, cancelling=True))
+
+
+# --- pl ---------------------------------------------------------------------------------------------------------------
+
+
+def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
+    job = memory.of_talk(received.conversation)
+    if job is None or received.communicate.performative is P.AGREE:
+        return memory
+    if job.cancelling:
+        return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, "while the plan was made")
+    if isinstance(received.content, hfsm.HierarchicalPlan):
+        return memory.with_job(replace(job, stage=Stage.PLANNED, talk="", plan=received.content))
+    why = words.reason(received.content) or f"the planner said {received.communicate.performative} and no reason"
+    return _failed(memory, turn, job, why)
+
+
+# --- ta ---------------------------------------------------------------------------------------------------------------
+
+
+def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
+    said = received.content
+    if received.communicate.performative is P.INFORM:
+        turn.say(received.conversation, P.CONFIRM, in_reply_to=received.communicate.reply_with)
+    job = memory.of_talk(received.conversation)
+    if job is None:
+        return memory
+    if isinstance(said, sw.Report) and said.state not in sw.FINAL:
+        return _on_progress(memory, turn, job, said)
+    if isinstance(said, sw.Report) and said.state is WorkerState.SUCCEEDED:
+        words.done(turn, job, said.reason)
+        return memory.without_job(job)
+    if job.cancelling:
+        return _cancelled(memory, turn, job, words.reason(said))
+    if isinstance(said, sw.Report) and said.state is WorkerState.REPLAN:
+        return _on_replan(memory, turn, job, said, limits)
+    return _failed(memory, turn, job, words.reason(said) or _without_reason(received))
+
+
+def _without_reason(received: Received) -> str:
+    said = received.content.state if isinstance(received.content, sw.Report) else received.communicate.performative
+    return f"the robot said {said} and no reason"
+
+
+def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memory:
+    text = said.at or said.reason or said.state
+    if said.state is not WorkerState.RUNNING and said.at:
+        text = f"{said.state} at {said.at}"
+    if text == job.at:
+        return memory
+    words.progress(turn, job, TaskState.RUNNING, text)
+    return memory.with_job(replace(job, at=text))
+
+
+def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Limits) -> Memory:
+    """The same task once more, with what was learnt on the way; but not for ever."""
+    why = said.reason or "the robot wants a new plan"
+    if job.plans > limits.replans:
+        return _failed(memory, turn, job, f"given up after {job.plans} plans; the last one: {why}")
+    turn.log("replan", conversation=job.conversation, plans=job.plans, why=why)
+    return memory.with_job(replace(job, stage=Stage.WAITING, talk="", at=why))
+
+
+# --- ends -------------------------------------------------------------------------------------------------------------
+
+
+def _cancelled(memory: Memory, turn: Turn, job: Job, text: str) -> Memory:
+    words.cancelled(turn, job, text)
+    return memory.without_job(job)
+
+
+def _failed(memory: Memory, turn: Turn, job: Job, text: str) -> Memory:
+    words.failed(turn, job, text)
+    return memory.without_job(job)
+
+
+def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
+    """Row T: hi is told, the peer cancelled (if it was not), and its last word awaited with nobody waiting for it."""
+    who = WHO[AgentName(turn.conversation(job.talk).peer)]
+    turn.log("late", level="warning", conversation=job.talk, task=job.conversation)
+    if not job.cancelling:
+        turn.say(job.talk, P.CANCEL)
+    words.failed(turn, job, f"{who} did not answer in time")
+    turn.wake(PATIENCE, turn.now + limits.patience_s)
+    memory = memory.without_job(job)
+    return replace(memory, loose=(*memory.loose, job.talk))
+
+
+def _on_broken(memory: Memory, turn: Turn, name: str, why: str, limits: Limits) -> Memory:
+    """A peer said what could not be taken, so the conversation is gone."""
+    if (job := memory.of_hi(name)) is not None:
+        return cancel(memory, turn, job, limits)
+    if (job := memory.of_talk(name)) is None:
+        return memory
+    if job.cancelling:
+        return _cancelled(memory, turn, job, why)
+    return _failed(memory, turn, job, f"what came back was not understood: {why}")
+
+
+def _out_of_patience(memory: Memory, turn: Turn) -> Memory:
+    """Whoever is late stays late: the tasks that wait for it end, too."""
+    if not memory.loose:
+        return memory
+    for job in memory.jobs:
+        memory = _failed(memory, turn, job, f"{not_answering(memory, turn)}; say it again when it is back")
+    return memory
+
+
+def not_answering(memory: Memory, turn: Turn) -> str:
+    """Who is late, in words."""
+    late = [WHO[AgentName(turn.conversation(name).peer)] for name in memory.loose if turn.holds(name)]
+    return f"{' and '.join(dict.fromkeys(late)) or 'the robot'} is not answering"
+
+
+_FROM: dict[str, Callable[[Memory, Turn, Received, Limits], Memory]] = {
+    AgentName.HI: _from_hi,
+    AgentName.PL: _from_pl,
+    AgentName.TA: _from_ta,
+}

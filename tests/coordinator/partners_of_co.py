@@ -1,0 +1,172 @@
+"""co on pretend wires among hi, pl and ta that do what a test says, or what a policy says.
+
+A puppet obeys the protocols (the core makes it), notes what it hears, and says what it is told to.
+"""
+
+import msgspec
+
+from agent_runtime.agent import Agent, Behaviour
+from agent_runtime.events import Local, Received
+from agent_runtime.wires import Wires
+from companion.binding import wiring
+from companion.languages import cmd, hfsm, sw
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from services.coordinator.behaviours import coordinator
+from services.coordinator.memory import Limits
+
+POUR = cmd.PourInto("jar", "bowl")
+LIMITS = Limits(planning_s=60.0)
+
+
+class Nothing(msgspec.Struct, frozen=True):
+    """Memory of a puppet."""
+
+
+class Puppet:
+    """A partner of co. `answer(turn, received)` is called with each message, after it was noted in `heard`."""
+
+    def __init__(self, name, answer=None):
+        self.name, self.answer = name, answer or self.default
+        self.heard = []
+
+    def default(self, turn, received):
+        """What a protocol wants at once: ta says Running."""
+        if self.name == "ta" and received.communicate.performative is P.REQUEST:
+            turn.say(received.conversation, P.INFORM, sw.Report(sw.WorkerState.RUNNING))
+
+    def agent(self):
+        """One state that never ends."""
+        return Agent(self.name, "on", Nothing(), {"on": Behaviour(self.act)})
+
+    def act(self, memory, turn):
+        """Hear, or do what the test says: a function of the turn."""
+        if isinstance(turn.event, Received):
+            self.heard.append(turn.event)
+            self.answer(turn, turn.event)
+        elif isinstance(turn.event, Local):
+            turn.event.content(turn)
+        return memory
+
+
+class Scene:
+    """Wires with all four; words of the test are said after what is under way has settled."""
+
+    def __init__(self, *, limits=LIMITS, seed=0, faults=None, **answers):
+        self.wires = Wires(seed=seed, faults=faults)
+        self.puppets = {name: Puppet(name, answers.get(name)) for name in ("hi", "pl", "ta")}
+        for name, puppet in self.puppets.items():
+            self.wires.add(puppet.agent(), wiring(name, "test"))
+        self.co = self.wires.add(coordinator(limits), wiring("co", "test"))
+        self.settle()
+
+    # --- what the test says -------------------------------------------------------------------------------------------
+
+    def do(self, name, act):
+        """Have a puppet act."""
+        self.wires.post(name, act)
+        self.settle()
+
+    def settle(self, seconds=0.05):
+        """Let messages arrive."""
+        self.wires.run_for(seconds)
+
+    def command(self, task=POUR):
+        """Hi commands; the conversation."""
+        opened = []
+        self.do("hi", lambda turn: opened.append(turn.open("co", "request", P.REQUEST, task)))
+        return opened[0]
+
+    def cancel(self, task):
+        """Hi cancels."""
+        self.do("hi", lambda turn: turn.say(task, P.CANCEL))
+
+    def pl(self, performative, content, **more):
+        """Pl says something in its last conversation."""
+        self.do("pl", lambda turn: turn.say(self.asked("pl"), performative, content, **more))
+
+    def plan(self, duration=100.0):
+        """Pl has a plan."""
+        self.pl(P.INFORM, a_plan(duration))
+
+    def ta(self, state, **more):
+        """Ta reports."""
+        self.do("ta", lambda turn: turn.say(self.asked("ta"), P.INFORM, sw.Report(state, **more)))
+
+    def running(self, task=POUR):
+        """Hi commands, pl plans, ta runs; the conversation with hi."""
+        name = self.command(task)
+        self.plan()
+        return name
+
+    # --- what the test sees -------------------------------------------------------------------------------------------
+
+    def heard(self, name, conversation=""):
+        """What a puppet heard: (performative, content), of one conversation or of all."""
+        return [
+            (one.communicate.performative, one.content)
+            for one in self.puppets[name].heard
+            if conversation in ("", one.conversation)
+        ]
+
+    def acts(self, name, conversation=""):
+        """The performatives a puppet heard."""
+        return [performative for performative, _ in self.heard(name, conversation)]
+
+    def asked(self, name):
+        """The last conversation co opened with a puppet."""
+        return [one.conversation for one in self.puppets[name].heard if one.communicate.performative is P.REQUEST][-1]
+
+    def said(self, task):
+        """What hi heard of a task: `performative state`, in order."""
+        return [f"{act} {getattr(content, 'state', 'reason')}" for act, content in self.heard("hi", task)]
+
+    def last_text(self, task):
+        """The text of the last report on a task."""
+        return [content.text for _, content in self.heard("hi", task)][-1]
+
+    @property
+    def state(self):
+        """Co's state."""
+        return self.co.state.state
+
+    @property
+    def memory(self):
+        """Co's memory."""
+        return self.co.state.memory
+
+    def at_rest(self):
+        """All are up, co has nothing to do, and no conversation is open anywhere."""
+        states = [node.state for node in self.wires.nodes.values()]
+        if any(state is None or state.conversations for state in states):
+            return False
+        return self.state == "trigger" and not (self.memory.jobs or self.memory.loose)
+
+    def serves(self):
+        """A command is carried out from start to end."""
+        name = self.running()
+        self.ta(sw.WorkerState.SUCCEEDED)
+        return self.said(name)[-1] == "inform done" and self.at_rest()
+
+
+def a_plan(duration=100.0):
+    """A small plan."""
+    state = hfsm.EndState("end", hfsm.Outcome.SUCCEEDED)
+    return hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "end", (state,)), duration, 1)
+
+
+def no_plan(reason="the jar is out of reach"):
+    """Why there is no plan."""
+    return hfsm.NoPlan("p", reason)
+
+
+def stop_planning(turn, received):
+    """A policy of pl: answers a cancel at once."""
+    if received.communicate.performative is P.CANCEL:
+        turn.say(received.conversation, P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+
+
+def refuse_plans(turn, received):
+    """A policy of ta."""
+    if received.communicate.performative is P.REQUEST:
+        turn.say(received.conversation, P.REFUSE, sw.Report(sw.WorkerState.FAILED, reason="busy looking"))

@@ -1,0 +1,395 @@
+"""Every row of co's side of C1, C2 and C3, one after another."""
+
+import pytest
+from partners_of_co import Scene, a_plan, no_plan, refuse_plans, stop_planning
+
+from agent_runtime.wires import Point
+from companion.languages import cmd, hfsm
+from companion.languages.sw import FINAL, WorkerState
+from fipa_codec.communicate import Communicate
+from fipa_codec.languages import Kind, Reason
+from fipa_codec.performatives import Performative as P
+from services.coordinator.memory import Limits
+
+# --- the way through without trouble ----------------------------------------------------------------------------------
+
+
+def test_a_command_is_agreed_planned_run_and_done(scene):
+    """hi hears of each stage, and of the states of the plan."""
+    name = scene.running()
+    scene.ta(WorkerState.RUNNING, at="main/take")
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(name) == [
+        "agree waiting",
+        "inform planning",
+        "inform running",
+        "inform running",
+        "inform running",
+        "inform done",
+    ]
+    assert any("main/take" in content.text for _, content in scene.heard("hi", name))
+    assert scene.at_rest()
+
+
+@pytest.mark.parametrize(
+    ("command", "task"),
+    [
+        (cmd.PourInto("jar", "bowl"), hfsm.Task("pour", ("jar", "bowl"))),
+        (cmd.Take("jar", "left"), hfsm.Task("take", ("jar", "left"))),
+        (cmd.PutDown("bowl"), hfsm.Task("put_down", ("bowl",))),
+        (cmd.LookAround(), hfsm.Task("look_around", ())),
+    ],
+)
+def test_a_command_becomes_its_ground_task(scene, command, task):
+    """pl gets the one task of the planning domain."""
+    name = scene.command(command)
+    ((_, network),) = scene.heard("pl")
+    assert network.tasks == (task,)
+    assert network.id.startswith(name)
+
+
+def test_every_inform_of_ta_is_confirmed(scene):
+    """As many confirms as reports, final ones included; also after a cancel."""
+    name = scene.running()
+    scene.ta(WorkerState.RUNNING, at="main/a")
+    scene.ta(WorkerState.ERROR, reason="slipped")
+    scene.cancel(name)
+    scene.ta(WorkerState.TERMINATING)
+    scene.ta(WorkerState.PREEMPTED)
+    assert scene.acts("ta").count(P.CONFIRM) == 5
+    assert scene.at_rest()
+
+
+def test_the_plan_reaches_ta_with_its_reply_by(scene):
+    """Five times the planned duration and 10 s from the handing over."""
+    scene.command()
+    scene.plan(duration=100.0)
+    (request,) = [one.communicate for one in scene.puppets["ta"].heard if one.communicate.performative is P.REQUEST]
+    assert request.reply_by == pytest.approx(request.sent + 510.0)
+
+
+# --- running: ends ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("state", [WorkerState.FAILED, WorkerState.PREEMPTED])
+def test_a_plan_that_fails_fails_its_task_with_the_reason(scene, state):
+    """hi gets ta's words."""
+    name = scene.running()
+    scene.ta(state, reason="the jar slipped")
+    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "the jar slipped")
+    assert scene.at_rest()
+    assert scene.serves()
+
+
+def test_a_refused_plan_fails_its_task():
+    """ta refuses: hi failure."""
+    scene = Scene(ta=refuse_plans)
+    name = scene.running()
+    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "busy looking")
+    assert scene.at_rest()
+
+
+def test_replan_asks_for_another_plan_of_the_same_task(scene):
+    """Plan #1, Replan, plan #2: two requests to pl with the same task and different ids."""
+    name = scene.running()
+    scene.ta(WorkerState.REPLAN, reason="the bowl is not localized")
+    (first, second) = [content for act, content in scene.heard("pl") if act is P.REQUEST]
+    assert first.tasks == second.tasks
+    assert first.id != second.id
+    assert "bowl is not localized" in scene.last_text(name)
+    scene.plan()
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(name)[-1] == "inform done"
+    assert scene.at_rest()
+
+
+def test_replans_are_bounded():
+    """After the last allowed one the task fails in words."""
+    scene = Scene(limits=Limits(replans=2))
+    name = scene.running()
+    for _ in range(2):
+        scene.ta(WorkerState.REPLAN, reason="no sight of the jar")
+        scene.plan()
+    scene.ta(WorkerState.REPLAN, reason="no sight of the jar")
+    assert scene.said(name)[-1] == "failure failed"
+    assert "3 plans" in scene.last_text(name)
+    assert "no sight of the jar" in scene.last_text(name)
+    assert scene.at_rest()
+    assert scene.serves()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [no_plan(), Reason("the jar is out of reach")],
+)
+@pytest.mark.parametrize("performative", [P.FAILURE, P.REFUSE])
+def test_no_plan_fails_the_task_with_the_reason(scene, performative, content):
+    """Refused or failed, told by pl in either language."""
+    name = scene.command()
+    scene.pl(performative, content)
+    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "the jar is out of reach")
+    assert scene.at_rest()
+
+
+def test_a_request_that_is_no_command_is_refused(scene):
+    """A report is a sentence of CMD, but no command; the fleet serves on."""
+    name = scene.command(cmd.TaskReport(cmd.TaskState.DONE))
+    assert scene.acts("hi", name) == [P.REFUSE]
+    assert scene.serves()
+
+
+# --- cancel in each phase ---------------------------------------------------------------------------------------------
+
+
+def test_cancel_of_a_waiting_task_ends_it_at_once(scene):
+    """Neither pl nor ta hears of it; the first task goes on."""
+    first, second = scene.running(), scene.command()
+    scene.cancel(second)
+    assert scene.said(second) == ["agree waiting", "inform cancelled"]
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(first)[-1] == "inform done"
+    assert scene.acts("pl").count(P.REQUEST) == 1
+    assert scene.at_rest()
+
+
+def test_cancel_while_planning_cancels_the_planning(scene):
+    """hi hears cancelled when pl has said so."""
+    name = scene.command()
+    scene.cancel(name)
+    assert scene.acts("pl") == [P.REQUEST, P.CANCEL]
+    assert "inform cancelled" not in scene.said(name)
+    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    assert scene.said(name)[-1] == "inform cancelled"
+    assert scene.at_rest()
+    assert scene.serves()
+
+
+@pytest.mark.parametrize("crossing", [(P.INFORM, a_plan()), (P.FAILURE, no_plan()), (P.REFUSE, no_plan())])
+def test_cancel_that_crosses_the_plan_ends_when_pl_answers_it(crossing):
+    """The plan comes, then the failure in reply to the cancel: the plan is not run."""
+    scene = Scene()
+    name = scene.command()
+    conversation = scene.asked("pl")
+    scene.wires.post("hi", lambda turn: turn.say(name, P.CANCEL))
+    scene.wires.post("pl", lambda turn: turn.say(conversation, *crossing))
+    scene.settle()
+    assert scene.said(name)[-1] == "inform cancelled"
+    assert P.REQUEST not in scene.acts("ta")
+    assert scene.at_rest()
+
+
+@pytest.mark.parametrize("state", sorted(FINAL - {WorkerState.SUCCEEDED}))
+def test_cancel_while_running_ends_as_cancelled_whatever_ta_ends_with(scene, state):
+    """Preempted, Failed and Replan alike; no new plan is asked for."""
+    name = scene.running()
+    scene.cancel(name)
+    assert scene.acts("ta")[-1] is P.CANCEL
+    scene.ta(state, reason="the jar was put down")
+    assert (scene.said(name)[-1], scene.last_text(name)) == ("inform cancelled", "the jar was put down")
+    assert scene.acts("pl").count(P.REQUEST) == 1
+    assert scene.at_rest()
+    assert scene.serves()
+
+
+def test_cancel_that_comes_too_late_is_answered_behind_the_result(scene):
+    """Succeeded after the cancel: done, then failure in reply to the cancel."""
+    name = scene.running()
+    scene.cancel(name)
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(name)[-2:] == ["inform done", "failure reason"]
+    assert scene.at_rest()
+
+
+def test_cancel_that_meets_ta_s_refuse_ends_as_cancelled():
+    """The refuse answers the cancel."""
+    scene = Scene(ta=refuse_plans)
+    name = scene.command()
+    pl = scene.asked("pl")
+    scene.wires.post("pl", lambda turn: turn.say(pl, P.INFORM, a_plan()))
+    scene.wires.post("hi", lambda turn: turn.say(name, P.CANCEL), 0.0005)
+    scene.settle()
+    assert scene.said(name)[-1] == "inform cancelled"
+    assert scene.at_rest()
+
+
+# --- T: reply-by passes -----------------------------------------------------------------------------------------------
+
+
+def test_a_late_planner_fails_the_task_and_is_cancelled(scene):
+    """hi is told at once; a new command is refused until pl has had its last word, then one is served."""
+    name = scene.command()
+    scene.settle(61.0)
+    assert scene.said(name)[-1] == "failure failed"
+    assert "planner" in scene.last_text(name)
+    assert scene.acts("pl") == [P.REQUEST, P.CANCEL]
+    refused = scene.command()
+    assert scene.said(refused) == ["refuse failed"]
+    assert "planner is not answering" in scene.last_text(refused)
+    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    assert scene.at_rest()
+    assert scene.serves()
+
+
+def test_a_late_plan_is_not_run(scene):
+    """It crosses the cancel; pl then answers that."""
+    scene.command()
+    scene.settle(60.0011 - 0.05)
+    scene.plan()
+    scene.settle(1.0)
+    assert scene.memory.loose == ()
+    assert P.REQUEST not in scene.acts("ta")
+    assert scene.at_rest()
+
+
+def test_late_while_running_fails_the_task_and_awaits_the_last_word(scene):
+    """running, T: cancel to ta, failure(late) to hi; the final inform is confirmed."""
+    name = scene.running()
+    scene.settle(511.0)
+    assert scene.said(name)[-1] == "failure failed"
+    assert scene.acts("ta")[-1] is P.CANCEL
+    scene.ta(WorkerState.RUNNING, at="main/put_down")
+    scene.ta(WorkerState.PREEMPTED)
+    assert scene.acts("ta")[-1] is P.CONFIRM
+    assert scene.at_rest()
+    assert scene.serves()
+
+
+def test_late_while_cancelling_answers_the_cancel_too(scene):
+    """cancelling, T: failure(late), then failure in reply to the cancel."""
+    name = scene.running()
+    scene.cancel(name)
+    scene.settle(121.0)
+    assert scene.said(name)[-2:] == ["failure failed", "failure reason"]
+    assert scene.memory.loose
+    scene.ta(WorkerState.PREEMPTED)
+    assert scene.at_rest()
+
+
+def test_late_while_the_planning_is_cancelled_answers_the_cancel_too(scene):
+    """The same towards pl."""
+    name = scene.command()
+    scene.cancel(name)
+    scene.settle(11.0)
+    assert scene.said(name)[-2:] == ["failure failed", "failure reason"]
+    scene.pl(P.FAILURE, no_plan(), kind=Kind.CANCEL)
+    assert scene.at_rest()
+
+
+def test_waiting_tasks_do_not_wait_for_ever_for_a_robot_that_is_late(scene):
+    """They go on when it comes back in time, and fail in words when it does not."""
+    scene.running()
+    waiting = scene.command()
+    scene.settle(511.0)
+    assert scene.said(waiting) == ["agree waiting"]
+    scene.settle(61.0)
+    assert scene.said(waiting)[-1] == "failure failed"
+    assert "not answering" in scene.last_text(waiting)
+
+
+def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
+    """The last word of ta lets co ask for the plan of the next task."""
+    scene.running()
+    waiting = scene.command()
+    scene.settle(511.0)
+    scene.ta(WorkerState.PREEMPTED)
+    scene.plan()
+    scene.ta(WorkerState.SUCCEEDED)
+    scene.settle(100.0)
+    assert scene.said(waiting)[-1] == "inform done"
+    assert scene.at_rest()
+
+
+# --- more than one task -----------------------------------------------------------------------------------------------
+
+
+def test_two_tasks_are_done_one_after_the_other_in_order_of_arrival(scene):
+    """The second is planned after the first has ended, since the world is another one then."""
+    first = scene.command(cmd.Take("jar"))
+    second = scene.command(cmd.PutDown("jar"))
+    scene.plan()
+    assert scene.acts("pl").count(P.REQUEST) == 1
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(first)[-1] == "inform done"
+    assert [content.tasks[0].name for _, content in scene.heard("pl")] == ["take", "put_down"]
+    scene.plan()
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(second)[-1] == "inform done"
+    assert scene.at_rest()
+
+
+def test_a_queue_that_is_full_refuses_in_words(scene):
+    """The bound keeps the outbox to a dead hi from filling."""
+    names = [scene.command() for _ in range(9)]
+    assert [scene.said(name)[0] for name in names] == ["agree waiting"] * 8 + ["refuse failed"]
+    assert "8 tasks are open" in scene.last_text(names[-1])
+
+
+# --- peers that slip --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("peer", ["pl", "ta"])
+def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
+    """The peer is told not-understood, hi a failure, and the next command is served."""
+    name = scene.running() if peer == "ta" else scene.command()
+    protocol, conversation = {"pl": "request", "ta": "coordinate"}[peer], scene.asked(peer)
+
+    def slip(turn):
+        state = turn._state
+        number = state.issued.get("co", 0) + 1
+        state.issued["co"] = number
+        del state.conversations[conversation]
+        bad = Communicate(
+            performative=P.PROPOSE,
+            protocol=protocol,
+            conversation=conversation,
+            sender=peer,
+            receiver="co",
+            id=str(number),
+        )
+        turn._out.sends.append(bad)
+
+    scene.do(peer, slip)
+    assert scene.said(name)[-1] == "failure failed"
+    assert scene.memory.jobs == ()
+    assert scene.serves()
+
+
+@pytest.mark.parametrize("peer", ["pl", "ta"])
+def test_not_understood_of_a_peer_fails_the_task_with_its_words(scene, peer):
+    """pl or ta did not understand the request."""
+    name = scene.running() if peer == "ta" else scene.command()
+    words = Reason("no such task")
+    scene.do(peer, lambda turn: turn.say(scene.asked(peer), P.NOT_UNDERSTOOD, words))
+    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "no such task")
+    assert scene.at_rest()
+
+
+def test_hi_that_understands_nothing_more_has_its_task_cancelled(scene):
+    """There is nobody to be told, but the robot stops."""
+    name = scene.running()
+    scene.do("hi", lambda turn: turn.say(name, P.NOT_UNDERSTOOD, Reason("what?")))
+    assert scene.acts("ta")[-1] is P.CANCEL
+    scene.ta(WorkerState.PREEMPTED)
+    assert scene.at_rest()
+
+
+def test_a_dead_hi_gets_no_progress_but_its_result(scene):
+    """Progress would fill the outbox; the result waits there for hi."""
+    name = scene.running()
+    scene.wires.crash("hi", Point.BEFORE, restart_s=50.0)
+    scene.do("hi", lambda turn: None)
+    for number in range(40):
+        scene.ta(WorkerState.RUNNING, at=f"main/{number}")
+    scene.ta(WorkerState.SUCCEEDED)
+    scene.settle(60.0)
+    assert scene.said(name)[-1] == "inform done"
+    assert len(scene.said(name)) < 10
+    assert scene.at_rest()
+
+
+def test_policy_stop_planning_is_what_pl_does(scene):
+    """The policy used beside is in sequence."""
+    scene.puppets["pl"].answer = stop_planning
+    name = scene.command()
+    scene.cancel(name)
+    assert scene.said(name)[-1] == "inform cancelled"
