@@ -1,0 +1,170 @@
+"""The whole pouring task in one process and without agents: how often, how long, and why not.
+
+km's store, pl's search, the plan's state machine, ex's skills, the loop and the physics are the product's own; only the
+communicates between them are left out. Appends one line per seed to a results file and skips seeds that stand there.
+
+    python benchmarks/pour_one_process.py --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
+"""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from services.knowledge.answers import ask
+from services.knowledge.overlays import Overlays
+from services.knowledge.store import Store
+
+from companion.languages import hfsm, rc, wm
+from services.executor.loop.core import LoopCore
+from services.executor.skills.performing import perform
+from services.executor.skills.situation import Situation, beginning
+from services.executor.virtual import InProcess, receptor, things
+from services.knowledge.observe import apply
+from services.planner.search.search import search
+from services.task import plan as plans
+from services.task.survey import SURVEY
+from velma.kinematics.robot import Robot
+from velma.model.scene import load, vary
+from velma.sim.mujoco_backend import MujocoBackend
+from velma.sim.truth import TruthReader
+
+MOST_PLANS = 6
+
+
+class Run:
+    """One world, one robot, one memory of it."""
+
+    def __init__(self, seed: int, verbose: bool = False) -> None:
+        self.seed, self.verbose = seed, verbose
+        scene = vary(load(), seed)
+        self.backend = MujocoBackend(scene)
+        self.truth = TruthReader(self.backend)
+        self.body = InProcess(LoopCore(self.backend), receptor(scene))
+        self.here: Situation = beginning(Robot(), things(scene))
+        self.store, self.overlays, self.version = Store.open(None), Overlays(), 0
+        self.plans: list[dict[str, float]] = []
+        self.acts: list[tuple[str, float, str]] = []
+
+    def act(self, command: rc.Act) -> rc.Done | rc.NotDone:
+        """Perform a command, then let km know what was seen."""
+        work = perform(self.here, command)
+        began = time.perf_counter()
+        try:
+            motion = next(work)
+            while True:
+                motion = work.send(self.body.do(motion))
+        except StopIteration as stop:
+            outcome: rc.Done | rc.NotDone = stop.value
+        self.observe(outcome)
+        name = f"{type(command).__name__} {command.key}"
+        ended = "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {outcome.reason}"
+        self.acts.append((name, round(outcome.sim_time, 2), ended))
+        if self.verbose:
+            wall = time.perf_counter() - began
+            typer.echo(f"  {self.here.time:7.2f} {name:28s} {outcome.sim_time:6.2f} s, wall {wall:5.2f} s {ended}")
+        return outcome
+
+    def observe(self, outcome: rc.Done | rc.NotDone) -> None:
+        """What ta tells km after an act."""
+        for observation in self.observations(outcome):
+            self.version += 1
+            apply(self.store, observation, (1, self.version))
+
+    def observations(self, outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnyObservation]:
+        from services.task.observing import observations
+
+        yield from observations(outcome)
+
+    def ask(self, query: wm.AnyQuery) -> wm.AnyAnswer:
+        """What km answers."""
+        self.overlays, answer = ask(self.store.scene, self.overlays, query)
+        return answer
+
+    def solve(self, number: int) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
+        """One planning."""
+        network = hfsm.GroundTaskNetwork(f"plan-{number}", (hfsm.Task("pour", ("jar", "bowl")),))
+        began = time.perf_counter()
+        plan = search(network, self.ask, self.seed)
+        wall = time.perf_counter() - began
+        if isinstance(plan, hfsm.HierarchicalPlan):
+            self.plans.append({"wall_s": round(wall, 2), "queries": plan.queries})
+        if self.verbose:
+            typer.echo(f"plan {number}: {wall:.2f} s {plan.reason if isinstance(plan, hfsm.NoPlan) else plan.queries}")
+        return plan
+
+    def follow(self, plan: hfsm.HierarchicalPlan) -> tuple[hfsm.Outcome, str]:
+        """Run a plan to its end."""
+        at: plans.Position | hfsm.Outcome = plans.first(plan.root)
+        reason = ""
+        while not isinstance(at, hfsm.Outcome):
+            outcome, reason = self.leaf(plans.leaf(plan.root, at))
+            at = plans.after(plan.root, at, outcome)
+        return at, reason
+
+    def leaf(self, leaf: plans.Leaf) -> tuple[hfsm.Outcome, str]:
+        """One leaf of a plan."""
+        if isinstance(leaf, hfsm.EndState):
+            return leaf.outcome, leaf.reason
+        if isinstance(leaf, hfsm.AskState):
+            truth = self.ask(leaf.query)
+            holds = isinstance(truth, wm.Truth) and truth.value is leaf.expect
+            return (hfsm.Outcome.SUCCEEDED, "") if holds else (leaf.otherwise, f"{leaf.name} no")
+        done = self.act(leaf.command)
+        if isinstance(done, rc.Done):
+            return hfsm.Outcome.SUCCEEDED, ""
+        return (hfsm.Outcome.REPLAN if done.kind == "replan" else hfsm.Outcome.FAILED), done.reason
+
+    def pour(self) -> str:
+        """The task; returns why it failed, or nothing."""
+        self.act(SURVEY)
+        for number in range(1, MOST_PLANS + 1):
+            plan = self.solve(number)
+            if isinstance(plan, hfsm.NoPlan):
+                return plan.reason
+            outcome, reason = self.follow(plan)
+            if outcome is not hfsm.Outcome.REPLAN:
+                return "" if outcome is hfsm.Outcome.SUCCEEDED else reason
+        return "too many plans"
+
+
+def measured(seed: int, verbose: bool) -> dict[str, object]:
+    """One seed, as a line of the results file."""
+    began = time.perf_counter()
+    run = Run(seed, verbose)
+    failure = run.pour()
+    truth = run.truth.read()
+    poured = truth.grains_in.get("bowl_1", 0) / max(1, truth.grains)
+    held = truth.fingers_on.get("jar_1", {}).get("left", 0) >= 3
+    good = not failure and poured >= 0.9 and held and truth.tilt_deg["bowl_1"] < 10.0
+    return {
+        "seed": seed, "success": good, "failure": failure, "poured": round(poured, 3), "held": held,
+        "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2), "sim_time_s": round(run.here.time, 1),
+        "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans, "work_J": round(truth.work_J, 1),
+        "acts": run.acts,
+    }  # fmt: skip
+
+
+def main(
+    seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
+    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
+    verbose: Annotated[bool, typer.Option()] = False,
+) -> None:
+    """Run the seeds that do not stand in the results file yet."""
+    first, last = (int(x) for x in seeds.split("-"))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    known = {msgspec.json.decode(line)["seed"] for line in out.read_bytes().splitlines()} if out.exists() else set()
+    for seed in range(first, last + 1):
+        if seed in known:
+            continue
+        result = measured(seed, verbose)
+        with out.open("ab") as file:
+            file.write(msgspec.json.encode(result) + b"\n")
+        typer.echo(f"seed {seed}: {'poured' if result['success'] else 'FAILED'} {result['failure']} {result['poured']} "
+                   f"sim {result['sim_time_s']} s wall {result['wall_s']} s plans {result['plans']}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,110 @@
+"""The virtual receptor of ex: what the head camera sees, with its noise. The only place that may look at true poses.
+
+It holds a mirror of the simulated world, sets it to the state the loop published, and casts rays from the camera to
+points on each thing: a thing is reported when enough of them are in the field of view, in range, and not hidden. A
+marker-based vision system is what this stands for (the lab's models carry markers): it names the thing it sees.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from velma import names
+from velma.kinematics.tasks.frames import xyz_quat
+
+# Simulated Kinect of Velma (velma_robot@43752e0): horizontal field of view 1.047 rad, 800 x 600, cloud 0.5-3.0 m.
+HALF_WIDTH = math.tan(1.047 / 2)
+HALF_HEIGHT = HALF_WIDTH * 600 / 800
+NEAREST_M, FARTHEST_M = 0.4, 3.0  # 0.5 in the source; 0.1 m less because held things are looked at (estimate)
+LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: a marker or two of a thing must be free to be seen
+TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform about each axis
+AROUND = 8  # points around a cylinder
+GRID_M = 0.15  # between points on a box's face, at least two in each direction
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A thing seen: its name, its pose in the world with noise."""
+
+    name: str
+    T_world_object: pin.SE3
+
+
+class Receptor:
+    """Sees the things (bodies by name) of a world model through the head camera."""
+
+    def __init__(self, model: mujoco.MjModel, things: tuple[str, ...], noise_m: float, seed: int) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        self._camera = model.body(names.CAMERA_BODY).id
+        self._bodies = {name: model.body(name).id for name in things}
+        self._points = {name: np.array(list(_points(model, body))) for name, body in self._bodies.items()}
+        self._noise_m, self._seed, self._looks = noise_m, seed, 0
+
+    def look(self, qpos: np.ndarray) -> list[Sight]:
+        """What is seen in the state qpos (nq,) of the world."""
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        self._looks += 1
+        rng = np.random.default_rng([self._seed, self._looks])
+        return [self._noisy(name, rng) for name in self._bodies if self._visible(name)]
+
+    def _noisy(self, name: str, rng: np.random.Generator) -> Sight:
+        body = self._bodies[name]
+        shift = np.array([*rng.uniform(-self._noise_m, self._noise_m, 2), 0.0])
+        turn = pin.exp3(rng.uniform(-TURN_NOISE, TURN_NOISE, 3))
+        rotation = self._data.xmat[body].reshape(3, 3)
+        return Sight(name, pin.SE3(turn @ rotation, self._data.xpos[body] + shift))
+
+    def _visible(self, name: str) -> bool:
+        body = self._bodies[name]
+        eye = self._data.xpos[self._camera]
+        look = self._data.xmat[self._camera].reshape(3, 3)
+        points = self._points[name] @ self._data.xmat[body].reshape(3, 3).T + self._data.xpos[body]
+        rays = points - eye
+        x, y, z = (rays @ look).T  # camera frame: z forward, x right, y down
+        distance = np.linalg.norm(rays, axis=1)
+        framed = (z > 0) & (np.abs(x) < HALF_WIDTH * z) & (np.abs(y) < HALF_HEIGHT * z)
+        framed &= (distance > NEAREST_M) & (distance < FARTHEST_M)
+        seen = sum(self._hits(eye, rays[k] / distance[k], body) for k in np.flatnonzero(framed))
+        return bool(seen >= max(LEAST_POINTS, LEAST_SHARE * len(points)))
+
+    def _hits(self, eye: np.ndarray, direction: np.ndarray, body: int) -> bool:
+        """Whether the first thing on the ray is this body."""
+        geom = np.full(1, -1, dtype=np.int32)
+        mujoco.mj_ray(self._model, self._data, eye, direction, None, 1, -1, geom)
+        return geom[0] >= 0 and int(self._model.geom_bodyid[geom[0]]) == body
+
+
+def _points(model: mujoco.MjModel, body: int) -> Iterator[np.ndarray]:
+    """Points on the surface of a body's geoms, in the body's frame [m]."""
+    first, count = model.body_geomadr[body], model.body_geomnum[body]
+    for geom in range(first, first + count):
+        if model.geom_rgba[geom][3] == 0.0:
+            continue  # invisible: the inner walls that only hold the grains
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        for local in _surface(model.geom_type[geom], model.geom_size[geom]):
+            yield rotation.reshape(3, 3) @ local + model.geom_pos[geom]
+
+
+def _surface(kind: int, size: np.ndarray) -> Iterator[np.ndarray]:
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        counts = np.maximum(2, np.ceil(2 * size / GRID_M).astype(int) + 1)
+        for index in np.ndindex(*counts):
+            at = 2 * np.array(index) / (counts - 1) - 1
+            if np.abs(at).max() == 1.0:
+                yield 0.98 * size * at
+    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        for height in (-0.8, 0.0, 0.8):
+            for k in range(AROUND):
+                turn = math.tau * k / AROUND
+                yield np.array([size[0] * math.cos(turn), size[0] * math.sin(turn), height * size[1]])
+
+
+def as_seen(sight: Sight) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Translation [m] and quaternion (w first) of a sight."""
+    return xyz_quat(sight.T_world_object)

@@ -1,0 +1,85 @@
+"""Where to put something down that must be put down now: right here where it stands, else on a free spot of a surface.
+
+Used when a plan is cancelled: ex knows the furniture it has seen, and plans the way itself.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pinocchio as pin
+
+from companion import models
+from services.executor.skills.situation import Held, Situation
+from velma.kinematics import motion
+from velma.kinematics.tasks.frames import level, standing, tilt, upright
+from velma.kinematics.tasks.placing import placings
+
+HERE_M = 0.06  # estimate: an object so little above a surface was not taken out yet
+LARGEST_TILT = 1.05  # [rad] on the way; a tilted object may go upright on it (estimate)
+SPACING_M, MARGIN_M = 0.06, 0.05  # of the spots tried on a surface, and from its edge (estimates)
+CLEAR_M = 0.20  # to other things standing there, centre to centre (estimate)
+TRIES, PLACES, WAYS = 120, 4, 4
+
+
+def standing_here(here: Situation, side: str) -> pin.SE3 | None:
+    """The place under the held object, where it is hardly above a surface; None elsewhere."""
+    held = here.held[side]
+    pose = here.robot.grip(here.q, side) * held.T_grip_object
+    base = models.MODELS[here.models[held.object]].base
+    bottom = pose.translation + pose.rotation @ np.array([0.0, 0.0, base.z])
+    for top, frame, size in surfaces(here):
+        local = frame.inverse().act(bottom)
+        if abs(local[2]) < HERE_M and all(abs(local[k]) < size[k] / 2 - base.radius for k in (0, 1)):
+            down = level(pose)
+            down.translation[2] = top - base.z
+            return down
+    return None
+
+
+def surfaces(here: Situation) -> Iterator[tuple[float, pin.SE3, tuple[float, float]]]:
+    """Height, frame and edge lengths [m] of every flat surface of the furniture seen."""
+    for name, pose in here.seen.items():
+        model = models.MODELS[here.models[name]]
+        for flat in () if model.moveable else model.surfaces:
+            frame = pose * standing(np.array([flat.x, flat.y, flat.z]))
+            yield float(frame.translation[2]), frame, (flat.along_x, flat.along_y)
+
+
+def way_aside(
+    here: Situation, side: str, retreat: list[tuple[pin.SE3, float]], seed: int = 0
+) -> tuple[pin.SE3, list[np.ndarray]] | None:
+    """A free place and the joint path to above it; None where nothing was found."""
+    held, rng = here.held[side], np.random.default_rng(seed)
+    base = models.MODELS[here.models[held.object]].base
+    spots = [spot - np.array([0.0, 0.0, base.z]) for spot in _spots(here, held, base.radius, side)]
+    if not spots:
+        return None
+    found = placings(
+        here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
+    )
+    largest = max(LARGEST_TILT, tilt(here.robot.grip(here.q, side) * held.T_grip_object) + 0.1)
+    keep = upright(here.robot, side, held.T_grip_object, largest)
+    for _, placing in zip(range(WAYS), found, strict=False):
+        path = motion.plan(here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=0.25)
+        if path is not None:
+            return placing.place, path
+    return None
+
+
+def _spots(here: Situation, held: Held, radius: float, side: str) -> list[np.ndarray]:
+    """Spots (3,) clear of everything seen, those on the arm's own side first."""
+    sign = 1.0 if side == "left" else -1.0
+    shoulder = np.array([0.0, 0.27 * sign, 1.35])  # proghtn-backstream@019fd34: shoulder centres
+    others = [
+        p.translation for n, p in here.seen.items() if models.MODELS[here.models[n]].moveable and n != held.object
+    ]
+    spots = []
+    for _, frame, size in surfaces(here):
+        half = [s / 2 - radius - MARGIN_M for s in size]
+        for x in np.arange(-half[0], half[0] + 1e-9, SPACING_M):
+            for y in np.arange(-half[1], half[1] + 1e-9, SPACING_M):
+                spot = frame.act(np.array([x, y, 0.0]))
+                clear = all(np.linalg.norm((spot - o)[:2]) > CLEAR_M or abs(spot[2] - o[2]) > 0.3 for o in others)
+                if clear and 0.35 < np.linalg.norm(spot - shoulder) < 0.9:
+                    spots.append(spot)
+    return sorted(spots, key=lambda s: float(np.linalg.norm(s - shoulder)))

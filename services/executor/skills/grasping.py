@@ -1,0 +1,77 @@
+"""The skill that grasps: approach from the newest observation, close until touch, squeeze, lock, feed the weight on."""
+
+import numpy as np
+import pinocchio as pin
+
+from companion.languages import rc
+from services.executor.loop.program import Close, Open, Payload, Until
+from services.executor.skills import motions
+from services.executor.skills.moving import joining, straight
+from services.executor.skills.situation import Held, Situation
+from services.executor.skills.skill import Cancelled, NotPossible, Skill, failed, replan
+from velma import names
+from velma.kinematics import ik
+from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks.frames import transform
+
+APPROACH_SPEED = 0.2  # [m/s], task runs with the true robot model
+UPTO = 2.3  # [rad] where a finger stops that touches nothing, same runs
+SETTLE_S = 0.3  # same runs
+FINGERS_NEEDED = 3
+
+
+def grasp(here: Situation, command: rc.Grasp) -> Skill:
+    """Raises replan where the object is not known or the way is not free, failed where the hand closes on nothing."""
+    if command.object not in here.seen:
+        raise replan(f"{command.object} has not been seen")
+    side = command.side
+    poses = [here.seen[command.object] * transform(point.at) for point in command.approach]
+    first, legs = _approach(here, side, command, poses)
+    watch = here.seen[command.object].translation
+    yield motions.along(
+        here, command.key, first, APPROACH_SPEED, watch=watch,
+        **motions.hand(side, motions.fingers(command.approach[0].fingers)),
+    )  # fmt: skip
+    try:
+        for leg, point in zip(legs, command.approach[1:], strict=True):
+            options = motions.hand(side, motions.fingers(point.fingers))
+            here.set_fingers(side, point.fingers)
+            yield motions.along(here, command.key, leg, APPROACH_SPEED, **options)
+        close = Close(squeeze=command.squeeze, upto=UPTO, speed=command.speed, settle_s=SETTLE_S)
+        sensed = yield motions.still(here, command.key, until=Until.TOUCH, **motions.hand(side, close))
+        if sum(sensed.touched[side]) < FINGERS_NEEDED:
+            touched = sum(sensed.touched[side])
+            raise failed(f"the {side} hand closed and {touched} of 3 fingers touched {command.object}")
+    except (Cancelled, NotPossible):
+        yield from _back_out(here, side, command, [first[-1] if first else here.q, *(q for leg in legs for q in leg)])
+        raise
+    # From here on sights of the object tell where it is in the hand; until then the grasp itself does.
+    T_grip_object = here.robot.grip(here.q, side).inverse() * poses[-1] * transform(command.approach[-1].at).inverse()
+    here.take(side, Held(command.object, command.grasp, T_grip_object, command.mass))
+    payload = Payload(command.mass, tuple(float(v) for v in T_grip_object.translation))
+    yield motions.still(here, command.key, watch=watch, settle_s=0.1, **{f"payload_{side}": payload})
+
+
+def _back_out(here: Situation, side: str, command: rc.Grasp, way: list[np.ndarray]) -> Skill:
+    """Open the hand and go back along the way in, so that the arm is free to move again."""
+    yield motions.still(here, command.key, **motions.hand(side, Open()))
+    yield motions.still(here, command.key, **motions.hand(side, motions.fingers(command.approach[-1].fingers)))
+    reached = int(np.argmin([np.abs(q - here.q).max() for q in way]))
+    yield motions.along(here, command.key, way[: reached + 1][::-1], APPROACH_SPEED)
+
+
+def _approach(
+    here: Situation, side: str, command: rc.Grasp, poses: list[pin.SE3]
+) -> tuple[list[np.ndarray], list[list[np.ndarray]]]:
+    """The joining way to the first pose, and one leg to each further pose, checked against what is seen now."""
+    with attaching.allowed(here.world, (command.object, f"{side}_hand")):
+        here.set_fingers(side, command.approach[-1].fingers)
+        start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
+        if start is None:
+            raise replan(f"the {side} hand cannot reach {command.object} from here")
+        first = joining(here, start)
+        legs, q = [], start
+        for pose in poses[1:]:
+            legs.append(straight(here, side, q, pose, here.world.free))
+            q = legs[-1][-1]
+    return first, legs

@@ -1,0 +1,14 @@
+"""The skill that looks: the head to each point in turn, a moment of rest, a sight."""
+
+from companion.languages import rc
+from services.executor.skills import motions
+from services.executor.skills.situation import Situation
+from services.executor.skills.skill import Skill
+
+REST_S = 0.1  # estimate: a frame of the simulated camera takes 67 ms
+
+
+def look(here: Situation, command: rc.Look) -> Skill:
+    """What is seen at each stop comes back with the sensing."""
+    for point in command.at:
+        yield motions.still(here, command.key, watch=point, settle_s=REST_S)

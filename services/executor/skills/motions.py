@@ -1,0 +1,63 @@
+"""Motions of the loop made of joint paths: timed, with the head on what matters and the hands doing their part."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from velma.kinematics.timing import timed
+
+from services.executor.loop.program import HandCommand, HeadGoal, Motion, Move, motion
+from services.executor.skills.situation import Situation
+from velma import names
+
+# lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the camera itself looks
+# 5 degrees below the horizon at zero tilt.
+EYE_HEIGHT_M, CAMERA_DIP = 1.75, math.radians(5.0)
+LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
+
+
+def aim(torso: float, point: Sequence[float]) -> HeadGoal:
+    """Head goal that brings a point (3,) [m, world] into the middle of the picture, within the head's limits."""
+    x, y, z = (float(v) for v in point)
+    pan = math.remainder(math.atan2(y, x) - torso, math.tau)
+    tilt = -math.atan2(z - EYE_HEIGHT_M, math.hypot(x, y)) - CAMERA_DIP
+    low, high = names.HEAD_LOWER, names.HEAD_UPPER
+    return HeadGoal(
+        float(np.clip(pan, low[0] + 0.01, high[0] - 0.01)), float(np.clip(tilt, low[1] + 0.01, high[1])), LOOK_SPEED
+    )
+
+
+def along(
+    here: Situation,
+    key: str,
+    path: Sequence[np.ndarray],
+    speed: float,
+    *,
+    watch: Sequence[float] | None = None,
+    **options: object,
+) -> Motion:
+    """Follow a joint path [(15,) each] with the tool at most at `speed` [m/s]; the head ends looking at `watch`."""
+    whole = [here.q, *path]
+    different = [whole[0], *(b for a, b in pairwise(whole) if np.abs(b - a).max() > 1e-6)]
+    if len(different) == 1:
+        return still(here, key, watch=watch, **options)
+    knots = timed(here.robot, different, tool_speed=speed).q
+    head = None if watch is None else aim(float(knots[-1][names.TORSO]), watch)
+    return motion(key, knots, head=head, **options)
+
+
+def still(here: Situation, key: str, *, watch: Sequence[float] | None = None, **options: object) -> Motion:
+    """Stay where the body is told to be, while head or hands do something."""
+    head = None if watch is None else aim(float(here.q[names.TORSO]), watch)
+    return motion(key, here.q, head=head, **options)
+
+
+def fingers(angle: float, speed: float = 1.0) -> Move:
+    """All three fingers to one angle [rad]."""
+    return Move((angle, angle, angle), speed)
+
+
+def hand(side: str, command: HandCommand) -> dict[str, HandCommand]:
+    """The option of a motion that commands one hand."""
+    return {str(side): command}

@@ -1,0 +1,92 @@
+"""Skills that move an arm: along a planned joint path, straight, and home."""
+
+import numpy as np
+
+from companion.languages import rc
+from services.executor.skills import motions
+from services.executor.skills.situation import Situation
+from services.executor.skills.skill import Skill, replan
+from velma import names
+from velma.kinematics import ik, motion
+from velma.kinematics.tasks.frames import shifted
+
+EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s], task runs with the true robot model
+JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
+NEAR = 1e-4  # [rad]
+HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], task runs with the true robot model
+HOME_FINGERS = 1.0  # [rad], same runs
+
+
+def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
+    """Join the planned path by a checked segment and follow it."""
+    columns = names.COLUMNS[command.side]
+    path = []
+    for point in command.path:
+        q = here.q.copy()
+        q[columns] = point
+        path.append(q)
+    joined = joining(here, path[0])
+    options = {}
+    if command.fingers is not None and command.side not in here.held:
+        options = motions.hand(command.side, motions.fingers(command.fingers))
+        here.set_fingers(command.side, command.fingers)
+    yield motions.along(here, command.key, [*joined, *path], command.speed, watch=_watched(here, path[-1]), **options)
+
+
+def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
+    """What the head looks at after a free motion: the held object nearest to the middle, if any."""
+    held = [here.robot.grip(q, side) * h.T_grip_object for side, h in here.held.items()]
+    return min((p.translation for p in held), key=lambda p: abs(p[1]), default=None)
+
+
+def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
+    """A straight, checked way in the joints from the set-point to q (15,); raises replan where it is not free."""
+    way = goal - here.q
+    steps = int(np.ceil(np.abs(way).max() / JOIN_STEP))
+    if np.abs(way).max() < NEAR:
+        return []
+    states = [here.q + way * k / steps for k in range(1, steps + 1)]
+    for state in states:
+        if not here.world.free(state):
+            raise replan(f"the way to the planned path is not free: {_named(here, state)}")
+    return states
+
+
+def _named(here: Situation, q: np.ndarray) -> str:
+    return ", ".join(f"{a} meets {b}" for a, b, _ in here.world.touching(q)[:2]) or "blocked"
+
+
+def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
+    """Move the grip straight by each segment, torso still; the first one is not checked (it lifts off a shelf)."""
+    for index, segment in enumerate(command.segments):
+        target = shifted(here.robot.grip(here.q, command.side), np.array(segment.offset))
+        accept = here.world.free if index else None
+        path = straight(here, command.side, here.q, target, accept)
+        yield motions.along(here, command.key, path, segment.speed, watch=target.translation if index else None)
+
+
+def straight(here: Situation, side: str, q: np.ndarray, target, accept=None) -> list[np.ndarray]:
+    """Postures on the straight line of the grip from q (15,) to `target`; raises replan where it is blocked."""
+    try:
+        return ik.line(here.robot, side, q, target, accept=accept)[1:]
+    except ik.PathBlocked as blocked:
+        raise replan(f"the {side} hand cannot move straight: {blocked}") from None
+
+
+def home(here: Situation, command: rc.Home) -> Skill:
+    """Bring an empty arm to its start posture by a way planned now."""
+    if command.side in here.held:
+        raise replan(f"the {command.side} hand holds {here.held[command.side].object}: put it down first")
+    start = here.q
+    for torso in (float(start[names.TORSO]), *HOME_TORSO):
+        goal = start.copy()
+        goal[names.ARM[command.side]] = names.START[names.ARM[command.side]]
+        goal[names.TORSO] = torso
+        speed = LOADED_SPEED if here.held else EMPTY_SPEED
+        path = motion.plan(here.robot, here.world, command.side, start, goal, tool_speed=speed)
+        if path is not None:
+            options = motions.hand(command.side, motions.fingers(HOME_FINGERS))
+            here.set_fingers(command.side, HOME_FINGERS)
+            yield motions.along(here, command.key, path, speed, **options)
+            return
+    raise replan(f"the {command.side} arm finds no way home")

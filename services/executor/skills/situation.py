@@ -1,0 +1,85 @@
+"""What ex knows while it acts: posture, what it saw, what its hands hold, and the collision world made of that.
+
+Only observations of the receptor come in here; a held object is where the hand is, by the last pose seen in it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from velma.kinematics.collision import World
+
+from companion import models
+from services.executor.receptor import Sight
+from velma import names
+from velma.kinematics.robot import Robot
+
+MARGIN_M = 0.002  # pl plans with 6 mm; the rest is for what the receptor sees anew (estimate)
+
+
+@dataclass
+class Held:
+    """What a hand holds, by which grasp, and where in the hand (T_grip_object); mass [kg] fed forward."""
+
+    object: str
+    grasp: str
+    T_grip_object: pin.SE3
+    mass: float
+
+
+@dataclass
+class Situation:
+    """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen, things held."""
+
+    robot: Robot
+    world: World
+    models: dict[str, str]
+    q: np.ndarray = field(default_factory=lambda: np.array(names.START))
+    head: tuple[float, float] = (0.0, 0.0)
+    fingers: dict[str, float] = field(default_factory=lambda: {"left": 0.0, "right": 0.0})
+    seen: dict[str, pin.SE3] = field(default_factory=dict)
+    held: dict[str, Held] = field(default_factory=dict)
+    time: float = 0.0
+
+    def see(self, sights: Sequence[Sight]) -> None:
+        """Take what the receptor saw: a held object's place in the hand, anything else's place in the world."""
+        for sight in sights:
+            side = self.holder(sight.name)
+            if side is None:
+                self._put(sight.name, sight.T_world_object)
+            else:
+                grip = self.robot.grip(self.q, side)
+                self.held[side].T_grip_object = grip.inverse() * sight.T_world_object
+                self.world.attach(sight.name, side, self.held[side].T_grip_object)
+
+    def holder(self, name: str) -> str | None:
+        """The side that holds it."""
+        return next((side for side, held in self.held.items() if held.object == name), None)
+
+    def take(self, side: str, held: Held) -> None:
+        """The hand holds this now."""
+        self.held[side] = held
+        self.world.attach(held.object, side, held.T_grip_object)
+
+    def let_go(self, side: str) -> None:
+        """The hand is empty; the object stands where the hand left it."""
+        held = self.held.pop(side)
+        pose = self.robot.grip(self.q, side) * held.T_grip_object
+        self.seen[held.object] = pose
+        self.world.detach(held.object, pose)
+
+    def set_fingers(self, side: str, angle: float) -> None:
+        """The fingers of this hand stand at `angle` [rad]."""
+        self.fingers[side] = angle
+        self.world.fingers(side, angle)
+
+    def _put(self, name: str, pose: pin.SE3) -> None:
+        self.seen[name] = pose
+        model = models.MODELS[self.models[name]]
+        self.world.put(name, model.shapes, pose, "object" if model.moveable else "furniture")
+
+
+def beginning(robot: Robot, things: dict[str, str]) -> Situation:
+    """Nothing seen, nothing held. `things`: the model of each thing's id (what a marker says about its thing)."""
+    return Situation(robot, World(robot, margin=MARGIN_M), things)

@@ -1,0 +1,43 @@
+"""Asking km: one function from query to answer, with what the search needs around it - types, memory, a count."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from companion.languages import wm
+
+A = TypeVar("A", bound=wm.Answer)
+
+
+class Unanswered(Exception):
+    """km cannot answer, so this branch of the search has nothing to stand on."""
+
+    def __init__(self, query: wm.AnyQuery, reason: str) -> None:
+        self.query, self.reason = query, reason
+        super().__init__(f"{type(query).__name__}: {reason}")
+
+
+class Asking:
+    """Asks each query once (an answer is a pure function of query and state) and counts what was asked."""
+
+    def __init__(self, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], request: str) -> None:
+        self._ask, self.request = ask, request
+        self._known: dict[wm.AnyQuery, wm.AnyAnswer] = {}
+        self._states = 0
+        self.queries = 0
+
+    def __call__(self, query: wm.AnyQuery, kind: type[A]) -> A:
+        """The answer of class `kind`; raises Unanswered where km says Unknown or something else."""
+        if query not in self._known:
+            self.queries += 1
+            self._known[query] = self._ask(query)
+        answer = self._known[query]
+        if isinstance(answer, kind):
+            return answer
+        reason = answer.reason if isinstance(answer, wm.Unknown) else f"answered with a {type(answer).__name__}"
+        raise Unanswered(query, reason)
+
+    def suppose(self, state: str, changes: tuple[wm.AnyChange, ...]) -> str:
+        """The id of a new hypothetical state: `state` with these changes, made by km."""
+        self._states += 1
+        made = self(wm.HypotheticalState(state=state, id=f"{self.request}/{self._states}", changes=changes), wm.Made)
+        return made.id

@@ -1,0 +1,81 @@
+"""From the steps of the search to the HFSM that ta runs: one machine per step, and what to do if cancelled in it."""
+
+from itertools import pairwise
+
+import msgspec
+
+from companion.languages import hfsm, rc, wm
+from companion.languages.values import Side
+from services.planner.search.steps import Step
+
+
+def plan(request: str, task: str, steps: list[Step], outcome: str, queries: int) -> hfsm.HierarchicalPlan:
+    """The plan of these steps in order; `outcome` "replan" ends it so that the same task is planned again."""
+    holding: dict[Side, rc.Release] = {}
+    states: list[hfsm.State] = []
+    for number, step in enumerate(steps, start=1):
+        _note_held(holding, step)
+        states.append(_machine(request, number, step, _safe(request, number, holding)))
+        _note_released(holding, step)
+    if outcome == hfsm.Outcome.REPLAN:
+        states.append(_localized(steps))
+        states.append(hfsm.EndState("replan", hfsm.Outcome.REPLAN, "what was put down is localized now"))
+    chained = tuple(_then(state, following.name) for state, following in pairwise(states))
+    root = hfsm.Machine(name=task, initial=states[0].name, states=(*chained, states[-1]))
+    return hfsm.HierarchicalPlan(
+        id=request, task=task, root=root, duration=sum(s.duration for s in steps), queries=queries
+    )
+
+
+def _then(state: hfsm.State, following: str) -> hfsm.State:
+    if isinstance(state, hfsm.EndState):
+        return state
+    return msgspec.structs.replace(state, arcs=(hfsm.Arc(hfsm.Outcome.SUCCEEDED, following),))
+
+
+def _machine(request: str, number: int, step: Step, safe: hfsm.Machine | None) -> hfsm.Machine:
+    """One step as a machine whose states are its commands, each with its key."""
+    leaves: list[hfsm.State] = [
+        hfsm.ActState(_verb(command), msgspec.structs.replace(command, key=f"{request}/{number}.{index}"))
+        for index, command in enumerate(step.commands, start=1)
+    ]
+    chained = tuple(_then(state, following.name) for state, following in pairwise(leaves))
+    return hfsm.Machine(name=step.name, initial=leaves[0].name, states=(*chained, leaves[-1]), safe=safe)
+
+
+def _verb(command: rc.Act) -> str:
+    """The command's class in small letters with hyphens: move-joint, grasp, pour."""
+    name = type(command).__name__
+    return "".join(f"-{c.lower()}" if c.isupper() else c for c in name).lstrip("-")
+
+
+def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Machine | None:
+    """Put down all that may be held: the last taken first; a release of an empty hand does nothing."""
+    if not holding:
+        return None
+    leaves: list[hfsm.State] = []
+    for index, (side, release) in enumerate(reversed(holding.items()), start=1):
+        key = f"{request}/{number}.safe{index}"
+        leaves.append(hfsm.ActState(f"put down {release.object}", msgspec.structs.replace(release, key=key)))
+        leaves.append(hfsm.ActState(f"{side} arm home", rc.Home(key=f"{key}.home", side=side)))
+    chained = tuple(_then(state, following.name) for state, following in pairwise(leaves))
+    return hfsm.Machine(name="put everything down", initial=leaves[0].name, states=(*chained, leaves[-1]))
+
+
+def _note_held(holding: dict[Side, rc.Release], step: Step) -> None:
+    for command in step.commands:
+        if isinstance(command, rc.Grasp):
+            retreat = command.approach[-2::-1]
+            holding[command.side] = rc.Release("", command.side, command.object, "", None, retreat)
+
+
+def _note_released(holding: dict[Side, rc.Release], step: Step) -> None:
+    for command in step.commands:
+        if isinstance(command, rc.Release):
+            holding.pop(command.side, None)
+
+
+def _localized(steps: list[Step]) -> hfsm.AskState:
+    """Ask km whether what was put down has been seen since."""
+    put = [c.object for s in steps for c in s.commands if isinstance(c, rc.Release)][-1]
+    return hfsm.AskState(f"is {put} localized?", wm.Holds(relation="hasExactPose", subject=put))

@@ -1,0 +1,90 @@
+"""The situation a step of the plan begins in, as km tells it: postures, what the hands hold, the shapes around."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from companion.languages import wm
+from companion.languages.values import Pose, Side
+from services.planner.search.asking import Asking
+from velma import names
+from velma.kinematics import collision
+from velma.kinematics.robot import Robot
+from velma.kinematics.tasks.frames import transform, xyz_quat
+
+SIDES = (Side.RIGHT, Side.LEFT)
+
+
+def on_wire(pose: pin.SE3) -> Pose:
+    """The pose on the wire of a transform."""
+    return Pose(*xyz_quat(pose))
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a hand holds."""
+
+    object: str
+    grasp: str
+    T_grip_object: pin.SE3
+
+
+@dataclass(frozen=True)
+class Situation:
+    """State id at km; q (15,) [rad]; what is held; the collision world of that state."""
+
+    state: str
+    q: np.ndarray
+    held: dict[Side, Held]
+    world: collision.World
+
+    def loaded(self) -> bool:
+        """Whether any hand holds something (then everything moves more slowly)."""
+        return bool(self.held)
+
+
+def posture(ask: Asking, state: str) -> np.ndarray:
+    """q (15,) [rad] in that state."""
+    torso = ask(wm.TorsoConfiguration(state=state), wm.Configuration).q
+    arms = [ask(wm.ArmConfiguration(state=state, side=side), wm.Configuration).q for side in SIDES]
+    return np.array([*torso, *arms[0], *arms[1]])
+
+
+def in_hand(ask: Asking, state: str) -> dict[Side, Held]:
+    """What each hand holds in that state."""
+    held = {}
+    for side in SIDES:
+        grasp = ask(wm.GraspAtSide(state=state, side=side), wm.GraspOf)
+        if grasp.object and grasp.pose is not None:
+            held[side] = Held(grasp.object, grasp.grasp, transform(grasp.pose))
+    return held
+
+
+def situation(ask: Asking, robot: Robot, state: str) -> Situation:
+    """Ask for everything a step has to know; raises Unanswered where km does not know it."""
+    held = in_hand(ask, state)
+    static = {o.id for o in ask(wm.StaticObjects(state=state), wm.Objects).objects}
+    world = collision.World(robot)
+    for placed in ask(wm.EnvironmentShapes(state=state), wm.Shapes).shapes:
+        kind = "furniture" if placed.object in static else "object"
+        world.put(placed.object, placed.shapes, transform(placed.pose), kind)
+    for side, grasped in held.items():
+        model = ask(wm.ObjectModel(state=state, object=grasped.object), wm.ModelOf)
+        world.put(grasped.object, model.shapes, pin.SE3.Identity(), "object")
+        world.attach(grasped.object, side, grasped.T_grip_object)
+    for side in SIDES:
+        fingers = ask(wm.GripperConfiguration(state=state, side=side), wm.Configuration).q
+        world.fingers(side, float(max(fingers[:3])))
+    return Situation(state, posture(ask, state), held, world)
+
+
+def configured(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:
+    """The changes that say: torso and this arm are here, these fingers are so."""
+    changes: list[wm.AnyChange] = [
+        wm.Configured(part="torso", q=(float(q[names.TORSO]),)),
+        wm.Configured(part=f"{side}_arm", q=tuple(float(x) for x in q[names.ARM[side]])),
+    ]
+    if fingers is not None:
+        changes.append(wm.Configured(part=f"{side}_hand", q=(fingers, fingers, fingers, 0.0)))
+    return tuple(changes)

@@ -1,0 +1,35 @@
+"""What ta tells km of an act: one observation per subject (paper, step 6: observations of the environment)."""
+
+from collections.abc import Iterator
+
+from companion.languages import rc, wm
+from companion.languages.values import Side
+
+
+def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnyObservation]:
+    """The posture, what each hand holds, then everything seen that is in no hand."""
+    if outcome.body is not None:
+        yield wm.SeenBody(body=outcome.body)
+    in_hand = set()
+    for side in Side:
+        held = outcome.held.get(side)
+        if held is None:
+            yield wm.SeenHand(side=side)
+        else:
+            name, grasp, pose = held
+            in_hand.add(name)
+            yield wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose)
+    for seen in outcome.seen:
+        if seen.object not in in_hand:
+            yield wm.SeenObject(object=seen.object, model=seen.model, pose=seen.pose, at=seen.at)
+
+
+def subject(observation: wm.AnyObservation) -> str:
+    """What an observation is about: the newest of a subject replaces the older ones."""
+    if isinstance(observation, wm.SeenBody):
+        return "body"
+    if isinstance(observation, wm.SeenHand):
+        return f"hand/{observation.side}"
+    if isinstance(observation, wm.SeenContent):
+        return f"content/{observation.source}"
+    return f"object/{observation.object}"

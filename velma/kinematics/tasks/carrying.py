@@ -1,0 +1,48 @@
+"""A posture in which an arm holds an object upright and leaves the other arm and the torso room to work."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pinocchio as pin
+
+from velma.kinematics import ik
+from velma.kinematics.collision import World
+from velma.kinematics.robot import Robot
+from velma.kinematics.tasks.frames import heading, standing
+
+# Where the grip goes, in the torso frame [m], for the left hand (mirrored for the right); task runs with the true
+# robot model carried near (0.38, 0.63, 1.0). The hand points forwards and outwards.
+REGION_LOW = np.array([0.20, 0.35, 0.95])
+REGION_HIGH = np.array([0.45, 0.70, 1.35])
+HEADING = (-0.6, 1.2)  # [rad], same runs
+TORSO_SWEEP = (-1.0, -0.5, 0.3, 0.6)  # [rad], the torso must be able to turn so far with the object held
+
+
+def carries(
+    robot: Robot,
+    world: World,
+    side: str,
+    q: np.ndarray,
+    T_grip_object: pin.SE3,
+    rng: np.random.Generator,
+    *,
+    torso: float = 0.0,
+    tries: int = 300,
+) -> Iterator[np.ndarray]:
+    """Free carry postures (15,); the object is attached to the hand in `world`."""
+    mirror = 1.0 if side == "left" else -1.0
+    object_yaw = heading(T_grip_object.inverse().rotation[:, 2])
+    for _ in range(tries):
+        at = rng.uniform(REGION_LOW, REGION_HIGH) * np.array([1.0, mirror, 1.0])
+        turn = mirror * rng.uniform(*HEADING)
+        grip = standing(np.zeros(3), turn - object_yaw) * T_grip_object.inverse()
+        target = pin.SE3(grip.rotation, at)
+        posture = ik.sample(robot, side, target, q, rng, torso=torso, accept=world.free, best=True)
+        if posture is not None and all(world.free(_turned(posture, t)) for t in TORSO_SWEEP):
+            yield posture
+
+
+def _turned(q: np.ndarray, torso: float) -> np.ndarray:
+    turned = q.copy()
+    turned[0] = torso
+    return turned

@@ -1,0 +1,160 @@
+"""How a hand gets at an object and out with it: approach, lift, pull out, with the torso still.
+
+Numbers of the sequence: bench and task runs with the true robot model (approach 0.15 m in front, lift 0.03 m, jar
+pulled out by 0.28 m and bowl by 0.22 m), grasps of proghtn-backstream@019fd34.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from velma.kinematics import ik
+from velma.kinematics.collision import World
+from velma.kinematics.robot import Robot
+from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks.frames import heading, shifted, standing
+
+LIFT_M = 0.03  # task runs with the true robot model; the published planner lifts by 0.02
+AZIMUTH_SPREAD = 0.35  # [rad], standard deviation of the approach direction about the open side; same runs: 0.35-0.4
+
+
+@dataclass(frozen=True)
+class GraspWay:
+    """A known grasp: poses T_grip_object with the finger angle [rad] there, outermost first, the grasp last."""
+
+    name: str
+    steps: tuple[tuple[pin.SE3, float], ...]
+
+
+@dataclass(frozen=True)
+class Approach:
+    """A solved grasp. `steps`: T_object_grip and finger angle, outermost first. `way_in`: q from the outermost step to
+    the grasp. `way_out`: q from the grasp up and out. `score`: larger is more comfortable."""
+
+    grasp: str
+    steps: tuple[tuple[pin.SE3, float], ...]
+    way_in: list[np.ndarray]
+    way_out: list[np.ndarray]
+    score: float
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is to be grasped: name in the collision world, pose, direction (3,) out of its place, distance out [m]."""
+
+    name: str
+    pose: pin.SE3
+    symmetric: bool
+    out: np.ndarray
+    distance: float
+
+
+def approaches(
+    robot: Robot,
+    world: World,
+    side: str,
+    q: np.ndarray,
+    target: Target,
+    ways: Sequence[GraspWay],
+    rng: np.random.Generator,
+    *,
+    torso: tuple[float, float] = (-0.9, 0.9),
+    wanted: int = 4,
+    tries: int = 400,
+) -> list[Approach]:
+    """Up to `wanted` solved grasps, most comfortable first; empty where `tries` candidates gave none.
+
+    q (15,): the other arm keeps its joints. The object stands in `world` under its name, and is there again afterwards.
+    """
+    found: list[Approach] = []
+    for way, azimuth in _candidates(ways, rng, tries):
+        solved = _solve(robot, world, side, q, target, way, azimuth, rng, torso)
+        if solved is not None:
+            found.append(solved)
+        if len(found) >= wanted:
+            break
+    return sorted(found, key=lambda a: -a.score)
+
+
+def _candidates(ways: Sequence[GraspWay], rng: np.random.Generator, tries: int) -> Iterator[tuple[GraspWay, float]]:
+    for _ in range(tries):
+        yield ways[int(rng.integers(len(ways)))], float(rng.normal(0.0, AZIMUTH_SPREAD))
+
+
+def grips(target: Target, way: GraspWay, azimuth: float) -> list[pin.SE3] | None:
+    """Grip poses in the world for each step of `way`, the object turned so that the hand comes against `target.out`
+    turned by `azimuth` [rad]. None for an object that is not symmetric and whose own direction is too far from that."""
+    T_object_grip = [pose.inverse() for pose, _ in way.steps]
+    wanted = heading(-target.out) + azimuth
+    if target.symmetric:
+        turned = standing(target.pose.translation, wanted - heading(T_object_grip[-1].rotation[:, 2]))
+        return [turned * t for t in T_object_grip]
+    own = heading((target.pose * T_object_grip[-1]).rotation[:, 2])
+    if abs(math.remainder(own - heading(-target.out), math.tau)) > 2 * AZIMUTH_SPREAD:
+        return None
+    return [target.pose * t for t in T_object_grip]
+
+
+def _solve(
+    robot: Robot,
+    world: World,
+    side: str,
+    q: np.ndarray,
+    target: Target,
+    way: GraspWay,
+    azimuth: float,
+    rng: np.random.Generator,
+    torso: tuple[float, float],
+) -> Approach | None:
+    poses = grips(target, way, azimuth)
+    if poses is None:
+        return None
+    with attaching.allowed(world, (target.name, f"{side}_hand")):
+        world.fingers(side, way.steps[-1][1])
+        grasp = ik.sample(robot, side, poses[-1], q, rng, torso=torso, accept=world.free, best=True)
+        if grasp is None:
+            return None
+        way_in = _through(robot, world, side, grasp, poses[-2::-1])
+    if way_in is None:
+        return None
+    way_out = _pull(robot, world, side, grasp, target, poses[-1])
+    if way_out is None:
+        return None
+    steps = tuple((target.pose.inverse() * p, f) for p, (_, f) in zip(poses, way.steps, strict=True))
+    score = _comfort(robot, side, (way_in[-1], grasp, way_out[-1])) - 0.2 * abs(azimuth)
+    return Approach(way.name, steps, way_in[::-1], way_out, score)
+
+
+def _through(robot: Robot, world: World, side: str, q: np.ndarray, poses: Sequence[pin.SE3]) -> list[np.ndarray] | None:
+    """Straight lines from q through grip poses, each state free; None where a line is blocked."""
+    path = [q]
+    for pose in poses:
+        try:
+            path += ik.line(robot, side, path[-1], pose, accept=world.free)[1:]
+        except ik.PathBlocked:
+            return None
+    return path
+
+
+def _pull(
+    robot: Robot, world: World, side: str, grasp: np.ndarray, target: Target, grip: pin.SE3
+) -> list[np.ndarray] | None:
+    """Lift unchecked (the object still touches what it stands on), then pull out with the object in the hand."""
+    up = shifted(grip, np.array([0.0, 0.0, LIFT_M]))
+    with attaching.held(world, target.name, side, grip.inverse() * target.pose):
+        try:
+            path = ik.line(robot, side, grasp, up)
+            return (
+                path + ik.line(robot, side, path[-1], shifted(up, target.out * target.distance), accept=world.free)[1:]
+            )
+        except ik.PathBlocked:
+            return None
+
+
+def _comfort(robot: Robot, side: str, postures: Sequence[np.ndarray]) -> float:
+    margins = [ik.margin(robot, q, side) for q in postures]
+    limit, singular = min(m[0] for m in margins), min(m[1] for m in margins)
+    return limit + 0.5 * min(singular, 0.3) - 0.25 * abs(float(postures[1][0]))

@@ -1,0 +1,105 @@
+"""Where and how a held object is put down: above the place, straight down, and back out with the open hand.
+
+The whole retreat is checked when the place is chosen: a hand that cannot get away, or ends against its own forearm, was
+the cause of the runs that found no way home.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from velma.kinematics import ik
+from velma.kinematics.collision import World
+from velma.kinematics.robot import Robot
+from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks.frames import shifted, standing
+
+ABOVE_M = 0.10  # task runs with the true robot model
+CLEARANCE_M = 0.008  # same runs: the planned end of the descent stays this much above the surface
+BACK_M = 0.05  # same runs: the last part of the retreat, against the approach axis ...
+UP_M = 0.06  # ... and up
+
+
+@dataclass(frozen=True)
+class Placing:
+    """A solved place: object pose in the world, q above it, ways down and back (lists of (15,))."""
+
+    place: pin.SE3
+    above: np.ndarray
+    way_down: list[np.ndarray]
+    way_back: list[np.ndarray]
+
+
+def placings(
+    robot: Robot,
+    world: World,
+    side: str,
+    q: np.ndarray,
+    name: str,
+    T_grip_object: pin.SE3,
+    spots: Sequence[np.ndarray],
+    retreat: Sequence[tuple[pin.SE3, float]],
+    rng: np.random.Generator,
+    *,
+    torso: tuple[float, float] = (-1.2, 1.2),
+    tries: int = 500,
+) -> Iterator[Placing]:
+    """Solved places of the object attached to the hand, its own origin on one of `spots` (3,) [m] (top of a surface).
+
+    `retreat`: T_object_grip and finger angle, nearest first. Yields as they are found; the object is attached
+    again after each.
+    """
+    for _ in range(tries):
+        spot = spots[int(rng.integers(len(spots)))]
+        place = standing(np.add(spot, (0.0, 0.0, CLEARANCE_M)), rng.uniform(-np.pi, np.pi))
+        grip = place * T_grip_object.inverse()
+        above = ik.sample(
+            robot,
+            side,
+            shifted(grip, np.array([0.0, 0.0, ABOVE_M])),
+            q,
+            rng,
+            torso=torso,
+            accept=world.free,
+        )
+        if above is None:
+            continue
+        try:
+            way_down = ik.line(robot, side, above, grip)
+        except ik.PathBlocked:
+            continue
+        way_back = _retreat(robot, world, side, way_down[-1], name, T_grip_object, place, retreat)
+        if way_back is not None:
+            yield Placing(place, above, way_down, way_back)
+
+
+def retreat_poses(grip: pin.SE3, held: pin.SE3, retreat: Sequence[tuple[pin.SE3, float]]) -> list[pin.SE3]:
+    """Grip poses in the world of a retreat that begins at `grip`; `held` = T_grip_object; then back and up."""
+    poses = [grip * held * T_object_grip for T_object_grip, _ in retreat]
+    last = poses[-1] if poses else grip
+    return [*poses, shifted(last, np.array([0.0, 0.0, UP_M]) - last.rotation[:, 2] * BACK_M)]
+
+
+def _retreat(
+    robot: Robot,
+    world: World,
+    side: str,
+    q: np.ndarray,
+    name: str,
+    T_grip_object: pin.SE3,
+    place: pin.SE3,
+    retreat: Sequence[tuple[pin.SE3, float]],
+) -> list[np.ndarray] | None:
+    path = [q]
+    poses = retreat_poses(robot.grip(q, side), T_grip_object, retreat)
+    with attaching.stood(world, name, place, side), attaching.allowed(world, (name, f"{side}_hand")):
+        world.fingers(side, retreat[0][1])
+        for pose in poses:
+            try:
+                path += ik.line(robot, side, path[-1], pose, accept=world.free)[1:]
+            except ik.PathBlocked:
+                return None
+    with attaching.stood(world, name, place, side):
+        return path if world.free(path[-1]) else None
