@@ -47,7 +47,7 @@ class Tap:
 
     def close(self) -> None:
         """Hear no more."""
-        self._session.close()
+        self._session.close()  # type: ignore[no-untyped-call]
 
 
 def open_tap(options: Options, on_sample: Callable[[Sample], None], give_up: Callable[[], bool]) -> Tap | None:

@@ -24,9 +24,9 @@ class Lateness(msgspec.Struct, frozen=True):
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     """The measured robot and what its loop does.
 
-    `body`: 15 joints (velma.names.BODY), `head`: pan, tilt, `spread`: right, left, `proximal` and `distal`: fingers one,
-    two, three of the right hand, then of the left [rad]. `act`: key of the act under way, "" for none; `skill`: what it
-    is in a word. `work_J`: work of the body joints since the start.
+    `body`: 15 joints (velma.names.BODY), `head`: pan, tilt, `spread`: right, left, `proximal` and `distal`: fingers
+    one, two, three of the right hand, then of the left [rad]. `act`: key of the act under way, "" for none; `skill`:
+    what it is in a word. `work_J`: work of the body joints since the start.
     """
 
     sim_time_s: float
@@ -51,8 +51,9 @@ class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
     """What is truly so in the simulation; the first eight fields are those of velma.sim.truth.Truth.
 
     `grains_in`, `tilt_deg`, `at` by vessel id: grains inside, angle between axis and vertical, origin [m].
-    `fingers_on`: vessel id -> side -> number of links of that hand that touch it. `poses` of all things by id, furniture
-    too, and `models`: thing id -> name in companion.models; `grains_at`: centres of the grains [m], for pictures.
+    `fingers_on`: vessel id -> side -> number of links of that hand that touch it. `poses` of all things by id,
+    furniture too, and `models`: thing id -> name in companion.models; `grains_at`: centres of the grains [m], for
+    pictures.
     """
 
     time_s: float

@@ -1,0 +1,100 @@
+"""What happened in a run, derived from what the agents said: the rows of the paper's Table 7 (section 5.7).
+
+Must not know: the truth of the simulation. "jar grasped" means that ex said so.
+"""
+
+from collections.abc import Iterator
+
+import msgspec
+
+from companion.languages import rc, wm
+from services.monitor.history import History
+from services.monitor.plans import Act, Made, Ran, acts, made, ran, task_command, task_end
+
+
+class Event(msgspec.Struct, frozen=True):
+    """Something that happened: unix time, name, and the channels it was said on."""
+
+    at: float
+    name: str
+    channels: tuple[str, ...]
+
+
+def events(history: History) -> tuple[Event, ...]:
+    """All events in the order of time."""
+    found = [
+        *_knowledge(history),
+        *_command(history),
+        *(event for plan in made(history) for event in _planning(plan)),
+        *(event for plan in ran(history) for event in _running(plan)),
+        *_handling(history),
+    ]
+    return tuple(sorted(found, key=lambda event: event.at))
+
+
+def word(object: str) -> str:
+    """An object's id in a word: jar_1 is the jar."""
+    return object.rstrip("0123456789").rstrip("_") or object
+
+
+def _knowledge(history: History) -> Iterator[Event]:
+    """km's first survey: what it is told of before the first act of a plan (or all, where there is none)."""
+    first = min((plan.start for plan in ran(history)), default=float("inf"))
+    seen = [o.received for o in history.said if isinstance(o.content, wm.SeenObject) and o.received < first]
+    if seen:
+        yield Event(seen[0], "first knowledge", ("C5", "C6"))
+        yield Event(seen[-1], "environment known", ("C5", "C6"))
+
+
+def _command(history: History) -> Iterator[Event]:
+    command = task_command(history)
+    if command is None:
+        return
+    yield Event(command.received, "command received", ("C2",))
+    end = task_end(history, command)
+    if end is not None:
+        state = getattr(end.content, "state", end.performative)
+        yield Event(end.received, "finished" if state == "done" else f"ended: {state}", ("C2",))
+
+
+def _planning(plan: Made) -> Iterator[Event]:
+    yield Event(plan.start, f"plan {plan.number} requested", ("C3",))
+    if plan.end is not None:
+        name = f"plan {plan.number} received" if plan.outcome == "found" else f"no plan {plan.number}"
+        yield Event(plan.end, name, ("C3", "C4"))
+
+
+def _running(plan: Ran) -> Iterator[Event]:
+    yield Event(plan.start, f"plan {plan.number} begins", ("C1",))
+    if plan.end is not None and plan.outcome is not None:
+        yield Event(plan.end, f"plan {plan.number} ended: {plan.outcome}", ("C1",))
+
+
+def _handling(history: History) -> Iterator[Event]:
+    """Grasped, pulled out, put down, localized, poured."""
+    holding: dict[str, str] = {}  # side -> object that was grasped and not moved yet
+    for act in acts(history):
+        if not act.done or act.end is None:
+            continue
+        match act.command:
+            case rc.Grasp(side=side, object=object):
+                holding[side] = object
+                yield Event(act.end, f"{word(object)} grasped", ("C5",))
+            case rc.MoveCartesian(side=side) if side in holding:
+                yield Event(act.end, f"{word(holding.pop(side))} pulled out", ("C5",))
+            case rc.Release(object=object, side=side):
+                holding.pop(side, None)
+                yield Event(act.end, f"{word(object)} put down", ("C5",))
+                yield from _localized(history, act, object)
+            case rc.Pour():
+                yield Event(act.end, "content poured", ("C5",))
+
+
+def _localized(history: History, release: Act, object: str) -> Iterator[Event]:
+    """The first observation of what was put down that km gets afterwards."""
+    assert release.end is not None
+    for one in history.said:
+        seen = isinstance(one.content, wm.SeenObject) and one.content.object == object
+        if seen and one.received >= release.end:
+            yield Event(one.received, f"{word(object)} localized", ("C5", "C6"))
+            return

@@ -1,0 +1,166 @@
+"""Plans of a run, read off the traffic: how each was made (C3, C4), and how each was carried out (C1, C5)."""
+
+from collections.abc import Iterator
+
+import msgspec
+
+from companion.languages import cmd, hfsm, rc, sw
+from fipa_codec.performatives import Performative
+from services.monitor.history import History
+from services.monitor.records import Spoken
+
+
+TASK_ENDS = (cmd.TaskState.DONE, cmd.TaskState.FAILED, cmd.TaskState.CANCELLED)
+
+
+class Made(msgspec.Struct, frozen=True):
+    """A plan asked for: `number` counts from 1, `plan` is its id ("": none came).
+
+    `wall_s`, `outcome` and `end` None: no answer came.
+    `queries`: what pl asked km meanwhile; `communicates`: all of C4 meanwhile; `outcome`: found, none, cancelled.
+    """
+
+    number: int
+    plan: str
+    conversation: str
+    task: str
+    start: float
+    end: float | None
+    wall_s: float | None
+    queries: int
+    communicates: int
+    bytes: int
+    outcome: str | None
+    reason: str = ""
+    expected_s: float | None = None
+
+
+class Ran(msgspec.Struct, frozen=True):
+    """A plan carried out. `outcome`: ta's last report, None where there is none; `states`: how many it reported."""
+
+    number: int
+    plan: str
+    conversation: str
+    start: float
+    end: float | None
+    outcome: sw.WorkerState | None
+    reason: str
+    states: int
+
+
+class Act(msgspec.Struct, frozen=True):
+    """An act asked of ex: the command, when it was asked and answered, whether it was done, and else why not."""
+
+    command: rc.Command
+    start: float
+    end: float | None
+    done: bool
+    reason: str = ""
+
+
+def made(history: History) -> tuple[Made, ...]:
+    """All requests for a plan, in the order of time."""
+    asked = [one for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)]
+    return tuple(_made(history, number, one) for number, one in enumerate(asked, start=1))
+
+
+def ran(history: History) -> tuple[Ran, ...]:
+    """All plans given to ta, in the order of time."""
+    asked = [one for one in history.said if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)]
+    return tuple(_ran(history, number, one) for number, one in enumerate(asked, start=1))
+
+
+def acts(history: History) -> tuple[Act, ...]:
+    """All acts asked of ex, in the order of time."""
+    asked = [one for one in history.said if isinstance(one.content, rc.Command)]
+    return tuple(_act(history, one) for one in asked)
+
+
+def task_command(history: History) -> Spoken | None:
+    """The first command of a person to pour; without one the first command of any kind; None where there is none."""
+    asked = [one for one in history.said if isinstance(one.content, cmd.Command)]
+    return next((one for one in asked if isinstance(one.content, cmd.PourInto)), asked[0] if asked else None)
+
+
+def task_end(history: History, command: Spoken) -> Spoken | None:
+    """co's last word about a command: refuse, failure, or the inform with its result."""
+    ends = (Performative.REFUSE, Performative.FAILURE, Performative.NOT_UNDERSTOOD)
+    for one in _answers(history, command):
+        if one.performative in ends:
+            return one
+        if one.performative == Performative.INFORM and getattr(one.content, "state", None) in TASK_ENDS:
+            return one
+    return None
+
+
+def states_of(machine: hfsm.Machine, path: str = "") -> Iterator[str]:
+    """All states of a plan as paths, in the order of its tree."""
+    for state in machine.states:
+        here = f"{path}/{state.name}" if path else state.name
+        yield here
+        if isinstance(state, hfsm.Machine):
+            yield from states_of(state, here)
+
+
+def _answers(history: History, opening: Spoken) -> Iterator[Spoken]:
+    for one in history.said:
+        if one.conversation == opening.conversation and one.sender == opening.receiver:
+            yield one
+
+
+def _made(history: History, number: int, asked: Spoken) -> Made:
+    ends = (one for one in _answers(history, asked) if one.performative != Performative.AGREE)
+    end = next(ends, None)
+    until = end.received if end is not None else float("inf")
+    talk = [o for o in history.said if o.channel == "C4" and asked.received <= o.received <= until]
+    plan = end.content if end is not None and isinstance(end.content, hfsm.HierarchicalPlan) else None
+    return Made(
+        number=number,
+        plan="" if plan is None else plan.id,
+        conversation=asked.conversation,
+        task=", then ".join(" ".join((task.name, *task.arguments)) for task in asked.content.tasks),
+        start=asked.received,
+        end=None if end is None else end.received,
+        wall_s=None if end is None else end.received - asked.received,
+        queries=sum(one.performative == Performative.QUERY_REF for one in talk),
+        communicates=len(talk),
+        bytes=sum(one.size for one in talk),
+        outcome=None if end is None else _outcome(end),
+        reason=_reason(end),
+        expected_s=None if plan is None else plan.duration,
+    )
+
+
+def _outcome(end: Spoken) -> str:
+    if isinstance(end.content, hfsm.HierarchicalPlan):
+        return "found"
+    return "cancelled" if end.performative == Performative.INFORM else "none"
+
+
+def _ran(history: History, number: int, asked: Spoken) -> Ran:
+    reports = [one for one in _answers(history, asked) if isinstance(one.content, sw.Report)]
+    ended = (one for one in reports if one.content.state in sw.FINAL or one.performative == Performative.REFUSE)
+    end = next(ended, None)
+    return Ran(
+        number=number,
+        plan=asked.content.id,
+        conversation=asked.conversation,
+        start=asked.received,
+        end=None if end is None else end.received,
+        outcome=None if end is None else end.content.state,
+        reason=_reason(end),
+        states=len(reports),
+    )
+
+
+def _act(history: History, asked: Spoken) -> Act:
+    ends = (one for one in _answers(history, asked) if one.performative != Performative.AGREE)
+    end = next(ends, None)
+    done = end is not None and isinstance(end.content, rc.Done)
+    return Act(asked.content, asked.received, None if end is None else end.received, done, _reason(end))
+
+
+def _reason(end: Spoken | None) -> str:
+    """The words of an answer that say why, in whichever language."""
+    content = None if end is None else end.content
+    return str(getattr(content, "reason", "") or getattr(content, "text", "") or "")

@@ -1,0 +1,134 @@
+"""traffic.mcap: written record by record, readable up to wherever its writing ended.
+
+Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`; messages in JSON with a JSON schema, log time =
+heard, publish time = sent. Records are not gathered in chunks: a chunk that a kill cuts off would be lost as a whole.
+"""
+
+import struct
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import Channel, Footer, Message
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+from services.monitor.records import Garbage, House, Record, Spoken, Token
+
+PROFILE = "robot-companion"
+RECORD_LIMIT = 64 * 1024 * 1024
+"""A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its fields."""
+_NS = 1_000_000_000
+_encoder = msgspec.json.Encoder()
+_decoders = {kind.__name__: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage)}
+
+
+class Recording:
+    """An open traffic.mcap."""
+
+    def __init__(self, path: Path) -> None:
+        """Begins the file anew: an older one of a monitor that died is kept beside it as `traffic.<n>.mcap`."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists() and path.stat().st_size:
+            path.rename(_free_name(path))
+        self._file = path.open("wb")
+        self._writer = Writer(self._file, use_chunking=False)
+        self._writer.start(profile=PROFILE)
+        self._schemas: dict[type, int] = {}
+        self._channels: dict[str, int] = {}
+        self._count = 0
+        self._file.flush()
+
+    def add(self, record: Record) -> None:
+        """Append a record."""
+        self._count += 1
+        heard = int(record.received * _NS)
+        sent = int(record.sent * _NS) if isinstance(record, Spoken) and 0 < record.sent < 1e10 else heard
+        self._writer.add_message(self._channel(record), heard, _encoder.encode(record), sent, self._count)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system: from here on a kill cannot take it."""
+        self._file.flush()
+
+    def finish(self) -> None:
+        """Write the summary and close."""
+        self._writer.finish()
+        self._file.close()
+
+    def _channel(self, record: Record) -> int:
+        name, kind = topic(record), type(record)
+        if name not in self._channels:
+            if kind not in self._schemas:
+                schema = _encoder.encode(msgspec.json.schema(kind))
+                self._schemas[kind] = self._writer.register_schema(kind.__name__, "jsonschema", schema)
+            self._channels[name] = self._writer.register_channel(name, "json", self._schemas[kind])
+        return self._channels[name]
+
+
+def topic(record: Record) -> str:
+    """The topic a record stands under."""
+    match record:
+        case Spoken(channel=channel):
+            return f"communicates/{channel}"
+        case House(kind=kind):
+            return f"house/{kind}"
+        case Token():
+            return "tokens"
+        case Garbage():
+            return "garbage"
+
+
+class Read(msgspec.Struct, frozen=True):
+    """A recording: its records in the order they were heard; `whole`: it was closed in order, nothing is cut off."""
+
+    records: tuple[Record, ...]
+    whole: bool
+
+
+def read(path: Path) -> Read:
+    """Everything readable of one traffic.mcap; of a missing file nothing."""
+    if not path.exists():
+        return Read((), False)
+    records: list[Record] = []
+    whole = False
+    with path.open("rb") as file:
+        for found in _until_damage(StreamReader(file, record_size_limit=RECORD_LIMIT), records):
+            whole = found
+    return Read(tuple(records), whole)
+
+
+def read_all(run: Path) -> Read:
+    """The recordings of all lives of the monitor in this run folder, in the order of time."""
+    parts = [read(path) for path in sorted(run.glob("traffic*.mcap"))]
+    records = sorted((record for part in parts for record in part.records), key=lambda record: record.received)
+    return Read(tuple(records), bool(parts) and all(part.whole for part in parts))
+
+
+def _until_damage(reader: StreamReader, records: list[Record]) -> Iterator[bool]:
+    """Collect records; yields True at the footer. Ends where the file does, however it does."""
+    kinds: dict[int, str] = {}
+    try:
+        for found in reader.records:
+            if isinstance(found, Channel):
+                kinds[found.id] = _kind(found.topic)
+            elif isinstance(found, Message) and found.channel_id in kinds:
+                with suppress(msgspec.MsgspecError):  # cut off, or of another version
+                    records.append(_decoders[kinds[found.channel_id]].decode(found.data))
+            elif isinstance(found, Footer):
+                yield True
+    except (McapError, struct.error, ValueError, MemoryError):  # a torn record shows as any of them
+        yield False
+
+
+def _kind(topic: str) -> str:
+    first = topic.partition("/")[0]
+    return {"communicates": "Spoken", "house": "House", "tokens": "Token"}.get(first, "Garbage")
+
+
+def _free_name(path: Path) -> Path:
+    n = 1
+    while (beside := path.with_name(f"{path.stem}.{n}{path.suffix}")).exists():
+        n += 1
+    return beside

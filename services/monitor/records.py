@@ -1,0 +1,151 @@
+"""What the monitor records, as it stands in traffic.mcap: one Struct per topic, in JSON that any MCAP reader can show.
+
+A communicate is recorded with its fields, its whole bytes and its two times; what is none is recorded as it came.
+Must not know: where samples come from, what is made of them.
+"""
+
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import msgspec
+
+from agent_runtime.tap import Sample
+from companion.design import DESIGN
+from companion.languages import LANGUAGES
+from fipa_codec.communicate import Communicate, decode
+from fipa_codec.errors import FipaError
+
+GARBAGE_BYTES = 64 * 1024
+"""Of bytes that are no communicate so many are kept; estimate: enough to see what it was."""
+HOUSE = "_"
+
+
+class Origin(StrEnum):
+    """Who heard a communicate."""
+
+    TAP = "tap"
+    STEPS = "steps"
+
+
+class Spoken(msgspec.Struct, frozen=True, dict=True):
+    """A communicate. Times in unix seconds; `wire`: all of its bytes (base64 in JSON), `size` their number."""
+
+    size: int
+    sender: str
+    receiver: str
+    performative: str
+    protocol: str
+    language: str
+    conversation: str
+    channel: str
+    id: str
+    sent: float
+    received: float
+    wire: bytes
+    origin: Origin = Origin.TAP
+
+    @cached_property
+    def communicate(self) -> Communicate:
+        """All of its fields, with its content undecoded."""
+        return decode(self.wire)
+
+    @cached_property
+    def content(self) -> Any:
+        """What it says, an object of its language; None where it says nothing or nothing that can be read."""
+        try:
+            return LANGUAGES.read(self.communicate)[0]
+        except FipaError:
+            return None
+
+    @property
+    def identity(self) -> tuple[str, str, str]:
+        """What a re-sent copy shares with the first: ids are numbers of a stream, or names chosen by the sender."""
+        return self.sender, self.receiver, self.id
+
+
+class House(msgspec.Struct, frozen=True):
+    """What travels beside communicates (`kind`: receipt, ping, telemetry, ...) from `owner`, perhaps to `peer`."""
+
+    kind: str
+    owner: str
+    peer: str
+    received: float
+    data: bytes
+
+
+class Token(msgspec.Struct, frozen=True):
+    """The liveliness token of an agent's incarnation appeared or vanished."""
+
+    agent: str
+    incarnation: int
+    alive: bool
+    received: float
+
+
+class Garbage(msgspec.Struct, frozen=True):
+    """Bytes that are no communicate, or not the one their key says, or one the design does not have."""
+
+    key: str
+    size: int
+    reason: str
+    received: float
+    data: bytes
+
+
+Record = Spoken | House | Token | Garbage
+
+
+def understood(sample: Sample) -> Record:
+    """What a sample is. Never raises: what cannot be read is garbage."""
+    chunks = sample.key.split("/")
+    if len(chunks) > 3 and chunks[2] == HOUSE:
+        return _house(sample, chunks[3:])
+    try:
+        communicate = decode(sample.data)
+    except FipaError as error:
+        return _garbage(sample, str(error))
+    told = (communicate.sender, communicate.receiver, communicate.protocol, str(communicate.performative))
+    if tuple(chunks[3:]) != told:
+        return _garbage(sample, f"the communicate says {'/'.join(told)}")
+    try:
+        channel = DESIGN.rule(communicate).channel
+    except LookupError as error:
+        return _garbage(sample, str(error))
+    if chunks[2] != channel:
+        return _garbage(sample, f"the design has it on {channel}")
+    return spoken(communicate, sample.data, sample.at)
+
+
+def spoken(communicate: Communicate, wire: bytes, received: float, origin: Origin = Origin.TAP) -> Spoken:
+    """The record of a communicate that the design knows. Raises LookupError for another one."""
+    return Spoken(
+        size=len(wire),
+        sender=communicate.sender,
+        receiver=communicate.receiver,
+        performative=str(communicate.performative),
+        protocol=communicate.protocol,
+        language=communicate.language,
+        conversation=communicate.conversation,
+        channel=DESIGN.rule(communicate).channel,
+        id=communicate.id,
+        sent=communicate.sent,
+        received=received,
+        wire=wire,
+        origin=origin,
+    )
+
+
+def _house(sample: Sample, chunks: list[str]) -> Record:
+    kind, *rest = chunks
+    if sample.token:
+        if len(rest) == 2 and rest[1].isascii() and rest[1].isdigit():
+            return Token(rest[0], int(rest[1]), not sample.gone, sample.at)
+        return _garbage(sample, "a token is alive/<agent>/<incarnation>")
+    if not rest or len(rest) > 2:
+        return _garbage(sample, "a house key is _/<kind>/<owner>[/<peer>]")
+    return House(kind, rest[0], rest[1] if len(rest) == 2 else "", sample.at, sample.data)
+
+
+def _garbage(sample: Sample, reason: str) -> Garbage:
+    return Garbage(sample.key, len(sample.data), reason, sample.at, sample.data[:GARBAGE_BYTES])
