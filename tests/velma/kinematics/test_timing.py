@@ -1,0 +1,101 @@
+"""Timed paths: limits held, path followed, ends exact and at rest, nothing lost between the knots."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from velma import names
+from velma.kinematics import timing
+from velma.kinematics.robot import Robot
+
+TOOL_SPEED = 0.35
+
+
+def _path(seed: int, corners: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(seed)
+    ways = np.cumsum(rng.normal(0.0, 0.3, (corners, 15)), axis=0)
+    return [np.array(names.START), *np.clip(names.START + ways, names.LOWER + 0.05, names.UPPER - 0.05)]
+
+
+def _grip_speed(robot: Robot, trajectory: timing.Trajectory) -> float:
+    fastest = 0.0
+    for side in names.SIDES:
+        places = np.array([robot.grip(q, side).translation for q in trajectory.q])
+        fastest = max(fastest, np.linalg.norm(np.diff(places, axis=0), axis=1).max() / trajectory.dt)
+    return fastest
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), corners=st.integers(1, 5), fraction=st.sampled_from([0.2, 0.5]))
+def test_limits_hold_on_any_path(seed: int, corners: int, fraction: float) -> None:
+    """Joints, accelerations and grips stay within limits, a little aside between grid points."""
+    robot = Robot()
+    found = timing.timed(robot, _path(seed, corners), tool_speed=TOOL_SPEED, joint_fraction=fraction)
+    assert np.all(np.abs(found.v) <= fraction * robot.speed * 1.05)
+    assert np.all(np.abs(np.diff(found.v, axis=0)) / found.dt <= timing.ACCELERATION * 1.2)
+    assert _grip_speed(robot, found) <= TOOL_SPEED * 1.05
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), corners=st.integers(1, 5))
+def test_the_path_is_followed(seed: int, corners: int) -> None:
+    """Each knot lies within 0.02 rad of the path, and each point of the path is passed as near."""
+    path = _path(seed, corners)
+    found = timing.timed(Robot(), path, tool_speed=TOOL_SPEED)
+    on_path = timing.dense(path, 0.005)
+    apart = np.abs(found.q[:, None] - on_path).max(axis=2)
+    assert apart.min(axis=1).max() < 0.02
+    assert apart.min(axis=0).max() < 0.02
+
+
+def test_ends_are_exact_and_at_rest(robot: Robot) -> None:
+    """First and last knot are the path's ends, to the last bit, with no speed."""
+    path = _path(3, 3)
+    found = timing.timed(robot, path, tool_speed=TOOL_SPEED)
+    np.testing.assert_array_equal(found.q[0], path[0])
+    np.testing.assert_array_equal(found.q[-1], path[-1])
+    assert np.abs(found.v[[0, -1]]).max() < 1e-12
+
+
+def test_speeds_are_the_derivative_of_the_positions(robot: Robot) -> None:
+    """Positions change between knots by the mean speed there."""
+    found = timing.timed(robot, _path(4, 3), tool_speed=TOOL_SPEED)
+    mean = (found.v[1:] + found.v[:-1]) / 2
+    assert np.abs(np.diff(found.q, axis=0) / found.dt - mean).max() < 2e-3
+
+
+def test_a_slower_tool_takes_longer(robot: Robot) -> None:
+    """The duration grows as the tool is allowed less."""
+    durations = [timing.timed(robot, _path(5, 2), tool_speed=speed).duration for speed in (0.5, 0.25, 0.1, 0.04)]
+    assert durations == sorted(durations)
+    assert durations[-1] > 5 * durations[0]
+
+
+def test_a_path_of_one_point_takes_no_time(robot: Robot) -> None:
+    """A repeated point is one point: a trajectory of one knot at rest."""
+    q = np.array(names.START)
+    found = timing.timed(robot, [q, q, q], tool_speed=TOOL_SPEED)
+    assert found.duration == 0.0
+    np.testing.assert_array_equal(found.at(1.0)[0], q)
+
+
+@pytest.mark.parametrize("way", [1e-6, 1e-4, 1e-2])
+def test_short_paths_are_timed(robot: Robot, way: float) -> None:
+    """Also a path far shorter than the rounding of the speeds gets from end to end."""
+    goal = np.array(names.START)
+    goal[5] += way
+    found = timing.timed(robot, [np.array(names.START), goal], tool_speed=TOOL_SPEED)
+    np.testing.assert_array_equal(found.q[-1], goal)
+    assert 0.0 < found.duration < 1.0
+
+
+def test_between_knots_it_is_interpolated(robot: Robot) -> None:
+    """At a knot the knot is returned, between two their mean, outside the ends."""
+    found = timing.timed(robot, _path(6, 1), tool_speed=TOOL_SPEED)
+    q, v = found.at(10 * found.dt)
+    np.testing.assert_allclose(q, found.q[10], atol=1e-12)
+    np.testing.assert_allclose(v, found.v[10], atol=1e-12)
+    np.testing.assert_allclose(found.at(10.5 * found.dt)[0], (found.q[10] + found.q[11]) / 2, atol=1e-12)
+    np.testing.assert_array_equal(found.at(-1.0)[0], found.q[0])
+    np.testing.assert_array_equal(found.at(found.duration + 1.0)[0], found.q[-1])

@@ -1,0 +1,141 @@
+"""When the arm is where on a path: as fast as the limits of joints and tool allow, at rest at both ends.
+
+toppra finds the fastest motion along the path; its accelerations jump, so a moving average in time rounds them off. An
+average of allowed speeds and accelerations is allowed, too, and the path is left only where it bends. Knows no scene.
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from velma import names
+from velma.errors import VelmaError
+from velma.kinematics.robot import Robot
+from velma.names import Array
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # toppra 0.6.10: invalid escape sequences in docstrings
+    import toppra
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraintVarying
+
+toppra.setup_logging("ERROR")
+
+PERIOD_S = 0.01  # between knots; the loop interpolates
+JOINT_FRACTION = 0.5  # of the joints' speed limits (trial runs: 0.26 rad/s torso, 0.96-1.57 arms)
+_ARM_ACCELERATION = (1.2, 1.2, 1.5, 1.5, 2.0, 2.0, 2.0)
+ACCELERATION = np.array([0.4, *_ARM_ACCELERATION, *_ARM_ACCELERATION])  # rad/s^2, trial runs: the load stays put
+_AVERAGED = 8  # periods: 80 ms, trial runs
+_DENSE = 0.05  # rad between the points a spline is laid through, so that it stays at the path
+_SAME = 1e-7  # rad: points nearer than this are one
+
+
+class NotTimed(VelmaError):
+    """No speed profile was found for a path."""
+
+    def __init__(self, points: int, length: float) -> None:
+        self.points, self.length = points, length
+        super().__init__(
+            f"toppra found no speeds for a path of {points} points and {length:.3f} rad; are they in order?"
+        )
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """q (n, 15) [rad] and v (n, 15) [rad/s] at the times 0, dt, 2 dt, ...; at rest at both ends."""
+
+    dt: float
+    q: Array
+    v: Array
+
+    @property
+    def duration(self) -> float:
+        """Time [s] of the last knot."""
+        return self.dt * (len(self.q) - 1)
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """q (15,) and v (15,) at t [s], between knots interpolated, before and after at rest at the ends."""
+        place = min(max(t / self.dt, 0.0), len(self.q) - 1.0)
+        k = min(int(place), max(len(self.q) - 2, 0))
+        share, following = place - k, min(k + 1, len(self.q) - 1)
+        return (
+            (1 - share) * self.q[k] + share * self.q[following],
+            (1 - share) * self.v[k] + share * self.v[following],
+        )
+
+
+def dense(path: Sequence[Array], step: float = _DENSE) -> Array:
+    """The points (n, 15) of a joint path, with more between those over `step` [rad] apart and without repetitions."""
+    points = np.asarray(path, dtype=np.float64)
+    ways = np.diff(points, axis=0)
+    lengths = np.abs(ways).max(axis=1, initial=0.0)
+    found = [points[:1]]
+    for start, way, length in zip(points, ways, lengths, strict=False):
+        if length > _SAME:
+            shares = np.linspace(0.0, 1.0, int(np.ceil(length / step)) + 1)[1:]
+            found.append(start + shares[:, None] * way)
+    return np.concatenate(found)
+
+
+def timed(
+    robot: Robot, path: Sequence[Array], *, tool_speed: float, joint_fraction: float = JOINT_FRACTION
+) -> Trajectory:
+    """The path [(15,) each, rad] in time: both grips at most at `tool_speed` [m/s], joints within limits.
+
+    Limits are `joint_fraction` of the joints' speeds, and `ACCELERATION`. Raises `NotTimed`.
+    """
+    points = dense(path)
+    goal = np.asarray(path[-1], dtype=np.float64)
+    if len(points) == 1:
+        return Trajectory(PERIOD_S, goal[None].copy(), np.zeros((1, 15)))
+    fastest = _fastest(robot, points, tool_speed, joint_fraction * robot.speed)
+    times = np.arange(0.0, fastest.duration, PERIOD_S)
+    q = _averaged(fastest(times), points[0], goal)
+    v = _averaged(fastest(times, 1), np.zeros(15), np.zeros(15))
+    q[0], q[-1] = points[0], goal
+    return Trajectory(PERIOD_S, q, v)
+
+
+def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> Any:
+    """toppra's trajectory along a spline through the points (n, 15), n > 1."""
+    along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+    spline = toppra.SplineInterpolator(along, points)
+    grid = np.linspace(0.0, along[-1], max(4 * len(points), 50))
+    limits = _speeds(robot, spline, grid, tool_speed, speed)
+
+    def speeds(s: float) -> Array:
+        limit = limits[min(round(s / along[-1] * (len(grid) - 1)), len(grid) - 1)]
+        return np.stack((-limit, limit), axis=1)
+
+    constraints = [
+        JointVelocityConstraintVarying(speeds),
+        JointAccelerationConstraint(np.stack((-ACCELERATION, ACCELERATION), axis=1)),
+    ]
+    profile = TOPPRA(constraints, spline, gridpoints=grid, parametrizer="ParametrizeConstAccel")
+    found = profile.compute_trajectory()
+    if found is None:
+        raise NotTimed(len(points), float(along[-1]))
+    return found
+
+
+def _speeds(robot: Robot, spline: Any, grid: Array, tool_speed: float, speed: Array) -> Array:
+    """Joint speed limits (n, 15) at the grid: the joints' own, and less where a grip would be faster than allowed."""
+    postures, tangents = spline(grid), np.abs(spline(grid, 1))
+    reach = np.zeros(len(grid))  # metres of the faster grip per unit of path
+    for side in names.SIDES:
+        places = np.array([robot.grip(q, side).translation for q in postures])
+        per_unit = np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(grid)
+        reach[:-1] = np.maximum(reach[:-1], per_unit)
+        reach[1:] = np.maximum(reach[1:], per_unit)
+    along = tool_speed / np.maximum(reach, 1e-9)
+    return np.minimum(speed, tangents * along[:, None] + 1e-9)
+
+
+def _averaged(samples: Array, before: Array, after: Array) -> Array:
+    """Moving average (n + 10, 15) of samples (n, 15) with constant values before and after."""
+    whole = np.concatenate((np.tile(before, (_AVERAGED + 1, 1)), samples, np.tile(after, (_AVERAGED + 1, 1))))
+    sums = np.cumsum(np.concatenate((np.zeros((1, whole.shape[1])), whole)), axis=0)
+    return (sums[_AVERAGED + 1 :] - sums[: -_AVERAGED - 1]) / (_AVERAGED + 1)
