@@ -15,6 +15,8 @@ from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
 # without creep; the gear's friction from its maker would settle it.
 LOCK_PROXIMAL, LOCK_DISTAL = 3.0, 1.0
+# MuJoCo's dry friction is soft by default: 1.5 Nm would turn a locked finger by 0.7 rad/s. With these it is 0.02 rad/s.
+LOCK_SOLREF, LOCK_SOLIMP = 0.005, (0.99, 0.999)
 
 
 def compiled(scene: Scene) -> mujoco.MjModel:
@@ -71,6 +73,9 @@ class MujocoBackend:
         closing = np.array([PAIR_LIMIT, PAIR_LIMIT, SINGLE_LIMIT])
         self.model.actuator_forcerange[self._proximal_servos, 1] = closing
         self.model.actuator_forcerange[self._distal_servos, 1] = closing * DISTAL_SHARE
+        for dofs in (*self._stiff_dofs, *self._distal_dofs):
+            self.model.dof_solref[dofs, 0] = LOCK_SOLREF
+            self.model.dof_solimp[dofs, :2] = LOCK_SOLIMP
 
     def observe(self) -> State:
         """The state now; joints are measured without error or delay."""

@@ -51,7 +51,9 @@ class LoopProcess:
             self._pacer.done()
             self._show()
         elif self.core.busy:
+            self._pacer.go()
             self.core.cycle()
+            self._pacer.done()
             self._show()
         else:
             time.sleep(IDLE_S)

@@ -1,0 +1,255 @@
+"""The loop's core on a pretended robot: motions end, cycles end in a command, safe modes are left only on demand."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.executor.loop.core import DAMPING_CYCLES, LoopCore
+from services.executor.loop.program import Close, HeadGoal, Mode, Move, Open, Payload, Phase, Until, motion
+from velma.control import damping
+from velma.control.dynamics import Dynamics
+from velma.errors import MotionError
+from velma.model.build import ROBOT_XML
+from velma.names import START, TORQUE
+from velma.sim.mock_backend import MockBackend
+
+DYNAMICS = Dynamics(ROBOT_XML)
+
+
+class Watched(MockBackend):
+    """Keeps the commands; throws or lies on demand."""
+
+    def __init__(self):
+        super().__init__()
+        self.taus, self.broken = [], {}
+
+    def observe(self):
+        state = super().observe()
+        if self.broken.get("observe") == "throws":
+            raise RuntimeError("sensor bus is gone")
+        if self.broken.get("observe") == "lies":
+            state.v[3] = np.nan
+        return state
+
+    def step(self, command):
+        self.taus.append(command.tau.copy())
+        if self.broken.get("step"):
+            raise RuntimeError("drive bus is gone")
+        super().step(command)
+
+
+@pytest.fixture
+def core():
+    return LoopCore(Watched(), dynamics=DYNAMICS)
+
+
+def rise(core, reach=0.1, seconds=1.0):
+    u = np.linspace(0, 1, round(seconds / 0.01) + 1)
+    return core.setpoint + reach * (u**3 * (10 - 15 * u + 6 * u * u))[:, None]
+
+
+def cycles(core, count):
+    for _ in range(count):
+        core.cycle()
+
+
+def test_a_motion_ends_where_it_was_told(core):
+    """Done, in its own time, with the set-point held afterwards."""
+    path = rise(core)
+    result = core.run(motion("up", path, settle_s=0.2))
+    assert (result.key, result.phase, result.ended_by) == ("up", Phase.DONE, Until.END)
+    assert result.time_s == pytest.approx(1.2, abs=0.02)
+    np.testing.assert_allclose(core.setpoint, path[-1])
+    cycles(core, 100)
+    np.testing.assert_allclose(core.setpoint, path[-1])
+    assert core.mode is Mode.MOTION
+
+
+def test_a_cancelled_motion_slows_down_and_stays(core):
+    """Within 0.3 s, with the reason in the report; the hands stop too."""
+    core.begin(motion("up", rise(core), left=Move((1.0, 1.0, 1.0), speed=0.2)))
+    cycles(core, 200)
+    core.cancel("other")
+    assert core.report.phase is Phase.RUNNING
+    core.cancel("up")
+    cycles(core, 155)
+    assert core.report.phase is Phase.CANCELLED
+    before = core.setpoint.copy()
+    cycles(core, 50)
+    np.testing.assert_array_equal(core.setpoint, before)
+    assert core.report.left.proximal[0] < 0.2
+
+
+def test_the_next_motion_may_begin_where_a_cancelled_one_stopped(core):
+    """From the reported set-point."""
+    core.begin(motion("up", rise(core)))
+    cycles(core, 200)
+    core.cancel()
+    cycles(core, 155)
+    assert core.run(motion("on", rise(core))).phase is Phase.DONE
+
+
+def test_a_second_motion_is_refused_and_the_first_goes_on(core):
+    """One at a time; the report stays that of the running one."""
+    core.begin(motion("first", rise(core)))
+    assert "first" in core.begin(motion("second", rise(core)))
+    assert core.report.key == "first"
+    with pytest.raises(MotionError, match="first"):
+        core.run(motion("second", rise(core)))
+
+
+def test_a_motion_that_starts_elsewhere_is_refused_with_a_reason(core):
+    """Nothing moves."""
+    result = core.run(motion("far", START + 0.5))
+    assert result.phase is Phase.FAILED
+    assert "set-point" in result.reason
+    np.testing.assert_allclose(core.setpoint, START)
+
+
+def test_closing_by_touch_stops_squeezes_and_locks(core):
+    """Fingers that meet something have touched it; the hand ends locked."""
+    core.backend.grasped[1] = 1.2
+    result = core.run(motion("grip", core.setpoint, until="touch", left=Close(squeeze=0.02)))
+    assert (result.phase, result.ended_by) == (Phase.DONE, Until.TOUCH)
+    assert result.left.touched == (True, True, True)
+    assert result.left.locked
+    assert result.left.proximal[0] == pytest.approx(1.2, abs=0.01)
+    assert not result.right.locked
+
+
+def test_closing_on_nothing_ends_too(core):
+    """At the angle where it is told to give up, with no finger touched."""
+    result = core.run(
+        motion("grip", core.setpoint, until="touch", left=Close(squeeze=0.02, upto=1.0, speed=1.0, lock=False))
+    )
+    assert result.phase is Phase.DONE
+    assert result.left.touched == (False, False, False)
+    assert result.left.proximal[0] == pytest.approx(1.02, abs=0.02)
+
+
+def test_a_locked_hand_must_be_opened_before_it_moves(core):
+    """So that nothing held is dropped by a motion that only forgot about it."""
+    core.backend.grasped[0] = 0.8
+    core.run(motion("grip", core.setpoint, until="touch", right=Close(squeeze=0.02)))
+    result = core.run(motion("move", core.setpoint, right=Move((0.2, 0.2, 0.2))))
+    assert result.phase is Phase.FAILED
+    assert "Open" in result.reason
+    assert core.run(motion("open", core.setpoint, right=Open())).phase is Phase.DONE
+    result = core.run(motion("move", core.setpoint, right=Move((0.2, 0.2, 0.2))))
+    assert result.right.proximal[0] == pytest.approx(0.2, abs=0.02)
+    assert not result.right.locked
+
+
+def test_head_arrives_before_the_motion_is_done(core):
+    """A look lasts as long as the head needs."""
+    result = core.run(motion("look", core.setpoint, head=HeadGoal(0.4, 0.3, speed=0.5)))
+    assert result.time_s >= 0.5 / 0.5 - 0.05
+    np.testing.assert_allclose(core.state.head, (0.4, 0.3), atol=0.02)
+
+
+def test_contact_ends_a_motion_and_leaves_no_force():
+    """A hand held up on its way down: the set-point becomes where the body is."""
+
+    class Floor(Watched):
+        """A torso and arms that stop as if on a table."""
+
+        def step(self, command):
+            q = self._state.q.copy()
+            super().step(command)
+            if self._state.time > 0.5:
+                self._state.q[:], self._state.v[:] = q, 0.0
+
+    core = LoopCore(Floor(), dynamics=DYNAMICS)
+    terms = DYNAMICS.terms(START)
+    down = np.linalg.pinv(terms.jacobian)[:, 2] * -0.08
+    u = np.linspace(0, 1, 201)[:, None]
+    result = core.run(motion("down", core.setpoint + u * down, until="contact", contact_m=0.02, settle_s=0.1))
+    assert (result.phase, result.ended_by) == (Phase.DONE, Until.CONTACT)
+    assert 0.5 < result.time_s < 1.2
+    np.testing.assert_allclose(core.setpoint, core.state.q)
+
+
+def test_a_hand_far_from_its_path_ends_the_motion():
+    """Beyond the tolerance it failed, by which hand and how far, and the body stays where it is."""
+
+    class Stuck(Watched):
+        def step(self, command):
+            q = self._state.q.copy()
+            super().step(command)
+            self._state.q[:], self._state.v[:] = q, 0.0
+
+    core = LoopCore(Stuck(), dynamics=DYNAMICS)
+    result = core.run(motion("up", rise(core, 0.3)))
+    assert result.phase is Phase.FAILED
+    assert "hand was 0.1" in result.reason
+    np.testing.assert_allclose(core.setpoint, START)
+
+
+@settings(max_examples=25, deadline=None)
+@given(broken=st.sampled_from(["observe throws", "observe lies", "step throws"]), when=st.integers(0, 60))
+def test_whatever_breaks_every_cycle_ends_in_an_accepted_command(broken, when):
+    """No exception leaves `cycle`; the command is finite and accepted; the motion ends with the reason."""
+    backend = Watched()
+    core = LoopCore(backend, dynamics=DYNAMICS)
+    core.begin(motion("up", rise(core)))
+    cycles(core, when)
+    place, how = broken.split()
+    backend.broken[place] = how
+    cycles(core, 5)
+    assert len(backend.taus) == when + 5
+    assert all(np.isfinite(tau).all() and (np.abs(tau) <= TORQUE).all() for tau in backend.taus)
+    assert core.report.phase is Phase.FAILED
+    assert core.faults >= 5
+    assert core.mode is Mode.DAMPING
+
+
+def test_after_a_fault_damping_becomes_hold_and_hold_waits_for_a_release(core):
+    """Twenty cycles of damping, then the posture is held until somebody releases it and the dwell is over."""
+    core.abandon("nobody commands")
+    assert core.mode is Mode.DAMPING
+    cycles(core, DAMPING_CYCLES + 1)
+    assert core.mode is Mode.HOLD
+    assert "release" in core.begin(motion("up", rise(core)))
+    cycles(core, 2 * damping.DWELL_CYCLES)
+    assert core.mode is Mode.HOLD
+    core.release()
+    cycles(core, 1)
+    assert core.mode is Mode.MOTION
+    assert core.run(motion("up", rise(core))).phase is Phase.DONE
+
+
+def test_a_release_before_the_dwell_is_granted_after_it(core):
+    """A stop lasts its dwell, however impatient the release."""
+    core.begin(motion("up", rise(core)))
+    cycles(core, 50)
+    core.stop()
+    assert core.report.phase is Phase.FAILED
+    core.release()
+    cycles(core, damping.DWELL_CYCLES - 1)
+    assert core.mode is Mode.STOPPED
+    cycles(core, 2)
+    assert core.mode is Mode.MOTION
+
+
+def test_a_stop_keeps_hands_locked_and_weight_carried(core):
+    """What is held stays held."""
+    core.backend.grasped[1] = 1.2
+    core.run(motion("grip", core.setpoint, until="touch", left=Close(squeeze=0.02)))
+    core.begin(motion("lift", rise(core), payload_left=Payload(0.3, (0.0, 0.0, 0.02))))
+    cycles(core, 200)
+    core.stop()
+    cycles(core, 10)
+    assert core._command.locked[1] == 1.0
+    assert core._payloads.mass[1] == pytest.approx(0.3)
+
+
+def test_a_weight_is_taken_up_gradually(core):
+    """No step in the torques when something is lifted."""
+    core.begin(motion("lift", core.setpoint, settle_s=0.5, payload_left=Payload(0.3, (0.0, 0.0, 0.02))))
+    masses = []
+    for _ in range(150):
+        core.cycle()
+        masses.append(core._payloads.mass[1])
+    assert max(np.diff(masses)) <= 0.0031
+    assert masses[-1] == pytest.approx(0.3)

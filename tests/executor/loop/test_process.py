@@ -1,0 +1,249 @@
+"""The loop with its slots, turned by hand: what an agent and a person on the other side see."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import msgspec
+import numpy as np
+import pytest
+
+from services.executor.loop import process as process_module
+from services.executor.loop.__main__ import BackendName, build
+from services.executor.loop.link import AgentLink, StopLink
+from services.executor.loop.process import HEARTBEAT_S, Speed
+from services.executor.loop.program import Cancel, Mode, Phase, motion
+from services.executor.loop.timing import Histogram, Pacer
+from velma.errors import SlotError
+from velma.model import scene
+from velma.names import START
+from velma.sim.truth import Truth
+
+
+class FakeTime:
+    """A clock that the test moves."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    fake = FakeTime()
+    monkeypatch.setattr(process_module, "time", fake)
+    return fake
+
+
+@pytest.fixture
+def pair(tmp_path, clock):
+    """A loop on the pretended robot at full speed, and its agent."""
+    path = tmp_path / "loop.slots"
+    loop = build(path, asked=scene.load(), speed=Speed.MAX, backend=BackendName.MOCK, realtime=False)
+    return loop, AgentLink(path), path
+
+
+def rise(start, seconds=0.5):
+    return start + np.linspace(0, 0.1, round(seconds * 100))[:, None] ** 2
+
+
+def turn(loop, agent, most=5000):
+    """Turn while the agent lives, until nothing runs."""
+    for _ in range(most):
+        agent.beat()
+        loop.turn()
+        if agent.told().report.phase is not Phase.RUNNING:
+            return
+    raise AssertionError("the motion did not end")
+
+
+def test_an_agent_sees_its_motion_taken_running_and_done(pair):
+    """The number it was given, then the phases."""
+    loop, agent, _ = pair
+    number = agent.send(motion("up", rise(agent.state().setpoint)))
+    loop.turn()
+    told = agent.told()
+    assert (told.taken, told.refusal, told.report.key, told.report.phase) == (number, "", "up", Phase.RUNNING)
+    turn(loop, agent)
+    assert agent.told().report.phase is Phase.DONE
+    state = agent.state()
+    assert not state.busy
+    np.testing.assert_allclose(state.setpoint, rise(START)[-1])
+    assert state.q.shape == state.v.shape == (15,)
+    assert state.fingers(1)[0].shape == (3,)
+
+
+def test_time_stands_still_between_acts(pair):
+    """At full speed, simulated time goes on only while something happens."""
+    loop, agent, _ = pair
+    before = agent.state().time_s
+    for _ in range(50):
+        loop.turn()
+    assert agent.state().time_s == before
+
+
+def test_a_refusal_reaches_the_agent_in_words(pair):
+    """With the number of what was refused; nothing moves."""
+    loop, agent, _ = pair
+    number = agent.send(motion("far", START + 1.0))
+    loop.turn()
+    assert agent.told().taken == number
+    assert "set-point" in agent.told().refusal
+    agent.file.slots["command"].write(b"garbage")
+    loop.turn()
+    assert "not a command" in agent.told().refusal
+
+
+def test_a_cancel_reaches_the_motion(pair):
+    """And ends it smoothly."""
+    loop, agent, _ = pair
+    agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
+    for _ in range(100):
+        agent.beat()
+        loop.turn()
+    agent.send(Cancel("up"))
+    turn(loop, agent)
+    assert agent.told().report.phase is Phase.CANCELLED
+
+
+def test_an_agent_that_falls_silent_during_an_act_ends_it(pair, clock):
+    """After 100 ms of wall time: damping, then hold; between acts silence is no matter."""
+    loop, agent, _ = pair
+    clock.now += 10.0
+    loop.turn()
+    assert agent.state().mode is Mode.MOTION
+    agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
+    loop.turn()
+    clock.now += HEARTBEAT_S / 2
+    loop.turn()
+    assert agent.told().report.phase is Phase.RUNNING
+    clock.now += HEARTBEAT_S
+    loop.turn()
+    assert agent.told().report.phase is Phase.FAILED
+    assert "heartbeat" in agent.told().report.reason
+    for _ in range(30):
+        loop.turn()
+    assert agent.state().mode is Mode.HOLD
+
+
+def test_a_person_stops_and_releases_without_any_agent(pair):
+    """Stop at once; release after the dwell, even where time stands still otherwise."""
+    loop, agent, path = pair
+    people = StopLink(path)
+    agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
+    loop.turn()
+    people.stop()
+    loop.turn()
+    assert agent.state().mode is Mode.STOPPED
+    people.release()
+    for _ in range(510):
+        loop.turn()
+    assert agent.state().mode is Mode.MOTION
+
+
+def test_the_end_is_damping(pair):
+    """Whatever runs when the loop is told to end."""
+    loop, agent, _ = pair
+    agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
+    loop.turn()
+    loop.end()
+    assert agent.told().report.phase is Phase.FAILED
+    assert agent.state().mode is not Mode.MOTION
+
+
+def test_a_simulated_loop_shows_world_and_truth(tmp_path):
+    """The mirror's coordinates for the receptor; the truth sealed, for the monitor."""
+    path = tmp_path / "loop.slots"
+    build(path, asked=scene.load(), speed=Speed.MAX, backend=BackendName.MUJOCO, realtime=False)
+    agent = AgentLink(path)
+    assert agent.state().configuration.shape == (137,)
+    truth = msgspec.msgpack.decode(agent.sealed_truth(), type=Truth)
+    assert truth.grains_in["jar_1"] == 30
+
+
+def test_lateness_is_counted_in_fixed_bins():
+    """Percentiles within a bin of the true ones, the maximum exactly."""
+    histogram = Histogram()
+    for us in range(1000):
+        histogram.add(float(us))
+    histogram.add(1e6)
+    figures = histogram.figures()
+    assert figures["p50"] == pytest.approx(500, abs=6)
+    assert figures["p99"] == pytest.approx(990, abs=6)
+    assert figures["max"] == 1e6
+    assert Histogram().figures() == {}
+
+
+def test_a_pacer_keeps_absolute_deadlines_and_gives_up_what_is_long_gone(monkeypatch):
+    """A late cycle is caught up; a long absence is counted as skipped periods, not run through."""
+    clock = FakeTime()
+    monkeypatch.setattr("services.executor.loop.timing.time", clock)
+    pacer = Pacer(0.002)
+    for _ in range(100):
+        pacer.wait()
+        clock.now += 0.0005
+        pacer.done()
+    assert clock.now == pytest.approx(99 * 0.002 + 0.0005)
+    clock.now += 0.003
+    pacer.wait()
+    pacer.done()
+    assert pacer.timing().skipped == 0
+    clock.now += 1.0
+    pacer.wait()
+    pacer.done()
+    assert pacer.timing().skipped == pytest.approx(500, abs=3)
+
+
+def test_the_process_starts_shows_a_state_and_ends_in_order(tmp_path):
+    """`python -m services.executor.loop` on the pretended robot, ended by SIGTERM."""
+    path = tmp_path / "loop.slots"
+    command = [
+        sys.executable,
+        "-m",
+        "services.executor.loop",
+        "--slots",
+        str(path),
+        "--backend",
+        "mock",
+        "--speed",
+        "max",
+    ]
+    child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 30
+        while time.monotonic() < deadline:
+            try:
+                if AgentLink(path).state() is not None:
+                    break
+            except SlotError:
+                os.sched_yield()
+        child.send_signal(signal.SIGTERM)
+        _, said = child.communicate(timeout=20)
+    finally:
+        child.kill()
+    assert child.returncode == 0
+    assert "ended by signal 15" in said
+
+
+def test_a_scene_that_is_none_is_said_in_one_line(tmp_path):
+    """Exit 2, and the sentence says what would be right."""
+    command = [
+        sys.executable,
+        "-m",
+        "services.executor.loop",
+        "--slots",
+        str(tmp_path / "s"),
+        "--scene",
+        "nowhere.toml",
+    ]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    assert ended.returncode == 2
+    assert "canonical.toml" in ended.stderr
+    assert "Traceback" not in ended.stderr

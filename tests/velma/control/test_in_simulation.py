@@ -1,0 +1,161 @@
+"""The laws on the simulated robot, alone in an empty room: what a person pushing it would feel."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from velma.control import cartesian, joint, limits
+from velma.control.cartesian import CartesianGains, CartesianImpedance
+from velma.control.dynamics import Dynamics
+from velma.control.joint import JointGains
+from velma.model.build import ROBOT_XML
+from velma.model.scene import Scene
+from velma.names import GRIP_BODY, START
+from velma.sim.backend import no_command
+from velma.sim.mujoco_backend import MujocoBackend
+
+# Arms in front of the body, away from every singular posture (robot.yaml: front).
+FRONT = np.array([0, -0.3, -1.57, 1.57, 1.57, 0, -1.57, 0, 0.3, 1.57, -1.57, -1.57, 0, 1.57, 0])
+
+
+class Bench:
+    """A robot under one law with its set-point fixed. `wrench` pushes the right grip, (6,) force and torque."""
+
+    def __init__(self, gains=None, *, q=FRONT, law="cartesian"):
+        self.robot = MujocoBackend(Scene("empty"))
+        self.dynamics, self.gains = Dynamics(ROBOT_XML), gains or CartesianGains()
+        self.impedance, self.hold, self.law = CartesianImpedance(self.gains), JointGains(), law
+        self.goal, self.command = q.copy(), no_command()
+        self.place(q)
+        self.body = self.robot.model.body(GRIP_BODY["right"]).id
+        self.wrench, self.largest = np.zeros(6), np.zeros(15)
+
+    def place(self, q):
+        self.robot.data.qpos[self.robot._q] = q
+        self.robot.data.qvel[:] = 0
+        mujoco.mj_step1(self.robot.model, self.robot.data)
+
+    def step(self):
+        state = self.robot.observe()
+        terms = self.dynamics.terms(state.q)
+        stray = self.goal - state.q
+        if self.law == "joint":
+            tau = joint.torque(self.hold, terms, stray, state.v, np.zeros(12))
+        else:
+            self.error = cartesian.task_error(terms, *self.dynamics.grips(self.goal))
+            tau = self.impedance.torque(terms, self.error, state.v, stray, np.zeros(12))
+        self.command.tau[:] = limits.accepted(tau)
+        self.largest = np.maximum(self.largest, np.abs(self.command.tau))
+        self.robot.data.xfrc_applied[self.body] = self.wrench
+        self.robot.step(self.command)
+
+    def run(self, seconds):
+        for _ in range(int(seconds / self.robot.period_s)):
+            self.step()
+
+    def kinetic(self):
+        state = self.robot.observe()
+        return 0.5 * state.v @ self.dynamics.terms(state.q).mass @ state.v
+
+    def spring(self):
+        state = self.robot.observe()
+        error = cartesian.task_error(self.dynamics.terms(state.q), *self.dynamics.grips(self.goal))
+        return 0.5 * error @ (np.tile(self.gains.task(), 2) * error)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_fifteen_newtons_move_the_hand_by_ten_millimetres(axis):
+    """The stiffness felt is the stiffness set: 1500 N/m in every direction."""
+    bench = Bench()
+    bench.wrench[axis] = 15.0
+    bench.run(2.0)
+    shift = np.zeros(3)
+    shift[axis] = 0.010
+    np.testing.assert_allclose(-bench.error[:3], shift, atol=3e-4)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_three_newton_metres_turn_the_hand_by_twenty_milliradians(axis):
+    """150 Nm/rad against the true rotation vector, not its half."""
+    bench = Bench()
+    bench.wrench[3 + axis] = 3.0
+    bench.run(2.0)
+    turn = np.zeros(3)
+    turn[axis] = 0.020
+    np.testing.assert_allclose(-bench.error[3:6], turn, atol=6e-4)
+
+
+def test_the_other_hand_does_not_feel_it():
+    """A push at the right hand moves the left one by less than a tenth of it."""
+    bench = Bench()
+    bench.wrench[0] = 15.0
+    bench.run(2.0)
+    assert np.abs(bench.error[6:9]).max() < 0.001
+
+
+@pytest.mark.parametrize("start", [START, FRONT])
+def test_free_motion_loses_energy(start):
+    """Set-point fixed, displaced and let go: kinetic plus spring energy never grows (beyond 1 % of its start)."""
+    bench = Bench(CartesianGains(posture_stiffness=(0.0, 0.0)), q=start)
+    rng = np.random.default_rng(2)
+    bench.place(start + rng.uniform(-0.03, 0.03, 15))
+    energy = first = bench.kinetic() + bench.spring()
+    for _ in range(150):
+        bench.run(0.01)
+        now = bench.kinetic() + bench.spring()
+        assert now <= energy + 0.01 * first
+        energy = now
+    assert energy < 0.02 * first
+
+
+def test_posture_spring_brings_the_elbow_back_and_leaves_the_hands():
+    """A body pushed in its null space returns to its posture; meanwhile the hands stay within a millimetre."""
+    bench = Bench()
+    terms = bench.dynamics.terms(FRONT)
+    null = np.linalg.svd(terms.jacobian)[2][12:]  # joint directions that move no hand
+    bench.place(FRONT + 0.15 * null[0])
+    bench.run(0.01)
+    # A finite step along a curved null space moves the hands a little: that is the error they may keep.
+    allowed = max(1e-3, 1.2 * np.abs(bench.error).max())
+    for _ in range(300):
+        bench.run(0.01)
+        assert np.abs(bench.error).max() <= allowed
+    assert np.abs(bench.robot.observe().q - FRONT).max() < 0.03
+
+
+def test_a_step_overshoots_as_a_damped_mass_does():
+    """Ratio 0.7: a step of 20 mm overshoots by 5 % in theory; joint friction takes some of it."""
+    bench = Bench()
+    jacobian = bench.dynamics.terms(FRONT).jacobian
+    wanted = np.zeros(12)
+    wanted[2] = 0.02
+    bench.goal = FRONT + np.linalg.pinv(jacobian) @ wanted
+    heights = []
+    start = bench.dynamics.grips(FRONT)[1][0, 2]
+    for _ in range(500):
+        bench.step()
+        heights.append(bench.dynamics.grips(bench.robot.observe().q)[1][0, 2] - start)
+    goal = bench.dynamics.grips(bench.goal)[1][0, 2] - start
+    overshoot = max(heights) / goal - 1
+    assert 0.0 < overshoot < 0.15
+    assert heights[-1] == pytest.approx(goal, rel=0.02)
+
+
+def test_no_torque_leaves_the_accepted_range():
+    """Even a goal far away asks for no more than Velma accepts."""
+    bench = Bench()
+    bench.goal = START.copy()
+    bench.run(0.5)
+    assert (bench.largest <= limits.TORQUE).all()
+    assert (bench.largest == limits.TORQUE).any()
+
+
+def test_joint_hold_feels_its_stiffness():
+    """The held posture gives way as K says: 15 N at the hand bend the joints by J^T f / K."""
+    bench = Bench(law="joint")
+    bench.wrench[1] = 15.0
+    bench.run(3.0)
+    state = bench.robot.observe()
+    jacobian = bench.dynamics.terms(state.q).jacobian
+    expected = jacobian[1] * 15.0 / bench.hold.diagonal()
+    np.testing.assert_allclose(state.q - FRONT, expected, atol=2e-3)

@@ -1,0 +1,167 @@
+"""The simulated and the pretended robot: the same face, and what only the simulated one can show."""
+
+import msgspec
+import mujoco
+import numpy as np
+import pytest
+
+from velma.model import scene
+from velma.model.scene import Scene
+from velma.names import FINGER_UPPER, SPEED, START
+from velma.sim.backend import PERIOD_S, no_command
+from velma.sim.mock_backend import MockBackend
+from velma.sim.mujoco_backend import LOCK_DISTAL, LOCK_PROXIMAL, MujocoBackend
+from velma.sim.truth import TruthReader
+
+EMPTY = Scene("empty")
+
+
+def run(backend, command, seconds):
+    for _ in range(round(seconds / backend.period_s)):
+        backend.step(command)
+    return backend.observe()
+
+
+@pytest.fixture(params=["mujoco", "mock"])
+def backend(request):
+    """Each back-end in turn."""
+    return MujocoBackend(EMPTY) if request.param == "mujoco" else MockBackend()
+
+
+def test_a_robot_begins_in_the_start_posture_and_stays_without_a_command(backend):
+    """Torques are beyond gravity: none at all is a robot at rest."""
+    state = run(backend, no_command(), 1.0)
+    np.testing.assert_allclose(state.q, START, atol=1e-3)
+    assert np.abs(state.v).max() < 1e-2
+    assert state.time == pytest.approx(1.0)
+
+
+def test_a_torque_moves_its_joint_and_costs_work(backend):
+    """Joint 0 follows the sign of its torque."""
+    command = no_command()
+    command.tau[0] = 20.0
+    state = run(backend, command, 0.5)
+    assert state.q[0] > 0.05
+    assert backend.work_J > 0.5
+
+
+def test_head_and_fingers_go_where_they_are_told(backend):
+    """Within what their servos leave as error; a free distal joint bends by a third."""
+    command = no_command()
+    command.head[:] = 0.3, 0.2
+    command.proximal[:], command.distal[:] = 0.9, 0.3
+    state = run(backend, command, 2.0)
+    np.testing.assert_allclose(state.head, (0.3, 0.2), atol=0.03)
+    np.testing.assert_allclose(state.proximal, 0.9, atol=0.02)
+    np.testing.assert_allclose(state.distal, 0.3, atol=0.02)
+
+
+def test_locked_fingers_stay(backend):
+    """The worm gears hold against the servos, which pull with 1.5 Nm at most."""
+    command = no_command()
+    command.locked[:] = 1.0
+    command.proximal[:] = FINGER_UPPER
+    state = run(backend, command, 0.5)
+    assert np.abs(state.proximal).max() < 0.02
+
+
+def test_only_the_locked_hand_is_stiff():
+    """Locks are written into the model row by row, and taken back."""
+    robot = MujocoBackend(EMPTY)
+    command = no_command()
+    command.locked[:] = 0.0, 1.0
+    robot.step(command)
+    friction = robot.model.dof_frictionloss
+    assert not friction[robot._stiff_dofs[0]].any()
+    assert (friction[robot._stiff_dofs[1]] == LOCK_PROXIMAL).all()
+    assert (friction[robot._distal_dofs[1]] == LOCK_DISTAL).all()
+    command.locked[:] = 0.0
+    robot.step(command)
+    assert not friction.any()
+
+
+def test_a_simulation_can_be_had_again():
+    """Same scene, same commands, same numbers, to the last bit."""
+    whole, command = scene.vary(scene.load(), 4), no_command()
+    command.tau[:] = np.linspace(-3, 3, 15)
+    ends = []
+    for _ in range(2):
+        robot = MujocoBackend(whole)
+        run(robot, command, 0.3)
+        ends.append(robot.configuration().tobytes())
+    assert ends[0] == ends[1]
+
+
+def test_reading_the_state_changes_nothing():
+    """Observation between steps does not disturb the next one."""
+    ends = []
+    for looks in (0, 3):
+        robot = MujocoBackend(EMPTY)
+        command = no_command()
+        command.tau[3] = 5.0
+        for _ in range(50):
+            for _ in range(looks):
+                robot.observe()
+                robot.configuration()
+            robot.step(command)
+        ends.append(robot.observe().q.tobytes())
+    assert ends[0] == ends[1]
+
+
+def test_sparse_and_dense_solutions_of_the_pile_agree():
+    """MuJoCo 4.0.0 is said to factor wrongly in some sparse cases; not in this pile."""
+    robot = MujocoBackend(scene.load())
+    run(robot, no_command(), 0.4)
+    accelerations = []
+    for jacobian in (mujoco.mjtJacobian.mjJAC_SPARSE, mujoco.mjtJacobian.mjJAC_DENSE):
+        data = mujoco.MjData(robot.model)
+        data.qpos[:], data.qvel[:] = robot.data.qpos, robot.data.qvel
+        robot.model.opt.jacobian = jacobian
+        mujoco.mj_forward(robot.model, data)
+        accelerations.append(data.qacc.copy())
+    np.testing.assert_allclose(*accelerations, atol=1e-6)
+
+
+def test_truth_counts_the_grains_where_they_are():
+    """All in the jar at first; a grain put into the bowl is counted there; one on the floor nowhere."""
+    robot = MujocoBackend(scene.load())
+    truth = TruthReader(robot)
+    run(robot, no_command(), 0.4)
+    first = truth.read()
+    assert first.grains_in == {"jar_1": 30, "bowl_1": 0}
+    assert max(first.tilt_deg.values()) < 0.5
+    assert not first.furniture_touched
+    home = robot.model.body("grain_0").pos
+    for body, place in (("grain_0", first.at["bowl_1"]), ("grain_1", (0.0, -1.5, 0.1))):
+        slide = robot.model.body(body).jntadr[0]
+        adr = robot.model.jnt_qposadr[slide]
+        home = robot.model.body(body).pos
+        robot.data.qpos[adr : adr + 3] = np.add(place, (0, 0, 0.03)) - home
+    mujoco.mj_step1(robot.model, robot.data)
+    assert truth.read().grains_in == {"jar_1": 28, "bowl_1": 1}
+
+
+def test_truth_survives_a_scene_without_vessels():
+    """Nothing to count is a count of nothing, and travels."""
+    truth = TruthReader(MujocoBackend(EMPTY)).read()
+    assert truth.grains == 0
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(truth), type=type(truth)) == truth
+
+
+def test_the_mock_obeys_its_speed_limits():
+    """However hard it is pushed."""
+    robot, command = MockBackend(), no_command()
+    command.tau[:] = 100.0
+    state = run(robot, command, 1.0)
+    assert (state.v <= SPEED).all()
+    assert robot.period_s == PERIOD_S
+
+
+def test_mock_fingers_stop_at_what_they_meet():
+    """So that closing by touch can be tried without physics."""
+    robot, command = MockBackend(), no_command()
+    robot.grasped[1] = 1.2
+    command.proximal[:], command.distal[:] = 2.0, 0.6
+    state = run(robot, command, 2.0)
+    np.testing.assert_allclose(state.proximal[1], 1.2)
+    np.testing.assert_allclose(state.proximal[0], 2.0)
