@@ -39,10 +39,10 @@ def everything(memory: Any, event: Taken) -> bool:
 class Behaviour(Generic[M]):
     """What the agent does in a state.
 
-    `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is entered, then once
-    per event. It must not change the memory it is given. `takes(memory, event)` is asked of every Received, Local and
-    Late; one not taken waits in the inbox, unreceipted, in order. Started, Woken and PeerChanged are handed over
-    always; ignore those you do not know.
+    `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is entered (at a start
+    of the process with Started instead), then once per event. It must not change the memory it is given.
+    `takes(memory, event)` is asked of every Received, Local and Late; one not taken waits in the inbox, unreceipted,
+    in order. Started, Woken and PeerChanged are handed over always; ignore those you do not know.
     """
 
     transition: "Callable[[M, Turn], M]"

@@ -36,7 +36,7 @@ from agent_runtime.events import (
 )
 from agent_runtime.intake import admit
 from agent_runtime.state import CoreState, Held, Waiting, encode_memory, encode_record, fresh, restored, same_memory
-from agent_runtime.turn import Seen, Turn
+from agent_runtime.turn import Seen, Turn, conversation_of
 from agent_runtime.verdict import Verdict, What, carry_out, judge
 from agent_runtime.wiring import Delivery, Wiring
 from fipa_codec.tables import SEND, Role
@@ -132,9 +132,12 @@ class Core(Generic[M]):
     def _take_one(self, state: CoreState, out: Out, now: float) -> None:
         full = streams.blocked(state)
         if full is not None:
-            state.count("outbox full")
-            out.log("outbox full", level="error", peer=full, bound=streams.OUTBOX_BOUND)
+            if state.soft.full != full:
+                state.count("outbox full")
+                out.log("outbox full", level="error", peer=full, bound=streams.OUTBOX_BOUND)
+            state.soft.full = full
             return
+        state.soft.full = ""
         found = self._find_waiting(state)
         if found is not None:
             self._take_waiting(state, out, *found, now)
@@ -220,7 +223,7 @@ class Core(Generic[M]):
                 raise BehaviourError(
                     self.agent.name, state.state, "ended, and no arc may be taken", f"arcs: {arcs or 'none'}"
                 )
-            out.log("state", old=state.state, new=target)
+            out.log("state", old=state.state, new=target, conversation=conversation_of(event))
             state.state = target
             self._act(state, out, None, now)
         raise BehaviourError(

@@ -21,6 +21,7 @@ from agent_runtime.agent import Agent
 from agent_runtime.core import Core
 from agent_runtime.devices import Device, DeviceMaker, NoDevice
 from agent_runtime.effects import Effects, Receipt
+from agent_runtime.errors import RuntimeFault
 from agent_runtime.events import (
     AnyEvent,
     Arrived,
@@ -125,6 +126,7 @@ class Shell:
 
     def _serve(self) -> None:
         stopping: list[Stop] = []
+        self.log.write("waiting for the router", at=self._options.connect)
         session = open_client(self._options.connect, lambda: self._stop_came(stopping))
         if session is None:
             return
@@ -345,7 +347,11 @@ def run(
     prepare: Callable[[Shell], None] | None = None,
 ) -> int:
     """Run an agent until it is told to stop; the exit status. `prepare` sees the shell before it serves (tests)."""
-    shell = Shell(agent, wiring, options, device)
+    try:
+        shell = Shell(agent, wiring, options, device)
+    except RuntimeFault as fault:
+        Log(agent.name, options.log_level).write("cannot start", level="error", why=str(fault))
+        return 1
     if prepare is not None:
         prepare(shell)
     return shell.run()

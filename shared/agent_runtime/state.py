@@ -74,10 +74,11 @@ class Waiting(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct):
-    """What a death takes."""
+    """What a death takes. `up`: the router is there; `full`: the peer whose outbox stops the agent at present."""
 
     step: int = 0
     up: bool = True
+    full: str = ""
     inbox: tuple[Waiting, ...] = ()
     asks: dict[str, Ask] = {}
     conversations: dict[str, Held] = {}

@@ -114,6 +114,10 @@ class Turn:
         """
         if not subject or not subject.isascii() or not subject.isprintable() or " " in subject:
             raise self._error(f"observed subject {subject!r}", "a subject is printable ASCII without blanks")
+        if not any(link.peer == to and link.delivery is Delivery.LATEST for link in self._wiring.links):
+            raise self._error(
+                f"observed for {to!r}", "only a peer with a latest-value subscription is owed observations"
+            )
         language = self._wiring.language(content)
         self._state.counter += 1
         due = Due((self._state.incarnation, self._state.counter), language.name, language.encode(content))
@@ -146,8 +150,8 @@ class Turn:
         self._out.durable = True
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
-        """Write one structured line."""
-        self._out.log(event, level, **fields)
+        """Write one structured line; the conversation of the present event goes with it unless another is given."""
+        self._out.log(event, level, **({"conversation": conversation_of(self.event)} | fields))
 
     def count(self, what: str) -> None:
         """One more of it among the agent's counters."""
@@ -208,6 +212,11 @@ class Turn:
 
     def _error(self, what: str, hint: str) -> BehaviourError:
         return BehaviourError(self._state.agent, self._state.state, what, hint)
+
+
+def conversation_of(event: Seen | None) -> str:
+    """The conversation an event belongs to, "" where it belongs to none."""
+    return event.conversation if isinstance(event, Received | Late | Broken) else ""
 
 
 def dispatch(state: CoreState, out: Out, wiring: Wiring, held: Held, communicate: Communicate, now: float) -> None:

@@ -116,3 +116,23 @@ def test_garbage_kills_nobody(fleet: Fleet) -> None:
         wait_for(lambda: fleet.beat("server").counts.get("garbled", 0) == 6, "all garbage is counted")
     fleet.want(9)
     expect(fleet, 9)
+
+
+def test_stop_without_a_router(tmp_path: Path) -> None:
+    """An agent that waits for its router still stops in order, at once."""
+    fleet = Fleet(tmp_path)
+    fleet.start("server")
+    wait_for(lambda: (tmp_path / "steps" / "server.steps").exists(), "the agent has begun")
+    wait_for(lambda: "waiting for the router" in fleet.logs(), "the agent waits for its router")
+    assert fleet.stop("server") == 0
+
+
+def test_a_second_process_of_an_agent_is_refused(fleet: Fleet) -> None:
+    """One journal, one process: the second one ends with an error that says why, the first one serves on."""
+    first = fleet.processes.pop("server")
+    fleet.start("server")
+    assert fleet.processes.pop("server").wait(20.0) == 1
+    assert "another process holds it" in fleet.logs()
+    fleet.processes["server"] = first
+    fleet.want(3)
+    expect(fleet, 3)
