@@ -67,9 +67,7 @@ def overdue(memory: Memory, turn: Turn) -> bool:
             return False
 
 
-def _told(
-    memory: Memory, turn: Turn, act: Act, received: Received, content: object
-) -> tuple[Memory, Outcome | None]:
+def _told(memory: Memory, turn: Turn, act: Act, received: Received, content: object) -> tuple[Memory, Outcome | None]:
     if isinstance(content, rc.Accepted):
         turn.wake(PATIENCE, turn.now + SLACK * content.duration + MARGIN_S)
         return replace(memory, act=replace(act, agreed=True)), None

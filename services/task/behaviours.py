@@ -48,7 +48,6 @@ def no_new_plan(memory: Memory, event: Taken) -> bool:
 
 def await_plan(memory: Memory, turn: Turn) -> Memory:
     """idle: a plan is taken or refused; a new observer of the world makes ta look around."""
-    memory, _ = acts.hear(memory, turn)
     match turn.event:
         case Received(content=hfsm.HierarchicalPlan() as plan) as received:
             return _taken(memory, turn, received.conversation, plan)

@@ -80,7 +80,7 @@ def make_safe(memory: Memory, turn: Turn) -> Memory:
     if turn.event is None:
         safe = way_to_safety(memory)
         assert safe is not None
-        return enter(replace(memory, safe=safe, secured=True, end=None), turn, plans.first(safe))
+        return enter(replace(memory, safe=safe, secured=True, end=None), turn, plans.first(safe), _secured)
     return _go_on(always(memory, turn), turn, _secured)
 
 

@@ -1,0 +1,31 @@
+"""ex's agent as a process: `python -m services.executor --help`. The loop is a process of its own beside it."""
+
+import os
+from pathlib import Path
+
+from agent_runtime import cli, shell
+from agent_runtime.devices import Post
+from agent_runtime.options import Options
+from companion.binding import wiring
+from services.executor import behaviours
+from services.executor.body import Body
+from services.executor.reaching import SlotLoop
+from services.executor.skilled import Skilled
+from services.executor.words import Setup
+
+SLOTS = "loop.slots"
+
+
+def serve(options: Options) -> int:
+    """Until a signal comes. ROCO_SLOTS names the file in which loop and agent meet (default: in the run folder)."""
+    slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS)
+    setup = Setup(scene=str(options.scene or ""), seed=options.seed)
+
+    def body(post: Post) -> Body:
+        return Body(Skilled(post, setup), SlotLoop(post, slots))
+
+    return shell.run(behaviours.agent(), wiring("ex", options.system), options, body)
+
+
+if __name__ == "__main__":
+    cli.run("executor", "a_ex: moves the robot and senses with it, one act at a time.", serve)

@@ -1,0 +1,52 @@
+"""What makes a robot command impossible on the face of it: said in words before anything is computed."""
+
+import math
+from collections.abc import Iterator
+
+from companion.languages import rc
+
+JOINTS = 8  # of a joint path: torso and one arm
+
+
+def wrong(command: rc.Act) -> str:
+    """The first thing that is wrong with a command, "" if nothing is."""
+    if not command.key:
+        return "key is empty, an act needs one of its own"
+    return next(_complaints(command), "")
+
+
+def _complaints(command: rc.Act) -> Iterator[str]:
+    match command:
+        case rc.MoveJoint(path=path, speed=speed):
+            if not path or any(len(point) != JOINTS for point in path):
+                yield f"path has to be one or more points of {JOINTS} joints"
+            yield from _bad_numbers("path", *(x for point in path for x in point))
+            yield from _bad_speed(speed)
+        case rc.MoveCartesian(segments=segments):
+            if not segments:
+                yield "segments are empty, a motion needs at least one"
+            for segment in segments:
+                yield from _bad_numbers("offset", *segment.offset)
+                yield from _bad_speed(segment.speed)
+        case rc.Grasp(approach=approach, mass=mass, speed=speed):
+            if not approach:
+                yield "approach is empty, its last point is the grasp itself"
+            if not (math.isfinite(mass) and mass >= 0.0):
+                yield f"mass is {mass}, it has to be 0 kg or more"
+            yield from _bad_speed(speed)
+        case rc.Look(at=at):
+            if not at:
+                yield "at is empty, a look needs a point"
+            yield from _bad_numbers("at", *(x for point in at for x in point))
+        case rc.Pour(tilts=tilts, hold=hold, azimuth=azimuth, spin=spin):
+            yield from _bad_numbers("tilts, hold, azimuth, spin", *tilts, hold, azimuth, spin)
+
+
+def _bad_numbers(name: str, *values: float) -> Iterator[str]:
+    if not all(math.isfinite(value) for value in values):
+        yield f"{name} holds a number that is not finite"
+
+
+def _bad_speed(speed: float) -> Iterator[str]:
+    if not (math.isfinite(speed) and speed > 0.0):
+        yield f"speed is {speed}, it has to be greater than 0"

@@ -1,0 +1,180 @@
+"""The loop as a device of ex's agent: its slots watched by one thread, which also beats for the agent during an act.
+
+Another loop process (its file was replaced) or one that stands still loses the motion under way: Lost. Whatever holds
+the robot after a fault is released when the agent asks where it stands; a person's stop is not.
+"""
+
+import queue
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from agent_runtime.devices import Post
+from services.executor.loop.link import AgentLink, LoopState, Told
+from services.executor.loop.program import Cancel, Mode, Phase, Release
+from services.executor.words import Brake, Do, Felt, Halt, Lost, Moved, Stands, ToLoop, Where
+from velma.errors import SlotError
+from velma.names import SIDES
+
+BEAT_S = 0.01  # the loop goes to damping after 0.1 s without a beat
+IDLE_S = 0.1
+TAKEN_WITHIN_S = 2.0  # estimate: a loop takes a command within a cycle or a rest of 2 ms
+SILENT_S = 2.0  # estimate: during a motion its state changes every 10 ms
+RELEASED_WITHIN_S = 5.0  # estimate: the dwell of a held robot is a fraction of a second
+
+
+class Gone(Exception):
+    """There is no loop, or not the one the motion was given to."""
+
+
+class SlotLoop:
+    """Words in by `tell`, words out by `post`; a thread does the rest."""
+
+    busy = False
+
+    def __init__(self, post: Post, path: Path) -> None:
+        self._post, self._path = post, path
+        self._words: queue.SimpleQueue[ToLoop | None] = queue.SimpleQueue()  # type: ignore[valid-type]
+        self._link: AgentLink | None = None
+        self._thread = threading.Thread(target=self._serve, name="loop link", daemon=True)
+        self._thread.start()
+
+    def tell(self, content: ToLoop) -> None:  # type: ignore[valid-type]
+        """Hand a word to the thread."""
+        self._words.put(content)
+
+    def close(self) -> None:
+        """End the thread; a motion under way loses its heartbeat."""
+        self._words.put(None)
+        self._thread.join(timeout=1.0)
+
+    # --- the thread ---------------------------------------------------------------------------------------------------
+
+    def _serve(self) -> None:
+        while (word := self._words.get()) is not None:
+            if not self._do(word):
+                return
+
+    def _do(self, word: ToLoop) -> bool:  # type: ignore[valid-type]
+        """Carry a word out; False where the thread is to end."""
+        try:
+            match word:
+                case Where(number=number):
+                    self._post(Stands(number, self._rest(self._reach())))
+                case Halt(number=number):
+                    return self._halt(number)
+                case Do():
+                    return self._carry_out(word)
+                case Brake():
+                    pass  # its motion has ended
+        except Gone as gone:
+            self._post(Lost(word.number, str(gone)))
+        return True
+
+    def _reach(self) -> AgentLink:
+        """The link to the loop that runs now."""
+        if self._link is not None and self._link.file.replaced:
+            self._link.file.close()
+            self._link = None
+        if self._link is None:
+            try:
+                self._link = AgentLink(self._path)
+            except SlotError as error:
+                raise Gone(f"the loop does not run: {error}") from None
+        if self._link.state() is None:
+            raise Gone("the loop has not begun yet")
+        return self._link
+
+    def _halt(self, number: int) -> bool:
+        while True:
+            try:
+                link = self._reach()
+                report = link.told().report
+                if report.phase is Phase.RUNNING:
+                    self._command(link, Cancel(report.key))
+                    self._until(link, lambda told: told.report.phase is not Phase.RUNNING)
+                self._post(Stands(number, self._rest(link)))
+                return True
+            except Gone:
+                if not self._words.empty():
+                    return True  # a newer word, or the end
+                time.sleep(IDLE_S)
+
+    def _carry_out(self, word: Do) -> bool:
+        link = self._reach()
+        sent = self._command(link, word.motion)
+        cycles, changed = -1, time.monotonic()
+        while True:
+            told, state = link.told(), _state(link)
+            if told.refusal and told.taken == sent:
+                self._post(Moved(word.number, _felt(state, told, Phase.FAILED, told.refusal)))
+                return True
+            if told.taken >= sent and told.report.phase is not Phase.RUNNING:
+                self._post(Moved(word.number, _felt(_state(link), told, told.report.phase, told.report.reason)))
+                return True
+            if state.cycles != cycles:
+                cycles, changed = state.cycles, time.monotonic()
+            if link.file.replaced or time.monotonic() - changed > SILENT_S:
+                raise Gone("the loop ended in the middle of a motion")
+            link.beat()
+            if not self._meanwhile(link, word):
+                return False
+
+    def _meanwhile(self, link: AgentLink, word: Do) -> bool:
+        """What is asked while a motion runs; False at the end of the thread."""
+        try:
+            asked = self._words.get(timeout=BEAT_S)
+        except queue.Empty:
+            return True
+        if isinstance(asked, Brake):
+            self._command(link, Cancel(asked.key))
+        elif isinstance(asked, Halt):
+            self._command(link, Cancel(word.motion.key))
+            self._words.put(asked)
+        return asked is not None
+
+    def _command(self, link: AgentLink, command: object) -> int:
+        """Send, and wait until it is taken."""
+        number = link.send(command)  # type: ignore[arg-type]
+        self._until(link, lambda told: told.taken >= number)
+        return number
+
+    def _until(self, link: AgentLink, reached: object) -> None:
+        end = time.monotonic() + TAKEN_WITHIN_S
+        while not reached(link.told()):  # type: ignore[operator]
+            if time.monotonic() > end or link.file.replaced:
+                raise Gone("the loop takes no commands")
+            link.beat()
+            time.sleep(0.001)
+
+    def _rest(self, link: AgentLink) -> Felt:
+        """How the robot stands; released first, if it is held after a fault."""
+        end = time.monotonic() + RELEASED_WITHIN_S
+        while _state(link).mode in (Mode.DAMPING, Mode.HOLD) and time.monotonic() < end:
+            self._command(link, Release())
+            time.sleep(IDLE_S)
+        return _felt(_state(link), link.told(), Phase.IDLE, "")
+
+
+def _state(link: AgentLink) -> LoopState:
+    state = link.state()
+    if state is None:
+        raise Gone("the loop says nothing")
+    return state
+
+
+def _felt(state: LoopState, told: Told, ended: Phase, reason: str) -> Felt:
+    report = told.report
+    return Felt(
+        q=state.setpoint.tobytes(),
+        measured=state.q.tobytes(),
+        head=(float(state.head[0]), float(state.head[1])),
+        time=state.time_s,
+        world=state.world,
+        ended=str(ended),
+        reason=reason,
+        touched={side: report.hand(side).touched for side in SIDES},
+        fingers={side: float(np.mean(state.fingers(row)[0])) for row, side in enumerate(SIDES)},
+    )
