@@ -92,7 +92,7 @@ class MujocoBackend:
     def step(self, command: Command) -> None:
         """Add the weight of the arms to the torques, set the servos, let 2 ms pass."""
         data = self.data
-        if not np.array_equal(command.locked, self._locked):
+        if (command.locked != self._locked).any():
             self._lock(command.locked)
         ctrl = data.ctrl
         ctrl[self._motors] = command.tau + data.qfrc_bias[self._v]

@@ -29,6 +29,6 @@ class Payloads:
 
     def advance(self, dt: float) -> None:
         """Let dt pass."""
-        if not np.array_equal(self.mass, self._goal):
+        if (self.mass != self._goal).any():
             step = RATE * dt
             self.mass += np.clip(self._goal - self.mass, -step, step)
