@@ -18,7 +18,7 @@ from companion.telemetry import RobotState, TrueState
 from fipa_codec.communicate import encode
 from fipa_codec.errors import FipaError
 from services.monitor import recording
-from services.monitor.records import Garbage, House, Origin, Record, Spoken, Token, spoken
+from services.monitor.records import Garbage, House, Origin, Record, Resumed, Spoken, Token, spoken
 
 STEPS = "steps"
 
@@ -82,7 +82,7 @@ class _Beat(msgspec.Struct, frozen=True):
 
 def load(run: Path) -> History:
     """The history of a run folder. What cannot be read is a hole, never an error."""
-    heard = recording.read_all(run)
+    heard = recording.read(run / recording.FILE)
     logs = {path.stem: tuple(arrivals(path)) for path in sorted((run / STEPS).glob(f"*.{STEPS}"))}
     return merged(heard.records, logs, whole=heard.whole)
 
@@ -95,7 +95,7 @@ def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, wh
     ordered = sorted((*tapped, *missed), key=lambda one: one.received)
     said, copies = _told_apart(ordered)
     houses = [record for record in records if isinstance(record, House)]
-    holes = (*_unheard(ordered), *lost, *([] if whole else [_torn(records)]))
+    holes = (*_unheard(ordered), *lost, *_torn(records, whole))
     return History(
         said=said,
         copies=copies,
@@ -157,9 +157,15 @@ def _unheard(ordered: list[Spoken]) -> Iterator[Hole]:
             yield Hole(stretch[0].received, stretch[-1].received, len(stretch), text)
 
 
-def _torn(records: tuple[Record, ...]) -> Hole:
-    end = records[-1].received if records else 0.0
-    return Hole(end, end, 0, "the recording was not closed in order: what came after its last record is not in it")
+def _torn(records: tuple[Record, ...], whole: bool) -> Iterator[Hole]:
+    """Times in which no monitor lived."""
+    for record in records:
+        if isinstance(record, Resumed):
+            away = f"the recorder was away for {record.received - record.since:.1f} s"
+            yield Hole(record.since, record.received, 0, f"{away}: only what agents logged is known of that time")
+    if not whole:
+        end = records[-1].received if records else 0.0
+        yield Hole(end, end, 0, "the recording was not closed in order: what came after its last record is not in it")
 
 
 def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken, ...]]:

@@ -9,7 +9,6 @@ from fipa_codec.performatives import Performative
 from services.monitor.history import History
 from services.monitor.records import Spoken
 
-
 TASK_ENDS = (cmd.TaskState.DONE, cmd.TaskState.FAILED, cmd.TaskState.CANCELLED)
 
 

@@ -1,10 +1,11 @@
 """traffic.mcap: written record by record, readable up to wherever its writing ended.
 
-Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`; messages in JSON with a JSON schema, log time =
-heard, publish time = sent. Records are not gathered in chunks: a chunk that a kill cuts off would be lost as a whole.
+Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`, `monitor`; messages in JSON with a JSON schema,
+log time = heard, publish time = sent. Records are not gathered in chunks: a chunk that a kill cuts off would be lost as a whole.
 """
 
 import struct
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -15,31 +16,34 @@ from mcap.records import Channel, Footer, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from services.monitor.records import Garbage, House, Record, Spoken, Token
+from services.monitor.records import Garbage, House, Record, Resumed, Spoken, Token
 
+FILE = "traffic.mcap"
 PROFILE = "robot-companion"
 RECORD_LIMIT = 64 * 1024 * 1024
 """A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its fields."""
 _NS = 1_000_000_000
 _encoder = msgspec.json.Encoder()
-_decoders = {kind.__name__: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage)}
+_KINDS = {"communicates": "Spoken", "house": "House", "tokens": "Token", "monitor": "Resumed"}
+_decoders = {kind.__name__: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Resumed)}
 
 
 class Recording:
     """An open traffic.mcap."""
 
     def __init__(self, path: Path) -> None:
-        """Begins the file anew: an older one of a monitor that died is kept beside it as `traffic.<n>.mcap`."""
+        """Begins the file; what a monitor that died left in it is taken over."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists() and path.stat().st_size:
-            path.rename(_free_name(path))
-        self._file = path.open("wb")
+        before, beside = read(path).records, path.with_name(f".{path.name}")
+        self._file = beside.open("wb")
         self._writer = Writer(self._file, use_chunking=False)
         self._writer.start(profile=PROFILE)
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
         self._count = 0
-        self._file.flush()
+        self._take_over(before)
+        self.flush()
+        beside.replace(path)
 
     def add(self, record: Record) -> None:
         """Append a record."""
@@ -56,6 +60,12 @@ class Recording:
         """Write the summary and close."""
         self._writer.finish()
         self._file.close()
+
+    def _take_over(self, before: tuple[Record, ...]) -> None:
+        for record in before:
+            self.add(record)
+        if before:
+            self.add(Resumed(before[-1].received, time.time()))
 
     def _channel(self, record: Record) -> int:
         name, kind = topic(record), type(record)
@@ -78,6 +88,8 @@ def topic(record: Record) -> str:
             return "tokens"
         case Garbage():
             return "garbage"
+        case Resumed():
+            return "monitor"
 
 
 class Read(msgspec.Struct, frozen=True):
@@ -99,13 +111,6 @@ def read(path: Path) -> Read:
     return Read(tuple(records), whole)
 
 
-def read_all(run: Path) -> Read:
-    """The recordings of all lives of the monitor in this run folder, in the order of time."""
-    parts = [read(path) for path in sorted(run.glob("traffic*.mcap"))]
-    records = sorted((record for part in parts for record in part.records), key=lambda record: record.received)
-    return Read(tuple(records), bool(parts) and all(part.whole for part in parts))
-
-
 def _until_damage(reader: StreamReader, records: list[Record]) -> Iterator[bool]:
     """Collect records; yields True at the footer. Ends where the file does, however it does."""
     kinds: dict[int, str] = {}
@@ -123,12 +128,4 @@ def _until_damage(reader: StreamReader, records: list[Record]) -> Iterator[bool]
 
 
 def _kind(topic: str) -> str:
-    first = topic.partition("/")[0]
-    return {"communicates": "Spoken", "house": "House", "tokens": "Token"}.get(first, "Garbage")
-
-
-def _free_name(path: Path) -> Path:
-    n = 1
-    while (beside := path.with_name(f"{path.stem}.{n}{path.suffix}")).exists():
-        n += 1
-    return beside
+    return _KINDS.get(topic.partition("/")[0], "Garbage")

@@ -93,7 +93,14 @@ class Garbage(msgspec.Struct, frozen=True):
     data: bytes
 
 
-Record = Spoken | House | Token | Garbage
+class Resumed(msgspec.Struct, frozen=True):
+    """A monitor took over the recording of one that died, whose last record was heard at `since`."""
+
+    since: float
+    received: float
+
+
+Record = Spoken | House | Token | Garbage | Resumed
 
 
 def understood(sample: Sample) -> Record:

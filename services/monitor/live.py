@@ -1,0 +1,117 @@
+"""live.jsonl: a run in lines for a person's eyes while it goes on (docs/run-folder.md), made of records as they come.
+
+Pure: a record in, lines out. Must not know: files, the terminal that shows them.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+
+import msgspec
+
+from companion.languages import hfsm, sw, wm
+from companion.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from companion.telemetry import RobotState
+from services.monitor.events import events
+from services.monitor.history import History
+from services.monitor.plans import states_of
+from services.monitor.records import House, Record, Spoken, Token
+
+TEXT_LENGTH = 80
+LOOP = "loop"
+_TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state", "at", "reason", "text")
+_LATER = ("first knowledge", "environment known")
+"""What can be said of the past only: the last observation before a plan."""
+
+
+class _Beat(msgspec.Struct, frozen=True):
+    """What is wanted of an agent's heartbeat."""
+
+    agent: str
+    state: str
+
+
+_beat = msgspec.json.Decoder(_Beat)
+_robot = msgspec.msgpack.Decoder(RobotState)
+
+
+class Live:
+    """Remembers what is needed to tell what is new."""
+
+    def __init__(self) -> None:
+        self._known: set[tuple[str, str, str]] = set()
+        self._states: dict[str, AgentIn] = {}
+        self._story: list[Spoken] = []
+        self._told: Counter[str] = Counter()
+
+    def lines(self, record: Record) -> Iterator[LiveLine]:
+        """The lines of a record; none for what repeats."""
+        match record:
+            case Spoken():
+                if not record.id or record.identity not in self._known:
+                    self._known.add(record.identity)
+                    yield from self._spoken(record)
+            case Token(agent=agent, alive=alive, received=t):
+                state = self._states[agent].state if agent in self._states else ""
+                yield from self._entered(AgentIn(t=t, agent=agent, state=state, alive=alive))
+            case House(kind="state" | "telemetry"):
+                yield from self._house(record)
+
+    def _spoken(self, one: Spoken) -> Iterator[LiveLine]:
+        yield Sent(
+            t=one.received,
+            channel=one.channel,
+            sender=one.sender,
+            receiver=one.receiver,
+            protocol=one.protocol,
+            performative=one.performative,
+            bytes=one.size,
+            language=one.language,
+            conversation=one.conversation,
+            text=words(one.content),
+        )
+        content = one.content
+        if isinstance(content, hfsm.HierarchicalPlan) and one.channel == "C3":
+            yield PlanSeen(t=one.received, plan=content.id, task=content.task, states=tuple(states_of(content.root)))
+        elif isinstance(content, sw.Report):
+            outcome = content.state.lower() if content.state in sw.FINAL else ""
+            if content.at or outcome:
+                yield PlanAt(t=one.received, at=content.at, outcome=outcome)
+        if one.channel != "C4" and (one.channel != "C6" or isinstance(content, wm.SeenObject)):
+            self._story.append(one)
+            yield from self._news()
+
+    def _news(self) -> Iterator[Happened]:
+        """Events that were not told yet."""
+        counted: Counter[str] = Counter()
+        for event in events(History(said=tuple(self._story))):
+            counted[event.name] += 1
+            if counted[event.name] > self._told[event.name] and event.name not in _LATER:
+                self._told[event.name] += 1
+                yield Happened(t=event.at, name=event.name)
+
+    def _house(self, house: House) -> Iterator[LiveLine]:
+        try:
+            if house.kind == "state":
+                beat = _beat.decode(house.data)
+                yield from self._entered(AgentIn(t=house.received, agent=beat.agent, state=beat.state))
+                return
+            robot = _robot.decode(house.data)
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            return
+        doing = robot.skill or robot.act if robot.mode in ("motion", "") else ""
+        yield from self._entered(AgentIn(t=house.received, agent=LOOP, state=doing or robot.mode))
+
+    def _entered(self, now: AgentIn) -> Iterator[AgentIn]:
+        last = self._states.get(now.agent)
+        if last is None or (last.state, last.alive) != (now.state, now.alive):
+            self._states[now.agent] = now
+            yield now
+
+
+def words(content: object) -> str:
+    """A content in a few words: its class and what it is about."""
+    if content is None:
+        return ""
+    about = (getattr(content, name, "") for name in _TELLING)
+    text = " ".join((type(content).__name__, *(str(one) for one in about if one and isinstance(one, str))))
+    return text if len(text) <= TEXT_LENGTH else text[: TEXT_LENGTH - 1] + "…"
