@@ -1,0 +1,74 @@
+"""A path made shorter and rounder: shortcuts of all joints or of one, then moving averages along the path.
+
+A path is an array (n, m) of postures, neighbours at most `STEP` apart. What is allowed and what a way costs comes from
+outside; nothing here is drawn but from the generator given.
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from velma.kinematics.timing import dense
+from velma.names import Array
+
+Allowed = Callable[[Array], bool]
+Cost = Callable[[Array], Array]  # of postures (n, m): what each of the n - 1 steps costs
+
+STEP = 0.05  # rad between checked states
+_TRIES, _PATIENCE = 200, 50  # shortcuts tried, and how many in vain before that is the end of it
+_GAIN = 1e-3  # s: less is no gain
+_ONE_JOINT = 0.5  # share of the shortcuts that straighten a single joint, such as a torso that went there and back
+_WINDOWS = (17, 9, 5)  # points of 0.05 rad averaged, widest first
+
+
+def halving(count: int) -> Iterator[int]:
+    """0 .. count - 1, the middle first, then the middles of the halves: a blocked way is found out early."""
+    ranges = [(0, count)]
+    for low, high in ranges:
+        if low < high:
+            middle = (low + high) // 2
+            yield middle
+            ranges += [(low, middle), (middle + 1, high)]
+
+
+def clear(allowed: Allowed, states: Array) -> bool:
+    """Whether all states (n, m) are allowed."""
+    return all(allowed(states[k]) for k in halving(len(states)))
+
+
+def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generator) -> Array:
+    """The path with as many random shortcuts as pay."""
+    vain = 0
+    for _ in range(_TRIES):
+        if len(path) < 3 or vain >= _PATIENCE:
+            break
+        first, last = np.sort(rng.choice(len(path), 2, replace=False))
+        if last - first < 2:
+            continue
+        piece = path[first : last + 1]
+        straight = _one_joint(piece, rng) if rng.random() < _ONE_JOINT else dense(piece[[0, -1]], STEP)
+        if cost(straight).sum() < cost(piece).sum() - _GAIN and clear(allowed, straight[1:-1]):
+            path, vain = np.concatenate((path[:first], straight, path[last + 1 :])), 0
+        else:
+            vain += 1
+    return dense(path, STEP)
+
+
+def _one_joint(piece: Array, rng: np.random.Generator) -> Array:
+    """The piece with one joint going evenly from its first to its last value: often the first joint, the slowest."""
+    joint = 0 if rng.random() < 0.3 else int(rng.integers(piece.shape[1]))
+    changed = piece.copy()
+    changed[:, joint] = np.linspace(piece[0, joint], piece[-1, joint], len(piece))
+    return changed
+
+
+def rounder(path: Array) -> Iterator[Array]:
+    """The path with its corners cut, less and less, and at last as it is; ends stay."""
+    for window in _WINDOWS:
+        half = window // 2
+        ends = (np.tile(path[:1], (half, 1)), path, np.tile(path[-1:], (half, 1)))
+        sums = np.cumsum(np.concatenate((np.zeros((1, path.shape[1])), *ends)), axis=0)
+        averaged = (sums[window:] - sums[:-window]) / window
+        averaged[0], averaged[-1] = path[0], path[-1]
+        yield averaged
+    yield path

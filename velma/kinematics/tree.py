@@ -1,0 +1,85 @@
+"""Search of a way between two postures by OMPL's RRTConnect, counted in iterations and repeatable from a seed.
+
+Joints are scaled by how slowly they turn, so that the tree does not wander with the torso, which is four times slower
+than an arm. Knows neither robot nor scene: only bounds, and whether a posture is allowed.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from ompl import base as ob
+from ompl import geometric as og
+from ompl import util as ou
+
+from velma.names import Array
+
+ou.setLogLevel(ou.LOG_NONE)  # also silences "changing seed": what is sampled after `setSeed` follows the new seed
+
+RANGE = 0.6  # scaled rad that one extension of the tree may go (trial runs)
+CHECKED = 0.1  # scaled rad between states that are checked on an edge; whole motions are checked more finely later
+
+
+class _Counted:
+    """Tells the planner to stop after so many questions whether it should."""
+
+    def __init__(self, iterations: int) -> None:
+        self.left = iterations
+
+    def __call__(self) -> bool:
+        self.left -= 1
+        return self.left < 0
+
+
+def grow(
+    allowed: Callable[[Array], bool],
+    start: Array,
+    goal: Array,
+    lower: Array,
+    upper: Array,
+    scale: Array,
+    *,
+    iterations: int,
+    seed: int,
+    reach: float = RANGE,
+) -> list[Array] | None:
+    """Postures from `start` to `goal`, all (n,) within bounds, whose straight connections are allowed, or None.
+
+    Distances are those of posture * scale. The same arguments give the same answer, whatever was planned before.
+    """
+    ou.RNG.setSeed(1 + seed % (2**31 - 2))  # 0 would be taken from the clock
+    space = ob.RealVectorStateSpace(len(start))
+    space.setBounds(_bounds(lower * scale, upper * scale))
+    information = ob.SpaceInformation(space)
+    dimensions = range(len(start))
+    unscale = 1.0 / scale
+    information.setStateValidityChecker(lambda state: allowed(np.array([state[i] for i in dimensions]) * unscale))
+    information.setStateValidityCheckingResolution(CHECKED / space.getMaximumExtent())
+    information.setup()
+    problem = ob.ProblemDefinition(information)
+    problem.setStartAndGoalStates(_state(space, start * scale), _state(space, goal * scale))
+    planner = og.RRTConnect(information)
+    planner.setRange(reach)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    planner.solve(ob.PlannerTerminationCondition(_Counted(iterations)))
+    if not problem.hasExactSolution():
+        return None
+    path = problem.getSolutionPath()
+    states = [path.getState(k) for k in range(path.getStateCount())]
+    return [np.array([state[i] for i in dimensions]) * unscale for state in states]
+
+
+def _bounds(lower: Array, upper: Array) -> Any:
+    bounds = ob.RealVectorBounds(len(lower))
+    for k, (low, high) in enumerate(zip(lower, upper, strict=True)):
+        bounds.setLow(k, float(low))
+        bounds.setHigh(k, float(high))
+    return bounds
+
+
+def _state(space: Any, values: Array) -> Any:
+    state = space.allocState()
+    for k, value in enumerate(values):
+        state[k] = float(value)
+    return state
