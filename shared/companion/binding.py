@@ -71,7 +71,7 @@ def wiring(name: str, system: str, design: Design = DESIGN) -> Wiring:
     """All links of the agent `name` in the system called `system` (the prefix of its keys)."""
     design.agent(name)
     uses = [use for use in design.file.protocol if name in (use.initiator, use.participant)]
-    return Wiring(system, name, tuple(_link(name, use) for use in uses), LANGUAGES)
+    return Wiring(system, name, tuple(_link(name, use, design) for use in uses), LANGUAGES)
 
 
 def _require(agent: str, kind: str, wanted: Iterable[str], bound: Iterable[str]) -> None:
@@ -94,16 +94,20 @@ def _behaviour(
     )
 
 
-def _link(name: str, use: elements.Protocol) -> Link:
+def _link(name: str, use: elements.Protocol, design: Design) -> Link:
     initiates = name == use.initiator
+    peer = use.participant if initiates else use.initiator
+    rules = [rule for rule in design.rules.values() if rule.use == use.name]
     return Link(
-        peer=use.participant if initiates else use.initiator,
+        peer=peer,
         channel=use.channel,
         protocol=use.follows,
         role=Role.INITIATOR if initiates else Role.PARTICIPANT,
         delivery=_delivery(use),
         ontology=use.ontology,
         silent=_silent(name, use),
+        says={rule.performative: rule.contents for rule in rules if rule.sender == name},
+        hears={rule.performative: rule.contents for rule in rules if rule.sender == peer},
     )
 
 

@@ -1,0 +1,60 @@
+"""Wirings made from the system's own design: keys are the design's, and its interfaces are checked both ways."""
+
+import pytest
+from msgspec import Struct
+
+from agent_runtime.agent import Agent, Behaviour
+from agent_runtime.core import Core
+from agent_runtime.events import Arrived, Started
+from agent_runtime.turn import Turn
+from companion.binding import wiring
+from companion.design import DESIGN
+from companion.languages import LANGUAGES, cmd, hfsm, wm
+from fipa_codec.communicate import Communicate
+from fipa_codec.errors import LocalProtocolError
+from fipa_codec.performatives import Performative as P
+
+
+class Memory(Struct, frozen=True):
+    """Nothing to remember."""
+
+
+@pytest.mark.parametrize("name", sorted(DESIGN.agents))
+def test_keys_are_those_of_the_design(name: str) -> None:
+    """Each message of the design is put on the design's key, and its receiver listens there."""
+    mine = wiring(name, "velma")
+    for rule in DESIGN.rules.values():
+        if rule.sender == name:
+            message = Communicate(
+                performative=rule.performative, protocol=rule.protocol, sender=rule.sender, receiver=rule.receiver
+            )
+            assert mine.key(message) == DESIGN.key("velma", message)
+    for peer, channel in DESIGN.peers(name).items():
+        assert f"roco/velma/{channel}/{peer}/{name}/*/*" in mine.inbox_keys()
+
+
+def test_the_interface_is_checked_both_ways() -> None:
+    """A class of a known language in the wrong act: our own raises, the peer's is not understood."""
+
+    def speak(memory: Memory, turn: Turn) -> Memory:
+        turn.open("km", "query", P.QUERY_REF, wm.Objects(()))
+        return memory
+
+    core = Core(Agent("pl", "s", Memory(), {"s": Behaviour(speak)}), wiring("pl", "velma"))
+    state = core.boot(None)
+    with pytest.raises(LocalProtocolError, match=r"does not carry WM\.Objects"):
+        core.step(state, Started(), 1.0)
+    wrong = Communicate(
+        performative=P.REQUEST,
+        content=LANGUAGES.named("CMD").encode(cmd.LookAround()),
+        language="CMD",
+        protocol="request",
+        reply_with="1",
+        conversation="co-1-1",
+        sender="co",
+        receiver="pl",
+        id="1",
+    )
+    _, effects = core.step(state, Arrived(wrong), 1.0)
+    assert effects.sends[0].performative is P.NOT_UNDERSTOOD
+    assert hfsm.GroundTaskNetwork.__name__ in str(effects.logs[0].fields["why"])
