@@ -38,7 +38,8 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     root = ET.parse(ROBOT_XML).getroot()
     root.set("model", scene.name)
     option = {key: value if isinstance(value, str) else f"{value:g}" for key, value in objects()["option"].items()}
-    ET.SubElement(root, "option", option)
+    # A simulation that bursts must stay burst: a reset would put the robot back to the start as if nothing had been.
+    ET.SubElement(ET.SubElement(root, "option", option), "flag", autoreset="disable")
     ET.SubElement(root, "size", memory="64M")  # room for the contacts of a full pile, estimate
     default, world = root.find("default"), root.find("worldbody")
     assert default is not None

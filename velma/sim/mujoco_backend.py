@@ -38,6 +38,9 @@ class MujocoBackend:
         self.scene = scene
         self.model = model = compiled(scene)
         self.data = mujoco.MjData(model)
+        # MuJoCo would write its warnings to a file in the working folder; what is wrong shows in the numbers, and
+        # the loop checks them.
+        mujoco.set_mju_user_warning(lambda _message: None)
         self._places()
         self._limits()
         self.data.qpos[self._q] = START

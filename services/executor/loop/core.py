@@ -104,8 +104,8 @@ class LoopCore:
         if self._motion is not None and key in (None, self._motion.key) and not self._cancelled:
             self._cancelled = True
             self._fingers.freeze()
-            assert self._track is not None
-            self._track.brake()
+            if self._track is not None:
+                self._track.brake()
 
     def stop(self) -> None:
         """A person's stop: hold the joints, whatever runs."""

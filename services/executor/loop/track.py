@@ -35,10 +35,7 @@ class Track:
     @property
     def ended(self) -> bool:
         """Whether it has come to rest: at its last knot, or where it was braked."""
-        return self._rate == 0.0 or (self._time >= self.duration and self._since >= BLEND_S) or self._still()
-
-    def _still(self) -> bool:
-        return self.duration == 0.0 and not self._offset.any()
+        return self._rate == 0.0 or (self._time >= self.duration and not self._offset.any())
 
     def brake(self) -> None:
         """Come to rest along the path."""

@@ -54,6 +54,23 @@ def test_variation_stays_in_its_spread(seed):
     assert scene.checked(varied) is varied
 
 
+@pytest.mark.parametrize("path", sorted(scene.CANONICAL.parent.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_scene_of_ours_loads_compiles_and_varies(path):
+    """The files beside the canonical one are scenes too."""
+    whole = scene.vary(scene.load(path), 2)
+    assert mujoco.MjModel.from_xml_string(scene_xml(whole)).nq >= 33
+
+
+def test_the_jar_out_of_reach_stands_on_its_table_and_is_out_of_reach():
+    """0.2 m further than upper arm, forearm, wrist and hand reach from the nearest place of a shoulder."""
+    whole = scene.load(scene.CANONICAL.parent / "jar_out_of_reach.toml")
+    jar, table = whole.find("jar_1"), whole.find("table_1")
+    c, s = math.cos(-table.yaw), math.sin(-table.yaw)
+    local = np.array([[c, -s], [s, c]]) @ np.subtract(jar.xyz, table.xyz)[:2]
+    assert np.abs(local).max() < 0.913 / 2 - 0.04
+    assert math.hypot(math.hypot(*jar.xyz[:2]) - 0.27, 1.36 - jar.xyz[2]) > 0.40 + 0.39 + 0.078 + 0.24 + 0.2
+
+
 def test_a_seed_is_a_scene():
     """The same seed gives the same scene and noise, another seed another one."""
     assert scene.vary(CANONICAL, 5) == scene.vary(CANONICAL, 5)

@@ -122,6 +122,16 @@ def test_sparse_and_dense_solutions_of_the_pile_agree():
     np.testing.assert_allclose(*accelerations, atol=1e-6)
 
 
+def test_a_burst_simulation_stays_burst():
+    """Bad numbers are not answered by a reset to the start: the loop must see them."""
+    robot = MujocoBackend(EMPTY)
+    run(robot, no_command(), 0.1)
+    robot.data.qvel[0] = np.nan
+    state = run(robot, no_command(), 0.01)
+    assert not np.isfinite(state.v).all()
+    assert state.time > 0.1
+
+
 def test_truth_counts_the_grains_where_they_are():
     """All in the jar at first; a grain put into the bowl is counted there; one on the floor nowhere."""
     robot = MujocoBackend(scene.load())
