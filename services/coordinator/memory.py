@@ -19,7 +19,7 @@ class Limits(msgspec.Struct, frozen=True):
     cancel_acting_s: float = 120.0  # what is held is put down first: a fetch and a put-down, twice over (estimate)
     patience_s: float = 60.0  # how long waiting tasks wait on when pl or ta is late (estimate)
     replans: int = 6  # new plans of one task before it is given up (estimate)
-    waiting: int = 8  # tasks that may be open; agrees and last words to a dead hi must fit its outbox (estimate)
+    waiting: int = 5  # open tasks: an agree and two last words each stay below the outbox bound, should hi be dead
     speed: float = 1.0  # simulated seconds in a wall second; "max" counts as 1: it is no slower (estimate)
 
     def acting_s(self, plan: hfsm.HierarchicalPlan) -> float:

@@ -1,0 +1,25 @@
+"""a_hi, the human interface: `python -m services.human_interface --help`. People reach it as docs/http.md says."""
+
+from agent_runtime import cli, shell
+from agent_runtime.agent import Agent
+from agent_runtime.options import Options
+from companion.binding import wiring
+from companion.design import AgentName
+from services.human_interface.behaviours import human_interface
+from services.human_interface.memory import Memory
+from services.human_interface.server import Desk
+
+
+def build(options: Options) -> Agent[Memory]:
+    """The agent; its device is a Desk in the run folder."""
+    return human_interface()
+
+
+def serve(options: Options) -> int:
+    """Run it until it is told to stop; the exit status."""
+    agent, wired = build(options), wiring(AgentName.HI, options.system)
+    return shell.run(agent, wired, options, lambda post: Desk(post, options.run_dir))
+
+
+if __name__ == "__main__":
+    cli.run("human-interface", "Takes the words of people, tells what becomes of them.", serve)

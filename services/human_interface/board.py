@@ -1,0 +1,72 @@
+"""What hi shows to people, between the agent's thread and those of HTTP: tasks, the latest events, answers to tickets.
+
+Every wait here has an end. Must not know: HTTP, the agent.
+"""
+
+import itertools
+import threading
+import time
+from collections import deque
+from typing import Any
+
+from companion.run_folder import Events, HiEvent, TaskLine, Tasks
+from services.human_interface.memory import Answer, Shown, Told
+
+KEPT_EVENTS = 1000
+
+
+class Board:
+    """Told by the agent, read by people's requests."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._numbers = itertools.count(1)
+        self._answers: dict[str, Answer | None] = {}
+        self._events: deque[HiEvent] = deque(maxlen=KEPT_EVENTS)
+        self._tasks: tuple[TaskLine, ...] = ()
+        self._told = 0
+        self._closed = False
+
+    def tell(self, content: Any) -> None:
+        """A word of the agent."""
+        with self._changed:
+            match content:
+                case Answer(ticket=ticket) if ticket in self._answers:
+                    self._answers[ticket] = content
+                case Told(event=event):
+                    self._events.append(event)
+                    self._told = event.n
+                case Shown(tasks=tasks, events=events):
+                    self._tasks, self._told = tasks, max(self._told, events)
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """End all waits."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def ticket(self) -> str:
+        """A new ticket; `answer` it."""
+        with self._changed:
+            ticket = str(next(self._numbers))
+            self._answers[ticket] = None
+            return ticket
+
+    def answer(self, ticket: str, within_s: float) -> Answer | None:
+        """The answer to a ticket; None where none came in time."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._answers[ticket] is not None, within_s)
+            return self._answers.pop(ticket)
+
+    def tasks(self) -> Tasks:
+        """All tasks, oldest first."""
+        with self._changed:
+            return Tasks(self._tasks)
+
+    def events(self, since: int, wait_s: float) -> Events:
+        """Events after number `since`; waits up to `wait_s` for one."""
+        end = time.monotonic() + wait_s
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._told > since, max(0.0, end - time.monotonic()))
+            return Events(self._told, tuple(event for event in self._events if event.n > since))

@@ -1,0 +1,216 @@
+"""hi's HTTP service on the loopback interface: docs/http.md in code.
+
+A request is a thread; it posts a word to the agent and waits, with a deadline, for what the agent tells. Must not know:
+grammar, tasks, Zenoh.
+"""
+
+import hmac
+import http.server
+import os
+import secrets
+import threading
+from http import HTTPStatus
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import msgspec
+
+from agent_runtime.devices import Post
+from companion.run_folder import HI_FILE, Cancel, HiAddress, Problem, Say
+from services.human_interface.board import Board
+from services.human_interface.memory import CancelWanted, Said
+
+LONGEST_BODY = 4096
+DRAINED = (
+    65536  # bytes of a body too long that are read and thrown away, so that its sender reads our answer (estimate)
+)
+ANSWER_S = 5.0  # the agent answers in a step, some ms; estimate for a busy machine
+LONGEST_WAIT_S = 10.0
+IDLE_S = 15.0  # of a connection that says nothing; above LONGEST_WAIT_S (estimate)
+AT_ONCE = 32  # requests served side by side (estimate: some consoles and pages)
+
+
+class Refused(Exception):
+    """A request that gets `status` and a sentence."""
+
+    def __init__(self, status: HTTPStatus, text: str) -> None:
+        self.status, self.text = status, text
+        super().__init__(text)
+
+
+class Desk:
+    """The device of hi: listens from its making on, and leaves its address in the run folder."""
+
+    busy = False
+
+    def __init__(self, post: Post, run_dir: Path) -> None:
+        self._board = Board()
+        self.address = HiAddress(0, secrets.token_urlsafe(24))
+        self._server = _Server(self._board, post, self.address.token)
+        self.address = HiAddress(self._server.server_port, self.address.token)
+        self._file = run_dir / HI_FILE
+        _write_secret(self._file, msgspec.json.encode(self.address))
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), name="http", daemon=True)
+        self._thread.start()
+
+    def tell(self, content: Any) -> None:
+        """A word of the agent for people."""
+        self._board.tell(content)
+
+    def close(self) -> None:
+        """Stop listening; requests that wait get their answer."""
+        self._board.close()
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+        self._file.unlink(missing_ok=True)
+
+
+class _Server(http.server.ThreadingHTTPServer):
+    daemon_threads = True
+    block_on_close = False  # threads that wait for a silent connection must not hold the process
+
+    def __init__(self, board: Board, post: Post, token: str) -> None:
+        self.board, self.post, self.token = board, post, token
+        self.room = threading.Semaphore(AT_ONCE)
+        super().__init__(("127.0.0.1", 0), _Request)
+
+
+class _Request(http.server.BaseHTTPRequestHandler):
+    server: _Server
+    timeout = IDLE_S
+
+    def _serve(self) -> None:
+        """Check who asks, then what."""
+        try:
+            self._check()
+            with_room = self.server.room.acquire(blocking=False)
+            if not with_room:
+                raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, f"{AT_ONCE} requests wait already; try again")
+            try:
+                said = self._route()
+            finally:
+                self.server.room.release()
+        except Refused as refused:
+            self._reply(refused.status, Problem(refused.text))
+        else:
+            self._reply(HTTPStatus.OK, said)
+
+    do_GET = do_POST = do_PUT = do_DELETE = do_PATCH = do_HEAD = do_OPTIONS = _serve
+
+    def _check(self) -> None:
+        port = self.server.server_port
+        if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
+            raise Refused(HTTPStatus.FORBIDDEN, f"Host must be 127.0.0.1:{port} or localhost:{port}")
+        given = (self.headers.get("Authorization") or "").encode()
+        if not hmac.compare_digest(given, f"Bearer {self.server.token}".encode()):
+            text = f"wrong or missing token; send `Authorization: Bearer <token>` with that of {HI_FILE}"
+            raise Refused(HTTPStatus.UNAUTHORIZED, text)
+
+    def _route(self) -> msgspec.Struct:
+        path = urlsplit(self.path).path
+        if path not in _ROUTES:
+            raise Refused(HTTPStatus.NOT_FOUND, f"there is no {path}; there are {', '.join(_ROUTES)}")
+        verb, serve = _ROUTES[path]
+        if self.command != verb:
+            raise Refused(HTTPStatus.METHOD_NOT_ALLOWED, f"{path} wants {verb}, not {self.command}")
+        return serve(self)
+
+    # --- what can be asked --------------------------------------------------------------------------------------------
+
+    def _say(self) -> msgspec.Struct:
+        text = self._body(Say).text
+        ticket = self.server.board.ticket()
+        self.server.post(Said(ticket, text))
+        return self._answer(ticket)
+
+    def _cancel(self) -> msgspec.Struct:
+        task = self._body(Cancel).task
+        ticket = self.server.board.ticket()
+        self.server.post(CancelWanted(ticket, task))
+        return self._answer(ticket)
+
+    def _tasks(self) -> msgspec.Struct:
+        return self.server.board.tasks()
+
+    def _events(self) -> msgspec.Struct:
+        query = parse_qs(urlsplit(self.path).query)
+        try:
+            since = int(query.pop("since", ["0"])[-1])
+            wait_s = float(query.pop("wait", ["0"])[-1])
+        except ValueError as error:
+            raise Refused(HTTPStatus.BAD_REQUEST, f"since is a whole number, wait are seconds: {error}") from error
+        if not (since >= 0 and 0.0 <= wait_s <= LONGEST_WAIT_S):
+            raise Refused(HTTPStatus.BAD_REQUEST, f"since is 0 or more, wait is 0 to {LONGEST_WAIT_S:g} s")
+        if query:
+            raise Refused(HTTPStatus.BAD_REQUEST, f"unknown: {', '.join(sorted(query))}; there are since and wait")
+        return self.server.board.events(since, wait_s)
+
+    def _answer(self, ticket: str) -> msgspec.Struct:
+        answer = self.server.board.answer(ticket, ANSWER_S)
+        if answer is None:
+            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, f"no answer within {ANSWER_S:g} s; look at /tasks")
+        if answer.line is None:
+            raise Refused(HTTPStatus(answer.status), answer.problem)
+        return answer.line
+
+    # --- in and out ---------------------------------------------------------------------------------------------------
+
+    def _body(self, kind: type[Any]) -> Any:
+        length = self.headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdigit()):
+            raise Refused(HTTPStatus.BAD_REQUEST, "Content-Length must say how long the body is")
+        if int(length) > LONGEST_BODY:
+            self.rfile.read(min(int(length), DRAINED))
+            text = f"the body has {length} bytes, at most {LONGEST_BODY} are taken"
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, text)
+        try:
+            body = msgspec.json.decode(self.rfile.read(int(length)), type=kind)
+            msgspec.json.encode(body)
+        except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
+            fields = ", ".join(kind.__struct_fields__)
+            raise Refused(HTTPStatus.BAD_REQUEST, f"not JSON with the field {fields}: {error}") from error
+        return body
+
+    def _reply(self, status: HTTPStatus, what: msgspec.Struct) -> None:
+        data = msgspec.json.encode(what)
+        self.send_response(status)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(data)))
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(data)
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """What is no HTTP gets a sentence, too."""
+        self._reply(HTTPStatus(code), Problem(message or HTTPStatus(code).phrase))
+
+    def handle(self) -> None:
+        """A client that goes away in the middle is no news."""
+        try:
+            super().handle()
+        except OSError:
+            self.close_connection = True
+
+    def log_message(self, *words: object) -> None:
+        """Say nothing: the agent's steps are logged."""
+
+
+_ROUTES = {
+    "/say": ("POST", _Request._say),
+    "/cancel": ("POST", _Request._cancel),
+    "/tasks": ("GET", _Request._tasks),
+    "/events": ("GET", _Request._events),
+}
+
+
+def _write_secret(path: Path, data: bytes) -> None:
+    """A file that only its owner may read, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.new")
+    beside.unlink(missing_ok=True)
+    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(data)
+    beside.replace(path)

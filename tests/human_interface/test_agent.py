@@ -1,0 +1,245 @@
+"""hi on pretend wires, with a co that does as the test says and a device that notes what people would see."""
+
+import msgspec
+import pytest
+
+from agent_runtime.agent import Agent, Behaviour
+from agent_runtime.devices import Called
+from agent_runtime.events import Local, Received
+from agent_runtime.wires import Point, Wires
+from companion.binding import wiring
+from companion.design import DESIGN
+from companion.languages import cmd
+from companion.languages.cmd import TaskReport, TaskState
+from fipa_codec.languages import Kind, Reason
+from fipa_codec.performatives import Performative as P
+from services.human_interface.behaviours import human_interface
+from services.human_interface.memory import CONDITIONS, KEPT_TASKS, Answer, CancelWanted, Said, Shown, Told
+
+
+class Nothing(msgspec.Struct, frozen=True):
+    """Memory of the pretended co."""
+
+
+class Scene:
+    """hi, a co, and what people see."""
+
+    def __init__(self, *, co=True):
+        self.wires = Wires()
+        self.shown, self.heard = [], []
+        self.hi = self.wires.add(
+            human_interface(),
+            wiring("hi", "test"),
+            lambda post: Called(post, lambda word: self.shown.append(word) or ()),
+        )
+        if co:
+            self.wires.add(Agent("co", "on", Nothing(), {"on": Behaviour(self.act)}), wiring("co", "test"))
+        self.settle()
+
+    def act(self, memory, turn):
+        """The pretended co hears, or does what the test says."""
+        if isinstance(turn.event, Received):
+            self.heard.append(turn.event)
+        elif isinstance(turn.event, Local):
+            turn.event.content(turn)
+        return memory
+
+    def settle(self, seconds=0.05):
+        """Let messages arrive."""
+        self.wires.run_for(seconds)
+
+    def say(self, text):
+        """A person says it; the answer."""
+        return self.ask(Said(f"t{len(self.shown)}", text))
+
+    def cancel(self, task=""):
+        """A person cancels; the answer."""
+        return self.ask(CancelWanted(f"t{len(self.shown)}", task))
+
+    def ask(self, word):
+        """The one answer to a word."""
+        self.wires.post("hi", word)
+        self.settle()
+        (answer,) = [one for one in self.shown if isinstance(one, Answer) and one.ticket == word.ticket]
+        return answer
+
+    def co(self, task, performative, content, **more):
+        """Co says it in the conversation."""
+        self.wires.post("co", lambda turn: turn.say(task, performative, content, **more))
+        self.settle()
+
+    def report(self, task, performative, state, text="", **more):
+        """Co reports."""
+        self.co(task, performative, TaskReport(state, text), **more)
+
+    @property
+    def tasks(self):
+        """What /tasks shows: state by name."""
+        shown = [one for one in self.shown if isinstance(one, Shown)][-1]
+        return {line.task: line.state for line in shown.tasks}
+
+    @property
+    def events(self):
+        """What /events showed."""
+        return [one.event for one in self.shown if isinstance(one, Told)]
+
+
+@pytest.fixture
+def scene():
+    """hi and co."""
+    return Scene()
+
+
+def test_a_sentence_becomes_a_request_and_its_answer_names_the_task(scene):
+    """The task's name is the conversation's."""
+    line = scene.say("Please pour the content of the jar into the bowl.").line
+    (request,) = scene.heard
+    assert (request.conversation, request.content) == (line.task, cmd.PourInto("jar", "bowl"))
+    assert (line.state, line.text) == ("waiting", "I will pour the content of the jar into the bowl.")
+    assert scene.tasks == {line.task: "waiting"}
+
+
+def test_a_sentence_that_is_not_understood_reaches_nobody(scene):
+    """It is refused politely, and told as an event."""
+    line = scene.say("dance").line
+    assert (line.task, line.state) == ("", "refused")
+    assert scene.heard == []
+    assert scene.events[-1].name == "refused"
+
+
+def test_states_of_a_task_are_those_that_co_tells(scene):
+    """waiting, planning, running, done; each an event, numbered without gaps."""
+    task = scene.say("take the jar").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING, "next")
+    scene.report(task, P.INFORM, TaskState.PLANNING)
+    assert scene.tasks[task] == "planning"
+    scene.report(task, P.INFORM, TaskState.RUNNING, "main/take")
+    assert scene.tasks[task] == "running"
+    scene.report(task, P.INFORM, TaskState.DONE)
+    assert scene.tasks[task] == "done"
+    assert [event.n for event in scene.events] == list(range(1, len(scene.events) + 1))
+    assert [(e.agent, e.name) for e in scene.events][1:] == [
+        ("co", "waiting"),
+        ("pl", "planning"),
+        ("ta", "running"),
+        ("co", "done"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("performative", "content"),
+    [
+        (P.REFUSE, TaskReport(TaskState.FAILED, "busy")),
+        (P.FAILURE, TaskReport(TaskState.FAILED, "busy")),
+        (P.FAILURE, Reason("busy")),
+        (P.NOT_UNDERSTOOD, Reason("busy")),
+    ],
+)
+def test_whatever_ends_a_task_badly_shows_as_failed_with_its_reason(scene, performative, content):
+    """Refused, failed, not understood."""
+    task = scene.say("take the jar").line.task
+    scene.co(task, performative, content)
+    assert scene.tasks[task] == "failed"
+    assert scene.events[-1].text == "busy"
+
+
+@pytest.mark.parametrize("words", ["cancel", "cancel hi-1-1", "please stop"])
+def test_cancel_by_words_cancels_the_oldest_or_the_named_task(scene, words):
+    """co answers in reply to the cancel."""
+    task = scene.say("take the jar").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    answer = scene.say(words).line
+    assert (answer.task, scene.heard[-1].communicate.performative) == (task, P.CANCEL)
+    scene.report(task, P.INFORM, TaskState.CANCELLED, "it had not begun", kind=Kind.CANCEL)
+    assert scene.tasks[task] == "cancelled"
+
+
+def test_a_second_cancel_is_not_sent_again(scene):
+    """The protocol has one; the person gets the task both times."""
+    task = scene.say("take the jar").line.task
+    assert scene.cancel(task).line.task == scene.cancel().line.task == task
+    assert [one.communicate.performative for one in scene.heard] == [P.REQUEST, P.CANCEL]
+
+
+def test_a_cancel_that_came_too_late_leaves_the_task_as_it_ended(scene):
+    """done, then failure in reply to the cancel: an event, no other state."""
+    task = scene.say("take the jar").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.cancel(task)
+
+    def end(turn):
+        turn.say(task, P.INFORM, TaskReport(TaskState.DONE))
+        turn.say(task, P.FAILURE, Reason("it was done already"), kind=Kind.CANCEL)
+
+    scene.wires.post("co", end)
+    scene.settle()
+    assert scene.tasks[task] == "done"
+    assert scene.events[-1].name == "cancel-too-late"
+    assert scene.hi.state.conversations == {}
+
+
+def test_cancel_of_nothing_and_of_unknown_tasks_is_told(scene):
+    """404 for programs, a refusal for sentences; a task that has ended is shown as it is."""
+    assert (scene.cancel().status, scene.cancel("hi-9-9").status) == (404, 404)
+    assert scene.say("cancel").line.state == "refused"
+    task = scene.say("take the jar").line.task
+    scene.report(task, P.REFUSE, TaskState.FAILED, "busy")
+    assert scene.cancel(task).line.state == "failed"
+
+
+def test_status_names_the_open_tasks(scene):
+    """Or says that there is nothing to do."""
+    assert scene.say("status").line.text == "I have nothing to do."
+    task = scene.say("take the jar").line.task
+    line = scene.say("status").line
+    assert line.task == task
+    assert f"{task} is waiting" in line.text
+
+
+def test_without_a_coordinator_nothing_is_promised():
+    """503, in words; no task is made of it."""
+    scene = Scene(co=False)
+    answer = scene.say("take the jar")
+    assert (answer.status, answer.line) == (503, None)
+    assert "coordinator" in answer.problem
+    assert scene.hi.state.memory.tasks == ()
+
+
+def test_a_coordinator_that_goes_and_comes_is_told_to_who_waits(scene):
+    """robot-unreachable, then robot-reachable."""
+    scene.say("take the jar")
+    scene.wires.crash("co", Point.AFTER, restart_s=1.0)
+    scene.wires.post("co", lambda turn: None)
+    scene.settle(3.0)
+    assert [event.name for event in scene.events][-2:] == ["robot-unreachable", "robot-reachable"]
+
+
+@pytest.mark.parametrize("point", list(Point))
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_a_killed_hi_remembers_its_tasks_and_goes_on_counting(scene, point, step):
+    """Before, in and after a step; the task's end is told after the restart."""
+    task = scene.say("take the jar").line.task
+    scene.wires.crash("hi", point, in_steps=step, restart_s=0.5)
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.report(task, P.INFORM, TaskState.DONE)
+    scene.settle(5.0)
+    assert scene.tasks == {task: "done"}
+    numbers = [event.n for event in scene.events]
+    assert numbers == sorted(numbers)
+    assert scene.say("look around").line.task not in ("", task)
+
+
+def test_only_so_many_ended_tasks_are_remembered(scene):
+    """Open ones are never forgotten."""
+    first = scene.say("take the jar").line.task
+    for _ in range(KEPT_TASKS + 5):
+        task = scene.say("look around").line.task
+        scene.report(task, P.REFUSE, TaskState.FAILED, "busy")
+    assert len(scene.tasks) == KEPT_TASKS
+    assert scene.tasks[first] == "waiting"
+
+
+def test_hi_binds_exactly_the_names_of_the_design():
+    """Conditions and states."""
+    assert set(CONDITIONS) == DESIGN.conditions("hi")
+    assert set(human_interface().behaviours) == {state.name for state in DESIGN.agent("hi").state}
