@@ -12,6 +12,7 @@ at `wake_at` with Tick().
 
 from typing import Generic, TypeVar
 
+import msgspec
 from msgspec.structs import replace
 
 from agent_runtime import streams
@@ -55,6 +56,11 @@ class Core(Generic[M]):
         if agent.name != wiring.agent:
             raise AgentTableError(agent.name, f"is wired as {wiring.agent!r}", "give it its own wiring")
         self.agent, self.wiring = agent, wiring
+        try:
+            restored(agent, encode_record(fresh(agent)))
+        except (msgspec.MsgspecError, TypeError, AttributeError) as error:
+            hint = "memory is a msgspec Struct whose fields, but for `soft`, msgspec encodes and decodes"
+            raise AgentTableError(agent.name, f"its memory cannot be journalled: {error}", hint) from error
 
     def boot(self, record: bytes | None) -> CoreState:
         """The state to start from, of the next incarnation: the first memory, or what the journal's record tells."""
@@ -109,6 +115,7 @@ class Core(Generic[M]):
                 out.log("garbled", level="warning", key=key, why=reason)
             case Tick():
                 streams.on_time(state, out, self.wiring, now)
+                _forget_unanswered(state, now)
             case Next():
                 pass
             case _:
@@ -269,6 +276,15 @@ class Core(Generic[M]):
 
 def _queue(state: CoreState, waiting: Waiting) -> None:
     state.soft.inbox = (*state.soft.inbox, waiting)
+
+
+def _forget_unanswered(state: CoreState, now: float) -> None:
+    """Questions of peers that this agent left without an answer until their reply-by: nobody waits any more."""
+    for name, held in list(state.soft.conversations.items()):
+        talk = held.conversation
+        if held.delivery is Delivery.VOLATILE and talk.role is Role.PARTICIPANT and talk.late(now):
+            state.count("left unanswered")
+            del state.soft.conversations[name]
 
 
 def _due_wake(state: CoreState, now: float) -> str | None:

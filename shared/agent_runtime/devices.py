@@ -12,9 +12,13 @@ from agent_runtime.worker import Worker
 
 
 class Post(Protocol):
-    """Hands a Struct to the agent as Local, after `delay_s`; may be called on any thread and never blocks."""
+    """A device's way to its agent and to people; may be used on any thread and never blocks."""
 
-    def __call__(self, content: Any, delay_s: float = 0.0) -> None: ...
+    def __call__(self, content: Any, delay_s: float = 0.0) -> None:
+        """Hand a Struct to the agent as Local, after `delay_s`."""
+
+    def publish(self, kind: str, data: bytes) -> None:
+        """Put something on the agent's key of this kind (`telemetry`, `truth`); dropped where it would have to wait."""
 
 
 class Device(Protocol):

@@ -70,7 +70,7 @@ class Local(Event, frozen=True):
 
 
 class PeerChanged(Event, frozen=True):
-    """A peer appeared under an incarnation (or another one), or is gone (None)."""
+    """A peer appeared under an incarnation, or is gone (None). The same one may appear again after an outage."""
 
     agent: str
     incarnation: int | None

@@ -133,7 +133,7 @@ class Shell:
         self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._inbox)
         self._peers.router(True, time.time())
         if self._maker is not None:
-            self._device = self._maker(self._post)
+            self._device = self._maker(_Desk(self._inbox, self._wire))
         first = self._state.incarnation == 1
         self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
         self._happen(Started(first))
@@ -181,10 +181,6 @@ class Shell:
         self.log.close()
 
     # --- what comes in ------------------------------------------------------------------------------------------------
-
-    def _post(self, content: Any, delay_s: float = 0.0) -> None:
-        """For devices, on any thread."""
-        self._inbox.put(Class.CONTROL, _Posted(content, time.time() + delay_s if delay_s > 0.0 else 0.0))
 
     def _take(self, item: Any) -> None:
         now = time.time()
@@ -316,6 +312,19 @@ class _Posted(msgspec.Struct, frozen=True):
 
     content: Any
     at: float
+
+
+class _Desk:
+    """What devices post and publish by."""
+
+    def __init__(self, inbox: Inbox, wire: ZenohWire) -> None:
+        self._inbox, self._wire = inbox, wire
+
+    def __call__(self, content: Any, delay_s: float = 0.0) -> None:
+        self._inbox.put(Class.CONTROL, _Posted(content, time.time() + delay_s if delay_s > 0.0 else 0.0))
+
+    def publish(self, kind: str, data: bytes) -> None:
+        self._wire.publish(kind, data)
 
 
 def _opened(item: Bytes) -> AnyEvent:

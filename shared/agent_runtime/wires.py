@@ -79,19 +79,37 @@ class Node:
         self.wake_at: float | None = None
 
 
+class _Desk:
+    """What the devices of one life of an agent post and publish by."""
+
+    def __init__(self, wires: "Wires", agent: str, boot: int) -> None:
+        self._wires, self._agent, self._boot = wires, agent, boot
+
+    def __call__(self, content: Any, delay_s: float = 0.0) -> None:
+        self._wires.posted.put((self._agent, self._boot, content, delay_s))
+
+    def publish(self, kind: str, data: bytes) -> None:
+        self._wires.published[self._agent, kind] = data
+
+
 class Wires:
-    """Agents are `add`ed, then `run` goes on until a condition holds. `now` is the virtual clock [unix s]."""
+    """Agents are `add`ed, then `run` goes on until a condition holds.
+
+    `now`: the virtual clock [unix s]; `traffic`: every communicate sent, copies too; `published`: (agent, kind) -> the
+    newest thing for people; `on_step(agent, effects)` is called after each step.
+    """
 
     def __init__(self, *, seed: int = 0, faults: Faults | None = None, now: float = 1_000_000.0) -> None:
         self.now = now
         self.faults = faults or Faults()
         self.nodes: dict[str, Node] = {}
         self.traffic: list[Communicate] = []
+        self.published: dict[tuple[str, str], bytes] = {}
         self.on_step: Callable[[str, Effects], None] = lambda agent, effects: None
         self._chance = random.Random(seed)
         self._order = itertools.count()
         self._agenda: list[tuple[float, int, Callable[[], None]]] = []
-        self._posted: queue.SimpleQueue[tuple[str, int, Any, float]] = queue.SimpleQueue()
+        self.posted: queue.SimpleQueue[tuple[str, int, Any, float]] = queue.SimpleQueue()
 
     # --- for tests and fleets -----------------------------------------------------------------------------------------
 
@@ -162,7 +180,7 @@ class Wires:
             busy = any(node.device.busy for node in self.nodes.values())
             later = not self._agenda or self._agenda[0][0] > self.now
             try:
-                agent, boot, content, delay_s = self._posted.get(timeout=patience_s if busy and later else 0.0)
+                agent, boot, content, delay_s = self.posted.get(timeout=patience_s if busy and later else 0.0)
             except queue.Empty:
                 if busy and later and any(node.device.busy for node in self.nodes.values()):
                     raise Quiet(f"a device said nothing for {patience_s} s", self.now, self._states()) from None
@@ -186,7 +204,7 @@ class Wires:
         node.wake_at = None
         boot = node.boots
         if node.maker is not None:
-            node.device = node.maker(lambda content, delay_s=0.0: self._posted.put((agent, boot, content, delay_s)))
+            node.device = node.maker(_Desk(self, agent, boot))
         incarnation = node.state.incarnation
         self._happen(agent, Started(first=incarnation == 1))
         for name, other in self.nodes.items():

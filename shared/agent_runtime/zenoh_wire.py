@@ -167,7 +167,8 @@ class ZenohWire:
     def publish(self, kind: str, data: bytes) -> None:
         """Put something for people: dropped where it would have to wait."""
         key = service_key(self._wiring.system, kind, self._wiring.agent)
-        self._session.put(key, data, congestion_control=zenoh.CongestionControl.DROP)
+        if not self._session.is_closed():
+            self._session.put(key, data, congestion_control=zenoh.CongestionControl.DROP)
 
     def close(self) -> None:
         """Close the session; the token vanishes at once."""

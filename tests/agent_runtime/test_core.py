@@ -30,6 +30,7 @@ from agent_runtime.events import (
 from agent_runtime.state import CoreState
 from agent_runtime.streams import OUTBOX_BOUND
 from agent_runtime.turn import Turn
+from agent_runtime.wiring import Delivery
 from fipa_codec.communicate import Communicate, decode, encode
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import REASON, Kind
@@ -389,3 +390,35 @@ def test_events_of_the_core_are_not_the_drivers() -> None:
     for event in (Late("c"), Broken("c", ""), Woken("w")):
         with pytest.raises(BehaviourError, match="core's own"):
             Driven(recording(), TO_ASKER).step(event)
+
+
+def test_a_memory_that_cannot_be_journalled_is_refused() -> None:
+    """Found when the core is built, not at the first record."""
+
+    class Opaque(Struct, frozen=True):
+        thing: object = object()
+
+    with pytest.raises(AgentTableError, match="cannot be journalled"):
+        Core(Agent("server", "s", Opaque(), {"s": Behaviour(lambda memory, turn: memory)}), TO_ASKER)
+
+
+def test_a_question_left_unanswered_is_forgotten() -> None:
+    """What the agent never answers does not pile up beyond the asker's reply-by."""
+    one = Driven(recording(), wirings(Delivery.VOLATILE, "query")[1])
+    ask = Communicate(
+        performative=P.QUERY_REF,
+        content=Raw(pack(Double(1))),
+        language="SUM",
+        protocol="query",
+        reply_by=101.0,
+        reply_with="q",
+        conversation="q-1",
+        sender="asker",
+        receiver="server",
+        id="q",
+    )
+    one.step(Arrived(ask))
+    assert list(one.state.soft.conversations) == ["q-1"]
+    one.now = 102.0
+    one.step(Tick())
+    assert not one.state.soft.conversations
