@@ -10,9 +10,14 @@ from velma.names import HEAD_LOWER, HEAD_SPEED, HEAD_UPPER
 Array = NDArray[np.float64]
 
 
+def reachable(goal: Array) -> Array:
+    """The nearest pan and tilt (2,) rad that the head can take."""
+    return np.asarray(np.clip(goal, HEAD_LOWER, HEAD_UPPER))
+
+
 def advance(target: Array, goal: Array, speed: float, dt: float) -> Array:
     """The next servo target (2,) rad: straight from `target` to `goal` within the limits, at most speed * dt away."""
-    step = np.clip(goal, HEAD_LOWER, HEAD_UPPER) - target
+    step = reachable(goal) - target
     reach = min(speed, HEAD_SPEED) * dt
     length = math.sqrt(step @ step)
     return np.asarray(target + step * (reach / length if length > reach else 1.0))

@@ -129,7 +129,7 @@ def _body(elements: dict[str, ET.Element], tree: Tree, body: Tree) -> None:
     if "inertial" in body:
         mass = body["inertial"]
         about = {"mass": text([mass["mass"]]), "fullinertia": text(mass["inertia"])}
-        ET.SubElement(element, "inertial", pos=text(mass["com"]), **about)
+        ET.SubElement(element, "inertial", {"pos": text(mass["com"]), **about})
     for k, numbers in enumerate(body.get("shapes", ())):
         shape(element, f"{name}_{k}", numbers, **{"class": contacts.ROBOT_CLASS[body["group"]]})
     if "camera" in body:
@@ -137,7 +137,7 @@ def _body(elements: dict[str, ET.Element], tree: Tree, body: Tree) -> None:
         width, height = camera["size"]
         fovy = 2 * math.atan(math.tan(camera["hfov"] / 2) * height / width)
         look = {"quat": text(OPTICAL_TO_CAMERA_WXYZ), "fovy": text([math.degrees(fovy)])}
-        ET.SubElement(element, "camera", name=camera["name"], **look)
+        ET.SubElement(element, "camera", {"name": camera["name"], **look})
 
 
 def _drives(root: ET.Element, tree: Tree) -> None:
@@ -150,7 +150,7 @@ def _drives(root: ET.Element, tree: Tree) -> None:
         gains = numbers[kind]
         limit = text([-gains["limit"], gains["limit"]])
         gain = {"kp": text([gains["kp"]]), "kv": text([gains["kv"]]), "forcerange": limit}
-        ET.SubElement(drives, "position", name=name, joint=joint, **gain)
+        ET.SubElement(drives, "position", {"name": name, "joint": joint, **gain})
 
     motor("torso_0_joint", numbers["torso"])
     for side in SIDES:

@@ -87,7 +87,7 @@ def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> N
     floor = {"texture": "tiles", "texrepeat": "1.5 1.5", "texuniform": "true", "specular": "0.1"}
     ET.SubElement(asset, "material", {"name": "floor", **floor})
     for part in (part for parts in VESSELS.values() for part in parts):
-        ET.SubElement(asset, "mesh", name=part.mesh, inertia="shell", **turned(part.outline))
+        ET.SubElement(asset, "mesh", {"name": part.mesh, "inertia": "shell", **turned(part.outline)})
     visual = ET.SubElement(root, "visual")
     width, height = offscreen
     ET.SubElement(visual, "global", offwidth=str(width), offheight=str(height))

@@ -116,7 +116,8 @@ class MujocoBackend:
 
     def configuration(self) -> Array:
         """All coordinates, (nq,): robot, things and grains."""
-        return self.data.qpos
+        configuration: Array = self.data.qpos
+        return configuration
 
     @property
     def work_J(self) -> float:

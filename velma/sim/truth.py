@@ -120,7 +120,7 @@ def _cavity(model: Model) -> tuple[float, float, float]:
 
 def _side(model: mujoco.MjModel, body: int) -> str:
     """right or left for a link of that arm or hand, "body" for the rest of the robot, "" for anything else."""
-    name = model.body(body).name
+    name: str = model.body(body).name
     first = name.removeprefix("calib_").split("_")[0]
     if first in SIDES:
         return first

@@ -240,8 +240,8 @@ def test_a_stop_keeps_hands_locked_and_weight_carried(core):
     cycles(core, 200)
     core.stop()
     cycles(core, 10)
-    assert core._command.locked[1] == 1.0
-    assert core._payloads.mass[1] == pytest.approx(0.3)
+    assert core.command.locked[1] == 1.0
+    assert core.payloads.mass[1] == pytest.approx(0.3)
 
 
 def test_a_weight_is_taken_up_gradually(core):
@@ -250,6 +250,6 @@ def test_a_weight_is_taken_up_gradually(core):
     masses = []
     for _ in range(150):
         core.cycle()
-        masses.append(core._payloads.mass[1])
+        masses.append(core.payloads.mass[1])
     assert max(np.diff(masses)) <= 0.0031
     assert masses[-1] == pytest.approx(0.3)

@@ -1,0 +1,89 @@
+"""A motion being carried out: where its track is, how far the hands are beside it, and when and how it ends."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.executor.loop.program import HandReport, Motion, Phase, Report, Until
+from services.executor.loop.track import Track
+from velma.names import SIDES
+
+Array = NDArray[np.float64]
+
+
+class Act:
+    """One motion from its beginning to its report. `track` is None once the body shall stay where it is."""
+
+    def __init__(self, motion: Motion, told: Array, began_s: float) -> None:
+        """Raises MotionError where the motion does not begin near `told` (15,), the last set-point."""
+        self.motion, self._began_s = motion, began_s
+        self.track: Track | None = Track(motion.path(), told)
+        self.cancelled = False
+        self._ended_by: Until | None = None
+        self._settling_s: float | None = None
+        self._largest = [0.0, 0.0]
+
+    def cancel(self) -> None:
+        """Come to rest along the path."""
+        self.cancelled = True
+        if self.track is not None:
+            self.track.brake()
+
+    def judge(self, now_s: float, error: Array, *, hands_done: bool, head_done: bool) -> tuple[Phase, str] | None:
+        """How it ends in this cycle and why, or None. `error` (12,) is the hands' distance from their set-points."""
+        beside = self._beside(error)
+        if beside:
+            self.track = None
+            return Phase.FAILED, beside
+        if self.cancelled:
+            return (Phase.CANCELLED, "cancelled") if self._at_rest else None
+        if self._ended_by is None:
+            self._ended_by = self._reached(error, hands_done)
+            return None
+        if not (hands_done and head_done):
+            self._settling_s = None
+            return None
+        if self._settling_s is None:
+            self._settling_s = now_s
+        return (Phase.DONE, "") if now_s - self._settling_s >= self.motion.settle_s - 1e-9 else None
+
+    @property
+    def _at_rest(self) -> bool:
+        return self.track is None or self.track.ended
+
+    def _beside(self, error: Array) -> str:
+        for row, side in enumerate(SIDES):
+            e = error[6 * row : 6 * row + 3]
+            distance = math.sqrt(e @ e)
+            self._largest[row] = max(self._largest[row], distance)
+            if distance > self.motion.tolerance_m:
+                return f"the {side} hand was {distance:.3f} m beside its path"
+        return ""
+
+    def _reached(self, error: Array, hands_done: bool) -> Until | None:
+        """Which rule ends the path now, if any."""
+        asked = self.motion
+        if asked.until is Until.CONTACT:
+            below = -error[6 * SIDES.index(asked.contact_side) + 2]
+            if below > asked.contact_m:
+                self.track = None
+                return Until.CONTACT
+        if asked.until is Until.TOUCH:
+            if hands_done and self.track is not None:
+                self.track.brake()
+            return Until.TOUCH if hands_done and self._at_rest else None
+        return Until.END if self._at_rest else None
+
+    def report(self, phase: Phase, reason: str, now_s: float, right: HandReport, left: HandReport) -> Report:
+        """Its report now."""
+        return Report(
+            key=self.motion.key,
+            phase=phase,
+            reason=reason,
+            ended_by=self._ended_by,
+            time_s=now_s - self._began_s,
+            right=right,
+            left=left,
+            largest_error_m=(self._largest[0], self._largest[1]),
+        )

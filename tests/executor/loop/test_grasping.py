@@ -1,0 +1,122 @@
+"""Grasps by contact, as the loop does them: touch, squeeze, lock, lift. Nothing is welded."""
+
+import math
+
+import numpy as np
+import pytest
+
+from services.executor.loop.core import LoopCore
+from services.executor.loop.program import Close, Move, Open, Payload, Phase, Until, motion
+from velma.control.dynamics import Dynamics
+from velma.model import scene
+from velma.model.build import ROBOT_XML
+from velma.names import BODY
+from velma.sim.mujoco_backend import MujocoBackend
+from velma.sim.truth import TruthReader
+
+DYNAMICS = Dynamics(ROBOT_XML)
+
+# Postures in which a hand stands around its object in the canonical scene, found by inverse kinematics: the left grip
+# 2 mm behind the jar's axis, the right one at a published grasp of the bowl's rim.
+JAR_POSTURE = (0.5121, -0.3, -1.8, 1.25, 0.85, 0.0, -0.5, 0.0, -1.3444, 1.8428, 1.9591, 0.5537, 2.3412, 1.5196, 0.0563)
+BOWL_POSTURE = (
+    0.8447,
+    -1.2777,
+    1.4691,
+    -1.0681,
+    -1.2973,
+    1.8842,
+    -1.7219,
+    0.2865,
+    0.6473,
+    2.0139,
+    0.7842,
+    1.8281,
+    -0.5007,
+    -1.6082,
+    1.9404,
+)
+
+
+def standing(posture, row, finger):
+    """A loop whose robot stands in a posture with the fingers of one hand bent already, everything at rest."""
+    backend = MujocoBackend(scene.load())
+    backend.data.qpos[backend._q] = posture
+    backend.data.qpos[backend._proximal[row]] = finger
+    backend.data.qpos[backend._distal[row]] = finger / 3
+    core = LoopCore(backend, dynamics=DYNAMICS)
+    core.hold(0.4)
+    return core, TruthReader(backend)
+
+
+def at(truth, name):
+    """Where a vessel truly is, (3,)."""
+    return truth.pose(name)[1]
+
+
+def raised(q, row, height):
+    """Knots that raise one hand straight up with its own arm only, in a second."""
+    columns = slice(1, 8) if row == 0 else slice(8, 15)
+    knots, q = [q.copy()], q.copy()
+    for step in np.diff(height * (lambda u: u**3 * (10 - 15 * u + 6 * u * u))(np.linspace(0, 1, 101))):
+        jacobian = DYNAMICS.terms(q).jacobian[6 * row : 6 * row + 6, columns]
+        q = q.copy()
+        q[columns] += np.linalg.pinv(jacobian) @ (0, 0, step, 0, 0, 0)
+        knots.append(q)
+    return np.array(knots)
+
+
+def lever(core, truth, row, name):
+    """The object's origin in the grip frame; a test may know the truth."""
+    rotation, position = core.dynamics.grips(core.state.q)
+    return tuple(float(x) for x in rotation[row].T @ (truth.pose(name)[1] - position[row]))
+
+
+def test_a_jar_is_held_and_lifted():
+    """Squeezed against the palm by three fingers: it slips less than 2 mm and keeps its content."""
+    core, truth = standing(JAR_POSTURE, 1, 0.52)
+    close = Close(squeeze=math.radians(40), upto=2.0, speed=0.6, settle_s=0.6)
+    result = core.run(motion("grip", core.setpoint, until="touch", left=close))
+    assert (result.phase, result.ended_by) == (Phase.DONE, Until.TOUCH)
+    assert result.left.touched == (True, True, True)
+    assert truth.fingers_on("jar_1")["left"] >= 4  # fingertips and palm
+    held = np.array(lever(core, truth, 1, "jar_1"))
+    payload = Payload(0.26, tuple(held))
+    result = core.run(motion("lift", raised(core.setpoint, 1, 0.03), payload_left=payload, settle_s=0.5))
+    assert result.phase is Phase.DONE
+    assert np.linalg.norm(lever(core, truth, 1, "jar_1") - held) < 0.002
+    assert at(truth, "jar_1")[2] > 1.305
+    assert truth.grains_in("jar_1") == 30
+
+
+def test_a_bowl_is_held_by_its_rim_without_tilting_and_let_go():
+    """Touch and 0.8 degrees of squeeze: lifted it tilts below 2 degrees; set down by contact and let go, it stays."""
+    core, truth = standing(BOWL_POSTURE, 0, math.radians(60))
+    start = np.array(at(truth, "bowl_1"))
+    result = core.run(motion("grip", core.setpoint, until="touch", right=Close(squeeze=math.radians(0.8))))
+    assert result.right.touched == (True, True, True)
+    assert truth.fingers_on("bowl_1")["right"] == 3
+    assert np.linalg.norm(at(truth, "bowl_1") - start) < 0.004
+    up = raised(core.setpoint, 0, 0.03)
+    payload = Payload(0.3, lever(core, truth, 0, "bowl_1"))
+    core.run(motion("lift", up, payload_right=payload, settle_s=1.0))
+    assert truth.tilt_deg("bowl_1") < 2.0
+    assert at(truth, "bowl_1")[2] > start[2] + 0.025
+    down = raised(core.setpoint, 0, -0.045)
+    result = core.run(motion("down", down, until="contact", contact_side="right", settle_s=0.3))
+    assert result.ended_by is Until.CONTACT
+    core.run(motion("open", core.setpoint, right=Open(), payload_right=Payload(), settle_s=0.2))
+    core.run(motion("wide", core.setpoint, right=Move((1.05, 1.05, 1.05), speed=0.5), settle_s=0.5))
+    assert truth.fingers_on("bowl_1")["right"] == 0
+    assert truth.tilt_deg("bowl_1") < 0.5
+    assert np.linalg.norm(np.subtract(at(truth, "bowl_1"), start)[:2]) < 0.006
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_raised_hands_go_straight_up(row):
+    """The helper of these tests does what it says."""
+    q = np.array((BOWL_POSTURE, JAR_POSTURE)[row])
+    before = DYNAMICS.grips(q)[1][row].copy()
+    after = DYNAMICS.grips(raised(q, row, 0.03)[-1])[1][row]
+    np.testing.assert_allclose(after - before, (0, 0, 0.03), atol=1e-4)
+    assert len(q) == len(BODY)
