@@ -88,8 +88,11 @@ def _over(memory: Memory, turn: Turn) -> Memory:
 
 
 def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> Memory:
-    """Owe km what the outcome tells; the posture last, so that who knows it knows the rest of a first look."""
-    if outcome.body is None:
+    """Owe km what the outcome tells; the posture last, so that who knows it knows the rest of a first look.
+
+    A look that was not done tells nothing: its posture alone would pass for a look at an empty world.
+    """
+    if outcome.body is None or (isinstance(command, rc.Look) and isinstance(outcome, rc.NotDone)):
         return memory
     news: list[wm.AnyObservation] = sorted(observations(outcome), key=lambda one: isinstance(one, wm.SeenBody))
     if isinstance(outcome, rc.Done) and isinstance(command, rc.Pour):
