@@ -33,9 +33,7 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
         if why_not:
             turn.say(job.conversation, P.REFUSE, words.report(TaskState.FAILED, why_not))
             continue
-        ahead = len(memory.jobs)
-        text = f"{ahead} before it" if ahead else "next"
-        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, text))
+        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, words.place(len(memory.jobs))))
         memory = replace(memory, jobs=(*memory.jobs, job))
     return replace(memory, arrived=())
 

@@ -52,15 +52,20 @@ def listen(memory: Memory, turn: Turn) -> Memory:
             return memory.with_news(_failed(name, f"what the coordinator said was not understood: {why}"))
         case Started():
             turn.tell(Shown(memory.tasks, memory.told))
-        case PeerChanged(agent=AgentName.CO, incarnation=incarnation) if memory.open_tasks:
-            return memory.with_news(_presence(incarnation))
+        case PeerChanged(agent=AgentName.CO, incarnation=incarnation):
+            return _presence(memory, away=incarnation is None)
     return memory
 
 
-def _presence(incarnation: int | None) -> News:
-    if incarnation is None:
-        return News(AgentName.CO, UNREACHABLE, "the coordinator is gone; your tasks go on when it is back")
-    return News(AgentName.CO, REACHABLE, "the coordinator is there")
+def _presence(memory: Memory, *, away: bool) -> Memory:
+    """Tell who waits for a task that co is gone, and all that it is back."""
+    if away and memory.open_tasks and not memory.away:
+        news = News(AgentName.CO, UNREACHABLE, "the coordinator is gone; your tasks go on when it is back")
+    elif memory.away and not away:
+        news = News(AgentName.CO, REACHABLE, "the coordinator is back")
+    else:
+        return memory
+    return replace(memory, away=away).with_news(news)
 
 
 def _news(memory: Memory, received: Received) -> tuple[News, ...]:

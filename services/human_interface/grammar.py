@@ -83,7 +83,7 @@ _PUTS = (
 )
 _NAMELESS = re.compile(r"out|the|a|an|this|that|my|it|me|you|them|him|her|something|anything|everything")
 _OF_GRAMMAR = re.compile(
-    r"\b(?:and|or|then|with|using|in|into|on|onto|to|of|from|down|up|pour|take|grab|put|cancel|stop)\b"
+    r"\b(?:the|it|me|and|or|then|with|using|in|into|on|onto|to|of|from|down|up|pour|take|grab|put|cancel|stop)\b"
 )
 _LOOK = re.compile(r"look(?: around)?")
 _CANCEL = re.compile(r"(?:cancel|stop)(?: (?P<task>hi-\d+-\d+))?(?: (?:it|that|this|the task))?")

@@ -67,12 +67,13 @@ class News(msgspec.Struct, frozen=True):
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`words`: not interpreted yet; `news`: not told yet; `told`: number of events so far."""
+    """`words`: not interpreted yet; `news`: not told yet; `told`: number of events so far; `away`: co was told gone."""
 
     tasks: tuple[TaskLine, ...] = ()
     words: tuple[Words, ...] = ()
     news: tuple[News, ...] = ()
     told: int = 0
+    away: bool = False
 
     def task(self, name: str) -> TaskLine | None:
         """The task of this name."""

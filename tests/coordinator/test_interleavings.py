@@ -14,8 +14,8 @@ from companion.languages import cmd, sw
 from companion.languages.sw import WorkerState
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from services.coordinator.behaviours import coordinator
-from services.coordinator.memory import CONDITIONS, Limits
+from services.coordinator.behaviours import coordinator, decide
+from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Stage
 
 COMMANDS = (POUR, cmd.Take("jar", "left"), cmd.PutDown("jar"), cmd.LookAround())
 ENDS = tuple(sw.FINAL)
@@ -212,6 +212,40 @@ def test_co_binds_exactly_the_names_of_the_design():
     """coordinator() would raise; and every condition of the design is a function of the same name."""
     assert set(CONDITIONS) == DESIGN.conditions("co")
     assert set(coordinator().behaviours) == {state.name for state in DESIGN.agent("co").state}
+
+
+def test_the_arcs_of_the_design_are_taken(scene):
+    """All but two: nothing is switched away from or found gone before several plans can be ready side by side."""
+    taken = set()
+    scene.wires.on_step = lambda agent, effects: taken.update(
+        (line.fields["old"], line.fields["new"]) for line in effects.logs if agent == "co" and line.event == "state"
+    )
+    first = scene.command()
+    scene.command()
+    scene.plan()
+    scene.ta(WorkerState.REPLAN)
+    scene.plan()
+    scene.ta(WorkerState.SUCCEEDED)
+    scene.pl(P.FAILURE, no_plan())
+    assert scene.serves()
+    designed = {(arc.source, arc.target) for arc in DESIGN.agent("co").arc}
+    assert scene.said(first)[-1] == "inform done"
+    assert designed - taken == {("schedule", "trigger"), ("switch", "compSP")}
+
+
+@pytest.mark.parametrize(
+    ("stages", "choice"),
+    [
+        ((Stage.PLANNED,), Choice.SWITCH),
+        ((Stage.PLANNED, Stage.WAITING), Choice.SWITCH),
+        ((Stage.RUNNING, Stage.PLANNED), Choice.CONTINUE),
+        ((Stage.WAITING,), Choice.CONTINUE),
+        ((), Choice.CONTINUE),
+    ],
+)
+def test_the_first_planned_task_is_switched_to_when_nothing_runs(stages, choice):
+    """In order of arrival."""
+    assert decide(tuple(Job(str(n), POUR, 0.0, stage=stage) for n, stage in enumerate(stages))) is choice
 
 
 def test_memory_comes_back_from_the_journal_as_it_was(scene):
