@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from agent_runtime.agent import Agent
 from agent_runtime.turn import Turn
-from companion.binding import bind
+from companion.binding import Transition, bind
 from companion.design import AgentName
 from companion.languages.cmd import TaskState
 from fipa_codec.performatives import Performative as P
@@ -88,12 +88,12 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 
 def coordinator(limits: Limits | None = None) -> Agent[Memory]:
     """The agent co."""
-    bound = {"limits": limits or Limits()}
-    behaviours = {
-        "await_trigger": partial(await_trigger, **bound),
-        "process_request": partial(process_request, **bound),
-        "compute_schedule_parameters": partial(compute_schedule_parameters, **bound),
+    kept = limits or Limits()
+    behaviours: dict[str, Transition[Memory]] = {
+        "await_trigger": partial(await_trigger, limits=kept),
+        "process_request": partial(process_request, limits=kept),
+        "compute_schedule_parameters": partial(compute_schedule_parameters, limits=kept),
         "schedule": schedule,
-        "switch_plan": partial(switch_plan, **bound),
+        "switch_plan": partial(switch_plan, limits=kept),
     }
     return bind(AgentName.CO, Memory(), behaviours, CONDITIONS)
