@@ -79,7 +79,7 @@ class World:
     """The robot among things. Not to be shared between threads; q (15,) [rad], poses T_world_thing, `margin` [m]."""
 
     def __init__(self, robot: Robot, margin: float = MARGIN) -> None:
-        self.margin = margin
+        self._margin = margin
         self.checks = 0  # states looked at so far
         self._body = _body(robot)
         model = self._body.model
@@ -92,6 +92,18 @@ class World:
         self._allowed: tuple[tuple[str, str], ...] = ()
         self._shapes: Any = None  # None: things came or went, everything below is to be built again
         self._fresh = False  # whether the compared pairs agree with what is held and allowed
+
+    @property
+    def margin(self) -> float:
+        """Distance [m] below which shapes count as touching; may be changed at any time."""
+        return self._margin
+
+    @margin.setter
+    def margin(self, margin: float) -> None:
+        if margin != self._margin:
+            self._margin = margin
+            if self._shapes is not None:
+                self._broaden()
 
     # -- things ----------------------------------------------------------------------------------------------------
     def put(self, name: str, shapes: Sequence[Any], pose: Any, kind: Kind = "furniture") -> None:
@@ -227,10 +239,14 @@ class World:
             self._place(thing, thing.side, thing.pose)
         self._shapes.setCollisionPairs(self._possible(), True)
         self._placed = self._shapes.createData()
-        count = len(groups)
-        self._placed.setSecurityMargins(self._shapes, np.full((count, count), self.margin), True, True)
-        self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._body.model, self._shapes, self._placed)
         self._stop = pin.CollisionCallBackDefault(self._shapes, self._placed, True)
+        self._broaden()
+
+    def _broaden(self) -> None:
+        """The broad phase looks as far as the margin. Of Pinocchio's, comparing all boxes is the quickest here."""
+        margins = np.full((len(self._groups), len(self._groups)), self._margin)
+        self._placed.setSecurityMargins(self._shapes, margins, True, True)
+        self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._body.model, self._shapes, self._placed)
 
     def _possible(self) -> Array:
         count, own = len(self._groups), len(self._body.groups)

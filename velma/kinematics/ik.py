@@ -25,6 +25,9 @@ _STAY_INSIDE = 0.03  # rad: iterations are clipped this far inside the limits
 _DAMPING = 1e-4  # of J J^T; small enough to reach 0.5 mm, large enough to pass the elbow's singularity
 _LARGEST_TURN = 0.35  # rad a joint may move in one iteration
 _LARGEST_ERROR = 0.25  # m and rad: a farther target is approached in parts
+_A_SECOND = (
+    0.04  # comfort a second of travel is worth: 8 s outweigh a third of a radian from a limit (estimate)
+)
 _JUMP = 0.25  # rad between neighbours of a line: more means that the elbow flipped
 
 
@@ -154,6 +157,12 @@ def comfort(robot: Robot, q: Array, side: str) -> Array:
     return np.minimum(to_limit, 0.5) + 0.5 * np.minimum(to_singular, 0.4) - 0.25 * np.abs(q[:, names.TORSO])
 
 
+def travel(robot: Robot, side: str, q: Array, goals: Array) -> Array:
+    """Seconds (n,) that torso and arm need at least from q to each of `goals` (n, 15), at half their speed limits."""
+    columns = names.COLUMNS[side]
+    return np.asarray((np.abs(goals[:, columns] - q[columns]) / (0.5 * robot.speed[columns])).max(axis=1))
+
+
 @lru_cache(maxsize=8)
 def geometry(robot: Robot, side: str) -> ArmGeometry:
     """The closed form of one arm, computed once per robot."""
@@ -194,10 +203,15 @@ def sample(
     accept: Accept | None = None,
     best: bool = False,
 ) -> Array | None:
-    """The first configuration of `postures` that `accept` agrees with, tried in order of comfort if `best`, or None."""
+    """The first configuration of `postures` that `accept` agrees with, or None.
+
+    They are tried from the one that q can be moved to soonest; if `best`, comfort counts as well.
+    """
     found = postures(robot, side, target, q, rng, starts=starts, torso=torso)
-    order = np.argsort(-comfort(robot, found, side), kind="stable") if best else rng.permutation(len(found))
-    for k in order:
+    value = -_A_SECOND * travel(robot, side, q, found)
+    if best:
+        value += comfort(robot, found, side)
+    for k in np.argsort(-value, kind="stable"):
         if accept is None or accept(found[k]):
             return np.array(found[k])
     return None

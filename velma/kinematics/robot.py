@@ -60,6 +60,15 @@ class Robot:
         pin.forwardKinematics(self.model, self.data, q)
         return pin.updateFramePlacement(self.model, self.data, self.frame[side]).copy()
 
+    def track(self, postures: Array, side: str) -> Array:
+        """Where the grip of `side` is, (n, 3) [m], in postures (n, 15)."""
+        model, data, frame = self.model, self.data, self.frame[side]
+        places = np.empty((len(postures), 3))
+        for k, q in enumerate(postures):
+            pin.forwardKinematics(model, data, q)
+            places[k] = pin.updateFramePlacement(model, data, frame).translation
+        return places
+
     def jacobian(self, q: Array, side: str) -> Array:
         """(6, 15): joint speeds [rad/s] to velocity [m/s] and turning [rad/s] of the grip, in axes of the world."""
         return np.asarray(pin.computeFrameJacobian(self.model, self.data, q, self.frame[side], _WORLD_AXES))

@@ -38,19 +38,20 @@ def clear(allowed: Allowed, states: Array) -> bool:
 
 def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generator) -> Array:
     """The path with as many random shortcuts as pay."""
-    vain = 0
+    costs, vain = cost(path), 0
     for _ in range(_TRIES):
         if len(path) < 3 or vain >= _PATIENCE:
             break
-        first, last = np.sort(rng.choice(len(path), 2, replace=False))
+        first, last = (int(k) for k in np.sort(rng.integers(len(path), size=2)))
+        vain += 1
         if last - first < 2:
             continue
         piece = path[first : last + 1]
         straight = _one_joint(piece, rng) if rng.random() < _ONE_JOINT else dense(piece[[0, -1]], STEP)
-        if cost(straight).sum() < cost(piece).sum() - _GAIN and clear(allowed, straight[1:-1]):
-            path, vain = np.concatenate((path[:first], straight, path[last + 1 :])), 0
-        else:
-            vain += 1
+        new = cost(straight)
+        if new.sum() < costs[first:last].sum() - _GAIN and clear(allowed, straight[1:-1]):
+            path = np.concatenate((path[:first], straight, path[last + 1 :]))
+            costs, vain = np.concatenate((costs[:first], new, costs[last:])), 0
     return dense(path, STEP)
 
 

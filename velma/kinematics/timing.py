@@ -126,8 +126,7 @@ def _speeds(robot: Robot, spline: Any, grid: Array, tool_speed: float, speed: Ar
     postures, tangents = spline(grid), np.abs(spline(grid, 1))
     reach = np.zeros(len(grid))  # metres of the faster grip per unit of path
     for side in names.SIDES:
-        places = np.array([robot.grip(q, side).translation for q in postures])
-        per_unit = np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(grid)
+        per_unit = np.linalg.norm(np.diff(robot.track(postures, side), axis=0), axis=1) / np.diff(grid)
         reach[:-1] = np.maximum(reach[:-1], per_unit)
         reach[1:] = np.maximum(reach[1:], per_unit)
     along = tool_speed / np.maximum(reach, 1e-9)

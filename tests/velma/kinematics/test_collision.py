@@ -123,6 +123,19 @@ def test_the_margin_is_kept(robot: Robot) -> None:
         assert world.free(q) is free, gap
 
 
+def test_the_margin_can_be_changed(robot: Robot) -> None:
+    """A wall 10 mm away is too near with a margin of 12 mm, and no more when the margin is narrowed again."""
+    world, q = World(robot), np.array(names.START)
+    world.put("ball", [Sphere(0.05)], pose((3.0, 0.0, 1.0)), "object")
+    world.put("wall", [Box((0.1, 0.1, 0.1))], pose((3.11, 0.0, 1.0)))
+    world.attach("ball", "left", robot.grip(q, "left").inverse() * pose((3.0, 0.0, 1.0)))
+    verdicts = []
+    for margin in (0.006, 0.012, 0.006):
+        world.margin = margin
+        verdicts.append(world.free(q))
+    assert verdicts == [True, False, True]
+
+
 def test_a_hand_may_touch_only_what_it_is_allowed(robot: Robot) -> None:
     """A ball in the palm is a collision until the pair is allowed or the ball is held, and again afterwards."""
     world, q = World(robot), np.array(names.START)
