@@ -1,7 +1,8 @@
 """traffic.mcap: written record by record, readable up to wherever its writing ended.
 
 Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`, `monitor`; messages in JSON with a JSON schema,
-log time = heard, publish time = sent. Records are not gathered in chunks: a chunk that a kill cuts off would be lost as a whole.
+log time = heard, publish time = sent. Records are not gathered in chunks: one that a kill cuts off would be lost as a
+whole.
 """
 
 import struct

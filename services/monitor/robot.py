@@ -1,0 +1,158 @@
+"""Velma for the eye: links with their looks, and how each stands to its parent, read from velma/model/robot.xml.
+
+Numpy alone, no simulator: the monitor draws, it does not compute dynamics. Quaternions have w first; all turning joints
+of the model are hinges through their body's origin.
+"""
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+import velma.model
+from companion.telemetry import RobotState
+from velma.names import BODY, DISTAL, HEAD, PROXIMAL, SIDES, SPREAD
+
+Array = NDArray[np.float64]
+ROBOT_XML = Path(velma.model.__path__[0]) / "robot.xml"
+LOOK = "look"
+
+
+class Shape(msgspec.Struct, frozen=True):
+    """What is seen of a link: box and ellipsoid with half axes, capsule and cylinder with radius and length along z."""
+
+    kind: str
+    size: tuple[float, ...]
+    at: tuple[float, float, float]
+    quat_wxyz: tuple[float, float, float, float]
+    rgba: tuple[float, float, float, float]
+
+
+class Link(msgspec.Struct, frozen=True):
+    """A body. `path`: names from the root to it; `joint`: "" where it is fixed to its parent; `axis` in its frame."""
+
+    name: str
+    path: tuple[str, ...]
+    at: tuple[float, float, float]
+    quat_wxyz: tuple[float, float, float, float]
+    joint: str
+    axis: tuple[float, float, float]
+    shapes: tuple[Shape, ...]
+
+
+def links(path: Path = ROBOT_XML) -> tuple[Link, ...]:
+    """All links, parents before their children."""
+    world = ET.parse(path).getroot().find("worldbody")
+    assert world is not None
+    return tuple(link for body in world.findall("body") for link in _links(body, ()))
+
+
+def joints(state: RobotState) -> dict[str, float]:
+    """Joint name -> position [rad] of a telemetry record; what it does not carry is left out."""
+    found = dict(zip((*BODY, *HEAD), (*state.body, *state.head), strict=False))
+    for row, side in enumerate(SIDES):
+        found |= dict(zip(PROXIMAL[side], state.proximal[3 * row :], strict=False))
+        found |= dict(zip(DISTAL[side], state.distal[3 * row :], strict=False))
+        found |= dict.fromkeys(SPREAD[side], state.spread[row])
+    return found
+
+
+def turned(link: Link, q: Array) -> Array:
+    """Quaternions of a link in its parent's frame, w first, (n, 4), at joint positions `q` (n,) [rad]."""
+    half = np.asarray(q) / 2
+    axis = np.array(link.axis) / np.linalg.norm(link.axis)
+    turn = np.column_stack((np.cos(half), np.sin(half)[:, None] * axis))
+    return product(np.array(link.quat_wxyz), turn)
+
+
+def world_frames(all_links: tuple[Link, ...], q: dict[str, float]) -> dict[str, Array]:
+    """Link name -> T_world_link (4, 4). Joints that `q` leaves out are at 0."""
+    frames: dict[str, Array] = {}
+    for link in all_links:
+        quat = turned(link, np.array([q.get(link.joint, 0.0)]))[0] if link.joint else np.array(link.quat_wxyz)
+        local = np.eye(4)
+        local[:3, :3], local[:3, 3] = matrix(quat), link.at
+        above = frames[link.path[-2]] if len(link.path) > 1 else np.eye(4)
+        frames[link.name] = above @ local
+    return frames
+
+
+def product(a: Array, b: Array) -> Array:
+    """Hamilton product of quaternions, w first; broadcasts over leading axes."""
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        (
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ),
+        axis=-1,
+    )
+
+
+def matrix(quat_wxyz: Array) -> Array:
+    """The rotation (3, 3) of a quaternion."""
+    w, x, y, z = quat_wxyz / np.linalg.norm(quat_wxyz)
+    return np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+    )
+
+
+def _links(body: ET.Element, above: tuple[str, ...]) -> list[Link]:
+    name = body.attrib["name"]
+    joint = body.find("joint")
+    link = Link(
+        name=name,
+        path=(*above, name),
+        at=_three(body.get("pos")),
+        quat_wxyz=_four(body.get("quat")),
+        joint=joint.attrib["name"] if joint is not None else "",
+        axis=_three(joint.get("axis"), (0.0, 0.0, 1.0)) if joint is not None else (0.0, 0.0, 1.0),
+        shapes=tuple(_shape(geom) for geom in body.findall("geom") if geom.get("class") == LOOK),
+    )
+    return [link, *(below for child in body.findall("body") for below in _links(child, link.path))]
+
+
+def _shape(geom: ET.Element) -> Shape:
+    """A look; `fromto` shapes become centre, length and a turn of z onto their axis."""
+    kind, size, rgba = geom.attrib["type"], _numbers(geom.get("size")), _numbers(geom.get("rgba"))
+    at, quat = _three(geom.get("pos")), _four(geom.get("quat"))
+    if ends := _numbers(geom.get("fromto")):
+        a, b = np.array(ends[:3]), np.array(ends[3:])
+        length = float(np.linalg.norm(b - a))
+        size, at, quat = (size[0], length), tuple((a + b) / 2), _from_z((b - a) / max(length, 1e-9))
+    elif kind in ("capsule", "cylinder"):
+        size = (size[0], 2 * size[1])  # MJCF gives half the length
+    return Shape(kind, size, at, quat, (*rgba, 1.0)[:4] if rgba else (0.7, 0.7, 0.7, 1.0))
+
+
+def _from_z(direction: Array) -> tuple[float, float, float, float]:
+    """The shortest turn that brings z onto a unit vector."""
+    x, y, z = direction
+    if z < -1 + 1e-9:
+        return 0.0, 1.0, 0.0, 0.0
+    w = math.sqrt((1 + z) / 2)
+    return w, float(-y / (2 * w)), float(x / (2 * w)), 0.0
+
+
+def _numbers(text: str | None) -> tuple[float, ...]:
+    return tuple(float(word) for word in text.split()) if text else ()
+
+
+def _three(text: str | None, default: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[float, float, float]:
+    numbers = _numbers(text)
+    return (numbers[0], numbers[1], numbers[2]) if numbers else default
+
+
+def _four(text: str | None) -> tuple[float, float, float, float]:
+    numbers = _numbers(text)
+    return (numbers[0], numbers[1], numbers[2], numbers[3]) if numbers else (1.0, 0.0, 0.0, 0.0)
