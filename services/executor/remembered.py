@@ -22,7 +22,8 @@ class Holding(msgspec.Struct, frozen=True):
 class Remembered(msgspec.Struct, frozen=True):
     """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first word of the loop.
 
-    `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world. `time`: simulated [s].
+    `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
+    `time`: simulated [s].
     """
 
     q: tuple[float, ...] = ()

@@ -68,9 +68,7 @@ class Stage:
 def remembered(here: Situation) -> Remembered:
     """A situation in plain words."""
     seen = {
-        name: rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), here.time)
-        for name, pose in here.seen.items()
-        if here.holder(name) is None
+        name: rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), here.time) for name, pose in here.seen.items()
     }
     held = {
         Side(side): Holding(one.object, one.grasp, Pose(*xyz_quat(one.T_grip_object)), one.mass)

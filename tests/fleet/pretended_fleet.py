@@ -2,13 +2,14 @@
 
 from typing import Any
 
+from pretended_robot import Robot, World
+from scripted_search import Script
+
 from agent_runtime.devices import DeviceMaker, Post
 from agent_runtime.wires import Faults, Wires
 from companion.binding import wiring
 from companion.languages import SW, sw, wm
 from companion.languages.cmd import TaskState
-from pretended_robot import Robot, World
-from scripted_search import Script
 from services.coordinator.behaviours import coordinator
 from services.executor import behaviours as executor
 from services.human_interface.behaviours import human_interface
@@ -105,14 +106,6 @@ class Fleet:
         return all(self.up(name) and nodes[name].state.state == state for name, state in rest.items()) and not any(
             nodes[name].state.conversations or nodes[name].state.due for name in NAMES
         )
-
-    def said(self, sender: str, *performatives: str) -> list[str]:
-        """What an agent said, in order (each copy)."""
-        return [
-            str(c.performative)
-            for c in self.wires.traffic
-            if c.sender == sender and str(c.performative) in performatives
-        ]
 
     def reports(self) -> list[str]:
         """ta's final reports to co, each once."""

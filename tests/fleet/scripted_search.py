@@ -103,6 +103,11 @@ def grasp(side: Side, name: str) -> rc.Grasp:
     return rc.Grasp("", side, name, "g", (rc.ApproachPoint(HERE, 0.5),), 0.1, 0.3, 0.2)
 
 
+def release(key: str, side: Side, name: str) -> rc.Release:
+    """Put it down wherever there is room."""
+    return rc.Release(key, side, name, "table_1", None, ())
+
+
 def look(name: str) -> rc.Look:
     """Look at it."""
     return rc.Look("", ((1.0, 0.0, 1.0),))

@@ -5,9 +5,9 @@ that serves the next command.
 import random
 
 import pytest
+from pretended_fleet import Fleet
 
 from agent_runtime.wires import Faults, Point
-from pretended_fleet import Fleet
 
 LONGEST_S = 45.0  # the story takes about this long in virtual time
 

@@ -1,9 +1,9 @@
 """One agent dies once, at any point of any step, and comes back: the task still ends well, exactly once."""
 
 import pytest
+from pretended_fleet import FINAL, Fleet
 
 from agent_runtime.wires import Faults, Point
-from pretended_fleet import FINAL, Fleet
 
 POINTS = list(Point)
 SAMPLES = 24  # steps per agent that are tried, spread over all it makes

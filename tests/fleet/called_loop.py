@@ -1,0 +1,49 @@
+"""The true loop and simulated Velma beside ex's agent in one process: a motion is run to its end in the call.
+
+Virtual time goes on by the simulated time it took; a Brake therefore always comes too late.
+"""
+
+import numpy as np
+
+from agent_runtime.devices import Post
+from services.executor.loop.core import LoopCore
+from services.executor.words import Brake, Do, Felt, Halt, Moved, Stands, Where
+from velma.names import SIDES
+
+
+class CalledLoop:
+    """A device over a core that outlives it."""
+
+    busy = False
+
+    def __init__(self, post: Post, core: LoopCore) -> None:
+        self._post, self._core = post, core
+
+    def tell(self, content: Where | Halt | Do | Brake) -> None:
+        """Do it now."""
+        match content:
+            case Where(number=number) | Halt(number=number):
+                self._post(Stands(number, self._felt("idle", "")))
+            case Do(number=number, motion=motion):
+                began = self._core.state.time
+                report = self._core.run(motion)
+                felt = self._felt(str(report.phase), report.reason)
+                self._post(Moved(number, felt), felt.time - began)
+
+    def close(self) -> None:
+        """The loop goes on without its agent."""
+
+    def _felt(self, ended: str, reason: str) -> Felt:
+        core = self._core
+        state, report = core.state, core.report
+        return Felt(
+            q=core.setpoint.tobytes(),
+            measured=state.q.tobytes(),
+            head=(float(state.head[0]), float(state.head[1])),
+            time=float(state.time),
+            world=np.asarray(core.backend.configuration()).tobytes(),
+            ended=ended,
+            reason=reason,
+            touched={side: report.hand(side).touched for side in SIDES},
+            fingers={side: float(np.mean(state.proximal[row])) for row, side in enumerate(SIDES)},
+        )
