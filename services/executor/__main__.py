@@ -11,6 +11,7 @@ from services.executor import behaviours
 from services.executor.body import Body
 from services.executor.reaching import SlotLoop
 from services.executor.skilled import Skilled
+from services.executor.telling import Telling
 from services.executor.words import Setup
 
 SLOTS = "loop.slots"
@@ -22,7 +23,7 @@ def serve(options: Options) -> int:
     setup = Setup(scene=str(options.scene or ""), seed=options.seed)
 
     def body(post: Post) -> Body:
-        return Body(Skilled(post, setup), SlotLoop(post, slots))
+        return Body(Skilled(post, setup), SlotLoop(post, slots), Telling(post, slots))
 
     return shell.run(behaviours.agent(), wiring("ex", options.system), options, body)
 

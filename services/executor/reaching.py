@@ -104,7 +104,11 @@ class SlotLoop:
 
     def _carry_out(self, word: Do) -> bool:
         link = self._reach()
-        sent = self._command(link, word.motion)
+        try:
+            sent = self._command(link, word.motion)
+        except SlotError as error:
+            self._post(Moved(word.number, _felt(_state(link), link.told(), Phase.FAILED, str(error))))
+            return True
         cycles, changed = -1, time.monotonic()
         while True:
             told, state = link.told(), _state(link)

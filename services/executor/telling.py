@@ -1,0 +1,80 @@
+"""What ex shows people of the robot, 20 times a second: telemetry, and the sealed truth of the simulation.
+
+A thread of its own with its own link to the loop; newest wins and nothing waits for it. The truth is passed on as the
+loop wrote it: nobody here reads it.
+"""
+
+import contextlib
+import threading
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.devices import Post
+from companion.telemetry import RATE_HZ, Lateness, RobotState
+from services.executor.loop.link import AgentLink, LoopState, Timing, Told
+from services.executor.loop.program import Phase
+from velma.errors import SlotError
+
+
+class Telling:
+    """`skill`: what the act under way is, in a word; set by whoever hands acts out."""
+
+    def __init__(self, post: Post, path: Path) -> None:
+        self.skill = ""
+        self._post, self._path = post, path
+        self._link: AgentLink | None = None
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="telemetry", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._over.set()
+        self._thread.join(timeout=1.0)
+
+    def _serve(self) -> None:
+        while not self._over.wait(1.0 / RATE_HZ):
+            with contextlib.suppress(SlotError):  # no loop at present: nothing to tell
+                self._tell(self._reached())
+
+    def _reached(self) -> AgentLink:
+        if self._link is not None and self._link.file.replaced:
+            self._link.file.close()
+            self._link = None
+        if self._link is None:
+            self._link = AgentLink(self._path)
+        return self._link
+
+    def _tell(self, link: AgentLink) -> None:
+        state = link.state()
+        if state is not None:
+            shown = robot_state(state, link.told(), link.timing(), self.skill)
+            self._post.publish("telemetry", msgspec.msgpack.encode(shown))
+        truth = link.sealed_truth()
+        if truth:
+            self._post.publish("truth", truth)
+
+
+def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> RobotState:
+    """The loop's state as people's screens take it."""
+    acting = told.report.phase is Phase.RUNNING
+    (right, right_distal), (left, left_distal) = state.fingers(0), state.fingers(1)
+    late = timing.lateness_us
+    return RobotState(
+        sim_time_s=state.time_s,
+        body=tuple(float(x) for x in state.q),
+        head=(float(state.head[0]), float(state.head[1])),
+        proximal=tuple(float(x) for x in (*right, *left)),
+        distal=tuple(float(x) for x in (*right_distal, *left_distal)),
+        mode=str(state.mode),
+        act=told.report.key if acting else "",
+        skill=skill if acting else "",
+        work_J=state.work_J,
+        cycles=state.cycles,
+        missed=timing.missed,
+        skipped=timing.skipped,
+        lateness_us=Lateness(**{name: late.get(name, 0.0) for name in ("p50", "p99", "p999", "max")}),
+        faults=state.faults,
+        last_fault=state.last_fault,
+    )

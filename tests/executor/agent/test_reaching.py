@@ -1,0 +1,209 @@
+"""The agent's way to the loop: what is asked is done by a loop process (turned in a thread, with a pretended robot)."""
+
+import queue
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from services.executor.loop.core import LoopCore
+from services.executor.loop.link import AgentLink, LoopLink, StopLink
+from services.executor.loop.process import LoopProcess, Speed
+from services.executor.loop.program import Mode, motion
+from services.executor.loop.timing import Pacer
+from services.executor.reaching import SlotLoop
+from services.executor.telling import robot_state
+from services.executor.words import Brake, Do, Felt, Halt, Lost, Moved, Stands, Where
+from velma.sim.mock_backend import MockBackend
+
+PATIENCE_S = 20.0
+
+
+class Turned:
+    """A loop that turns in a thread until it is ended."""
+
+    def __init__(self, path: Path) -> None:
+        backend = MockBackend()
+        self.process = LoopProcess(
+            LoopCore(backend), LoopLink(path), speed=Speed.MAX, truth=None, pacer=Pacer(backend.period_s)
+        )
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._turn, daemon=True)
+        self._thread.start()
+
+    def _turn(self) -> None:
+        while not self._over.is_set():
+            self.process.turn()
+
+    def end(self) -> None:
+        self._over.set()
+        self._thread.join()
+
+
+class Heard:
+    """A post that keeps what was said."""
+
+    def __init__(self) -> None:
+        self.words: queue.SimpleQueue[object] = queue.SimpleQueue()
+
+    def __call__(self, content: object, delay_s: float = 0.0) -> None:
+        self.words.put(content)
+
+    def publish(self, kind: str, data: bytes) -> None:
+        """Not wanted here."""
+
+    def next(self) -> object:
+        return self.words.get(timeout=PATIENCE_S)
+
+
+@pytest.fixture
+def slots(tmp_path: Path) -> Path:
+    return tmp_path / "loop.slots"
+
+
+@pytest.fixture
+def turned(slots: Path) -> Iterator[Turned]:
+    loop = Turned(slots)
+    yield loop
+    loop.end()
+
+
+@pytest.fixture
+def heard() -> Heard:
+    return Heard()
+
+
+@pytest.fixture
+def reach(heard: Heard, slots: Path) -> Iterator[SlotLoop]:
+    device = SlotLoop(heard, slots)
+    yield device
+    device.close()
+
+
+def where(reach: SlotLoop, heard: Heard) -> Felt:
+    """How the robot stands."""
+    reach.tell(Where(1))
+    word = heard.next()
+    assert isinstance(word, Stands), word
+    return word.felt
+
+
+def path(felt: Felt, seconds: float, to: float = 0.3) -> np.ndarray:
+    """The head of the right arm turned a little, over some simulated seconds."""
+    q = np.tile(felt.setpoint(), (int(100 * seconds) + 1, 1))
+    q[:, 7] += np.linspace(0.0, to, len(q))
+    return q
+
+
+def test_a_motion_is_done(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+    """What the loop was asked is where the robot stands afterwards."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 0.5))))
+    word = heard.next()
+    assert isinstance(word, Moved)
+    assert (word.felt.ended, word.number) == ("done", 1)
+    assert word.felt.setpoint()[7] == pytest.approx(felt.setpoint()[7] + 0.3, abs=1e-6)
+
+
+def test_two_motions_of_one_key(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+    """The report of an act's first motion is not taken for that of the second."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 0.3))))
+    first = heard.next()
+    assert isinstance(first, Moved)
+    reach.tell(Do(1, motion("a", path(first.felt, 0.3))))
+    second = heard.next()
+    assert isinstance(second, Moved)
+    assert second.felt.setpoint()[7] == pytest.approx(felt.setpoint()[7] + 0.6, abs=1e-6)
+
+
+def test_a_motion_is_braked(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+    """A cancel brings it to rest before its end, as a cancelled one."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 60.0))))
+    reach.tell(Brake(1, "a"))
+    word = heard.next()
+    assert isinstance(word, Moved)
+    assert word.felt.ended == "cancelled"
+
+
+def test_a_refused_motion_has_failed(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+    """A motion that begins elsewhere is refused by the loop, with its reason."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 0.3) + 1.0)))
+    word = heard.next()
+    assert isinstance(word, Moved)
+    assert word.felt.ended == "failed"
+    assert "knot" in word.felt.reason
+
+
+def test_a_motion_too_long_for_the_slot(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+    """It has failed, with the sizes in words, and the next one is served."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 600.0))))
+    word = heard.next()
+    assert isinstance(word, Moved)
+    assert "bytes" in word.felt.reason
+    where(reach, heard)
+
+
+def test_a_new_loop_loses_the_motion(turned: Turned, reach: SlotLoop, heard: Heard, slots: Path) -> None:
+    """Another loop's file in the same place: nobody knows how the motion ended; the new loop is found at once."""
+    felt = where(reach, heard)
+    reach.tell(Do(1, motion("a", path(felt, 200.0))))
+    turned.end()
+    second = Turned(slots)
+    word = heard.next()
+    assert isinstance(word, Lost)
+    assert isinstance(where(reach, heard), Felt)
+    second.end()
+
+
+def test_without_a_loop(reach: SlotLoop, heard: Heard, slots: Path) -> None:
+    """Where is answered at once that there is none; Halt waits until there is one."""
+    reach.tell(Where(1))
+    word = heard.next()
+    assert isinstance(word, Lost)
+    assert "does not run" in word.reason
+    reach.tell(Halt(2))
+    loop = Turned(slots)
+    assert isinstance(heard.next(), Stands)
+    loop.end()
+
+
+def test_halt_stops_what_moves(turned: Turned, reach: SlotLoop, heard: Heard, slots: Path) -> None:
+    """After a restart of the agent the motion of its former life is brought to rest."""
+    felt = where(reach, heard)
+    stranger = AgentLink(slots)
+    stranger.send(motion("old", path(felt, 200.0)))
+    reach.tell(Halt(3))
+    word = heard.next()
+    assert isinstance(word, Stands)
+    assert AgentLink(slots).told().report.phase != "running"
+
+
+def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: SlotLoop, heard: Heard, slots: Path) -> None:
+    """Where ends the hold after a lost heartbeat; a person's stop stays until a person ends it."""
+    felt = where(reach, heard)
+    stranger = AgentLink(slots)
+    stranger.send(motion("nobody beats for this", path(felt, 200.0)))
+    while stranger.state().mode is Mode.MOTION:
+        pass
+    where(reach, heard)
+    assert stranger.state().mode is Mode.MOTION
+    StopLink(slots).stop()
+    while stranger.state().mode is Mode.MOTION:
+        pass
+    where(reach, heard)
+    assert stranger.state().mode is Mode.STOPPED
+
+
+def test_telemetry_shows_the_state(turned: Turned, reach: SlotLoop, heard: Heard, slots: Path) -> None:
+    """Measured joints, mode and act are those of the loop."""
+    felt = where(reach, heard)
+    link = AgentLink(slots)
+    shown = robot_state(link.state(), link.told(), link.timing(), "Grasp")
+    assert shown.body == tuple(np.frombuffer(felt.measured))
+    assert (shown.mode, shown.act, shown.skill) == ("motion", "", "")
