@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import matplotlib
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -115,7 +114,7 @@ def latencies(rows: tuple[Latency, ...]) -> str:
         axes.set_ylim(-0.6, len(answered) - 0.4)
         axes.grid(visible=False, axis="y")
         axes.set_title(
-            "dot: half of them   |: 99 %   line: to the longest   ▸: the design's budget".replace("▸", "▶"),
+            "dot: half of them   |: 99 %   line: to the longest   ▶: the design's budget",
             loc="left",
             fontsize=9,
             color=FAINT,
@@ -125,7 +124,7 @@ def latencies(rows: tuple[Latency, ...]) -> str:
 
 @contextmanager
 def _drawing(name: str, height_in: float, text: str) -> Iterator[tuple[Axes, list[str]]]:
-    """One figure with one pair of axes; when the block ends, the list holds its SVG, which says `text` to a screen reader."""
+    """A figure with one pair of axes; when the block ends, the list holds its SVG. `text`: what it shows, in words."""
     svg: list[str] = []
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
         figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
@@ -178,9 +177,3 @@ def _in_bytes(value: float, _: int) -> str:
 
 def _in_ms(value: float, _: int) -> str:
     return f"{value / 1000:g} s" if value >= 1000 else f"{value:g} ms"
-
-
-def bars(values: np.ndarray) -> list[float]:
-    """Shares of the largest, for shading cells of a table."""
-    top = float(values.max()) if values.size else 0.0
-    return [float(value / top) if top else 0.0 for value in values]

@@ -9,7 +9,7 @@ from companion.design import DESIGN
 from services.monitor import figures
 from services.monitor.history import History
 from services.monitor.paper import PAPER, Paper
-from services.monitor.report import Plan, Report
+from services.monitor.report import Report
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
 ABSENT = "–"
@@ -83,8 +83,3 @@ def milliseconds(value: float | None) -> str:
 def share(value: float | None) -> str:
     """A part of the whole in per cent."""
     return ABSENT if value is None else f"{100 * value:.0f}\u00a0%"
-
-
-def total_queries(plans: tuple[Plan, ...]) -> int:
-    """Of all plans."""
-    return sum(plan.queries for plan in plans)

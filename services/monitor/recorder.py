@@ -30,6 +30,7 @@ class Recorder:
     """Writes what samples say: traffic.mcap and live.jsonl."""
 
     def __init__(self, run: Path) -> None:
+        run.mkdir(parents=True, exist_ok=True)
         self._recording = Recording(run / FILE)
         self._live_file = (run / LIVE_FILE).open("ab")
         self._live = Live()

@@ -54,7 +54,7 @@ def write(path: Path, history: History) -> None:
 
 def blueprint(end_s: float) -> rrb.Blueprint:
     """Robot on the left; states, communicates and their sizes over the whole run on the right."""
-    seen_from = rrb.EyeControls3D(position=(1.75, -2.75, 2.35), look_target=(0.42, -0.05, 0.95), eye_up=(0.0, 0.0, 1.0))
+    seen_from = rrb.EyeControls3D(position=(1.55, -2.5, 2.2), look_target=(0.42, -0.05, 0.97), eye_up=(0.0, 0.0, 1.0))
     bounds = (rr.TimeRangeBoundary.absolute(seconds=at) for at in (-0.02 * end_s, 1.02 * end_s))
     axis = rrb.TimeAxis(view_range=rr.TimeRange(*bounds))
     kinds = {kind: kind is TextLogColumnKind.Body for kind in TextLogColumnKind}

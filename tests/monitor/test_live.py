@@ -1,0 +1,50 @@
+"""live.jsonl: what a person sees while a run goes on."""
+
+from itertools import pairwise
+
+import msgspec
+from synthetic import Run
+
+from companion.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from services.monitor.live import Live
+from services.monitor.records import understood
+
+
+def lines(run: Run) -> list[LiveLine]:
+    """All lines of a run."""
+    live = Live()
+    return [line for sample in run.samples for line in live.lines(understood(sample))]
+
+
+def test_each_communicate_is_a_line_once(pouring: Run) -> None:
+    """Re-sent copies show no second line, and all lines can be read back."""
+    live = Live()
+    twice = [line for sample in pouring.samples for _ in (1, 2) for line in live.lines(understood(sample))]
+    sent = [line for line in twice if isinstance(line, Sent)]
+    assert len(sent) == len(pouring.said)
+    assert [msgspec.json.decode(msgspec.json.encode(line), type=LiveLine) for line in sent] == sent
+
+
+def test_plans_are_shown_and_followed(pouring: Run) -> None:
+    """Where ta says it is, is one of the states that were shown for the plan; both plans end with their outcome."""
+    found = lines(pouring)
+    shown = {state for line in found if isinstance(line, PlanSeen) for state in line.states}
+    places = [line for line in found if isinstance(line, PlanAt)]
+    assert {place.at for place in places if place.at} <= shown
+    assert [place.outcome for place in places if place.outcome] == ["replan", "succeeded"]
+
+
+def test_what_happens_is_told_when_it_happens(pouring: Run) -> None:
+    """Each event once, in the order of the story."""
+    names = [line.name for line in lines(pouring) if isinstance(line, Happened)]
+    story = ["command received", "plan 1 received", "jar grasped", "bowl put down", "content poured", "finished"]
+    assert [name for name in names if name in story] == story
+    assert len(names) == len(set(names))
+
+
+def test_an_agent_is_told_when_its_state_changes(pouring: Run) -> None:
+    """No two lines of an agent in a row say the same."""
+    entered = [line for line in lines(pouring) if isinstance(line, AgentIn)]
+    for agent in {line.agent for line in entered}:
+        states = [(line.state, line.alive) for line in entered if line.agent == agent]
+        assert all(a != b for a, b in pairwise(states))
