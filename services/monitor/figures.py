@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -31,7 +32,7 @@ MARKS = {
 WIDTH_IN = 9.2
 BINS = 48
 """Bars of a bandwidth figure; estimate: fine enough for a peak, coarse enough to be read."""
-STYLE = {
+STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
     "axes.edgecolor": FAINT,
@@ -62,8 +63,17 @@ def sizes(history: History, report: Report) -> str:
             if said:
                 mark, colour = MARKS.get(channel, ("o", FAINT))
                 at = [one.received - history.begin for one in said]
-                style = {"s": 15, "alpha": 0.5 if channel == "C4" else 0.9, "linewidths": 0, "zorder": 3}
-                axes.scatter(at, [o.size for o in said], marker=mark, c=colour, label=f"{channel} {ends}", **style)
+                axes.scatter(
+                    at,
+                    [o.size for o in said],
+                    marker=mark,
+                    c=colour,
+                    label=f"{channel} {ends}",
+                    s=15,
+                    alpha=0.5 if channel == "C4" else 0.9,
+                    linewidths=0,
+                    zorder=3,
+                )
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(_in_bytes)
         axes.set_xlabel("time after the first communicate [s]")
@@ -126,7 +136,8 @@ def latencies(rows: tuple[Latency, ...]) -> str:
 def _drawing(name: str, height_in: float, text: str) -> Iterator[tuple[Axes, list[str]]]:
     """A figure with one pair of axes; when the block ends, the list holds its SVG. `text`: what it shows, in words."""
     svg: list[str] = []
-    with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
+    style: Any = {**STYLE, "svg.hashsalt": name}
+    with matplotlib.rc_context(style):
         figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
         axes = figure.add_subplot()
         yield axes, svg
@@ -171,9 +182,9 @@ def _kilobits(value: float) -> str:
     return f"{value:,.0f} kbit/s".replace(",", " ")
 
 
-def _in_bytes(value: float, _: int) -> str:
+def _in_bytes(value: float, _: float) -> str:
     return f"{value:g} B" if value < 1e3 else f"{value / 1e3:g} kB" if value < 1e6 else f"{value / 1e6:g} MB"
 
 
-def _in_ms(value: float, _: int) -> str:
+def _in_ms(value: float, _: float) -> str:
     return f"{value / 1000:g} s" if value >= 1000 else f"{value:g} ms"

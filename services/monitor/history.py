@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -20,6 +21,7 @@ from fipa_codec.errors import FipaError
 from services.monitor import recording
 from services.monitor.records import Garbage, House, Origin, Record, Resumed, Spoken, Token, spoken
 
+T = TypeVar("T")
 STEPS = "steps"
 
 
@@ -190,7 +192,7 @@ def _receipts(houses: list[House]) -> Iterator[Told]:
             yield Told(house.received, house.owner, house.peer, receipt)
 
 
-def _decoded(houses: list[House], kind: str, wanted: type) -> Iterator[tuple[float, object]]:
+def _decoded(houses: list[House], kind: str, wanted: type[T]) -> Iterator[tuple[float, T]]:
     decoder = msgspec.msgpack.Decoder(wanted)
     for house in houses:
         if house.kind == kind:

@@ -4,6 +4,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
+from companion.run_folder import REPORT_FILE
 from services.monitor import history, report
 
 PAGE_FILE = "report.html"
@@ -20,7 +21,7 @@ def everything(run: Path, say: Say) -> bool:
     except Exception:  # the recording stays: the report can be made again by a later version
         say("no report", level="error", why=traceback.format_exc())
         return False
-    say("report", success=figures.success, failure=figures.failure or "", file=str(run / report.REPORT_FILE))
+    say("report", success=figures.success, failure=figures.failure or "", file=str(run / REPORT_FILE))
     page = _try(PAGE_FILE, lambda: _page(run, past, figures), say)
     pictures = _try(RRD_FILE, lambda: _pictures(run, past), say)
     return page and pictures

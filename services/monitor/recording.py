@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from mcap.exceptions import McapError
@@ -26,7 +27,9 @@ RECORD_LIMIT = 64 * 1024 * 1024
 _NS = 1_000_000_000
 _encoder = msgspec.json.Encoder()
 _KINDS = {"communicates": "Spoken", "house": "House", "tokens": "Token", "monitor": "Resumed"}
-_decoders = {kind.__name__: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Resumed)}
+_decoders: dict[str, msgspec.json.Decoder[Any]] = {
+    kind.__name__: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Resumed)
+}
 
 
 class Recording:

@@ -19,6 +19,8 @@ from velma.names import BODY, DISTAL, HEAD, PROXIMAL, SIDES, SPREAD
 Array = NDArray[np.float64]
 ROBOT_XML = Path(velma.model.__path__[0]) / "robot.xml"
 LOOK = "look"
+Four = tuple[float, float, float, float]
+GREY: Four = (0.7, 0.7, 0.7, 1.0)
 
 
 class Shape(msgspec.Struct, frozen=True):
@@ -124,7 +126,7 @@ def _links(body: ET.Element, above: tuple[str, ...]) -> list[Link]:
 
 def _shape(geom: ET.Element) -> Shape:
     """A look; `fromto` shapes become centre, length and a turn of z onto their axis."""
-    kind, size, rgba = geom.attrib["type"], _numbers(geom.get("size")), _numbers(geom.get("rgba"))
+    kind, size = geom.attrib["type"], _numbers(geom.get("size"))
     at, quat = _three(geom.get("pos")), _four(geom.get("quat"))
     if ends := _numbers(geom.get("fromto")):
         a, b = np.array(ends[:3]), np.array(ends[3:])
@@ -132,7 +134,7 @@ def _shape(geom: ET.Element) -> Shape:
         size, at, quat = (size[0], length), tuple((a + b) / 2), _from_z((b - a) / max(length, 1e-9))
     elif kind in ("capsule", "cylinder"):
         size = (size[0], 2 * size[1])  # MJCF gives half the length
-    return Shape(kind, size, at, quat, (*rgba, 1.0)[:4] if rgba else (0.7, 0.7, 0.7, 1.0))
+    return Shape(kind, size, at, quat, _four(geom.get("rgba"), GREY))
 
 
 def _from_z(direction: Array) -> tuple[float, float, float, float]:
@@ -153,6 +155,6 @@ def _three(text: str | None, default: tuple[float, float, float] = (0.0, 0.0, 0.
     return (numbers[0], numbers[1], numbers[2]) if numbers else default
 
 
-def _four(text: str | None) -> tuple[float, float, float, float]:
+def _four(text: str | None, default: Four = (1.0, 0.0, 0.0, 0.0)) -> Four:
     numbers = _numbers(text)
-    return (numbers[0], numbers[1], numbers[2], numbers[3]) if numbers else (1.0, 0.0, 0.0, 0.0)
+    return (numbers[0], numbers[1], numbers[2], numbers[3]) if numbers else default

@@ -7,6 +7,7 @@ is a second one, `simulation`, where the robot is concerned.
 from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -97,13 +98,17 @@ def _velma(out: rr.RecordingStream, history: History) -> None:
             columns = rr.Transform3D.columns(translation=at, quaternion=quats)
             rr.send_columns(entity, indexes=indexes, columns=columns, recording=out)
         else:
-            out.log(entity, rr.Transform3D(translation=link.at, quaternion=_xyzw(link.quat_wxyz)), static=True)
+            out.log(
+                entity,
+                rr.Transform3D(translation=link.at, quaternion=rr.Quaternion(xyzw=_xyzw(link.quat_wxyz))),
+                static=True,
+            )
 
 
 def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
     """The shapes of one kind on a link, in one batch."""
     at, turn = [s.at for s in shapes], [_xyzw(s.quat_wxyz) for s in shapes]
-    look = {"colors": [s.rgba for s in shapes], "quaternions": turn, "fill_mode": "solid"}
+    look: dict[str, Any] = {"colors": [s.rgba for s in shapes], "quaternions": turn, "fill_mode": "solid"}
     if kind == "box":
         return rr.Boxes3D(half_sizes=[s.size for s in shapes], centers=at, **look)
     if kind == "ellipsoid":
@@ -234,13 +239,14 @@ def _indexes(history: History, times: Iterable[tuple[float, float | None]]) -> l
     """Columns of time for pairs of unix time and simulated time (None: it has none)."""
     pairs = list(times)
     indexes = [rr.TimeColumn("run", duration=[at - history.begin for at, _ in pairs])]
-    if pairs and pairs[0][1] is not None:
-        indexes.append(rr.TimeColumn("simulation", duration=[sim for _, sim in pairs]))
+    simulated = [sim for _, sim in pairs if sim is not None]
+    if pairs and len(simulated) == len(pairs):
+        indexes.append(rr.TimeColumn("simulation", duration=simulated))
     return indexes
 
 
 def _transform(pose: Pose) -> rr.Transform3D:
-    return rr.Transform3D(translation=pose.xyz, quaternion=_xyzw(pose.quat_wxyz))
+    return rr.Transform3D(translation=pose.xyz, quaternion=rr.Quaternion(xyzw=_xyzw(pose.quat_wxyz)))
 
 
 def _xyzw(quat_wxyz: tuple[float, ...]) -> tuple[float, float, float, float]:
