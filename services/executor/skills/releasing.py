@@ -21,7 +21,7 @@ BELOW_M = 0.02  # the descent aims so far below the place and is ended by contac
 CONTACT_M = 0.003  # set-point below the hand that counts as contact (about 4.5 N at 1500 N/m), same runs
 SETTLE_S = 0.3
 OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5  # same runs (they waited 0.9 s in all)
-SPREAD_FINGERS, SPREAD_SPEED = math.radians(60.0), 0.5  # same runs
+SPREAD_SPEED = 0.5  # [rad/s], same runs
 JOIN_LIMIT = 1.2  # [rad] a joint may move on the way to above the place before a path is planned (estimate)
 
 
@@ -62,15 +62,15 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
 
 def _open(here: Situation, side: str, command: rc.Release, q: np.ndarray) -> Skill:
     grip = here.robot.grip(q, side)
-    T_grip_object = here.held[side].T_grip_object
     unload = {f"payload_{side}": Payload()}
     yield motions.still(
         here, command.key, settle_s=OPEN_WAIT_S, **unload, **motions.hand(side, Open(OPEN_BY, OPEN_SPEED))
     )
     here.let_go(side)
-    yield motions.still(here, command.key, **motions.hand(side, motions.fingers(SPREAD_FINGERS, SPREAD_SPEED)))
-    here.set_fingers(side, SPREAD_FINGERS)
-    poses = retreat_poses(grip, T_grip_object, [(transform(p.at), p.fingers) for p in command.retreat])
+    wide = command.retreat[0].fingers
+    yield motions.still(here, command.key, **motions.hand(side, motions.fingers(wide, SPREAD_SPEED)))
+    here.set_fingers(side, wide)
+    poses = retreat_poses(grip, [(transform(p.at), p.fingers) for p in command.retreat])
     path: list[np.ndarray] = []
     for pose in poses:
         path += straight(here, side, path[-1] if path else here.q, pose)

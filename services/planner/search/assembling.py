@@ -6,7 +6,9 @@ import msgspec
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.values import Side
-from services.planner.search.steps import Step
+from services.planner.search.steps import Step, approach_points
+from velma.kinematics.tasks.frames import transform
+from velma.kinematics.tasks.placing import backwards
 
 
 def plan(request: str, task: str, steps: list[Step], outcome: str, queries: int) -> hfsm.HierarchicalPlan:
@@ -65,7 +67,7 @@ def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Ma
 def _note_held(holding: dict[Side, rc.Release], step: Step) -> None:
     for command in step.commands:
         if isinstance(command, rc.Grasp):
-            retreat = command.approach[-2::-1]
+            retreat = approach_points(backwards([(transform(p.at), p.fingers) for p in command.approach]))
             holding[command.side] = rc.Release("", command.side, command.object, "", None, retreat)
 
 

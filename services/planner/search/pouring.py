@@ -1,6 +1,7 @@
 """The primitive task that pours, and the one that looks."""
 
 import math
+from itertools import islice
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from velma.kinematics.tasks.frames import transform
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, tiltings
 
 HELD_TILT = math.radians(40.0)  # task runs with the true robot model
+TILTINGS = 8  # estimate: the quickest way of so many is chosen
 HOLD_S = 2.0  # same runs
 BACK_SPEED = 0.35  # [m/s], same runs
 LOOK_S = 2.0  # estimate, only for the expected duration
@@ -30,13 +32,14 @@ def pour(geometry: Geometry, state: str, source: str, destination: str, side: Si
     held = here.held[side]
     model = geometry.ask(wm.ObjectModel(state=state, object=source), wm.ModelOf)
     flow = stream(geometry, state, source, destination)
-    for tilting in tiltings(
+    found = tiltings(
         geometry.robot, here.world, side, here.q, held.T_grip_object, flow, geometry.rng("pour", source, destination)
-    ):
-        reached = geometry.free_motion(here, side, here.q, [tilting.path[0]], largest_tilt=HELD_TILT)
+    )
+    while some := list(islice(found, TILTINGS)):
+        reached = geometry.free_motion(here, side, [t.path[0] for t in some], largest_tilt=HELD_TILT)
         if reached is None:
             continue
-        _, path = reached
+        tilting, path = some[reached[0]], reached[1]
         command = rc.Pour(
             key="",
             side=side,

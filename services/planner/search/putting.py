@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
+import pinocchio as pin
 
 from companion.languages import rc, wm
 from companion.languages.values import Cylinder, Pose, Side
-from services.planner.search.situation import Held, Situation, on_wire
+from services.planner.search.situation import Held, on_wire
 from services.planner.search.steps import (
     DOWN_SPEED,
     EMPTY_SPEED,
@@ -22,13 +24,13 @@ from services.planner.search.steps import (
 )
 from velma import names
 from velma.kinematics.tasks.frames import transform
-from velma.kinematics.tasks.placing import Placing, placings
+from velma.kinematics.tasks.placing import Placing, backwards, placings
 
 CARRIED_TILT = (math.radians(25.0), math.radians(60.0))  # [rad] tried in turn; an empty bowl may tilt
 GRID_M, MARGIN_M = 0.025, 0.05  # placement grid and margin of the published planner
 CLEAR_RADIUS_M, CLEAR_HEIGHT_M = 0.14, 0.25  # estimate: the bowl (0.10) and a hand's finger beside it
 BEST_DISTANCE_M, BEST_HEADING = 0.78, math.radians(42.0)  # where runs with the true robot model put and poured
-SPOTS, TRIES = 8, 200  # how many spots are asked about and how many postures tried
+SPOTS, PLACINGS, TRIES = 8, 12, 300  # spots asked about, placings chosen from, samples tried (estimates)
 HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], same runs
 
 
@@ -73,7 +75,7 @@ def place(geometry: Geometry, state: str, side: Side) -> Step | None:
     here = geometry.at(state)
     held = here.held[side]
     grasp = geometry.ask(wm.GraspDefinition(state=state, object=held.object, grasp=held.grasp), wm.Grasps).grasps[0]
-    retreat = [(transform(s.pose).inverse(), s.fingers) for s in grasp.steps[-2::-1]]
+    retreat = backwards([(transform(s.pose).inverse(), s.fingers) for s in grasp.steps])
     model = geometry.ask(wm.ObjectModel(state=state, object=held.object), wm.ModelOf)
     free = spots(geometry, state, side, model.base_radius, (held.object,))
     if not free:
@@ -84,33 +86,21 @@ def place(geometry: Geometry, state: str, side: Side) -> Step | None:
         geometry.robot, here.world, side, here.q, held.object, held.T_grip_object,
         [s - origin for s in free], retreat, geometry.rng("place", held.object, side), tries=TRIES,
     )  # fmt: skip
-    nearest = _nearest(here, found, side)
+    some = list(islice(found, PLACINGS))
     for largest_tilt in CARRIED_TILT:
-        goals = [p.above for p in nearest]
-        reached = geometry.free_motion(here, side, here.q, goals, largest_tilt=largest_tilt)
+        reached = geometry.free_motion(here, side, [p.above for p in some], largest_tilt=largest_tilt)
         if reached is not None:
             index, path = reached
-            return _placing(geometry, held, nearest[index], retreat, side, path, free)
+            return _placing(geometry, held, some[index], retreat, side, path, free)
     geometry.failed(f"the {side} arm finds no way to put {held.object} down")
     return None
-
-
-def _nearest(here: Situation, found: Iterator[Placing], side: Side, enough: int = 6) -> list[Placing]:
-    """The placings whose posture above the place is nearest to the present one, of the first `enough` found."""
-    some = []
-    for placing in found:
-        some.append(placing)
-        if len(some) == enough:
-            break
-    columns = names.COLUMNS[side]
-    return sorted(some, key=lambda p: float((np.abs(p.above - here.q)[columns] / names.SPEED[columns]).max()))
 
 
 def _placing(
     geometry: Geometry,
     held: Held,
     placing: Placing,
-    retreat: list[tuple[object, float]],
+    retreat: list[tuple[pin.SE3, float]],
     side: Side,
     path: list[np.ndarray],
     free: list[np.ndarray],
@@ -163,7 +153,7 @@ def home(geometry: Geometry, state: str, side: Side) -> Step | None:
         goal[names.TORSO] = torso
         if here.world.free(goal):
             goals.append(goal)
-    reached = geometry.free_motion(here, side, here.q, goals)
+    reached = geometry.free_motion(here, side, goals)
     if reached is None:
         geometry.failed(f"the {side} arm finds no way home")
         return None

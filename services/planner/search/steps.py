@@ -4,12 +4,11 @@ Each step asks km for what it needs in the state it begins in, computes the geom
 no geometry was found, with the reason noted in `why`. Speeds and distances: task runs with the true robot model.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-from velma.kinematics.timing import timed
 
 from companion.languages import rc, wm
 from companion.languages.values import Side
@@ -19,9 +18,11 @@ from velma import names
 from velma.kinematics import motion
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.frames import transform, upright
+from velma.kinematics.timing import JOINT_FRACTION, timed
 
 EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s] of the tool in free motions
 APPROACH_SPEED, LIFT_SPEED, DOWN_SPEED, RETREAT_SPEED = 0.2, 0.1, 0.04, 0.15  # [m/s]
+TRIED, ENOUGH = 8, 3  # estimate: more goals make motions little quicker and planning slower
 CLOSE_S, OPEN_S = 4.0, 2.5  # [s] a hand takes to close by touch and to open; only for the expected duration
 
 
@@ -60,29 +61,42 @@ class Geometry:
         self,
         here: Situation,
         side: Side,
-        start: np.ndarray,
-        goals: Iterable[np.ndarray],
+        goals: Sequence[np.ndarray],
         *,
         largest_tilt: float | None = None,
-        most: int = 6,
+        tried: int = TRIED,
+        enough: int = ENOUGH,
     ) -> tuple[int, list[np.ndarray]] | None:
-        """Index and joint path of the first of at most `most` goals that can be reached; a held object stays within
-        `largest_tilt` [rad] of the vertical."""
+        """Index of a goal and the joint path to it: the quickest of the first `enough` found among the `tried` nearest.
+
+        A held object stays within `largest_tilt` [rad] of the vertical.
+        """
         keep: Callable[[np.ndarray], bool] | None = None
         if largest_tilt is not None and side in here.held:
             keep = upright(self.robot, side, here.held[side].T_grip_object, largest_tilt)
         speed = LOADED_SPEED if here.loaded() else EMPTY_SPEED
-        for index, goal in enumerate(goals):
-            if index >= most:
+        least = [least_time(here.q, goal) for goal in goals]
+        found: list[tuple[float, int, list[np.ndarray]]] = []
+        for index in np.argsort(least, kind="stable")[:tried]:
+            if found and least[index] > min(f[0] for f in found):
                 break
-            path = motion.plan(self.robot, here.world, side, start, goal, keep=keep, seed=self.seed, tool_speed=speed)
+            path = motion.plan(
+                self.robot, here.world, side, here.q, goals[index], keep=keep, seed=self.seed, tool_speed=speed
+            )
             if path is not None:
-                return index, path
-        return None
+                found.append((self.duration(path, speed), int(index), path))
+            if len(found) == enough:
+                break
+        return None if not found else min(found, key=lambda f: f[0])[1:]
 
     def duration(self, path: list[np.ndarray], speed: float) -> float:
         """Time [s] of a joint path at a tool speed [m/s]."""
         return float(timed(self.robot, path, tool_speed=speed).duration) if len(path) > 1 else 0.0
+
+
+def least_time(start: np.ndarray, goal: np.ndarray) -> float:
+    """Time [s] below which no motion from start to goal (15,) can be, at half the joints' speed limits."""
+    return float((np.abs(goal - start) / names.SPEED).max() / JOINT_FRACTION)
 
 
 def along(side: Side, path: list[np.ndarray]) -> tuple[tuple[float, ...], ...]:
@@ -96,7 +110,7 @@ def move(side: Side, path: list[np.ndarray], speed: float, fingers: float | None
 
 
 def approach_points(steps: Iterable[tuple[pin.SE3, float]]) -> tuple[rc.ApproachPoint, ...]:
-    """T_object_grip with finger angles, as RC says it."""
+    """Grip poses with finger angles, as RC says it."""
     return tuple(rc.ApproachPoint(on_wire(pose), fingers) for pose, fingers in steps)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +27,7 @@ from velma.kinematics.tasks.carrying import carries
 from velma.kinematics.tasks.frames import transform
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 
+GRASPS, CARRIES = 8, 16  # estimate: so many are found in 0.1 s
 CARRY_TILT = math.radians(35.0)  # same runs
 
 
@@ -94,11 +96,12 @@ def take(geometry: Geometry, state: str, name: str, side: Side) -> Step | None:
         ways(known),
         geometry.rng("take", name, side),
         torso=manner.torso,
+        wanted=GRASPS,
     )
     if not found:
         geometry.failed(f"no grasp of {name} with the {side} hand can be reached and pulled out")
         return None
-    reached = geometry.free_motion(here, side, here.q, [a.way_in[0] for a in found])
+    reached = geometry.free_motion(here, side, [a.way_in[0] for a in found])
     if reached is None:
         geometry.failed(f"the {side} arm finds no free way to {name}")
         return None
@@ -153,7 +156,7 @@ def carry(geometry: Geometry, state: str, side: Side) -> Step | None:
     here = geometry.at(state)
     held: Held = here.held[side]
     postures = carries(geometry.robot, here.world, side, here.q, held.T_grip_object, geometry.rng("carry", side))
-    reached = geometry.free_motion(here, side, here.q, postures, largest_tilt=CARRY_TILT, most=12)
+    reached = geometry.free_motion(here, side, list(islice(postures, CARRIES)), largest_tilt=CARRY_TILT, tried=CARRIES)
     if reached is None:
         geometry.failed(f"no posture found in which the {side} arm carries {held.object} out of the way")
         return None

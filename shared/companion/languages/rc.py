@@ -45,14 +45,14 @@ class MoveCartesian(Command, frozen=True):
 
 
 class ApproachPoint(msgspec.Struct, frozen=True):
-    """A grip pose in the object's frame and the finger angle [rad] to have there."""
+    """A grip pose (see the command for its frame) and the finger angle [rad] to have there."""
 
     at: Pose
     fingers: float
 
 
 class Grasp(Command, frozen=True):
-    """Approach an object through `approach` (outermost first, the grasp last), close until touch, squeeze, lock.
+    """Approach an object through `approach` (in its frame, outermost first, the grasp last), close until touch, squeeze, lock.
 
     `squeeze`: motor travel after touch [rad]. `speed`: at which the fingers close [rad/s].
     `mass`: what the hand will carry [kg], fed forward from the lock on.
@@ -70,7 +70,7 @@ class Grasp(Command, frozen=True):
 class Release(Command, frozen=True):
     """Put a held object down at `place` (its wanted pose in the world) until contact, open, retreat.
 
-    `retreat`: grip poses in the object's frame, nearest first. `surface`: what it is put on. Where the hand is not yet
+    `retreat`: grip poses seen from the grip that lets go, nearest first. `surface`: what it is put on. Where the hand is not yet
     above the place, ex plans the way there itself; `place` None lets ex choose a free spot of the surface.
     """
 

@@ -121,7 +121,7 @@ def _solve(
     if way_in is None:
         return None
     way_out = _pull(robot, world, side, grasp, target, poses[-1])
-    if way_out is None:
+    if way_out is None or not all(ik.comfortable(robot, q, side) for q in (way_in[-1], way_out[-1])):
         return None
     steps = tuple((target.pose.inverse() * p, f) for p, (_, f) in zip(poses, way.steps, strict=True))
     score = _comfort(robot, side, (way_in[-1], grasp, way_out[-1])) - 0.2 * abs(azimuth)

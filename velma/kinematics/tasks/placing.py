@@ -48,7 +48,7 @@ def placings(
 ) -> Iterator[Placing]:
     """Solved places of the object attached to the hand, its own origin on one of `spots` (3,) [m] (top of a surface).
 
-    `retreat`: T_object_grip and finger angle, nearest first. Yields as they are found; the object is attached
+    `retreat`: T_release_grip and finger angle, nearest first. Yields as they are found; the object is attached
     again after each.
     """
     for _ in range(tries):
@@ -70,14 +70,23 @@ def placings(
             way_down = ik.line(robot, side, above, grip)
         except ik.PathBlocked:
             continue
-        way_back = _retreat(robot, world, side, way_down[-1], name, T_grip_object, place, retreat)
+        if not ik.comfortable(robot, way_down[-1], side):
+            continue
+        way_back = _retreat(robot, world, side, way_down[-1], name, place, retreat)
         if way_back is not None:
             yield Placing(place, above, way_down, way_back)
 
 
-def retreat_poses(grip: pin.SE3, held: pin.SE3, retreat: Sequence[tuple[pin.SE3, float]]) -> list[pin.SE3]:
-    """Grip poses in the world of a retreat that begins at `grip`; `held` = T_grip_object; then back and up."""
-    poses = [grip * held * T_object_grip for T_object_grip, _ in retreat]
+def backwards(approach: Sequence[tuple[pin.SE3, float]]) -> list[tuple[pin.SE3, float]]:
+    """The retreat that undoes an approach (T_object_grip and finger angle, the grasp last): T_release_grip, nearest
+    first, seen from the grip that lets go. So it does not matter how the object lies in the hand by then."""
+    grasp = approach[-1][0].inverse()
+    return [(grasp * pose, fingers) for pose, fingers in approach[-2::-1]]
+
+
+def retreat_poses(grip: pin.SE3, retreat: Sequence[tuple[pin.SE3, float]]) -> list[pin.SE3]:
+    """Grip poses in the world of a retreat that begins at `grip`; then back and up."""
+    poses = [grip * T_release_grip for T_release_grip, _ in retreat]
     last = poses[-1] if poses else grip
     return [*poses, shifted(last, np.array([0.0, 0.0, UP_M]) - last.rotation[:, 2] * BACK_M)]
 
@@ -88,12 +97,11 @@ def _retreat(
     side: str,
     q: np.ndarray,
     name: str,
-    T_grip_object: pin.SE3,
     place: pin.SE3,
     retreat: Sequence[tuple[pin.SE3, float]],
 ) -> list[np.ndarray] | None:
     path = [q]
-    poses = retreat_poses(robot.grip(q, side), T_grip_object, retreat)
+    poses = retreat_poses(robot.grip(q, side), retreat)
     with attaching.stood(world, name, place, side), attaching.allowed(world, (name, f"{side}_hand")):
         world.fingers(side, retreat[0][1])
         for pose in poses:
@@ -102,4 +110,4 @@ def _retreat(
             except ik.PathBlocked:
                 return None
     with attaching.stood(world, name, place, side):
-        return path if world.free(path[-1]) else None
+        return path if world.free(path[-1]) and ik.comfortable(robot, path[-1], side) else None
