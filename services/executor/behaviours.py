@@ -66,7 +66,7 @@ def await_act(memory: Memory, turn: Turn) -> Memory:
     match turn.event:
         case Received(content=rc.Command() as command) as received:
             why = wrong(command)
-            if command.key == memory.last:
+            if not why and command.key == memory.last:
                 why = f"act {command.key!r} was begun before; it is never begun again"
             if not why:
                 doing = Doing(received.conversation, command)

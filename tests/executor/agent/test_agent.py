@@ -1,0 +1,167 @@
+"""ex's agent: one act at a time, refusals in words, what a death leaves of an act, cancels before and in an act."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pretended_robot import Robot, World
+from scripted_partner import Open, Say, partner
+
+from agent_runtime.wires import Point, Wires
+from companion.binding import wiring
+from companion.languages import rc
+from companion.languages.values import Pose, Side
+from fipa_codec.performatives import Performative as P
+from services.executor import behaviours
+from services.executor.commands import wrong
+
+MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
+GRASP = rc.Grasp("g1", Side.LEFT, "jar_1", "g", (rc.ApproachPoint(Pose((0.0, 0.0, 0.0)), 0.5),), 0.1, 0.3, 0.2)
+
+
+class Scene:
+    """ex and a scripted ta."""
+
+    def __init__(self) -> None:
+        self.wires, self.world = Wires(), World()
+        self.heard: list[tuple[int, str, Any]] = []
+        self.wires.add(partner("ta", self.heard), wiring("ta", "test"))
+
+        def robot(post: Any) -> Robot:
+            return Robot(post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call))
+
+        self.wires.add(behaviours.agent(), wiring("ex", "test"), robot)
+
+    def ask(self, command: rc.Act) -> None:
+        self.wires.post("ta", Open("ex", "request", P.REQUEST, command))
+
+    def until(self, *performatives: str) -> None:
+        """Go on until these were heard, in this order and no others."""
+        self.wires.run(lambda: len(self.heard) >= len(performatives))
+        assert tuple(word for _, word, _ in self.heard) == performatives, self.heard
+
+    @property
+    def last(self) -> Any:
+        return self.heard[-1][2]
+
+
+@pytest.fixture
+def scene() -> Scene:
+    return Scene()
+
+
+def test_an_act(scene: Scene) -> None:
+    """agree tells the expected duration, inform how the robot stands and what it holds."""
+    scene.ask(GRASP)
+    scene.until("agree", "inform")
+    assert scene.heard[0][2].duration > 0.0
+    assert scene.last.held[Side.LEFT][0] == "jar_1"
+    assert scene.wires.nodes["ex"].state.state == "idle"
+
+
+def test_one_act_at_a_time(scene: Scene) -> None:
+    """A second act is refused in words that name the first; the first goes on."""
+    scene.ask(MOVE)
+    scene.wires.run(lambda: len(scene.heard) == 1)
+    scene.ask(GRASP)
+    scene.wires.run(lambda: len(scene.heard) == 3)
+    assert [(number, word) for number, word, _ in scene.heard] == [(0, "agree"), (1, "refuse"), (0, "inform")]
+    assert scene.heard[1][2].kind == "busy"
+    assert "m1" in scene.heard[1][2].reason
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (rc.MoveJoint("a", Side.LEFT, (), 0.3), "path"),
+        (rc.MoveJoint("a", Side.LEFT, ((0.0,) * 7,), 0.3), "8 joints"),
+        (rc.MoveJoint("a", Side.LEFT, ((float("nan"),) * 8,), 0.3), "finite"),
+        (rc.MoveJoint("a", Side.LEFT, ((0.0,) * 8,), 0.0), "speed"),
+        (rc.MoveJoint("", Side.LEFT, ((0.0,) * 8,), 0.3), "key"),
+        (rc.MoveCartesian("a", Side.LEFT, ()), "segments"),
+        (rc.Grasp("a", Side.LEFT, "jar_1", "g", (), 0.1, 0.3, 0.2), "approach"),
+        (rc.Look("a", ()), "point"),
+        (rc.Pour("a", Side.LEFT, "jar_1", "bowl_1", float("inf"), 0.0, (0.0, 1.0), 1.0, 0.1), "finite"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(scene: Scene, command: rc.Act, words: str) -> None:
+    """Nothing moves, the reason names what is wrong, and the next act is served."""
+    assert words in wrong(command)
+    scene.ask(command)
+    scene.until("refuse")
+    assert words in scene.last.reason
+    assert not scene.world.begun
+    scene.ask(MOVE)
+    scene.until("refuse", "agree", "inform")
+
+
+def test_a_key_is_begun_once(scene: Scene) -> None:
+    """The same key again is refused, whatever became of it."""
+    scene.ask(MOVE)
+    scene.until("agree", "inform")
+    scene.ask(MOVE)
+    scene.until("agree", "inform", "refuse")
+    assert "never begun again" in scene.last.reason
+
+
+@pytest.mark.parametrize("point", list(Point))
+@pytest.mark.parametrize("step", range(1, 12))
+def test_a_death_in_an_act(point: Point, step: int) -> None:
+    """The act is done once or unknown, it is never begun again, and what ex holds it still knows."""
+    scene = Scene()
+    scene.wires.run(lambda: scene.wires.nodes["ex"].state is not None and scene.wires.nodes["ex"].state.state == "idle")
+    scene.wires.crash("ex", point, in_steps=step)
+    scene.ask(GRASP)
+    scene.wires.run(lambda: bool(scene.heard) and scene.heard[-1][1] != "agree")
+    assert scene.world.begun in ([], ["g1"], ["g1", "g1"])
+    kinds = {"inform": rc.Done, "failure": rc.NotDone}
+    assert isinstance(scene.last, kinds[scene.heard[-1][1]])
+    if isinstance(scene.last, rc.NotDone):
+        assert scene.last.kind == "unknown"
+    scene.ask(rc.Look("l1", ((1.0, 0.0, 1.0),)))
+    scene.wires.run(lambda: getattr(scene.last, "key", "") == "l1" and isinstance(scene.last, rc.Done))
+    held = scene.wires.memory("ex").remembered.held
+    assert bool(held) == any(isinstance(content, rc.Done) and content.key == "g1" for _, _, content in scene.heard)
+
+
+def test_a_cancel_in_an_act(scene: Scene) -> None:
+    """The motion is braked; the outcome comes in reply to the cancel."""
+    scene.ask(MOVE)
+    scene.until("agree")
+    scene.wires.run_for(0.3)
+    scene.wires.post("ta", Say(0, P.CANCEL))
+    scene.until("agree", "inform")
+    assert (scene.last.kind, scene.last.key) == ("cancelled", "m1")
+    assert scene.world.sim_time < 1.0
+    assert not scene.wires.memory("ta") or not scene.wires.nodes["ta"].state.conversations
+
+
+def test_a_cancel_before_anything_moved(scene: Scene) -> None:
+    """It is answered at once, nothing moves."""
+    scene.wires.run_for(1.0)
+    scene.ask(MOVE)
+    scene.wires.post("ta", Say(0, P.CANCEL))
+    scene.until("inform")
+    assert scene.last.kind == "cancelled"
+    assert not scene.world.begun
+
+
+def test_a_cancel_too_late(scene: Scene) -> None:
+    """One that crosses the outcome is answered by a failure; that ends the conversation for both."""
+    scene.ask(MOVE)
+    scene.until("agree")
+    scene.wires.run(lambda: scene.wires.nodes["ex"].state.state == "idle")
+    scene.wires.post("ta", Say(0, P.CANCEL))
+    scene.until("agree", "inform", "failure")
+    assert not scene.wires.nodes["ta"].state.conversations
+
+
+def test_the_memory_is_small() -> None:
+    """A record of ex stays below 8 kB: a motion's path is not in it."""
+    scene = Scene()
+    scene.ask(GRASP)
+    scene.until("agree")
+    record = scene.wires.nodes["ex"].journal
+    assert record is not None
+    assert len(record) < 8192
+    assert np.zeros((101, 15)).nbytes > 8192

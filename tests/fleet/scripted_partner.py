@@ -1,0 +1,56 @@
+"""An agent that only says what a test has it say, and keeps what it hears: a partner for one agent under test."""
+
+from typing import Any
+
+import msgspec
+
+from agent_runtime.agent import Agent, Behaviour
+from agent_runtime.events import Local, Received
+from agent_runtime.turn import Turn
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import SEND
+
+
+class Open(msgspec.Struct, frozen=True):
+    """Open a conversation."""
+
+    to: str
+    protocol: str
+    performative: Performative
+    content: Any = None
+
+
+class Say(msgspec.Struct, frozen=True):
+    """Say something in the nth conversation that was opened or heard of; `kind` tells an answer to a cancel."""
+
+    number: int
+    performative: Performative
+    content: Any = None
+    kind: Kind | None = None
+
+
+class Names(msgspec.Struct, frozen=True):
+    """Conversations in order."""
+
+    talks: tuple[str, ...] = ()
+
+
+def partner(name: str, heard: list[tuple[int, str, Any]], *, confirms: bool = True) -> Agent[Names]:
+    """The agent `name`; `heard` gets (number of conversation, performative, content)."""
+
+    def serve(memory: Names, turn: Turn) -> Names:
+        match turn.event:
+            case Local(content=Open(to=to, protocol=protocol, performative=act, content=content)):
+                return Names((*memory.talks, turn.open(to, protocol, act, content)))
+            case Local(content=Say(number=number, performative=act, content=content, kind=kind)):
+                turn.say(memory.talks[number], act, content, kind=kind)
+            case Received(communicate=word, content=content, conversation=talk):
+                memory = memory if talk in memory.talks else Names((*memory.talks, talk))
+                heard.append((memory.talks.index(talk), str(word.performative), content))
+                if confirms and turn.holds(talk) and turn.conversation(talk).owes:
+                    rows = turn.conversation(talk).table.allowed(turn.conversation(talk).state, SEND)
+                    turn.say(talk, rows[0].performative)
+        return memory
+
+    return Agent(name=name, start="here", memory=Names(), behaviours={"here": Behaviour(serve)}, local=Open | Say)

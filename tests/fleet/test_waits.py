@@ -1,0 +1,105 @@
+"""Every wait ends: by an answer, or by its time and in words that say whose answer did not come."""
+
+from pretended_fleet import Fleet
+from scripted_search import Script
+
+from agent_runtime.wires import Point
+from companion.languages import wm
+from services.planner.search_process import Answer, Begin, Died
+
+
+def text(fleet: Fleet) -> str:
+    """What hi was told last of the first task."""
+    return fleet.tasks[0].text
+
+
+def test_an_empty_world(fleet) -> None:
+    """Where nothing is seen the plan fails with its reason: km knows only what observations told it."""
+    fleet.world.poses.clear()
+    fleet.say("pour the jar into the bowl")
+    assert fleet.finish() == ["failed"]
+    assert "has been seen" in text(fleet)
+    fleet.say("look around")
+    assert fleet.finish(2)[-1] == "done"
+
+
+def test_no_question_is_answered_before_the_first_look(fleet) -> None:
+    """A command that comes before anything was seen waits for the look around instead of failing."""
+    fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=8.0)
+    fleet.say("pour the jar into the bowl")
+    assert fleet.finish() == ["done"]
+
+
+def test_blind_for_good(fleet) -> None:
+    """Without a robot km answers that nothing was observed, once its patience is over."""
+    fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=120.0)
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(fleet.ended, limit_s=100.0)
+    assert "nothing" in text(fleet)
+
+
+def test_km_away_while_planning(fleet) -> None:
+    """pl says that km does not answer; the next command is served once it is back."""
+    fleet.wires.run(fleet.at_rest)
+    fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=50.0)
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(fleet.ended, limit_s=100.0)
+    assert "km does not answer" in text(fleet)
+    fleet.wires.run_for(60.0)
+    fleet.say("pour the jar into the bowl")
+    assert fleet.finish(2)[-1] == "done"
+
+
+def test_km_away_at_the_barrier(fleet) -> None:
+    """ta reports after a while, and says that observations are pending; km gets them when it is back."""
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(lambda: "Look" in str(type(getattr(fleet.wires.memory("ex").doing, "command", ""))) and seen(fleet))
+    fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=300.0)
+    fleet.wires.run(fleet.ended, limit_s=200.0)
+    assert "observations pending" in text(fleet)
+    fleet.wires.run(fleet.at_rest, limit_s=400.0)
+
+
+def seen(fleet: Fleet) -> bool:
+    """The first plan has begun."""
+    return fleet.wires.memory("ta").plan is not None
+
+
+def test_ex_away_in_an_act(fleet) -> None:
+    """The command ends when its time is over; when ex is back the fleet comes to rest and serves on."""
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(lambda: seen(fleet) and fleet.wires.nodes["ex"].state.state == "acting")
+    fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=600.0)
+    fleet.wires.run(fleet.ended, limit_s=500.0)
+    assert "did not answer in time" in text(fleet)
+    fleet.wires.run(fleet.at_rest, limit_s=900.0)
+    fleet.say("pour the jar into the bowl")
+    assert fleet.finish(2)[-1] == "done"
+
+
+def test_hypotheses_lost(fleet) -> None:
+    """km forgets them with its life: the search begins anew and asks everything again."""
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(lambda: any(isinstance(query, wm.HypotheticalState) for query in fleet.asked))
+    fleet.wires.crash("km", Point.AFTER, in_steps=1)
+    assert fleet.finish() == ["done"]
+    first = [query for query in fleet.asked if isinstance(query, wm.HypotheticalState) and query.id.endswith("plan1/0")]
+    assert len(first) == 2
+
+
+class Dying(Script):
+    """A search whose process ends at its first query."""
+
+    def tell(self, content: object) -> None:
+        """Die at once."""
+        if isinstance(content, Begin | Answer):
+            self._post(Died(9))
+
+
+def test_the_search_dies() -> None:
+    """The command fails in words, and pl waits for the next one."""
+    fleet = Fleet(search=lambda post: Dying(post, []))
+    fleet.say("pour the jar into the bowl")
+    assert fleet.finish() == ["failed"]
+    assert "exit status 9" in text(fleet)
+    fleet.close()

@@ -1,0 +1,122 @@
+"""pl's agent: problems wait for their turn, a cancel is answered at once, the search is a killable process."""
+
+import queue
+import time
+from typing import Any
+
+import pytest
+from scripted_partner import Open, Say, partner
+from scripted_search import Script
+
+from agent_runtime.wires import Wires
+from companion.binding import wiring
+from companion.languages import hfsm, wm
+from fipa_codec.performatives import Performative as P
+from services.knowledge import behaviours as knowledge
+from services.knowledge import mirror
+from services.planner import behaviours
+from services.planner.search_process import Answer, Ask, Begin, Local, NotFound, Stop
+from services.planner.searcher import Searcher
+
+
+def network(name: str) -> hfsm.GroundTaskNetwork:
+    """A task that needs no object."""
+    return hfsm.GroundTaskNetwork(name, (hfsm.Task("look_around", ()),))
+
+
+class Slow(Script):
+    """Asks without end."""
+
+    def _go_on(self, answer: wm.AnyAnswer | None) -> None:
+        self._post(Ask(self._attempt, wm.ListObjects()), 0.01)
+
+
+class Scene:
+    """pl with the true km, a scripted co and a scripted ta."""
+
+    def __init__(self, search: Any) -> None:
+        self.wires = Wires()
+        self.heard: list[tuple[int, str, Any]] = []
+        self.asked: list[Any] = []
+        self.wires.add(partner("co", self.heard), wiring("co", "test"))
+        self.wires.add(behaviours.agent(), wiring("pl", "test"), lambda post: search(post, self.asked))
+        self.wires.add(knowledge.agent(), wiring("km", "test"), mirror.at(None))
+        self.wires.run_for(knowledge.PATIENCE_S + 1.0)
+
+    def ask(self, name: str) -> None:
+        self.wires.post("co", Open("pl", "request", P.REQUEST, network(name)))
+
+    def until(self, count: int) -> list[tuple[int, str]]:
+        self.wires.run(lambda: len(self.heard) >= count)
+        return [(number, word) for number, word, _ in self.heard]
+
+
+def test_a_plan() -> None:
+    """agree, then the plan; km has no hypothetical state left of it."""
+    scene = Scene(Script)
+    scene.ask("p1")
+    assert scene.until(2) == [(0, "agree"), (0, "inform")]
+    assert isinstance(scene.heard[-1][2], hfsm.HierarchicalPlan)
+    scene.wires.run_for(1.0)
+    assert not scene.wires.memory("km").soft.overlays.states
+
+
+def test_problems_wait_for_their_turn() -> None:
+    """Both are agreed to at once, and planned one after the other."""
+    scene = Scene(Script)
+    scene.ask("p1")
+    scene.ask("p2")
+    assert sorted(scene.until(4)) == [(0, "agree"), (0, "inform"), (1, "agree"), (1, "inform")]
+    assert scene.heard[-1][2].id == "p2"
+
+
+def test_a_cancel_is_answered_at_once() -> None:
+    """While it searches: within milliseconds, and the next problem is taken; while it waits: likewise."""
+    scene = Scene(Slow)
+    for name in ("p1", "p2", "p3"):
+        scene.ask(name)
+    scene.until(3)
+    began = scene.wires.now
+    scene.wires.post("co", Say(1, P.CANCEL))
+    scene.until(4)
+    scene.wires.post("co", Say(0, P.CANCEL))
+    scene.until(5)
+    assert scene.wires.now - began < 0.1
+    assert [(number, type(content)) for number, _, content in scene.heard[3:]] == [(1, hfsm.NoPlan), (0, hfsm.NoPlan)]
+    scene.wires.run_for(0.5)
+    assert scene.wires.memory("pl").problem.network.id == "p3"
+
+
+def test_words_of_an_earlier_attempt_are_ignored() -> None:
+    """What a killed search had said before does not reach km or co."""
+    scene = Scene(Slow)
+    scene.ask("p1")
+    scene.until(1)
+    scene.wires.run_for(0.2)
+    scene.wires.post("pl", NotFound(0, "from before"))
+    scene.wires.run_for(0.2)
+    assert len(scene.heard) == 1
+
+
+@pytest.mark.timeout(120)
+def test_the_true_search_is_killed_and_replaced() -> None:
+    """Stop ends the child at once, in the middle of anything; the next request is searched by another one."""
+    words: queue.SimpleQueue[Local] = queue.SimpleQueue()  # type: ignore[valid-type]
+    searcher = Searcher(lambda content, delay_s=0.0: words.put(content))  # type: ignore[arg-type]
+    try:
+        pour = hfsm.GroundTaskNetwork("p1", (hfsm.Task("pour", ("jar", "bowl")),))
+        searcher.tell(Begin(1, pour, 1))
+        first = words.get(timeout=60.0)
+        assert isinstance(first, Ask)
+        began = time.monotonic()
+        searcher.tell(Stop(1))
+        assert time.monotonic() - began < 1.0
+        searcher.tell(Begin(2, pour, 1))
+        again = words.get(timeout=60.0)
+        assert (type(again), again.attempt) == (Ask, 2)
+        searcher.tell(Answer(2, wm.Unknown("nothing was observed")))
+        ended = words.get(timeout=60.0)
+        assert isinstance(ended, NotFound)
+        assert "nothing was observed" in ended.reason
+    finally:
+        searcher.close()
