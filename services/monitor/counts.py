@@ -15,6 +15,8 @@ from services.monitor.history import History, Told
 from services.monitor.records import Spoken
 
 OPENING = (Performative.REQUEST, Performative.QUERY_REF, Performative.SUBSCRIBE)
+RESULT = ("generate_plan",)
+"""Uses whose budget in the design is that of the result; elsewhere it is that of the first word, an agree."""
 SMALL_BYTES = 500
 """The paper: 86 % of its communicates are smaller (section 5.7)."""
 
@@ -55,7 +57,7 @@ class Spans(msgspec.Struct, frozen=True):
 
 
 class Latency(msgspec.Struct, frozen=True):
-    """One use of a protocol: from the opening to the first answer, from a durable communicate to its receipt.
+    """One use of a protocol: from the opening to its answer, from a durable communicate to its receipt.
 
     `budget_ms`: what the design allows for the answer.
     """
@@ -137,10 +139,11 @@ def _by_use(said: Iterable[Spoken], measure: Callable[[Spoken], float | None]) -
 
 
 def _answers(said: tuple[Spoken, ...]) -> Callable[[Spoken], float | None]:
-    """For an opening: time to the first word of the other side in the same conversation; None for all else."""
+    """For an opening: time to the first word (or the result) in the same conversation; None for all else."""
     first: dict[tuple[str, str], float] = {}
     for one in said:
-        first.setdefault((one.conversation, one.sender), one.received)
+        if one.performative != Performative.AGREE or DESIGN.rule(one.communicate).use not in RESULT:
+            first.setdefault((one.conversation, one.sender), one.received)
 
     def measure(one: Spoken) -> float | None:
         answer = first.get((one.conversation, one.receiver))
