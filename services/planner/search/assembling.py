@@ -22,6 +22,8 @@ def plan(request: str, task: str, steps: list[Step], outcome: str, queries: int)
     if outcome == hfsm.Outcome.REPLAN:
         states.append(_localized(steps))
         states.append(hfsm.EndState("replan", hfsm.Outcome.REPLAN, "what was put down is localized now"))
+    if not states:
+        states.append(hfsm.EndState("nothing to do", hfsm.Outcome.SUCCEEDED, "it is so already"))
     chained = tuple(_then(state, following.name) for state, following in pairwise(states))
     root = hfsm.Machine(name=task, initial=states[0].name, states=(*chained, states[-1]))
     return hfsm.HierarchicalPlan(

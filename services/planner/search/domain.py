@@ -15,6 +15,7 @@ from typing import Any
 from companion.languages import wm
 from companion.languages.values import Side
 from services.planner.search.asking import Unanswered
+from services.planner.search.looking import look_around
 from services.planner.search.pouring import look, pour
 from services.planner.search.putting import home, place
 from services.planner.search.steps import Geometry, Step
@@ -61,6 +62,7 @@ class Search:
             self._action("a_place", lambda s, side: place(self.geometry, s.km, Side(side))),
             self._action("a_home", lambda s, side: home(self.geometry, s.km, Side(side))),
             self._action("a_look", lambda s, n: look(self.geometry, s.km, n)),
+            self._action("a_look_around", lambda s: look_around()),
             self._action("a_pour", lambda s, a, b, side: pour(self.geometry, s.km, a, b, Side(side))),
             self._end(),
         )
@@ -68,6 +70,7 @@ class Search:
         gtpyhop.declare_task_methods("take", self.take_nothing, *(self._take_with(s) for s in PREFERRED))
         gtpyhop.declare_task_methods("put_down", self.put_down)
         gtpyhop.declare_task_methods("localize", self.localize)
+        gtpyhop.declare_task_methods("look_around", self.look_around)
 
     # --- actions ------------------------------------------------------------------------------------------------
 
@@ -170,6 +173,10 @@ class Search:
         """Put it down and bring the hand home."""
         side = self._holder(state, name)
         return False if side is None else [("a_place", str(side)), ("a_home", str(side))]
+
+    def look_around(self, state: _State) -> list[Any]:
+        """It needs nothing, so it can always be done."""
+        return [("a_look_around",)]
 
     def localize(self, state: _State, name: str) -> list[Any] | bool:
         """Look where it is; what follows needs a new plan."""
