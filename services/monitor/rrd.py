@@ -16,10 +16,10 @@ from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind
 
 from companion.design import DESIGN
 from companion.languages.values import Pose
-from companion.telemetry import TrueState
 from services.monitor import robot, things
 from services.monitor.history import History
 from services.monitor.live import words
+from services.monitor.placing import placed
 from services.monitor.records import Spoken
 
 NAME = "robot_companion"
@@ -131,40 +131,29 @@ def _floor() -> rr.AsComponents:
 
 
 def _things(out: rr.RecordingStream, history: History) -> None:
-    """True poses where the simulation told them; what never moves is logged once."""
-    indexes = _indexes(history, [(at, truth.time_s) for at, truth in history.truth])
-    states = [truth for _, truth in history.truth]
-    models = {name: model for truth in states for name, model in truth.models.items()}
-    for name, model in models.items():
-        entity = f"{THINGS}/{name}"
-        for part, drawn in things.looks(model):
+    """What never moves is logged once."""
+    for thing in placed(history):
+        entity = f"{THINGS}/{thing.name}"
+        for part, drawn in things.looks(thing.model):
             out.log(f"{entity}/{part}", drawn, static=True)
-        poses = _poses(name, states)
-        if len(set(poses)) == 1:
-            out.log(entity, _transform(poses[0]), static=True)
-        elif poses:
-            at, turn = np.array([p.xyz for p in poses]), np.array([_xyzw(p.quat_wxyz) for p in poses])
+        if thing.moves:
+            at = np.array([pose.xyz for pose in thing.poses])
+            turn = np.array([_xyzw(pose.quat_wxyz) for pose in thing.poses])
             columns = rr.Transform3D.columns(translation=at, quaternion=turn)
-            rr.send_columns(entity, indexes=indexes, columns=columns, recording=out)
-    _grains(out, indexes, states)
+            rr.send_columns(entity, indexes=_indexes(history, thing.times), columns=columns, recording=out)
+        else:
+            out.log(entity, _transform(thing.poses[0]), static=True)
+    _grains(out, history)
 
 
-def _poses(name: str, states: list[TrueState]) -> list[Pose]:
-    """One pose per state: where a state has none, the one before it."""
-    last = next((truth.poses[name] for truth in states if name in truth.poses), None)
-    poses: list[Pose] = []
-    for truth in states:
-        last = truth.poses.get(name, last)
-        poses += [last] if last is not None else []
-    return poses
-
-
-def _grains(out: rr.RecordingStream, indexes: list[rr.TimeColumn], states: list[TrueState]) -> None:
+def _grains(out: rr.RecordingStream, history: History) -> None:
+    states = [truth for _, truth in history.truth]
     if not any(truth.grains_at for truth in states):
         return
     out.log(GRAINS, rr.Points3D.from_fields(radii=[GRAIN_RADIUS], colors=[GRAIN_COLOUR]), static=True)
     points = np.array([point for truth in states for point in truth.grains_at], dtype=np.float32).reshape(-1, 3)
     columns = rr.Points3D.columns(positions=points).partition([len(truth.grains_at) for truth in states])
+    indexes = _indexes(history, [(at, truth.time_s) for at, truth in history.truth])
     rr.send_columns(GRAINS, indexes=indexes, columns=columns, recording=out)
 
 
