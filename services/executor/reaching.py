@@ -22,6 +22,7 @@ BEAT_S = 0.01  # the loop goes to damping after 0.1 s without a beat
 IDLE_S = 0.1
 TAKEN_WITHIN_S = 2.0  # estimate: a loop takes a command within a cycle or a rest of 2 ms
 SILENT_S = 2.0  # estimate: during a motion its state changes every 10 ms
+READ_WITHIN_S = 1.0  # estimate: one read in thousands fails at full speed, two in a row are not seen
 RELEASED_WITHIN_S = 5.0  # estimate: the dwell of a held robot is a fraction of a second
 
 
@@ -83,8 +84,7 @@ class SlotLoop:
                 self._link = AgentLink(self._path)
             except SlotError as error:
                 raise Gone(f"the loop does not run: {error}") from None
-        if self._link.state() is None:
-            raise Gone("the loop has not begun yet")
+        _state(self._link)
         return self._link
 
     def _halt(self, number: int) -> bool:
@@ -163,9 +163,12 @@ class SlotLoop:
 
 
 def _state(link: AgentLink) -> LoopState:
-    state = link.state()
-    if state is None:
-        raise Gone("the loop says nothing")
+    """The newest state; a reader that met the writer again and again (it never waits for us) tries once more."""
+    end = time.monotonic() + READ_WITHIN_S
+    while (state := link.state()) is None:
+        if time.monotonic() > end:
+            raise Gone("the loop says nothing")
+        time.sleep(0.001)
     return state
 
 
