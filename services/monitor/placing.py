@@ -1,7 +1,7 @@
 """Where each thing was over a run: the true poses where the simulation told them, else what km was told.
 
-A truth without orientations (vessels' origins only) gets the turn that was observed last, so a tilted jar is drawn as it
-was seen, not as it is tilted now.
+A truth without orientations (vessels' origins only) gets the turn that was observed last, so a tilted jar is drawn as
+it was seen, not as it is tilted now.
 """
 
 from bisect import bisect_right

@@ -147,6 +147,9 @@ class Run:
             work_J=8.0 * self.sim,
             poses={**POSES, "jar_1": jar, "bowl_1": Pose(self.at["bowl_1"])},
             models=MODELS,
+            grains_at=tuple(
+                (jar.xyz[0] + 0.01 * (k % 3), jar.xyz[1], jar.xyz[2] - 0.08 + 0.005 * k) for k in range(30)
+            ),
         )
         self.house("truth", "ex", msgspec.msgpack.encode(truth))
 
