@@ -25,9 +25,7 @@ _STAY_INSIDE = 0.03  # rad: iterations are clipped this far inside the limits
 _DAMPING = 1e-4  # of J J^T; small enough to reach 0.5 mm, large enough to pass the elbow's singularity
 _LARGEST_TURN = 0.35  # rad a joint may move in one iteration
 _LARGEST_ERROR = 0.25  # m and rad: a farther target is approached in parts
-_A_SECOND = (
-    0.04  # comfort a second of travel is worth: 8 s outweigh a third of a radian from a limit (estimate)
-)
+_A_SECOND = 0.04  # comfort a second of travel is worth: 8 s outweigh a third of a radian from a limit (estimate)
 _JUMP = 0.25  # rad between neighbours of a line: more means that the elbow flipped
 
 

@@ -1,8 +1,8 @@
 """Free motions of one arm and the torso: from a posture to another without touching anything.
 
-Straight in the joints where that is free; else over postures that often help; else by random trees (OMPL). What comes
-out has been shortened, rounded, put in time and checked in time: a smoothed path that was only checked as a path once
-hooked an arm at the cabinet. All is counted and seeded, so the same question has the same answer.
+Straight in the joints where that is free, else by random trees (OMPL) between the ends drawn back. What comes out has
+been shortened, rounded, put in time and checked in time: a smoothed path that was only checked as a path once hooked an
+arm at the cabinet. All is counted and seeded, so the same question has the same answer.
 """
 
 from collections.abc import Callable, Iterator
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from velma import names
+from velma.kinematics.backing import drawn_back
 from velma.kinematics.collision import World
-from velma.kinematics.detours import detours, drawn_back
 from velma.kinematics.robot import Robot
 from velma.kinematics.shortening import STEP, clear, rounder, shortened
 from velma.kinematics.timing import JOINT_FRACTION, NotTimed, Trajectory, dense, timed
@@ -22,7 +22,7 @@ from velma.names import Array
 Keep = Callable[[Array], bool]
 
 ITERATIONS = 4000  # of a tree; it needs 50 to 500 where there is a way (benchmarks/kinematics.py)
-ATTEMPTS = 4  # ways looked at, the quickest is kept (trial runs)
+ATTEMPTS = 4  # trees, the quickest way is kept (trial runs)
 PATIENCE = 10_000  # collision checks after which no further way is looked for, once there is one
 TOOL_SPEED = 0.25  # m/s: what a motion's time is judged by
 GOOD_ENOUGH = 1.2  # times as long as straight through everything: no further attempt (trial runs)
@@ -30,8 +30,8 @@ CHECK_S = 0.04  # between checked states of the timed motion (trial runs)
 SPARE_M = 0.002  # more distance while a way is looked for, lost again where it is rounded (estimate)
 _INSIDE = 0.02  # rad: trees stay this far inside the limits
 _TORSO = 1.3  # rad: trees keep the torso away from its limit
-_SLOWEST = 2.0  # largest scale: the torso counts at most twice as much as a joint of the arm
-_KEPT_RANGE = 0.3  # scaled rad: shorter branches where a condition leaves little room
+_WANDER = 0.4  # rad: first trees turn the torso, four times slower than an arm, so far beyond its ends (estimate)
+_KEPT_RANGE = 0.3  # rad: shorter branches where a condition leaves little room
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def plan(
 
     Torso and the arm of `side` move, all else stays as at `start`; `keep(q)` has to hold all the way. The way timed
     with `tool_speed` [m/s] and the usual limits is free of collisions. Each tree is given `iterations`, and of up to
-    `attempts` ways the quickest is returned; the same arguments and world give the same way.
+    `attempts` trees the quickest way is returned; the same arguments and world give the same way.
     """
     columns = names.COLUMNS[side]
     first = np.array(start, dtype=np.float64)
@@ -152,26 +152,26 @@ def _in_time(task: _Task, way: Array) -> tuple[Array, float] | None:
 
 
 def _ways(task: _Task, iterations: int, seed: int, attempts: int) -> Iterator[Array]:
-    """Allowed ways (n, 8): over helpful postures, then by trees between the ends drawn back."""
+    """Allowed ways (n, 8) by trees between the ends with the hand drawn back."""
     columns = task.columns
     out = np.array(drawn_back(task.robot, task.side, task.start, task.accepts))[:, columns]
     into = np.array(drawn_back(task.robot, task.side, task.goal, task.accepts))[::-1, columns]
-    offered = detours(task.side, out, into, task.allowed, task.cost)
-    yield from offered
-    lower, upper = _bounds(task, np.array([out[-1], into[0]]))
-    speed = task.robot.speed[columns]
-    scale = np.minimum(speed[1:].mean() / speed, _SLOWEST)
+    ends = np.array([out[-1], into[0]])
     reach = {} if task.keep is None else {"reach": _KEPT_RANGE}
-    for attempt in range(attempts - len(offered)):
+    for attempt in range(attempts):
         number = 64 * seed + attempt
-        found = grow(task.allowed, out[-1], into[0], lower, upper, scale, iterations=iterations, seed=number, **reach)
-        if found is None:
+        for wander in (_WANDER, 2 * _TORSO):
+            lower, upper = _bounds(task, ends, wander)
+            found = grow(task.allowed, *ends, lower, upper, iterations=iterations, seed=number, **reach)
+            if found is not None:
+                yield dense([*out[:-1], *found, *into[1:]], STEP)
+                break
+        else:
             return  # another tree of the same size would hardly do better
-        yield dense([*out[:-1], *found, *into[1:]], STEP)
 
 
-def _bounds(task: _Task, ends: Array) -> tuple[Array, Array]:
-    """Where trees may grow: inside the limits, the torso not far round, but not without the ends (2, 8)."""
+def _bounds(task: _Task, ends: Array, wander: float) -> tuple[Array, Array]:
+    """Where trees may grow: inside the limits, the torso `wander` beyond the ends (2, 8), which are always inside."""
     lower, upper = task.robot.lower[task.columns] + _INSIDE, task.robot.upper[task.columns] - _INSIDE
-    lower[0], upper[0] = max(lower[0], -_TORSO), min(upper[0], _TORSO)
+    lower[0], upper[0] = max(-_TORSO, ends[:, 0].min() - wander), min(_TORSO, ends[:, 0].max() + wander)
     return np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))

@@ -1,7 +1,6 @@
 """Search of a way between two postures by OMPL's RRTConnect, counted in iterations and repeatable from a seed.
 
-Joints are scaled by how slowly they turn, so that the tree does not wander with the torso, which is four times slower
-than an arm. Knows neither robot nor scene: only bounds, and whether a posture is allowed.
+Knows neither robot nor scene: only bounds, and whether a posture is allowed.
 """
 
 from collections.abc import Callable
@@ -16,8 +15,8 @@ from velma.names import Array
 
 ou.setLogLevel(ou.LOG_NONE)  # also silences "changing seed": what is sampled after `setSeed` follows the new seed
 
-RANGE = 0.6  # scaled rad that one extension of the tree may go (trial runs)
-CHECKED = 0.1  # scaled rad between states that are checked on an edge; whole motions are checked more finely later
+RANGE = 0.6  # rad that one extension of the tree may go (trial runs)
+CHECKED = 0.1  # rad between states that are checked on an edge; whole motions are checked more finely later
 
 
 class _Counted:
@@ -37,7 +36,6 @@ def grow(
     goal: Array,
     lower: Array,
     upper: Array,
-    scale: Array,
     *,
     iterations: int,
     seed: int,
@@ -45,19 +43,18 @@ def grow(
 ) -> list[Array] | None:
     """Postures from `start` to `goal`, all (n,) within bounds, whose straight connections are allowed, or None.
 
-    Distances are those of posture * scale. The same arguments give the same answer, whatever was planned before.
+    The same arguments give the same answer, whatever was planned before.
     """
     ou.RNG.setSeed(1 + seed % (2**31 - 2))  # 0 would be taken from the clock
     space = ob.RealVectorStateSpace(len(start))
-    space.setBounds(_bounds(lower * scale, upper * scale))
+    space.setBounds(_bounds(lower, upper))
     information = ob.SpaceInformation(space)
     dimensions = range(len(start))
-    unscale = 1.0 / scale
-    information.setStateValidityChecker(lambda state: allowed(np.array([state[i] for i in dimensions]) * unscale))
+    information.setStateValidityChecker(lambda state: bool(allowed(np.array([state[i] for i in dimensions]))))
     information.setStateValidityCheckingResolution(CHECKED / space.getMaximumExtent())
     information.setup()
     problem = ob.ProblemDefinition(information)
-    problem.setStartAndGoalStates(_state(space, start * scale), _state(space, goal * scale))
+    problem.setStartAndGoalStates(_state(space, start), _state(space, goal))
     planner = og.RRTConnect(information)
     planner.setRange(reach)
     planner.setProblemDefinition(problem)
@@ -67,7 +64,7 @@ def grow(
         return None
     path = problem.getSolutionPath()
     states = [path.getState(k) for k in range(path.getStateCount())]
-    return [np.array([state[i] for i in dimensions]) * unscale for state in states]
+    return [np.array([state[i] for i in dimensions]) for state in states]
 
 
 def _bounds(lower: Array, upper: Array) -> Any:

@@ -1,0 +1,128 @@
+"""Free motions: they end where asked, touch nothing in time, keep their condition, and are replayed from a seed."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from velma import names
+from velma.kinematics import ik, motion
+from velma.kinematics.collision import World
+from velma.kinematics.robot import Robot, pose
+from velma.kinematics.shapes import Box, Sphere
+from velma.kinematics.timing import timed
+
+SPEED = 0.25
+START = np.array(names.START)
+
+
+def reaching(robot: Robot, side: str = "left") -> np.ndarray:
+    """A posture with the hand in front of the robot, pointing forwards."""
+    mirror = 1.0 if side == "left" else -1.0
+    grip = pose((0.55, 0.35 * mirror, 1.1))
+    grip.rotation = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    q = ik.sample(robot, side, grip, START, np.random.default_rng(5), torso=0.1, best=True)
+    assert q is not None
+    return q
+
+
+def walled(robot: Robot) -> World:
+    """A world with a board between the hanging left hand and the place it reaches to."""
+    world = World(robot)
+    world.put("board", [Box((0.3, 0.5, 0.02))], pose((0.45, 0.45, 0.85)))
+    return world
+
+
+def check(robot: Robot, world: World, path: list[np.ndarray], start: np.ndarray, goal: np.ndarray) -> None:
+    """Ends, density, joints that stay, and freedom in time, twice as finely as the planner looks."""
+    np.testing.assert_array_equal(path[0], start)
+    np.testing.assert_allclose(path[-1], goal, atol=1e-12)
+    assert np.abs(np.diff(path, axis=0)).max() <= 0.05 + 1e-9
+    assert np.all(np.array(path)[:, names.ARM["right"]] == start[names.ARM["right"]])
+    trajectory = timed(robot, path, tool_speed=SPEED)
+    world.margin -= 0.001  # states between those the planner looked at may come a little nearer
+    assert all(world.free(q) for q in trajectory.q[::2])
+
+
+def test_a_free_way_is_straight(robot: Robot) -> None:
+    """Where nothing is in the way the joints go straight."""
+    goal = reaching(robot)
+    path = motion.plan(robot, World(robot), "left", START, goal)
+    assert path is not None
+    shares = np.array([(q - START) @ (goal - START) for q in path]) / ((goal - START) @ (goal - START))
+    np.testing.assert_allclose(path, START + shares[:, None] * (goal - START), atol=1e-9)
+
+
+def test_a_blocked_way_goes_round(robot: Robot) -> None:
+    """With a board across the straight way, the motion goes round it and touches nothing at any time."""
+    world, goal = walled(robot), reaching(robot)
+    straight = np.linspace(START, goal, 60)
+    assert not all(world.free(q) for q in straight)
+    path = motion.plan(robot, world, "left", START, goal, tool_speed=SPEED)
+    assert path is not None
+    check(robot, world, path, START, goal)
+
+
+def test_a_motion_is_replayed_in_one_process(robot: Robot) -> None:
+    """The same seed goes the same way whatever was planned in between; another seed may go another."""
+    world, goal = walled(robot), reaching(robot)
+    first, other, again = (motion.plan(robot, world, "left", START, goal, seed=seed) for seed in (3, 4, 3))
+    assert first is not None
+    assert other is not None
+    np.testing.assert_array_equal(first, again)
+    assert len(first) != len(other) or not np.array_equal(first, other)
+
+
+def test_a_motion_out_of_the_cabinet(robot: Robot, furnished: Callable[[], World]) -> None:
+    """From a posture with the hand between the shelves back to the side of the body."""
+    world = furnished()
+    world.remove("jar_1")
+    out = pose((0.0, 0.0, 0.0), -2.9235).rotation[:, 0]
+    grip = pose((0.80, 0.36, 1.281))
+    up = np.array([0.0, 0.0, 1.0])
+    grip.rotation = np.column_stack((up, np.cross(-out, up), -out))
+    inside = ik.sample(robot, "left", grip, START, np.random.default_rng(1), accept=world.free, best=True, starts=80)
+    assert inside is not None
+    goal = inside.copy()
+    goal[names.ARM["left"]] = START[names.ARM["left"]]
+    path = motion.plan(robot, world, "left", inside, goal, tool_speed=SPEED)
+    assert path is not None
+    check(robot, world, path, inside, goal)
+
+
+def test_a_condition_holds_all_the_way(robot: Robot) -> None:
+    """With the hand's axis to stay within 40 degrees of the horizon, it does at each posture."""
+    start, world = reaching(robot), World(robot)
+    grip = robot.grip(start, "left")
+    target = pose((0.3, 0.7, 1.2))
+    target.rotation = pose((0.0, 0.0, 0.0), 1.2).rotation @ grip.rotation
+    goal = ik.sample(robot, "left", target, start, np.random.default_rng(2), best=True)
+    assert goal is not None
+    world.put("post", [Box((0.06, 0.06, 0.06))], pose(robot.grip((start + goal) / 2, "left").translation))
+
+    def level(q: np.ndarray) -> bool:
+        return abs(float(robot.grip(q, "left").rotation[2, 2])) < np.sin(np.radians(40.0))
+
+    assert world.free(start)
+    assert world.free(goal)
+    assert not world.free((start + goal) / 2)
+    path = motion.plan(robot, world, "left", start, goal, keep=level)
+    assert path is not None
+    assert all(level(q) for q in timed(robot, path, tool_speed=0.25).q[::4])
+
+
+def test_what_cannot_be_is_refused(robot: Robot) -> None:
+    """No way to a goal that touches something or breaks the condition, nor from such a start."""
+    world, goal = World(robot), reaching(robot)
+    assert motion.plan(robot, world, "left", START, goal, keep=lambda q: q[0] < 0.05) is None
+    world.put("ball", [Sphere(0.1)], pose(robot.grip(goal, "left").translation))
+    assert motion.plan(robot, world, "left", START, goal) is None
+    assert motion.plan(robot, world, "left", goal, START) is None
+
+
+def test_a_closed_box_is_given_up(robot: Robot) -> None:
+    """A hand behind a wall without a gap is not reached; the iterations end and the margin is as it was."""
+    world, goal = World(robot), reaching(robot)
+    world.put("wall", [Box((0.02, 8.0, 8.0))], pose((0.45, 0.0, 1.0)))
+    world.allow(("wall", "robot"))
+    assert motion.plan(robot, world, "left", START, goal, iterations=50) is None
+    assert world.margin == 0.006
