@@ -85,9 +85,10 @@ def make_safe(memory: Memory, turn: Turn) -> Memory:
 
 
 def _secured(memory: Memory, outcome: Outcome, reason: str) -> Memory:
-    if outcome is Outcome.SUCCEEDED:
-        return replace(memory, end=sw.WorkerState.PREEMPTED)
-    held = ", ".join(memory.hands.values()) or "nothing"
+    """The plan is Preempted once nothing is held, whatever came after the last thing was put down."""
+    if outcome is Outcome.SUCCEEDED or not memory.hands:
+        return replace(memory, end=sw.WorkerState.PREEMPTED, reason=reason)
+    held = ", ".join(memory.hands.values())
     words = f"cancelled, but not everything could be put down (held: {held}): {reason}"
     return replace(memory, end=sw.WorkerState.FAILED, reason=words)
 

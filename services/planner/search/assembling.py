@@ -11,9 +11,14 @@ from velma.kinematics.tasks.frames import transform
 from velma.kinematics.tasks.placing import backwards
 
 
-def plan(request: str, task: str, steps: list[Step], outcome: str, queries: int) -> hfsm.HierarchicalPlan:
-    """The plan of these steps in order; `outcome` "replan" ends it so that the same task is planned again."""
-    holding: dict[Side, rc.Release] = {}
+def plan(
+    request: str, task: str, steps: list[Step], outcome: str, queries: int, held: dict[Side, rc.Release] | None = None
+) -> hfsm.HierarchicalPlan:
+    """The plan of these steps in order; `outcome` "replan" ends it so that the same task is planned again.
+
+    `held`: what puts down what the hands hold at its beginning.
+    """
+    holding: dict[Side, rc.Release] = dict(held or {})
     states: list[hfsm.State] = []
     for number, step in enumerate(steps, start=1):
         _note_held(holding, step)
@@ -25,7 +30,9 @@ def plan(request: str, task: str, steps: list[Step], outcome: str, queries: int)
     if not states:
         states.append(hfsm.EndState("nothing to do", hfsm.Outcome.SUCCEEDED, "it is so already"))
     chained = tuple(_then(state, following.name) for state, following in pairwise(states))
-    root = hfsm.Machine(name=task, initial=states[0].name, states=(*chained, states[-1]))
+    root = hfsm.Machine(
+        name=task, initial=states[0].name, states=(*chained, states[-1]), safe=_safe(request, 0, holding)
+    )
     return hfsm.HierarchicalPlan(
         id=request, task=task, root=root, duration=sum(s.duration for s in steps), queries=queries
     )

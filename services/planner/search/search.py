@@ -6,6 +6,7 @@ from companion.languages import hfsm, wm
 from services.planner.search import assembling
 from services.planner.search.asking import Asking, Unanswered
 from services.planner.search.domain import Search
+from services.planner.search.holding import held_at
 from services.planner.search.steps import Geometry
 from velma.kinematics.robot import Robot
 
@@ -26,7 +27,8 @@ def search(
         return hfsm.NoPlan(network.id, _reason(geometry.why))
     steps, outcome = found
     name = " ".join((todo[0][0], *todo[0][1:]))
-    return assembling.plan(network.id, name, steps, outcome, asking.queries)
+    held = held_at(asking, start)
+    return assembling.plan(network.id, name, steps, outcome, asking.queries, held)
 
 
 def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
