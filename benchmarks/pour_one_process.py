@@ -64,7 +64,9 @@ class Run:
         self.acts.append((name, round(outcome.sim_time, 2), ended))
         if self.verbose:
             wall = time.perf_counter() - began
-            typer.echo(f"  {self.here.time:7.2f} {name:28s} {outcome.sim_time:6.2f} s, wall {wall:5.2f} s {ended}")
+            tilt = {k: round(v, 1) for k, v in self.truth.read().tilt_deg.items()}
+            times = f"{outcome.sim_time:6.2f} s, wall {wall:5.2f} s"
+            typer.echo(f"  {self.here.time:7.2f} {name:28s} {times} {ended}, truly tilted {tilt}")
         return outcome
 
     def observe(self, outcome: rc.Done | rc.NotDone) -> None:

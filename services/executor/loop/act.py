@@ -23,6 +23,7 @@ class Act:
         self._ended_by: Until | None = None
         self._settling_s: float | None = None
         self._largest = [0.0, 0.0]
+        self._below_at_start: float | None = None
 
     def cancel(self) -> None:
         """Come to rest along the path."""
@@ -66,7 +67,9 @@ class Act:
         asked = self.motion
         if asked.until is Until.CONTACT:
             below = -error[6 * SIDES.index(asked.contact_side) + 2]
-            if below > asked.contact_m:
+            if self._below_at_start is None:
+                self._below_at_start = below  # a load that is not fed forward exactly is no contact
+            if below - self._below_at_start > asked.contact_m:
                 self.track = None
                 return Until.CONTACT
         if asked.until is Until.TOUCH:

@@ -83,7 +83,7 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
 
     `knots` are joint positions (n, 15) as float64 bytes, `KNOT_S` apart; the first is where the body is told to be now.
     Payload None leaves it as it was. The tolerance is a hand's largest distance from its path [m]; `contact_m` is how
-    far the set-point of the hand `contact_side` must be below the hand to count as contact.
+    much further than at the start the set-point of the hand `contact_side` must be below the hand to count as contact.
     """
 
     key: str

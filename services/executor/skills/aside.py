@@ -27,22 +27,22 @@ def standing_here(here: Situation, side: str) -> pin.SE3 | None:
     pose = here.robot.grip(here.q, side) * held.T_grip_object
     base = models.MODELS[here.models[held.object]].base
     bottom = pose.translation + pose.rotation @ np.array([0.0, 0.0, base.z])
-    for top, frame, size in surfaces(here):
+    for _, frame, size in surfaces(here):
         local = frame.inverse().act(bottom)
         if abs(local[2]) < HERE_M and all(abs(local[k]) < size[k] / 2 - base.radius for k in (0, 1)):
             down = level(pose)
-            down.translation[2] = top - base.z
+            down.translation[2] = frame.translation[2] - base.z
             return down
     return None
 
 
-def surfaces(here: Situation) -> Iterator[tuple[float, pin.SE3, tuple[float, float]]]:
-    """Height, frame and edge lengths [m] of every flat surface of the furniture seen."""
+def surfaces(here: Situation) -> Iterator[tuple[str, pin.SE3, tuple[float, float]]]:
+    """Whose, frame and edge lengths [m] of every flat surface of the furniture seen."""
     for name, pose in here.seen.items():
         model = models.MODELS[here.models[name]]
         for flat in () if model.moveable else model.surfaces:
             frame = pose * standing(np.array([flat.x, flat.y, flat.z]))
-            yield float(frame.translation[2]), frame, (flat.along_x, flat.along_y)
+            yield name, frame, (flat.along_x, flat.along_y)
 
 
 def way_aside(
@@ -51,7 +51,7 @@ def way_aside(
     """A free place and the joint path to above it; None where nothing was found."""
     held, rng = here.held[side], np.random.default_rng(seed)
     base = models.MODELS[here.models[held.object]].base
-    spots = [spot - np.array([0.0, 0.0, base.z]) for spot in _spots(here, held, base.radius, side)]
+    spots = [(name, spot - np.array([0.0, 0.0, base.z])) for name, spot in _spots(here, held, base.radius, side)]
     if not spots:
         return None
     found = placings(
@@ -66,7 +66,7 @@ def way_aside(
     return None
 
 
-def _spots(here: Situation, held: Held, radius: float, side: str) -> list[np.ndarray]:
+def _spots(here: Situation, held: Held, radius: float, side: str) -> list[tuple[str, np.ndarray]]:
     """Spots (3,) clear of everything seen, those on the arm's own side first."""
     sign = 1.0 if side == "left" else -1.0
     shoulder = np.array([0.0, 0.27 * sign, 1.35])  # proghtn-backstream@019fd34: shoulder centres
@@ -74,12 +74,12 @@ def _spots(here: Situation, held: Held, radius: float, side: str) -> list[np.nda
         p.translation for n, p in here.seen.items() if models.MODELS[here.models[n]].moveable and n != held.object
     ]
     spots = []
-    for _, frame, size in surfaces(here):
+    for name, frame, size in surfaces(here):
         half = [s / 2 - radius - MARGIN_M for s in size]
         for x in np.arange(-half[0], half[0] + 1e-9, SPACING_M):
             for y in np.arange(-half[1], half[1] + 1e-9, SPACING_M):
                 spot = frame.act(np.array([x, y, 0.0]))
                 clear = all(np.linalg.norm((spot - o)[:2]) > CLEAR_M or abs(spot[2] - o[2]) > 0.3 for o in others)
                 if clear and 0.35 < np.linalg.norm(spot - shoulder) < 0.9:
-                    spots.append(spot)
-    return sorted(spots, key=lambda s: float(np.linalg.norm(s - shoulder)))
+                    spots.append((name, spot))
+    return sorted(spots, key=lambda s: float(np.linalg.norm(s[1] - shoulder)))

@@ -34,8 +34,10 @@ SPOTS, PLACINGS, TRIES = 8, 12, 300  # spots asked about, placings chosen from, 
 HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], same runs
 
 
-def spots(geometry: Geometry, state: str, side: Side, foot: float, ignored: tuple[str, ...]) -> list[np.ndarray]:
-    """Free spots (3,) on flat surfaces within the arm's reach, best first; `foot`: radius of the object's base [m]."""
+def spots(
+    geometry: Geometry, state: str, side: Side, foot: float, ignored: tuple[str, ...]
+) -> list[tuple[str, np.ndarray]]:
+    """Free spots within the arm's reach, best first: whose flat surface, where (3,); `foot`: radius of the base [m]."""
     reach = geometry.ask(wm.RobotReach(state=state, side=side), wm.Reach)
     shoulders = [np.array(s) for s in reach.shoulders]
     wanted = -BEST_HEADING if side is Side.RIGHT else BEST_HEADING
@@ -49,7 +51,7 @@ def spots(geometry: Geometry, state: str, side: Side, foot: float, ignored: tupl
     free = []
     for _, surface_object, spot in sorted(candidates, key=lambda c: c[0])[: 3 * SPOTS]:
         if _clear(geometry, state, spot, (*ignored, surface_object)):
-            free.append(spot)
+            free.append((surface_object, spot))
         if len(free) == SPOTS:
             break
     return free
@@ -84,7 +86,8 @@ def place(geometry: Geometry, state: str, side: Side) -> Step | None:
     origin = np.array([0.0, 0.0, model.base_z])
     found = placings(
         geometry.robot, here.world, side, here.q, held.object, held.T_grip_object,
-        [s - origin for s in free], retreat, geometry.rng("place", held.object, side), tries=TRIES,
+        [(surface, spot - origin) for surface, spot in free], retreat,
+        geometry.rng("place", held.object, side), tries=TRIES,
     )  # fmt: skip
     some = list(islice(found, PLACINGS))
     for largest_tilt in CARRIED_TILT:
@@ -103,10 +106,9 @@ def _placing(
     retreat: list[tuple[pin.SE3, float]],
     side: Side,
     path: list[np.ndarray],
-    free: list[np.ndarray],
+    free: list[tuple[str, np.ndarray]],
 ) -> Step:
-    spot = min(free, key=lambda s: float(np.linalg.norm((s - placing.place.translation)[:2])))
-    surface = _surface_under(geometry, spot)
+    surface = min(free, key=lambda s: float(np.linalg.norm((s[1] - placing.place.translation)[:2])))[0]
     commands = (
         move(side, path, LOADED_SPEED),
         rc.Release(
@@ -130,17 +132,6 @@ def _placing(
         + geometry.duration(placing.way_back, RETREAT_SPEED)
     )
     return Step(f"place {held.object}", commands, changes, duration)
-
-
-def _surface_under(geometry: Geometry, spot: np.ndarray) -> str:
-    """The object whose flat surface the spot was taken from."""
-    surfaces = geometry.ask(wm.FlatSurfaces(), wm.Surfaces).surfaces
-    return min(surfaces, key=lambda s: abs(transform(s.at).inverse().act(spot)[2]) + _outside(s, spot)).object
-
-
-def _outside(surface: wm.Surface, spot: np.ndarray) -> float:
-    local = transform(surface.at).inverse().act(spot)
-    return float(sum(max(0.0, abs(local[k]) - surface.size[k] / 2) for k in (0, 1)))
 
 
 def home(geometry: Geometry, state: str, side: Side) -> Step | None:

@@ -39,20 +39,20 @@ def placings(
     q: np.ndarray,
     name: str,
     T_grip_object: pin.SE3,
-    spots: Sequence[np.ndarray],
+    spots: Sequence[tuple[str, np.ndarray]],
     retreat: Sequence[tuple[pin.SE3, float]],
     rng: np.random.Generator,
     *,
     torso: tuple[float, float] = (-1.2, 1.2),
     tries: int = 500,
 ) -> Iterator[Placing]:
-    """Solved places of the object attached to the hand, its own origin on one of `spots` (3,) [m] (top of a surface).
+    """Solved places of the object attached to the hand, its origin on one of `spots`: its support and where (3,) [m].
 
     `retreat`: T_release_grip and finger angle, nearest first. Yields as they are found; the object is attached
     again after each.
     """
     for _ in range(tries):
-        spot = spots[int(rng.integers(len(spots)))]
+        support, spot = spots[int(rng.integers(len(spots)))]
         place = standing(np.add(spot, (0.0, 0.0, CLEARANCE_M)), rng.uniform(-np.pi, np.pi))
         grip = place * T_grip_object.inverse()
         above = ik.sample(
@@ -67,7 +67,8 @@ def placings(
         if above is None:
             continue
         try:
-            way_down = ik.line(robot, side, above, grip)
+            with attaching.allowed(world, (name, support)):
+                way_down = ik.line(robot, side, above, grip, accept=world.free)
         except ik.PathBlocked:
             continue
         if not ik.comfortable(robot, way_down[-1], side):
