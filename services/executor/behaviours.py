@@ -64,7 +64,7 @@ def recover_act(memory: Memory, turn: Turn) -> Memory:
 def await_act(memory: Memory, turn: Turn) -> Memory:
     """idle: the next act is taken; one that was begun before, or makes no sense, is refused in words."""
     match turn.event:
-        case Received(content=rc.Command() as command) as received:
+        case Received(content=command) as received if isinstance(command, rc.Act):
             why = wrong(command)
             if not why and command.key == memory.last:
                 why = f"act {command.key!r} was begun before; it is never begun again"

@@ -7,12 +7,13 @@ the robot after a fault is released when the agent asks where it stands; a perso
 import queue
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from agent_runtime.devices import Post
-from services.executor.loop.link import AgentLink, LoopState, Told
+from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told
 from services.executor.loop.program import Cancel, Mode, Phase, Release
 from services.executor.words import Brake, Do, Felt, Halt, Lost, Moved, Stands, ToLoop, Where
 from velma.errors import SlotError
@@ -37,12 +38,12 @@ class SlotLoop:
 
     def __init__(self, post: Post, path: Path) -> None:
         self._post, self._path = post, path
-        self._words: queue.SimpleQueue[ToLoop | None] = queue.SimpleQueue()  # type: ignore[valid-type]
+        self._words: queue.SimpleQueue[ToLoop | None] = queue.SimpleQueue()
         self._link: AgentLink | None = None
         self._thread = threading.Thread(target=self._serve, name="loop link", daemon=True)
         self._thread.start()
 
-    def tell(self, content: ToLoop) -> None:  # type: ignore[valid-type]
+    def tell(self, content: ToLoop) -> None:
         """Hand a word to the thread."""
         self._words.put(content)
 
@@ -58,7 +59,7 @@ class SlotLoop:
             if not self._do(word):
                 return
 
-    def _do(self, word: ToLoop) -> bool:  # type: ignore[valid-type]
+    def _do(self, word: ToLoop) -> bool:
         """Carry a word out; False where the thread is to end."""
         try:
             match word:
@@ -139,15 +140,15 @@ class SlotLoop:
             self._words.put(asked)
         return asked is not None
 
-    def _command(self, link: AgentLink, command: object) -> int:
+    def _command(self, link: AgentLink, command: LoopCommand) -> int:
         """Send, and wait until it is taken."""
-        number = link.send(command)  # type: ignore[arg-type]
+        number = link.send(command)
         self._until(link, lambda told: told.taken >= number)
         return number
 
-    def _until(self, link: AgentLink, reached: object) -> None:
+    def _until(self, link: AgentLink, reached: Callable[[Told], bool]) -> None:
         end = time.monotonic() + TAKEN_WITHIN_S
-        while not reached(link.told()):  # type: ignore[operator]
+        while not reached(link.told()):
             if time.monotonic() > end or link.file.replaced:
                 raise Gone("the loop takes no commands")
             link.beat()

@@ -38,7 +38,7 @@ class Skilled:
         child.tell(self._setup)
         return child
 
-    def _heard(self, word: FromWorker) -> None:  # type: ignore[valid-type]
+    def _heard(self, word: FromWorker) -> None:
         self._acting = not hasattr(word, "outcome")
         self._post(word)
         self._busy = False

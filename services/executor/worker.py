@@ -95,13 +95,14 @@ def _act(link: Link, stage: Stage, word: Perform) -> Perform | Feel:
         motion = next(work)
         while True:
             link.send(Move(word.number, motion, _expected(word.command, motion), remembered(here)))
-            reply = link.recv(ToWorker)
+            reply: Perform | Feel = link.recv(ToWorker)
             if not isinstance(reply, Feel) or reply.number != word.number:
                 return reply
             motion = work.send(stage.sensed(reply.felt))
     except StopIteration as stop:
         link.send(Ended(word.number, stop.value, remembered(here)))
-    return link.recv(ToWorker)
+    following: Perform | Feel = link.recv(ToWorker)
+    return following
 
 
 def _expected(command: rc.Act, motion: Motion) -> float:

@@ -40,7 +40,7 @@ class Searcher:
     def _new(self) -> Worker:
         return Worker(ENTRY, answers=FromSearch, on_message=self._heard, on_end=self._over)
 
-    def _heard(self, word: FromSearch) -> None:  # type: ignore[valid-type]
+    def _heard(self, word: FromSearch) -> None:
         self._searching = self._searching and not isinstance(word, Found | NotFound)
         self._post(word)
         self._busy = False

@@ -4,14 +4,11 @@ The request is durable and in the same record as the position in the plan. reply
 cancel behind the request, and the act is over with ex's last word (delivery: request with cancel, initiator).
 """
 
-from typing import cast
-
 from msgspec.structs import replace
 
 from agent_runtime.events import Broken, Late, Received, Woken
 from agent_runtime.turn import Turn
 from companion.languages import rc, wm
-from companion.languages.values import Side
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
 from services.task.memory import Act, Memory
@@ -99,5 +96,4 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
         news.insert(0, wm.SeenContent(source=command.source, destination=command.destination))
     for one in news:
         turn.observe(OBSERVER, subject(one), one)
-    hands = {side: held[0] for side, held in outcome.held.items()}
-    return replace(memory, hands=cast(dict[Side, str], hands))
+    return replace(memory, hands={side: held[0] for side, held in outcome.held.items()})

@@ -2,6 +2,7 @@
 
 import itertools
 
+from agent_runtime.wires import Point
 from companion.languages import wm
 
 
@@ -27,3 +28,14 @@ def test_the_next_command_is_served(fleet) -> None:
     fleet.say("look around")
     fleet.say("pour the jar into the bowl")
     assert fleet.finish(2) == ["done", "done"]
+
+
+def test_the_triple_store_mirrors_the_journal(fleet) -> None:
+    """After a death of km and at the end its store holds what its memory holds."""
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(lambda: bool(fleet.world.begun))
+    fleet.wires.crash("km", Point.RECORDED)
+    fleet.finish()
+    km = fleet.wires.nodes["km"]
+    assert km.state.memory.scene.things
+    assert km.device.store.scene == km.state.memory.scene
