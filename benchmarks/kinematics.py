@@ -130,7 +130,9 @@ class Task:
         retreat = backwards(bowl.steps)
 
         def places() -> list[Placing]:
-            found = placings(self.robot, self.world, "right", self.q, "bowl_1", held, [PLACE], retreat, self.rng)
+            found = placings(
+                self.robot, self.world, "right", self.q, "bowl_1", held, [("table_1", PLACE)], retreat, self.rng
+            )
             return self.nearest("right", list(islice(found, 6)), lambda placing: placing.above)
 
         found = self.search("place", places)

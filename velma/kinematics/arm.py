@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from velma import names
 from velma.kinematics.robot import Robot
-from velma.names import Array
+from velma.names import Array, Columns
 
 # Signs of elbow, shoulder and wrist: one row a branch.
 BRANCHES = np.array(list(product((1.0, -1.0), repeat=3)))
@@ -55,7 +55,7 @@ class ArmGeometry:
         hand = model.frames[robot.frame[side]].placement  # last joint to grip
         self.T_grip_wrist = hand.inverse() * pin.SE3(np.eye(3), np.array([0.0, 0.0, -z[6]]))
 
-    def postures(self, target: Any, torso: Array, swivel: Array) -> tuple[Array, Array]:
+    def postures(self, target: Any, torso: Array, swivel: Array) -> tuple[Array, Columns]:
         """All 8 postures of each pair (torso, swivel), both (n,) [rad], with the grip at `target` (T_world_grip).
 
         Returns torso + arm angles (m, 8) and the index (m,) of the pair each belongs to; pairs out of reach have none.

@@ -251,7 +251,7 @@ class World:
     def _possible(self) -> Array:
         count, own = len(self._groups), len(self._body.groups)
         furniture = np.isin(self._groups, [name for name, t in self._things.items() if t.kind == "furniture"])
-        meets = self._groups[:, None] != self._groups
+        meets: Array = self._groups[:, None] != self._groups
         meets[:own, :own] = self._body.meets
         meets[np.ix_(furniture, furniture)] = False
         fixed = np.zeros(count, dtype=bool)

@@ -67,7 +67,7 @@ class Trajectory:
         )
 
 
-def dense(path: Sequence[Array], step: float = _DENSE) -> Array:
+def dense(path: Sequence[Array] | Array, step: float = _DENSE) -> Array:
     """The points (n, 15) of a joint path, with more between those over `step` [rad] apart and without repetitions."""
     points = np.asarray(path, dtype=np.float64)
     ways = np.diff(points, axis=0)
@@ -130,11 +130,11 @@ def _speeds(robot: Robot, spline: Any, grid: Array, tool_speed: float, speed: Ar
         reach[:-1] = np.maximum(reach[:-1], per_unit)
         reach[1:] = np.maximum(reach[1:], per_unit)
     along = tool_speed / np.maximum(reach, 1e-9)
-    return np.minimum(speed, tangents * along[:, None] + 1e-9)
+    return np.asarray(np.minimum(speed, tangents * along[:, None] + 1e-9))
 
 
 def _averaged(samples: Array, before: Array, after: Array) -> Array:
     """Moving average (n + 10, 15) of samples (n, 15) with constant values before and after."""
     whole = np.concatenate((np.tile(before, (_AVERAGED + 1, 1)), samples, np.tile(after, (_AVERAGED + 1, 1))))
     sums = np.cumsum(np.concatenate((np.zeros((1, whole.shape[1])), whole)), axis=0)
-    return (sums[_AVERAGED + 1 :] - sums[: -_AVERAGED - 1]) / (_AVERAGED + 1)
+    return np.asarray((sums[_AVERAGED + 1 :] - sums[: -_AVERAGED - 1]) / (_AVERAGED + 1))

@@ -39,7 +39,6 @@ def grow(
     *,
     iterations: int,
     seed: int,
-    reach: float = RANGE,
 ) -> list[Array] | None:
     """Postures from `start` to `goal`, all (n,) within bounds, whose straight connections are allowed, or None.
 
@@ -56,7 +55,7 @@ def grow(
     problem = ob.ProblemDefinition(information)
     problem.setStartAndGoalStates(_state(space, start), _state(space, goal))
     planner = og.RRTConnect(information)
-    planner.setRange(reach)
+    planner.setRange(RANGE)
     planner.setProblemDefinition(problem)
     planner.setup()
     planner.solve(ob.PlannerTerminationCondition(_Counted(iterations)))

@@ -122,7 +122,9 @@ def test_what_cannot_be_is_refused(robot: Robot) -> None:
 def test_a_closed_box_is_given_up(robot: Robot) -> None:
     """A hand behind a wall without a gap is not reached; the iterations end and the margin is as it was."""
     world, goal = World(robot), reaching(robot)
-    world.put("wall", [Box((0.02, 8.0, 8.0))], pose((0.45, 0.0, 1.0)))
+    world.put("wall", [Box((0.02, 8.0, 8.0))], pose((0.32, 0.0, 1.0)))
     world.allow(("wall", "robot"))
+    assert world.free(START)
+    assert world.free(goal)
     assert motion.plan(robot, world, "left", START, goal, iterations=50) is None
     assert world.margin == 0.006
