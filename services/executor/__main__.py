@@ -7,6 +7,7 @@ from agent_runtime import cli, shell
 from agent_runtime.devices import Post
 from agent_runtime.options import Options
 from companion.binding import wiring
+from companion.run_folder import SLOTS_FILE
 from services.executor import behaviours
 from services.executor.body import Body
 from services.executor.reaching import SlotLoop
@@ -14,12 +15,10 @@ from services.executor.skilled import Skilled
 from services.executor.telling import Telling
 from services.executor.words import Setup
 
-SLOTS = "loop.slots"
-
 
 def serve(options: Options) -> int:
     """Until a signal comes. ROCO_SLOTS names the file in which loop and agent meet (default: in the run folder)."""
-    slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS)
+    slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS_FILE)
     setup = Setup(scene=str(options.scene or ""), seed=options.seed)
 
     def body(post: Post) -> Body:

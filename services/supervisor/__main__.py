@@ -11,7 +11,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from companion.run_folder import RUN_FOLDER_VARIABLE
+from companion.run_folder import RUN_FOLDER_VARIABLE, SLOTS_FILE
 from services.supervisor import folder
 from services.supervisor.processes import FLEET, Process
 from services.supervisor.shell import Shell
@@ -42,6 +42,7 @@ def main(
         "ROCO_LISTEN": address,
         "ROCO_SPEED": speed,
         "ROCO_SEED": str(seed),
+        "ROCO_SLOTS": str(run / SLOTS_FILE),
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
         "ROCO_LOG_LEVEL": log_level,
         "OMP_NUM_THREADS": "1",  # numeric libraries would each take all cores, from the loop too

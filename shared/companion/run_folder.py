@@ -15,6 +15,7 @@ HI_FILE = "hi.json"
 LIVE_FILE = "live.jsonl"
 REPORT_FILE = "report.json"
 
+SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
 # The stop flag: one byte, written in place (the loop holds the file mapped; a rename would cut it off).
 STOP_FILE = "stop"
 STOP_RELEASED = b"\x00"

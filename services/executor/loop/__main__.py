@@ -50,8 +50,8 @@ def build(slots: Path, *, asked: scene.Scene, speed: Speed, backend: BackendName
 def main(
     slots: Annotated[Path, typer.Option(envvar="ROCO_SLOTS", help="file in which loop and agent meet")],
     scene_file: Annotated[
-        Path, typer.Option("--scene", envvar="ROCO_SCENE", help="TOML file of the scene")
-    ] = scene.CANONICAL,
+        str, typer.Option("--scene", envvar="ROCO_SCENE", help="TOML file of the scene; empty: the canonical one")
+    ] = "",
     seed: Annotated[
         int | None, typer.Option(envvar="ROCO_SEED", help="vary the scene by this seed; without one it stays as it is")
     ] = None,
@@ -67,7 +67,7 @@ def main(
     signal.signal(signal.SIGTERM, end)
     signal.signal(signal.SIGINT, end)
     try:
-        found = scene.load(scene_file)
+        found = scene.load(Path(scene_file)) if scene_file else scene.load()
     except VelmaError as error:
         typer.echo(f"loop: {error}", err=True)
         raise typer.Exit(2) from None
@@ -78,9 +78,12 @@ def main(
     process = build(slots, asked=found, speed=speed, backend=backend, realtime=speed is Speed.REAL and not refused)
     still_memory()
     typer.echo(f"loop: {found.name}, speed {speed}" + (f"; {refused}" if refused else ""), err=True)
+    ready = slots.with_name("loop.ready")  # beside the slots, as every process of a run folder says it
+    ready.touch()
     while not asked:
         process.turn()
     process.end()
+    ready.unlink(missing_ok=True)
     typer.echo(f"loop: ended by signal {asked[0]} after {process.core.cycles} cycles", err=True)
 
 

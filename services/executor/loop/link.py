@@ -1,19 +1,20 @@
 """Both ends of the slot file: `AgentLink` for the executor's agent, `StopLink` for people, `LoopLink` for the loop."""
 
+import mmap
+import os
 from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.run_folder import STOP_FILE, STOP_HELD, STOP_RELEASED
 from services.executor.loop.program import Cancel, Mode, Motion, Release, Report
 from services.executor.loop.slots import Counters, LoopFile, packed
 from velma.sim.backend import State
 
 Array = NDArray[np.float64]
 LoopCommand = Motion | Cancel | Release
-
-STOPS, RELEASES = 0, 1  # counters of the stop slot
 
 
 class LoopState(msgspec.Struct, frozen=True):
@@ -124,20 +125,29 @@ class AgentLink:
 
 
 class StopLink:
-    """A person's end: works with every agent dead."""
+    """A person's end: one byte in a file beside the slots (docs/run-folder.md), so it works with every agent dead.
+
+    `path`: the slot file. The byte is written in place, since the loop has the file mapped.
+    """
 
     def __init__(self, path: Path) -> None:
-        """Raises SlotError."""
-        self.file = LoopFile.open(path)
-        self._counters = Counters(self.file.slots["stop"], 2)
+        self._file = os.open(path.with_name(STOP_FILE), os.O_RDWR | os.O_CREAT, 0o600)
+        if os.fstat(self._file).st_size == 0:
+            os.pwrite(self._file, STOP_RELEASED, 0)
+        self._byte = mmap.mmap(self._file, 1)
 
     def stop(self) -> None:
         """Hold the robot where it is."""
-        self._counters.add(STOPS)
+        os.pwrite(self._file, STOP_HELD, 0)
 
     def release(self) -> None:
         """Let it be commanded again, once the stop has lasted its dwell time."""
-        self._counters.add(RELEASES)
+        os.pwrite(self._file, STOP_RELEASED, 0)
+
+    @property
+    def held(self) -> bool:
+        """Whether a stop is asked for."""
+        return self._byte[:1] == STOP_HELD
 
 
 class LoopLink:
@@ -146,8 +156,8 @@ class LoopLink:
     def __init__(self, path: Path) -> None:
         self.file = LoopFile.create(path)
         self._slots = self.file.slots
-        self._beat, self._stop = Counters(self._slots["beat"], 1), Counters(self._slots["stop"], 2)
-        self._taken, self._stops = 0, (0, 0)
+        self._beat, self._stop = Counters(self._slots["beat"], 1), StopLink(path)
+        self._taken, self._held = 0, False
         self._body, self._hands = np.zeros((3, 15)), np.zeros(16)
 
     def command(self) -> tuple[int, LoopCommand | msgspec.DecodeError] | None:
@@ -166,10 +176,8 @@ class LoopLink:
 
     def people(self) -> tuple[bool, bool]:
         """Whether a stop, and whether a release, was asked for since."""
-        now = self._stop.read()
-        stop, release = now[STOPS] != self._stops[STOPS], now[RELEASES] != self._stops[RELEASES]
-        self._stops = (now[STOPS], now[RELEASES])
-        return stop, release
+        before, self._held = self._held, self._stop.held
+        return self._held and not before, before and not self._held
 
     def heartbeat(self) -> int:
         """The agent's counter."""

@@ -6,7 +6,6 @@ dies. A new loop puts a new file in the same place; `LoopFile.replaced` tells th
 
     command   agent -> loop    a motion, cancel or release, numbered by the slot itself
     beat      agent -> loop    a counter: the agent lives
-    stop      people -> loop   counters of stops and releases asked for
     state     loop -> agent    LoopState, every few cycles
     told      loop -> agent    Told: what became of the last command, the present report
     truth     loop -> monitor  what is truly so; no agent may read it
@@ -30,7 +29,6 @@ _COUNT = struct.Struct("<Q")
 SIZES = {
     "command": 4 << 20,
     "beat": 8,
-    "stop": 16,
     "state": 16 << 10,
     "told": 16 << 10,
     "truth": 16 << 10,
