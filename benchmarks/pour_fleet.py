@@ -54,8 +54,9 @@ def main(
         result = measured(seed, speed, base / f"seed-{seed}-{speed}")
         with out.open("ab") as file:
             file.write(msgspec.json.encode(result) + b"\n")
-        typer.echo(f"seed {seed}: {'poured' if result['success'] else 'FAILED'} {result['failure'] or ''} "
-                   f"sim {result.get('sim_time_s')} s, demo {result['demo_wall_s']} s, {result.get('plans')}")  # fmt: skip
+        verdict = "poured" if result["success"] else f"FAILED: {result['failure']}"
+        times = f"sim {result.get('sim_time_s')} s, demo {result['demo_wall_s']} s"
+        typer.echo(f"seed {seed}: {verdict}, {times}, {result.get('plans')}")
 
 
 if __name__ == "__main__":

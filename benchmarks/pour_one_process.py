@@ -13,16 +13,16 @@ from typing import Annotated
 
 import msgspec
 import typer
-from services.knowledge.answers import ask
-from services.knowledge.overlays import Overlays
-from services.knowledge.store import Store
 
 from companion.languages import hfsm, rc, wm
 from services.executor.loop.core import LoopCore
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation, beginning
 from services.executor.virtual import InProcess, receptor, things
+from services.knowledge.answers import ask
 from services.knowledge.observe import apply
+from services.knowledge.overlays import Overlays
+from services.knowledge.store import Store
 from services.planner.search.search import search
 from services.task import plan as plans
 from services.task.survey import SURVEY
