@@ -145,6 +145,14 @@ class CoreState(Record, kw_only=True):
         return f"{self.agent}-{self.incarnation}-{self.counter}"
 
 
+def age(name: str) -> Version | None:
+    """(incarnation, counter) in an id of `CoreState.name`: of one agent's the greater is newer. None for other ids."""
+    parts = name.rsplit("-", 2)
+    if len(parts) != 3 or not all(part.isascii() and part.isdigit() for part in parts[1:]):
+        return None
+    return int(parts[1]), int(parts[2])
+
+
 _DICTS = ("conversations", "taken", "issued", "outbox", "versions", "due", "wakes", "counts")
 _SOFT_DICTS = ("asks", "conversations", "peers", "resend")
 _encoder = msgspec.msgpack.Encoder()

@@ -15,9 +15,9 @@ from agent_runtime import streams
 from agent_runtime.effects import Out, Receipt
 from agent_runtime.events import Broken, Received
 from agent_runtime.intake import reject
-from agent_runtime.state import CoreState, Held, Waiting
+from agent_runtime.state import CoreState, Held, Waiting, age
 from agent_runtime.turn import dispatch
-from agent_runtime.wiring import Delivery, Wiring
+from agent_runtime.wiring import Delivery, Link, Wiring
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import RemoteProtocolError
@@ -70,11 +70,32 @@ def _judge_new(state: CoreState, wiring: Wiring, waiting: Waiting, communicate: 
         return Verdict(What.DROP, error=RemoteProtocolError("conversation", "is not open here"))
     if waiting.fault is not None:
         return Verdict(What.REFUSE, error=waiting.fault)
+    if opening and _outlived(state, link, communicate):
+        return Verdict(What.DROP, error=RemoteProtocolError("conversation", "a newer subscription took its place"))
     try:
         talk = Conversation.answering(communicate, state.agent).receive(communicate, waiting.kind)
     except RemoteProtocolError as error:
         return Verdict(What.REFUSE, error=error)
     return Verdict(What.TAKE if opening else What.LATE_CANCEL, Held(talk, link.delivery))
+
+
+def _outlived(state: CoreState, link: Link, communicate: Communicate) -> bool:
+    """Whether a subscription is a late copy of one that its subscriber has given up for a newer one.
+
+    A subscriber asks again until agreed, so copies of its older `subscribe` may come in after the newer one. To take
+    one would send the observations into a conversation that nobody holds, for ever.
+    """
+    mine = age(communicate.conversation)
+    if link.delivery is not Delivery.LATEST or mine is None:
+        return False
+    others = (held.conversation for held in state.soft.conversations.values() if _same_subscriber(held, communicate))
+    return any((other := age(talk.id)) is not None and other > mine for talk in others)
+
+
+def _same_subscriber(held: Held, communicate: Communicate) -> bool:
+    talk = held.conversation
+    same = (talk.peer, talk.protocol) == (communicate.sender, communicate.protocol)
+    return same and held.delivery is Delivery.LATEST and talk.role is Role.PARTICIPANT
 
 
 def _asked_again(held: Held, communicate: Communicate) -> bool:
@@ -97,7 +118,7 @@ def carry_out(
     match verdict.what:
         case What.TAKE if held is not None:
             state.soft.asks.pop(communicate.conversation, None)
-            _supersede(state, held)
+            _supersede(state, held, communicate)
             state.keep(held)
             return Received(communicate, waiting.content)
         case What.REPEAT if held is not None:
@@ -130,14 +151,12 @@ def _mark_taken(state: CoreState, out: Out, waiting: Waiting) -> None:
         out.durable = True
 
 
-def _supersede(state: CoreState, held: Held) -> None:
+def _supersede(state: CoreState, held: Held, communicate: Communicate) -> None:
     """A subscriber's new conversation takes the place of its older one."""
-    talk = held.conversation
-    if held.delivery is not Delivery.LATEST or talk.role is Role.INITIATOR:
+    if held.delivery is not Delivery.LATEST or held.conversation.role is Role.INITIATOR:
         return
     for name, other in list(state.soft.conversations.items()):
-        same = (other.conversation.peer, other.conversation.protocol) == (talk.peer, talk.protocol)
-        if same and name != talk.id:
+        if name != held.conversation.id and _same_subscriber(other, communicate):
             del state.soft.conversations[name]
 
 

@@ -1,11 +1,12 @@
 """Observations and questions: the newest value arrives, the barrier holds, questions end, whatever is lost."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from toy_observers import Finish, Seen, WhatOf, asker, knower, watcher, wiring
 
 from agent_runtime.wires import Faults, Point, Wires
+from fipa_codec.performatives import Performative
 
 
 def observers(*, seed: int = 0, faults: Faults | None = None) -> Wires:
@@ -51,6 +52,7 @@ def test_the_barrier_holds_while_the_subscriber_is_away() -> None:
     delay=st.sampled_from([0.0, 0.4]),
     crash=st.sampled_from([0.0, 0.05]),
 )
+@example(seed=56653, loss=0.3, delay=0.4, crash=0.05)  # a late copy of an older subscribe came after the newer one
 @settings(max_examples=100, deadline=None)
 def test_latest_value_under_faults(seed: int, loss: float, delay: float, crash: float) -> None:
     """When the watcher finished, the knower holds the newest value; its store never went back to an older one."""
@@ -70,6 +72,22 @@ def test_latest_value_under_faults(seed: int, loss: float, delay: float, crash: 
     assert store(wires) == {"jar": 5, "bowl": 50}
     seen = [one.value for one in wires.memory("knower").history if one.subject == "jar"]
     assert seen == sorted(set(seen))
+
+
+def test_a_late_copy_of_an_older_subscription_is_dropped() -> None:
+    """Whatever comes late from a subscription that was given up, observations go on in the newest one."""
+    wires = observers()
+    wires.run_for(1.0)
+    (old,) = [one for one in wires.traffic if one.performative is Performative.SUBSCRIBE]
+    wires.crash("watcher", Point.BEFORE)
+    wires.post("watcher", Seen("bowl", 1))
+    wires.run_for(2.0)
+    wires.deliver(old)
+    wires.run_for(1.0)
+    wires.post("watcher", Seen("jar", 1))
+    wires.post("watcher", Finish())
+    wires.run(lambda: wires.memory("watcher").finished, limit_s=1.0)
+    assert store(wires)["jar"] == 1
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.5])
