@@ -119,6 +119,16 @@ def test_every_word_of_ta_is_taken_by_co_also_after_its_cancel(state, performati
     assert any(f"initiator in state {state} has no row for {performative}" in f.text for f in found.unspecified)
 
 
+def test_a_report_with_the_label_of_the_cancel_is_confirmed(running):
+    """Each side numbers its own messages, so ta's final report may have co's cancel's label; both ends are reached."""
+    running.send(CO, P.CANCEL, id="7")
+    running.send(TA, P.INFORM, WorkerState.SUCCEEDED, id="7")
+    running.take(CO)
+    running.take(TA)
+    assert running.say(CO, P.CONFIRM).in_reply_to == "7"
+    assert running.states == (S.DONE, S.DONE)
+
+
 def waiting_ta():
     """ta in the naive reading: after a report it takes nothing but the confirm."""
     return COORDINATE.tables[TA].with_rows(

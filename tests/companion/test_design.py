@@ -4,6 +4,7 @@ from typing import get_args
 
 import pytest
 
+from agent_runtime.wiring import service_key
 from companion.design import DESIGN, INTERFACES, AgentName, class_named, findings, language_of
 from companion.languages import LANGUAGES, hfsm, sw, wm
 from fipa_codec.communicate import Communicate
@@ -65,6 +66,15 @@ def test_a_communicate_travels_on_the_key_of_the_design() -> None:
     assert key == "roco/lab/C1/co/ta/coordinate/request"
     assert DESIGN.keys_to("lab", "ta") == "roco/lab/*/*/ta/*/*"
     assert DESIGN.house_key("alive", system="lab", owner="ta", incarnation=3) == "roco/lab/_/alive/ta/3"
+
+
+def test_what_is_no_communicate_travels_on_the_key_of_the_design() -> None:
+    """The runtime makes these keys by the same rule, so a right given by the design is a right to what is sent."""
+    for house in DESIGN.houses.values():
+        names = {"owner": "ta", "peer": "co", "incarnation": "3"}
+        rest = [names[name] for name in ("peer", "incarnation") if f"{{{name}}}" in house.key]
+        assert DESIGN.house_key(house.kind, system="lab", **names) == service_key("lab", house.kind, "ta", *rest)
+    assert set(DESIGN.houses) == {"alive", "receipt", "ping", "pong", "telemetry", "truth", "state"}
 
 
 def test_every_rule_has_its_own_key() -> None:
