@@ -88,7 +88,10 @@ class ProcessState(StrEnum):
 
 
 class ProcessStatus(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One process: its pid (0: none), how often it was restarted, why it ended last; `optional`: not needed by others."""
+    """One process: its pid (0: none), how often it was restarted, why it ended last.
+
+    `optional`: the others do not need it.
+    """
 
     name: str
     state: ProcessState

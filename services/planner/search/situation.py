@@ -67,7 +67,7 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
     static = {o.id for o in ask(wm.StaticObjects(state=state), wm.Objects).objects}
     world = collision.World(robot)
     for placed in ask(wm.EnvironmentShapes(state=state), wm.Shapes).shapes:
-        kind = "furniture" if placed.object in static else "object"
+        kind: collision.Kind = "furniture" if placed.object in static else "object"
         world.put(placed.object, placed.shapes, transform(placed.pose), kind)
     for side, grasped in held.items():
         model = ask(wm.ObjectModel(state=state, object=grasped.object), wm.ModelOf)

@@ -52,10 +52,10 @@ class ApproachPoint(msgspec.Struct, frozen=True):
 
 
 class Grasp(Command, frozen=True):
-    """Approach an object through `approach` (in its frame, outermost first, the grasp last), close until touch, squeeze, lock.
+    """Approach an object through `approach`, close until touch, squeeze, lock.
 
-    `squeeze`: motor travel after touch [rad]. `speed`: at which the fingers close [rad/s].
-    `mass`: what the hand will carry [kg], fed forward from the lock on.
+    `approach`: in the object's frame, outermost first, the grasp last. `squeeze`: motor travel after touch [rad].
+    `speed`: at which the fingers close [rad/s]. `mass`: what the hand will carry [kg], fed forward from the lock on.
     """
 
     side: Side
@@ -70,8 +70,8 @@ class Grasp(Command, frozen=True):
 class Release(Command, frozen=True):
     """Put a held object down at `place` (its wanted pose in the world) until contact, open, retreat.
 
-    `retreat`: grip poses seen from the grip that lets go, nearest first. `surface`: what it is put on. Where the hand is not yet
-    above the place, ex plans the way there itself; `place` None lets ex choose a free spot of the surface.
+    `retreat`: grip poses seen from the grip that lets go, nearest first. `surface`: what it is put on. Where the hand
+    is not yet above the place, ex plans the way there itself; `place` None lets ex choose a free spot of the surface.
     """
 
     side: Side

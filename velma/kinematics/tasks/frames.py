@@ -28,10 +28,10 @@ def transform(pose: PoseLike) -> pin.SE3:
     return pin.SE3(quaternion.matrix(), np.array(pose.xyz, dtype=float))
 
 
-def xyz_quat(pose: pin.SE3) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def xyz_quat(pose: pin.SE3) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Translation (3,) [m] and quaternion (4,), w first, of a transform."""
-    x, y, z, w = pin.SE3ToXYZQUAT(pose)[3:]
-    return tuple(float(v) for v in pose.translation), (float(w), float(x), float(y), float(z))
+    x, y, z, i, j, k, w = (float(part) for part in pin.SE3ToXYZQUAT(pose))
+    return (x, y, z), (w, i, j, k)
 
 
 def standing(xyz: np.ndarray, yaw: float = 0.0) -> pin.SE3:
