@@ -60,7 +60,6 @@ def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> Rob
     """The loop's state as people's screens take it."""
     acting = told.report.phase is Phase.RUNNING
     (right, right_distal), (left, left_distal) = state.fingers(0), state.fingers(1)
-    late = timing.lateness_us
     return RobotState(
         sim_time_s=state.time_s,
         body=tuple(float(x) for x in state.q),
@@ -74,7 +73,14 @@ def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> Rob
         cycles=state.cycles,
         missed=timing.missed,
         skipped=timing.skipped,
-        lateness_us=Lateness(**{name: late.get(name, 0.0) for name in ("p50", "p99", "p999", "max")}),
+        lateness_us=_figures(timing.lateness_us),
+        compute_us=_figures(timing.compute_us),
+        realtime=timing.realtime,
         faults=state.faults,
         last_fault=state.last_fault,
     )
+
+
+def _figures(us: dict[str, float]) -> Lateness:
+    """Zeros where nothing was counted."""
+    return Lateness(**{name: us.get(name, 0.0) for name in ("p50", "p99", "p999", "max")})

@@ -13,7 +13,7 @@ RATE_HZ = 20.0  # estimate: smooth for eyes; about 1 kB a time
 
 
 class Lateness(msgspec.Struct, frozen=True):
-    """How late cycles of the loop began after their deadlines [us]."""
+    """How late cycles of the loop began after their deadlines, or how long they took [us]."""
 
     p50: float = 0.0
     p99: float = 0.0
@@ -26,7 +26,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `body`: 15 joints (velma.names.BODY), `head`: pan, tilt, `spread`: right, left, `proximal` and `distal`: fingers
     one, two, three of the right hand, then of the left [rad]. `act`: key of the act under way, "" for none; `skill`:
-    what it is in a word. `work_J`: work of the body joints since the start.
+    what it is in a word. `work_J`: work of the body joints since the start. `lateness_us` is all zeros where nothing
+    paces the loop (it runs as fast as it can); `realtime`: it has the kernel's real-time priority.
     """
 
     sim_time_s: float
@@ -43,17 +44,19 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     missed: int = 0
     skipped: int = 0
     lateness_us: Lateness = Lateness()
+    compute_us: Lateness = Lateness()
+    realtime: bool = False
     faults: int = 0
     last_fault: str = ""
 
 
 class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What is truly so in the simulation; the first eight fields are those of velma.sim.truth.Truth.
+    """What is truly so in the simulation; the fields are those of velma.sim.truth.Truth.
 
     `grains_in`, `tilt_deg`, `at` by vessel id: grains inside, angle between axis and vertical, origin [m].
     `fingers_on`: vessel id -> side -> number of links of that hand that touch it. `poses` of all things by id,
-    furniture too, and `models`: thing id -> name in companion.models; `grains_at`: centres of the grains [m], for
-    pictures.
+    furniture too, and `models`: thing id -> kind (velma.model.scene.Model); `grains_at`: centres of the grains [m].
+    These three are for pictures.
     """
 
     time_s: float

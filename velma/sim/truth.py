@@ -13,22 +13,31 @@ from velma.names import SIDES
 from velma.sim.mujoco_backend import MujocoBackend
 
 Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
 
 # A grain counts as inside a vessel up to this far outside of its walls: contacts are soft. m, estimate.
 SLACK = 0.005
 
 
 class Truth(msgspec.Struct, frozen=True):
-    """What is truly so at a time: grains by where they are, tilt of every vessel, and what touches what."""
+    """What is truly so at a time: grains by where they are, tilt of every vessel, and what touches what.
+
+    `poses`, `models` and `grains_at` are for pictures: thing id -> (origin, quaternion w first) in the world and model
+    (velma.model.scene.Model), furniture too; centres of the grains. m.
+    """
 
     time_s: float
     grains: int
     grains_in: dict[str, int]  # vessel id -> count
     tilt_deg: dict[str, float]  # vessel id -> angle of its axis from the vertical
-    at: dict[str, tuple[float, float, float]]  # vessel id -> origin, m
+    at: dict[str, Vector]  # vessel id -> origin, m
     fingers_on: dict[str, dict[str, int]]  # vessel id -> side -> finger and palm links that touch it
     furniture_touched: bool  # the robot touches furniture
     work_J: float
+    poses: dict[str, tuple[Vector, Quaternion]]
+    models: dict[str, str]
+    grains_at: tuple[Vector, ...]
 
 
 class TruthReader:
@@ -37,11 +46,16 @@ class TruthReader:
     def __init__(self, backend: MujocoBackend) -> None:
         self._backend = backend
         model, scene = backend.model, backend.scene
-        self._vessels = {thing.id: thing.model for thing in scene.of(Model.JAR, Model.BOWL)}
-        count = _grains(scene)
-        self._grain_bodies = np.array([model.body(grain_name(k)).id for k in range(count)], dtype=np.intp)
-        self._robot = [_side(model, body) for body in range(model.nbody)]
-        self._furniture = {model.body(thing.id).id for thing in scene.of(Model.CABINET, Model.TABLE)}
+        self._vessels = {thing.id: _cavity(thing.model) for thing in scene.of(Model.JAR, Model.BOWL)}
+        self._grain_bodies = np.array([model.body(grain_name(k)).id for k in range(_grains(scene))], dtype=np.intp)
+        self._models = {thing.id: str(thing.model) for thing in scene.things}
+        self._bodies = {thing.id: model.body(thing.id).id for thing in scene.things}
+        parts = [_side(model, body) for body in range(model.nbody)]
+        self._is_robot = np.array([part != "" for part in parts])
+        self._hand = {side: np.array([part == side for part in parts]) for side in SIDES}
+        self._is_furniture = np.isin(
+            np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(Model.CABINET, Model.TABLE)]
+        )
 
     def read(self) -> Truth:
         """The truth now."""
@@ -56,6 +70,9 @@ class TruthReader:
             fingers_on={name: self.fingers_on(name) for name in self._vessels},
             furniture_touched=self.furniture_touched(),
             work_J=self._backend.work_J,
+            poses={name: self._pose(body) for name, body in self._bodies.items()},
+            models=self._models,
+            grains_at=tuple((x, y, z) for x, y, z in data.xpos[self._grain_bodies].tolist()),
         )
 
     def pose(self, name: str) -> tuple[Array, Array]:
@@ -63,9 +80,12 @@ class TruthReader:
         body = self._backend.data.body(name)
         return body.xmat.reshape(3, 3).copy(), body.xpos.copy()
 
-    def _at(self, name: str) -> tuple[float, float, float]:
-        x, y, z = self._backend.data.body(name).xpos
-        return float(x), float(y), float(z)
+    def _at(self, name: str) -> Vector:
+        return _vector(self._backend.data.xpos[self._bodies[name]])
+
+    def _pose(self, body: int) -> tuple[Vector, Quaternion]:
+        w, x, y, z = self._backend.data.xquat[body].tolist()
+        return _vector(self._backend.data.xpos[body]), (w, x, y, z)
 
     def tilt_deg(self, name: str) -> float:
         """Angle between a thing's axis and the vertical, degrees."""
@@ -76,33 +96,33 @@ class TruthReader:
         """How many grains have their centre in a jar or bowl."""
         rotation, position = self.pose(name)
         local = (self._backend.data.xpos[self._grain_bodies] - position) @ rotation
-        radius, low, high = _cavity(self._vessels[name])
+        radius, low, high = self._vessels[name]
         within = (np.hypot(local[:, 0], local[:, 1]) < radius) & (local[:, 2] > low) & (local[:, 2] < high)
         return int(within.sum())
 
     def fingers_on(self, name: str) -> dict[str, int]:
         """Per side: how many links of that hand touch a thing."""
-        touching: dict[str, set[int]] = {side: set() for side in SIDES}
-        thing = self._backend.model.body(name).id
-        for a, b in self._pairs():
-            if thing in (a, b):
-                other = b if a == thing else a
-                side = self._robot[other]
-                if side in touching:
-                    touching[side].add(other)
-        return {side: len(links) for side, links in touching.items()}
+        a, b = self._touching()
+        thing = self._bodies[name]
+        others = np.concatenate((b[a == thing], a[b == thing]))
+        return {side: len(set(others[self._hand[side][others]].tolist())) for side in SIDES}
 
     def furniture_touched(self) -> bool:
         """Whether any link of the robot touches furniture."""
-        for a, b in self._pairs():
-            if (a in self._furniture and self._robot[b]) or (b in self._furniture and self._robot[a]):
-                return True
-        return False
+        a, b = self._touching()
+        robot, furniture = self._is_robot, self._is_furniture
+        return bool(((furniture[a] & robot[b]) | (furniture[b] & robot[a])).any())
 
-    def _pairs(self) -> list[tuple[int, int]]:
-        data, model = self._backend.data, self._backend.model
-        bodies = model.geom_bodyid[data.contact.geom[: data.ncon]]
-        return [(int(a), int(b)) for a, b in bodies]
+    def _touching(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Bodies in contact, (n,) each."""
+        data = self._backend.data
+        bodies = self._backend.model.geom_bodyid[data.contact.geom[: data.ncon]]
+        return bodies[:, 0], bodies[:, 1]
+
+
+def _vector(at: Array) -> Vector:
+    x, y, z = at.tolist()
+    return x, y, z
 
 
 def _grains(scene: Scene) -> int:

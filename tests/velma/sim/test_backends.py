@@ -151,6 +151,20 @@ def test_truth_counts_the_grains_where_they_are():
     assert truth.read().grains_in == {"jar_1": 28, "bowl_1": 1}
 
 
+def test_truth_tells_where_everything_is():
+    """Each thing's pose is that of its body in the simulation; each grain that is counted has a place."""
+    robot = MujocoBackend(scene.load())
+    run(robot, no_command(), 0.4)
+    told = TruthReader(robot).read()
+    assert told.models == {thing.id: thing.model for thing in scene.load().things}
+    for name, (xyz, quat_wxyz) in told.poses.items():
+        np.testing.assert_array_equal(xyz, robot.data.body(name).xpos)
+        np.testing.assert_array_equal(quat_wxyz, robot.data.body(name).xquat)
+    jar = np.array(told.at["jar_1"])
+    assert len(told.grains_at) == told.grains == 30
+    assert np.linalg.norm(np.array(told.grains_at) - jar, axis=1).max() < 0.12
+
+
 def test_truth_survives_a_scene_without_vessels():
     """Nothing to count is a count of nothing, and travels."""
     truth = TruthReader(MujocoBackend(EMPTY)).read()
