@@ -4,9 +4,13 @@ toppra finds the fastest motion along the path; its accelerations jump, so a mov
 average of allowed speeds and accelerations is allowed, too, and the path is left only where it bends. Knows no scene.
 """
 
+import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,14 +19,6 @@ from velma import names
 from velma.errors import VelmaError
 from velma.kinematics.robot import Robot
 from velma.names import Array
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # toppra 0.6.10: invalid escape sequences in docstrings
-    import toppra
-    from toppra.algorithm import TOPPRA
-    from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraintVarying
-
-toppra.setup_logging("ERROR")
 
 PERIOD_S = 0.01  # between knots; the loop interpolates
 JOINT_FRACTION = 0.5  # of the joints' speed limits (trial runs: 0.26 rad/s torso, 0.96-1.57 arms)
@@ -67,6 +63,34 @@ class Trajectory:
         )
 
 
+@cache
+def loaded() -> ModuleType:
+    """toppra, imported when it is first needed: with scipy it takes longer than all the rest (0.7 s of processor time).
+
+    Whoever has time to spare may call this before.
+    """
+    with _without_pictures(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # toppra 0.6.10: invalid escape sequences in docstrings
+        import toppra
+    toppra.setup_logging("ERROR")
+    return toppra  # type: ignore[no-any-return]
+
+
+@contextmanager
+def _without_pictures() -> Iterator[None]:
+    """Lay an empty matplotlib out for who imports it and draws nothing: the true one would double toppra's time."""
+    names_had = {name: sys.modules.get(name) for name in ("matplotlib", "matplotlib.pyplot")}
+    sys.modules.update({name: ModuleType(name) for name in names_had})
+    sys.modules["matplotlib"].__dict__["pyplot"] = sys.modules["matplotlib.pyplot"]
+    try:
+        yield
+    finally:
+        for name, had in names_had.items():
+            del sys.modules[name]
+            if had is not None:
+                sys.modules[name] = had
+
+
 def dense(path: Sequence[Array] | Array, step: float = _DENSE) -> Array:
     """The points (n, 15) of a joint path, with more between those over `step` [rad] apart and without repetitions."""
     points = np.asarray(path, dtype=np.float64)
@@ -101,6 +125,7 @@ def timed(
 
 def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> Any:
     """toppra's trajectory along a spline through the points (n, 15), n > 1."""
+    toppra = loaded()
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     spline = toppra.SplineInterpolator(along, points)
     grid = np.linspace(0.0, along[-1], max(4 * len(points), 50))
@@ -111,10 +136,10 @@ def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> An
         return np.stack((-limit, limit), axis=1)
 
     constraints = [
-        JointVelocityConstraintVarying(speeds),
-        JointAccelerationConstraint(np.stack((-ACCELERATION, ACCELERATION), axis=1)),
+        toppra.constraint.JointVelocityConstraintVarying(speeds),
+        toppra.constraint.JointAccelerationConstraint(np.stack((-ACCELERATION, ACCELERATION), axis=1)),
     ]
-    profile = TOPPRA(constraints, spline, gridpoints=grid, parametrizer="ParametrizeConstAccel")
+    profile = toppra.algorithm.TOPPRA(constraints, spline, gridpoints=grid, parametrizer="ParametrizeConstAccel")
     found = profile.compute_trajectory()
     if found is None:
         raise NotTimed(len(points), float(along[-1]))
