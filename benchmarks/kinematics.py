@@ -18,9 +18,9 @@ from companion import models
 from velma import names
 from velma.kinematics import ik, motion
 from velma.kinematics.collision import World
-from velma.kinematics.robot import Robot, pose
-from velma.kinematics.tasks.carrying import carries
-from velma.kinematics.tasks.frames import transform, upright
+from velma.kinematics.frames import standing, transform
+from velma.kinematics.robot import Robot
+from velma.kinematics.tasks.carrying import carries, upright
 from velma.kinematics.tasks.grasping import Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.placing import Placing, backwards, placings
 from velma.kinematics.tasks.pouring import Stream, tiltings
@@ -39,7 +39,7 @@ def furnished(robot: Robot, scene: Scene) -> World:
     for thing in scene.things:
         model = models.MODELS[MODEL[thing.model]]
         kind = "object" if model.moveable else "furniture"
-        world.put(thing.id, model.shapes, pose(thing.xyz, thing.yaw), kind)
+        world.put(thing.id, model.shapes, standing(thing.xyz, thing.yaw), kind)
     return world
 
 
@@ -88,7 +88,7 @@ class Task:
 
     def target(self, name: str, distance: float) -> Target:
         """What is to be taken, out of the cabinet."""
-        out = pose((0, 0, 0), self.scene.find("cabinet_2").yaw).rotation[:, 0]
+        out = standing((0, 0, 0), self.scene.find("cabinet_2").yaw).rotation[:, 0]
         return Target(name, self.world.pose(name), True, out, distance)
 
     def grasp(self, name: str, model: str, side: str, distance: float, speed: float, fingers: float) -> Approach | None:
@@ -144,7 +144,7 @@ class Task:
         else:
             return False
         self.failed, self.q = None, found[number].way_back[-1]
-        self.world.detach("bowl_1", found[number].place * pose((0, 0, -0.006)))
+        self.world.detach("bowl_1", found[number].place * standing((0, 0, -0.006)))
         self.world.fingers("right", 1.0)
         return self.move("home", "right", self.homes(), LOADED) is not None
 
@@ -179,8 +179,8 @@ def primitives(robot: Robot, rng: np.random.Generator) -> None:
     states = np.clip(names.START + rng.normal(0, 0.7, (2000, 15)), robot.lower, robot.upper)
     share = np.mean([world.free(q) for q in states])
     print(f"free            {microseconds(world.free, states):7.0f} us a state, {share:.0%} free")
-    world.attach("bowl_1", "right", pose((0, 0, 0.08)))
-    world.attach("jar_1", "left", pose((0, 0, 0)))
+    world.attach("bowl_1", "right", standing((0, 0, 0.08)))
+    world.attach("jar_1", "left", standing((0, 0, 0)))
     print(f"  both hands full {microseconds(world.free, states):5.0f} us")
     targets = [robot.grip(q * 0.6, "left") for q in states[:300]]
     begun = time.perf_counter()

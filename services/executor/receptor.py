@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.kinematics.tasks.frames import xyz_quat
+from velma.kinematics.frames import xyz_quat
 
 # Simulated Kinect of Velma (velma_robot@43752e0): horizontal field of view 1.047 rad, 800 x 600, cloud 0.5-3.0 m.
 HALF_WIDTH = math.tan(1.047 / 2)

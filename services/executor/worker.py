@@ -20,8 +20,8 @@ from services.executor.skills.performing import perform
 from services.executor.skills.situation import Held, Situation, beginning
 from services.executor.skills.skill import Sensed
 from services.executor.words import Ended, Feel, Felt, Move, Perform, Setup, ToWorker
+from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
-from velma.kinematics.tasks.frames import transform, xyz_quat
 from velma.model import scene
 
 # What an act takes beside its first motion [s, simulated]; estimates, they only bound how long anybody waits.
@@ -43,7 +43,7 @@ class Stage:
         here = beginning(self.robot, dict(self.things))
         here.q, here.head, here.time = felt.setpoint().copy(), felt.head, felt.time
         for name, seen in kept.seen.items():
-            here._put(name, transform(seen.pose))
+            here.place(name, transform(seen.pose))
         for side, angle in kept.fingers.items():
             here.set_fingers(str(side), angle)
         for side, one in kept.held.items():

@@ -17,8 +17,9 @@ import pinocchio as pin
 
 from velma import names
 from velma.errors import VelmaError
+from velma.kinematics.frames import transform
 from velma.kinematics.robot import Robot, body_frame
-from velma.kinematics.shapes import placement, solid
+from velma.kinematics.shapes import solid
 from velma.names import Array
 
 Kind = Literal["furniture", "object"]
@@ -214,7 +215,7 @@ class World:
             joint, T_joint_thing = grip.parentJoint, grip.placement * pose
         for k, shape in zip(thing.geometries, thing.shapes, strict=True):
             geometry = self._shapes.geometryObjects[k]
-            geometry.parentJoint, geometry.placement = joint, T_joint_thing * placement(shape.at)
+            geometry.parentJoint, geometry.placement = joint, T_joint_thing * transform(shape.at)
 
     def _refresh(self) -> None:
         if self._shapes is None:
@@ -230,7 +231,7 @@ class World:
         for name, thing in self._things.items():
             thing.geometries = range(len(groups), len(groups) + len(thing.shapes))
             for shape in thing.shapes:
-                geometry = pin.GeometryObject(name, 0, 0, placement(shape.at), solid(shape))
+                geometry = pin.GeometryObject(name, 0, 0, transform(shape.at), solid(shape))
                 geometry.name = name
                 self._shapes.addGeometryObject(geometry)
                 groups.append(name)

@@ -79,13 +79,6 @@ class Robot:
         return pin.updateFramePlacement(self._sight, self._sight_data, self._camera).copy()
 
 
-def pose(xyz: Any, yaw: float = 0.0) -> Any:
-    """`pin.SE3` at xyz [m], turned by yaw [rad] about the vertical."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return pin.SE3(rotation, np.array(xyz, dtype=np.float64))
-
-
 def between(start: Any, end: Any, count: int) -> list[Any]:
     """`count` poses evenly on the straight line and the shortest turn from `start` (left out) to `end` (included)."""
     turn = pin.log3(end.rotation @ start.rotation.T)

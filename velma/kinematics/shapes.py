@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import coal
-import numpy as np
 import pinocchio as pin
 
 from velma.errors import VelmaError
@@ -45,16 +44,6 @@ class NoShape(VelmaError):
     def __init__(self, found: object) -> None:
         self.found = found
         super().__init__(f"{found!r} is no shape: expected size (box), radius and length (cylinder) or radius (sphere)")
-
-
-def placement(at: Any) -> Any:
-    """`pin.SE3` of a place; the quaternion is normalised."""
-    if isinstance(at, pin.SE3):
-        return at
-    w, x, y, z = at.quat_wxyz
-    quaternion = pin.Quaternion(w, x, y, z)
-    quaternion.normalize()
-    return pin.SE3(quaternion.matrix(), np.array(at.xyz, dtype=np.float64))
 
 
 def solid(shape: Any) -> Any:

@@ -11,7 +11,8 @@ import pinocchio as pin
 from companion import models
 from services.executor.skills.situation import Held, Situation
 from velma.kinematics import motion
-from velma.kinematics.tasks.frames import level, standing, tilt, upright
+from velma.kinematics.frames import level, standing, tilt
+from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.tasks.placing import placings
 
 HERE_M = 0.06  # estimate: an object so little above a surface was not taken out yet

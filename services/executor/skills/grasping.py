@@ -11,8 +11,8 @@ from services.executor.skills.situation import Held, Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Skill, failed, replan
 from velma import names
 from velma.kinematics import ik
+from velma.kinematics.frames import transform
 from velma.kinematics.tasks import attaching
-from velma.kinematics.tasks.frames import transform
 
 APPROACH_SPEED = 0.2  # [m/s], task runs with the true robot model
 UPTO = 2.3  # [rad] where a finger stops that touches nothing, same runs

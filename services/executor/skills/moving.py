@@ -8,7 +8,7 @@ from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Skill, replan
 from velma import names
 from velma.kinematics import ik, motion
-from velma.kinematics.tasks.frames import shifted
+from velma.kinematics.frames import shifted
 
 EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s], task runs with the true robot model
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path

@@ -9,7 +9,7 @@ from services.executor.skills import SKILLS
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill
 from velma import names
-from velma.kinematics.tasks.frames import xyz_quat
+from velma.kinematics.frames import xyz_quat
 
 Performance = Generator[Motion, Sensed, rc.Done | rc.NotDone]
 

@@ -13,7 +13,7 @@ from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Skill, failed, replan
 from velma import names
 from velma.kinematics import ik
-from velma.kinematics.tasks.frames import shifted, transform
+from velma.kinematics.frames import shifted, transform
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
 
 DOWN_SPEED, RETREAT_SPEED, LOADED_SPEED = 0.04, 0.15, 0.25  # [m/s], task runs with the true robot model

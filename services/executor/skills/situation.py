@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-from velma.kinematics.collision import World
 
 from companion import models
 from services.executor.receptor import Sight
 from velma import names
+from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 
 MARGIN_M = 0.002  # pl plans with 6 mm; the rest is for what the receptor sees anew (estimate)
@@ -47,7 +47,7 @@ class Situation:
         for sight in sights:
             side = self.holder(sight.name)
             if side is None:
-                self._put(sight.name, sight.T_world_object)
+                self.place(sight.name, sight.T_world_object)
             else:
                 grip = self.robot.grip(self.q, side)
                 self.held[side].T_grip_object = grip.inverse() * sight.T_world_object
@@ -74,7 +74,8 @@ class Situation:
         self.fingers[side] = angle
         self.world.fingers(side, angle)
 
-    def _put(self, name: str, pose: pin.SE3) -> None:
+    def place(self, name: str, pose: pin.SE3) -> None:
+        """The thing stands at `pose`, as far as is known."""
         self.seen[name] = pose
         model = models.MODELS[self.models[name]]
         self.world.put(name, model.shapes, pose, "object" if model.moveable else "furniture")

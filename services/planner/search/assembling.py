@@ -7,7 +7,7 @@ import msgspec
 from companion.languages import hfsm, rc, wm
 from companion.languages.values import Side
 from services.planner.search.steps import Step, approach_points
-from velma.kinematics.tasks.frames import transform
+from velma.kinematics.frames import transform
 from velma.kinematics.tasks.placing import backwards
 
 

@@ -5,7 +5,7 @@ from companion.languages.values import Side
 from services.planner.search.asking import Asking, Unanswered
 from services.planner.search.situation import SIDES
 from services.planner.search.steps import approach_points
-from velma.kinematics.tasks.frames import transform
+from velma.kinematics.frames import transform
 from velma.kinematics.tasks.placing import backwards
 
 

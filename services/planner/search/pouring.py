@@ -8,7 +8,7 @@ import numpy as np
 from companion.languages import rc, wm
 from companion.languages.values import Side
 from services.planner.search.steps import LOADED_SPEED, Geometry, Step, arrived, move
-from velma.kinematics.tasks.frames import transform
+from velma.kinematics.frames import transform
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, tiltings
 
 HELD_TILT = math.radians(40.0)  # task runs with the true robot model

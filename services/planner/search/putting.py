@@ -23,7 +23,7 @@ from services.planner.search.steps import (
     move,
 )
 from velma import names
-from velma.kinematics.tasks.frames import transform
+from velma.kinematics.frames import transform
 from velma.kinematics.tasks.placing import Placing, backwards, placings
 
 CARRIED_TILT = (math.radians(25.0), math.radians(60.0))  # [rad] tried in turn; an empty bowl may tilt

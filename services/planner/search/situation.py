@@ -10,8 +10,8 @@ from companion.languages.values import Pose, Side
 from services.planner.search.asking import Asking
 from velma import names
 from velma.kinematics import collision
+from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
-from velma.kinematics.tasks.frames import transform, xyz_quat
 
 SIDES = (Side.RIGHT, Side.LEFT)
 

@@ -16,8 +16,9 @@ from services.planner.search.asking import Asking
 from services.planner.search.situation import Situation, configured, on_wire, situation
 from velma import names
 from velma.kinematics import motion
+from velma.kinematics.frames import transform
 from velma.kinematics.robot import Robot
-from velma.kinematics.tasks.frames import transform, upright
+from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.timing import JOINT_FRACTION, timed
 
 EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s] of the tool in free motions

@@ -23,8 +23,8 @@ from services.planner.search.steps import (
     arrived,
     move,
 )
+from velma.kinematics.frames import transform
 from velma.kinematics.tasks.carrying import carries
-from velma.kinematics.tasks.frames import transform
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 
 GRASPS, CARRIES = 8, 16  # estimate: so many are found in 0.1 s

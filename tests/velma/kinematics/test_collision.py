@@ -11,7 +11,8 @@ import pytest
 from velma import names
 from velma.errors import VelmaError
 from velma.kinematics.collision import UnknownThing, World
-from velma.kinematics.robot import Robot, pose
+from velma.kinematics.frames import standing
+from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Box, NoShape, Sphere
 
 OBJECTS = ("jar_1", "bowl_1")
@@ -115,20 +116,20 @@ def test_touching_names_what_free_refuses(robot: Robot, furnished: Furnish, rng:
 def test_the_margin_is_kept(robot: Robot) -> None:
     """A ball comes too near a little before 6 mm, also where the boxes around both do not overlap."""
     world, q = World(robot, MARGIN), np.array(names.START)
-    world.put("ball", [Sphere(0.05)], pose((3.0, 0.0, 1.0)), "object")
-    world.put("wall", [Box((0.1, 0.1, 0.1))], pose((3.5, 0.0, 1.0)))
-    world.attach("ball", "left", robot.grip(q, "left").inverse() * pose((3.0, 0.0, 1.0)))
+    world.put("ball", [Sphere(0.05)], standing((3.0, 0.0, 1.0)), "object")
+    world.put("wall", [Box((0.1, 0.1, 0.1))], standing((3.5, 0.0, 1.0)))
+    world.attach("ball", "left", robot.grip(q, "left").inverse() * standing((3.0, 0.0, 1.0)))
     for gap, free in ((0.02, True), (0.0063, True), (0.0057, False), (-0.01, False)):
-        world.put("wall", [Box((0.1, 0.1, 0.1))], pose((3.1 + gap, 0.0, 1.0)))
+        world.put("wall", [Box((0.1, 0.1, 0.1))], standing((3.1 + gap, 0.0, 1.0)))
         assert world.free(q) is free, gap
 
 
 def test_the_margin_can_be_changed(robot: Robot) -> None:
     """A wall 10 mm away is too near with a margin of 12 mm, and no more when the margin is narrowed again."""
     world, q = World(robot), np.array(names.START)
-    world.put("ball", [Sphere(0.05)], pose((3.0, 0.0, 1.0)), "object")
-    world.put("wall", [Box((0.1, 0.1, 0.1))], pose((3.11, 0.0, 1.0)))
-    world.attach("ball", "left", robot.grip(q, "left").inverse() * pose((3.0, 0.0, 1.0)))
+    world.put("ball", [Sphere(0.05)], standing((3.0, 0.0, 1.0)), "object")
+    world.put("wall", [Box((0.1, 0.1, 0.1))], standing((3.11, 0.0, 1.0)))
+    world.attach("ball", "left", robot.grip(q, "left").inverse() * standing((3.0, 0.0, 1.0)))
     verdicts = []
     for margin in (0.006, 0.012, 0.006):
         world.margin = margin
@@ -139,7 +140,7 @@ def test_the_margin_can_be_changed(robot: Robot) -> None:
 def test_a_hand_may_touch_only_what_it_is_allowed(robot: Robot) -> None:
     """A ball in the palm is a collision until the pair is allowed or the ball is held, and again afterwards."""
     world, q = World(robot), np.array(names.START)
-    at = robot.grip(q, "right") * pose((0.0, 0.0, -0.03))
+    at = robot.grip(q, "right") * standing((0.0, 0.0, -0.03))
     world.put("ball", [Sphere(0.03)], at, "object")
     assert not world.free(q)
     assert "right_HandPalmLink" in {a for a, *_ in world.touching(q)}
@@ -152,7 +153,7 @@ def test_a_hand_may_touch_only_what_it_is_allowed(robot: Robot) -> None:
     assert world.free(q)
     world.attach("ball", "left", robot.grip(q, "left").inverse() * at)
     assert not world.free(q)
-    world.detach("ball", pose((3.0, 0.0, 0.0)))
+    world.detach("ball", standing((3.0, 0.0, 0.0)))
     assert world.free(q)
 
 
@@ -160,9 +161,9 @@ def test_resting_things_do_not_mind_each_other(robot: Robot) -> None:
     """An object inside a box of furniture and inside another object is no collision until a hand carries it."""
     world, q = World(robot), np.array(names.START)
     for name, kind in (("shelf", "furniture"), ("ball", "object"), ("cube", "object")):
-        world.put(name, [Box((0.2, 0.2, 0.2))], pose((2.0, 0.0, 1.0)), kind)
+        world.put(name, [Box((0.2, 0.2, 0.2))], standing((2.0, 0.0, 1.0)), kind)
     assert world.free(q)
-    world.attach("ball", "left", robot.grip(q, "left").inverse() * pose((2.0, 0.0, 1.0)))
+    world.attach("ball", "left", robot.grip(q, "left").inverse() * standing((2.0, 0.0, 1.0)))
     assert {(a, b) for a, b, _ in world.touching(q)} == {("shelf", "ball"), ("ball", "cube")}
     world.allow(("ball", "shelf"), ("ball", "cube"))
     assert world.free(q)
@@ -171,8 +172,8 @@ def test_resting_things_do_not_mind_each_other(robot: Robot) -> None:
 def test_a_thing_in_the_hand_moves_with_it(robot: Robot, rng: np.random.Generator) -> None:
     """Its pose is the grip's pose times its place in the hand; let go without a pose it rests there."""
     world, q = World(robot), _near(robot, rng)
-    T_grip_object = pose((0.01, 0.02, 0.03), yaw=0.4)
-    world.put("cube", [Box((0.01, 0.01, 0.01))], pose((2.0, 0.0, 1.0)), "object")
+    T_grip_object = standing((0.01, 0.02, 0.03), yaw=0.4)
+    world.put("cube", [Box((0.01, 0.01, 0.01))], standing((2.0, 0.0, 1.0)), "object")
     assert world.held("cube") is None
     world.attach("cube", "left", T_grip_object)
     world.free(q)
@@ -189,7 +190,7 @@ def test_things_come_and_go(robot: Robot) -> None:
     block = [Box((0.2, 0.2, 0.2))]
     world.put("block", block, robot.grip(q, "left"))
     assert not world.free(q)
-    world.put("block", block, pose((3.0, 0.0, 0.0)))
+    world.put("block", block, standing((3.0, 0.0, 0.0)))
     assert world.free(q)
     world.put("block", block, robot.grip(q, "left"))
     world.remove("block")
@@ -203,7 +204,7 @@ def test_things_come_and_go(robot: Robot) -> None:
 def test_the_head_is_part_of_the_robot(robot: Robot) -> None:
     """A ball at the left end of the camera bar is met while the head looks ahead, and no more when it looks aside."""
     world, q = World(robot), np.array(names.START)
-    world.put("ball", [Sphere(0.02)], pose((0.04, 0.13, 1.69)))
+    world.put("ball", [Sphere(0.02)], standing((0.04, 0.13, 1.69)))
     assert [name for name, *_ in world.touching(q)] == ["head_tilt_link"]
     world.head(1.5, 0.0)
     assert world.free(q)
@@ -213,4 +214,4 @@ def test_only_shapes_are_shapes(robot: Robot) -> None:
     """A thing of an unknown shape is refused by a typed error."""
     world = World(robot)
     with pytest.raises(NoShape):
-        world.put("odd", ["a string"], pose((0.0, 0.0, 0.0)))
+        world.put("odd", ["a string"], standing((0.0, 0.0, 0.0)))

@@ -6,7 +6,8 @@ import pytest
 
 from velma import names
 from velma.kinematics import ik
-from velma.kinematics.robot import Robot, pose
+from velma.kinematics.frames import standing
+from velma.kinematics.robot import Robot
 
 
 def _random_posture(robot: Robot, rng: np.random.Generator) -> np.ndarray:
@@ -49,7 +50,7 @@ def test_solve_moves_only_the_columns_it_may(robot: Robot, rng: np.random.Genera
 
 def test_solve_refuses_what_is_out_of_reach(robot: Robot) -> None:
     """A target five metres away has no solution."""
-    assert ik.solve(robot, "left", pose((5.0, 0.0, 1.0)), np.array(names.START)) is None
+    assert ik.solve(robot, "left", standing((5.0, 0.0, 1.0)), np.array(names.START)) is None
 
 
 @pytest.mark.parametrize("side", names.SIDES)

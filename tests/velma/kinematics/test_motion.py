@@ -7,7 +7,8 @@ import numpy as np
 from velma import names
 from velma.kinematics import ik, motion
 from velma.kinematics.collision import World
-from velma.kinematics.robot import Robot, pose
+from velma.kinematics.frames import standing
+from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Box, Sphere
 from velma.kinematics.timing import timed
 
@@ -18,7 +19,7 @@ START = np.array(names.START)
 def reaching(robot: Robot, side: str = "left") -> np.ndarray:
     """A posture with the hand in front of the robot, pointing forwards."""
     mirror = 1.0 if side == "left" else -1.0
-    grip = pose((0.55, 0.35 * mirror, 1.1))
+    grip = standing((0.55, 0.35 * mirror, 1.1))
     grip.rotation = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     q = ik.sample(robot, side, grip, START, np.random.default_rng(5), torso=0.1, best=True)
     assert q is not None
@@ -28,7 +29,7 @@ def reaching(robot: Robot, side: str = "left") -> np.ndarray:
 def walled(robot: Robot) -> World:
     """A world with a board between the hanging left hand and the place it reaches to."""
     world = World(robot)
-    world.put("board", [Box((0.3, 0.5, 0.02))], pose((0.45, 0.45, 0.85)))
+    world.put("board", [Box((0.3, 0.5, 0.02))], standing((0.45, 0.45, 0.85)))
     return world
 
 
@@ -76,8 +77,8 @@ def test_a_motion_out_of_the_cabinet(robot: Robot, furnished: Callable[[], World
     """From a posture with the hand between the shelves back to the side of the body."""
     world = furnished()
     world.remove("jar_1")
-    out = pose((0.0, 0.0, 0.0), -2.9235).rotation[:, 0]
-    grip = pose((0.80, 0.36, 1.281))
+    out = standing((0.0, 0.0, 0.0), -2.9235).rotation[:, 0]
+    grip = standing((0.80, 0.36, 1.281))
     up = np.array([0.0, 0.0, 1.0])
     grip.rotation = np.column_stack((up, np.cross(-out, up), -out))
     inside = ik.sample(robot, "left", grip, START, np.random.default_rng(1), accept=world.free, best=True, starts=80)
@@ -93,11 +94,11 @@ def test_a_condition_holds_all_the_way(robot: Robot) -> None:
     """With the hand's axis to stay within 40 degrees of the horizon, it does at each posture."""
     start, world = reaching(robot), World(robot)
     grip = robot.grip(start, "left")
-    target = pose((0.3, 0.7, 1.2))
-    target.rotation = pose((0.0, 0.0, 0.0), 1.2).rotation @ grip.rotation
+    target = standing((0.3, 0.7, 1.2))
+    target.rotation = standing((0.0, 0.0, 0.0), 1.2).rotation @ grip.rotation
     goal = ik.sample(robot, "left", target, start, np.random.default_rng(2), best=True)
     assert goal is not None
-    world.put("post", [Box((0.06, 0.06, 0.06))], pose(robot.grip((start + goal) / 2, "left").translation))
+    world.put("post", [Box((0.06, 0.06, 0.06))], standing(robot.grip((start + goal) / 2, "left").translation))
 
     def level(q: np.ndarray) -> bool:
         return abs(float(robot.grip(q, "left").rotation[2, 2])) < np.sin(np.radians(40.0))
@@ -114,7 +115,7 @@ def test_what_cannot_be_is_refused(robot: Robot) -> None:
     """No way to a goal that touches something or breaks the condition, nor from such a start."""
     world, goal = World(robot), reaching(robot)
     assert motion.plan(robot, world, "left", START, goal, keep=lambda q: q[0] < 0.05) is None
-    world.put("ball", [Sphere(0.1)], pose(robot.grip(goal, "left").translation))
+    world.put("ball", [Sphere(0.1)], standing(robot.grip(goal, "left").translation))
     assert motion.plan(robot, world, "left", START, goal) is None
     assert motion.plan(robot, world, "left", goal, START) is None
 
@@ -122,7 +123,7 @@ def test_what_cannot_be_is_refused(robot: Robot) -> None:
 def test_a_closed_box_is_given_up(robot: Robot) -> None:
     """A hand behind a wall without a gap is not reached; the iterations end and the margin is as it was."""
     world, goal = World(robot), reaching(robot)
-    world.put("wall", [Box((0.02, 8.0, 8.0))], pose((0.32, 0.0, 1.0)))
+    world.put("wall", [Box((0.02, 8.0, 8.0))], standing((0.32, 0.0, 1.0)))
     world.allow(("wall", "robot"))
     assert world.free(START)
     assert world.free(goal)

@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 
 from velma import names
-from velma.kinematics.robot import ROBOT_XML, FrameMissing, Robot, between, body_frame, pose
+from velma.kinematics.frames import standing
+from velma.kinematics.robot import ROBOT_XML, FrameMissing, Robot, between, body_frame
 
 
 @pytest.mark.parametrize("side", names.SIDES)
@@ -73,7 +74,7 @@ def test_a_missing_body_is_named_with_those_that_exist(robot: Robot) -> None:
 
 def test_poses_between_end_at_the_end() -> None:
     """A straight way ends exactly at its end, leaves its start out, and turns evenly."""
-    start, end = pose((0.0, 0.0, 1.0)), pose((0.3, 0.0, 1.0), yaw=1.0)
+    start, end = standing((0.0, 0.0, 1.0)), standing((0.3, 0.0, 1.0), yaw=1.0)
     way = between(start, end, 4)
     assert len(way) == 4
     assert way[-1].isApprox(end, 1e-12)

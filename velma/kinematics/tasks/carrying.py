@@ -1,14 +1,15 @@
 """A posture in which an arm holds an object upright and leaves the other arm and the torso room to work."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pinocchio as pin
 
 from velma.kinematics import ik
 from velma.kinematics.collision import World
+from velma.kinematics.frames import heading, standing
 from velma.kinematics.robot import Robot
-from velma.kinematics.tasks.frames import heading, standing
 
 # Where the grip goes, in the torso frame [m], for the left hand (mirrored for the right); task runs with the true
 # robot model carried near (0.38, 0.63, 1.0). The hand points forwards and outwards.
@@ -40,6 +41,17 @@ def carries(
         posture = ik.sample(robot, side, target, q, rng, torso=torso, accept=world.free, best=True)
         if posture is not None and all(world.free(_turned(posture, t)) for t in TORSO_SWEEP):
             yield posture
+
+
+def upright(robot: Robot, side: str, T_grip_object: pin.SE3, largest_tilt: float) -> Callable[[np.ndarray], bool]:
+    """A condition on q (15,): the held object's axis stays within `largest_tilt` [rad] of the vertical."""
+    least = math.cos(largest_tilt)
+    axis = np.ascontiguousarray(T_grip_object.rotation[:, 2])
+
+    def keep(q: np.ndarray) -> bool:
+        return bool(robot.grip(q, side).rotation[2] @ axis > least)
+
+    return keep
 
 
 def _turned(q: np.ndarray, torso: float) -> np.ndarray:

@@ -13,9 +13,9 @@ import pinocchio as pin
 
 from velma.kinematics import ik
 from velma.kinematics.collision import World
+from velma.kinematics.frames import heading, shifted, standing
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks import attaching
-from velma.kinematics.tasks.frames import heading, shifted, standing
 
 LIFT_M = 0.03  # task runs with the true robot model; the published planner lifts by 0.02
 AZIMUTH_SPREAD = 0.35  # [rad], standard deviation of the approach direction about the open side; same runs: 0.35-0.4

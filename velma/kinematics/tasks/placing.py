@@ -12,9 +12,9 @@ import pinocchio as pin
 
 from velma.kinematics import ik
 from velma.kinematics.collision import World
+from velma.kinematics.frames import shifted, standing
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks import attaching
-from velma.kinematics.tasks.frames import shifted, standing
 
 ABOVE_M = 0.10  # task runs with the true robot model
 CLEARANCE_M = 0.008  # same runs: the planned end of the descent stays this much above the surface

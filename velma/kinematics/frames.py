@@ -1,13 +1,15 @@
-"""Small constructions with rigid transforms that the tasks share."""
+"""Small constructions with rigid transforms that everything geometric shares. Knows no robot, scene or task.
+
+`T_a_b` is the pose of frame b seen from frame a (pinocchio SE3); lengths in m, angles in rad; without other words a
+pose is one in the world, whose z axis points up.
+"""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
-
-from velma.kinematics.robot import Robot
 
 
 class PoseLike(Protocol):
@@ -20,8 +22,10 @@ class PoseLike(Protocol):
     def quat_wxyz(self) -> Sequence[float]: ...
 
 
-def transform(pose: PoseLike) -> pin.SE3:
-    """The transform of a pose; the quaternion is normalised."""
+def transform(pose: PoseLike | pin.SE3) -> pin.SE3:
+    """The transform of a pose, its quaternion normalised; a transform is returned as it is."""
+    if isinstance(pose, pin.SE3):
+        return pose
     w, x, y, z = pose.quat_wxyz
     quaternion = pin.Quaternion(w, x, y, z)
     quaternion.normalize()
@@ -29,22 +33,22 @@ def transform(pose: PoseLike) -> pin.SE3:
 
 
 def xyz_quat(pose: pin.SE3) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-    """Translation (3,) [m] and quaternion (4,), w first, of a transform."""
-    x, y, z, i, j, k, w = (float(part) for part in pin.SE3ToXYZQUAT(pose))
-    return (x, y, z), (w, i, j, k)
+    """Translation [m] and quaternion, w first, of a transform: what a pose on the wire is made of."""
+    px, py, pz, x, y, z, w = (float(v) for v in pin.SE3ToXYZQUAT(pose))
+    return (px, py, pz), (w, x, y, z)
 
 
-def standing(xyz: np.ndarray, yaw: float = 0.0) -> pin.SE3:
+def standing(xyz: Any, yaw: float = 0.0) -> pin.SE3:
     """A frame that stands upright at `xyz` (3,) [m], turned by `yaw` [rad] about the vertical."""
-    return pin.SE3(pin.exp3(np.array([0.0, 0.0, yaw])), np.asarray(xyz, dtype=float))
+    return pin.SE3(pin.exp3(np.array([0.0, 0.0, yaw])), np.array(xyz, dtype=float))
 
 
-def shifted(pose: pin.SE3, offset: np.ndarray) -> pin.SE3:
+def shifted(pose: pin.SE3, offset: Any) -> pin.SE3:
     """The same orientation, moved by `offset` (3,) [m] in the world frame."""
     return pin.SE3(pose.rotation, pose.translation + np.asarray(offset, dtype=float))
 
 
-def heading(direction: np.ndarray) -> float:
+def heading(direction: Any) -> float:
     """Angle [rad] of the horizontal part of a direction (3,) from the x axis."""
     return math.atan2(direction[1], direction[0])
 
@@ -57,14 +61,3 @@ def tilt(pose: pin.SE3) -> float:
 def level(pose: pin.SE3) -> pin.SE3:
     """The upright frame at the same place with the nearest heading."""
     return standing(pose.translation, heading(pose.rotation[:, 0]))
-
-
-def upright(robot: Robot, side: str, T_grip_object: pin.SE3, largest_tilt: float) -> Callable[[np.ndarray], bool]:
-    """A condition on q (15,): the held object's axis stays within `largest_tilt` [rad] of the vertical."""
-    least = math.cos(largest_tilt)
-    axis = np.ascontiguousarray(T_grip_object.rotation[:, 2])
-
-    def keep(q: np.ndarray) -> bool:
-        return bool(robot.grip(q, side).rotation[2] @ axis > least)
-
-    return keep
