@@ -1,0 +1,89 @@
+"""Start-up of the fleet: seconds from the start of the supervisor until each process is ready, head and arm move.
+
+    python benchmarks/startup.py [--seed N] [--speed 1] [--keep DIR]
+
+The sentence is said as soon as the fleet is ready. Head and arm: the first change of a measured joint by more than
+`MOVED` after that, and the first one at all for the head (the survey may begin before the sentence).
+"""
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import typer
+
+from agent_runtime.options import Options
+from agent_runtime.tap import Sample, open_tap
+from companion.run_folder import ProcessState
+from companion.telemetry import RobotState
+from services.console import fleet, runs
+from services.console.demo import SENTENCE
+from services.console.hi import Hi
+
+MOVED = 0.02  # [rad], above what the body sways at rest (1 mrad) and what gravity pulls at the start
+LIMIT_S = 120.0
+
+
+class Motion:
+    """When head and arms first moved, as seconds since `began`."""
+
+    def __init__(self, began: float) -> None:
+        self.began = began
+        self.first: RobotState | None = None
+        self.moved: dict[str, float] = {}
+        self.shown_at = 0.0
+
+    def heard(self, sample: Sample) -> None:
+        """Take in what ex shows."""
+        if not sample.key.endswith("/_/telemetry/ex"):
+            return
+        state = msgspec.msgpack.decode(sample.data, type=RobotState)
+        if self.first is None:
+            self.first, self.shown_at = state, sample.at - self.began
+        for name in ("head", "body"):
+            far = np.abs(np.subtract(getattr(state, name), getattr(self.first, name))).max()
+            if far > MOVED:
+                self.moved.setdefault(name, sample.at - self.began)
+
+
+def main(
+    seed: Annotated[int, typer.Option()] = 1,
+    speed: Annotated[str, typer.Option()] = "1",
+    keep: Annotated[Path | None, typer.Option(help="the run folder; default: a temporary one")] = None,
+) -> None:
+    """Measure one start."""
+    with tempfile.TemporaryDirectory() as scratch:
+        run = keep or Path(scratch) / "run"
+        began = time.time()
+        supervisor = fleet.start(run, ["--speed", speed, "--seed", str(seed)])
+        motion, ready = Motion(began), dict[str, float]()
+        tap = None
+        try:
+            while time.time() - began < LIMIT_S and "body" not in motion.moved:
+                now, told = time.time() - began, runs.fleet(run)
+                for status in told.processes if told else ():
+                    if status.state is ProcessState.READY:
+                        ready.setdefault(status.name, now)
+                if tap is None and told is not None and "router" in ready:
+                    tap = open_tap(Options(connect=told.connect), motion.heard, lambda: False)
+                if told and "all" not in ready and all(s.name in ready or s.optional for s in told.processes):
+                    ready["all"] = now
+                    Hi(runs.hi_address(run)).say(SENTENCE)
+                    ready["said"] = time.time() - began
+                time.sleep(0.02)
+        finally:
+            for name, at in ready.items():
+                print(f"{at:6.2f} s  {name} {'ready' if name != 'said' else ''}")
+            for name, at in motion.moved.items():
+                print(f"{at:6.2f} s  {name} moves")
+            if tap is not None:
+                tap.close()
+            fleet.down(run)
+            supervisor.wait(timeout=90.0)
+
+
+if __name__ == "__main__":
+    typer.run(main)
