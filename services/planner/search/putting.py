@@ -12,9 +12,11 @@ from companion.languages.values import Cylinder, Pose, Side
 from services.planner.search.situation import Held, on_wire
 from services.planner.search.steps import (
     DOWN_SPEED,
+    EFFORTS,
     EMPTY_SPEED,
     LOADED_SPEED,
     OPEN_S,
+    QUICK,
     RETREAT_SPEED,
     Geometry,
     Step,
@@ -90,8 +92,8 @@ def place(geometry: Geometry, state: str, side: Side) -> Step | None:
         geometry.rng("place", held.object, side), tries=TRIES,
     )  # fmt: skip
     some = list(islice(found, PLACINGS))
-    for largest_tilt in CARRIED_TILT:
-        reached = geometry.free_motion(here, side, [p.above for p in some], largest_tilt=largest_tilt)
+    for largest_tilt, efforts in zip(CARRIED_TILT, (QUICK, EFFORTS), strict=True):
+        reached = geometry.free_motion(here, side, [p.above for p in some], largest_tilt=largest_tilt, efforts=efforts)
         if reached is not None:
             index, path = reached
             return _placing(geometry, held, some[index], retreat, side, path, free)

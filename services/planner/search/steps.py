@@ -24,6 +24,9 @@ from velma.kinematics.timing import JOINT_FRACTION, timed
 EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s] of the tool in free motions
 APPROACH_SPEED, LIFT_SPEED, DOWN_SPEED, RETREAT_SPEED = 0.2, 0.1, 0.04, 0.15  # [m/s]
 TRIED, ENOUGH = 8, 3  # estimate: more goals make motions little quicker and planning slower
+# Iterations of a tree: most ways are found in some hundreds (benchmarks/kinematics.py), so all goals get few before any
+# gets many; trees grown for a goal.
+QUICK, EFFORTS, ATTEMPTS = (500,), (500, 4000), 2
 CLOSE_S, OPEN_S = 4.0, 2.5  # [s] a hand takes to close by touch and to open; only for the expected duration
 
 
@@ -67,6 +70,7 @@ class Geometry:
         largest_tilt: float | None = None,
         tried: int = TRIED,
         enough: int = ENOUGH,
+        efforts: Sequence[int] = EFFORTS,
     ) -> tuple[int, list[np.ndarray]] | None:
         """Index of a goal and the joint path to it: the quickest of the first `enough` found among the `tried` nearest.
 
@@ -77,18 +81,22 @@ class Geometry:
             keep = upright(self.robot, side, here.held[side].T_grip_object, largest_tilt)
         speed = LOADED_SPEED if here.loaded() else EMPTY_SPEED
         least = [least_time(here.q, goal) for goal in goals]
-        found: list[tuple[float, int, list[np.ndarray]]] = []
-        for index in np.argsort(least, kind="stable")[:tried]:
-            if found and least[index] > min(f[0] for f in found):
-                break
-            path = motion.plan(
-                self.robot, here.world, side, here.q, goals[index], keep=keep, seed=self.seed, tool_speed=speed
-            )
-            if path is not None:
-                found.append((self.duration(path, speed), int(index), path))
-            if len(found) == enough:
-                break
-        return None if not found else min(found, key=lambda f: f[0])[1:]
+        for effort in efforts:
+            found: list[tuple[float, int, list[np.ndarray]]] = []
+            for index in np.argsort(least, kind="stable")[:tried]:
+                if found and least[index] > min(f[0] for f in found):
+                    break
+                path = motion.plan(
+                    self.robot, here.world, side, here.q, goals[index],
+                    keep=keep, seed=self.seed, tool_speed=speed, iterations=effort, attempts=ATTEMPTS,
+                )  # fmt: skip
+                if path is not None:
+                    found.append((self.duration(path, speed), int(index), path))
+                if len(found) == enough:
+                    break
+            if found:
+                return min(found, key=lambda f: f[0])[1:]
+        return None
 
     def duration(self, path: list[np.ndarray], speed: float) -> float:
         """Time [s] of a joint path at a tool speed [m/s]."""
