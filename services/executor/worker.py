@@ -20,6 +20,7 @@ from services.executor.skills.performing import perform
 from services.executor.skills.situation import Held, Situation, beginning
 from services.executor.skills.skill import Sensed
 from services.executor.words import Ended, Feel, Felt, Move, Perform, Setup, ToWorker
+from velma.kinematics import timing
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
 from velma.model import scene
@@ -101,6 +102,7 @@ def _act(link: Link, stage: Stage, word: Perform) -> Perform | Feel:
             motion = work.send(stage.sensed(reply.felt))
     except StopIteration as stop:
         link.send(Ended(word.number, stop.value, remembered(here)))
+        timing.loaded()  # the first act is a look, which does without; now nobody waits
     following: Perform | Feel = link.recv(ToWorker)
     return following
 

@@ -66,7 +66,9 @@ Local = Ask | Found | NotFound | Died
 def serve(link: Link) -> None:
     """The child: one search after another."""
     from services.planner.search.search import search
+    from velma.kinematics import timing
 
+    timing.loaded()
     while True:
         word = link.recv(ToSearch)
         if not isinstance(word, Begin):
