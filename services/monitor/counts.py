@@ -14,6 +14,9 @@ from fipa_codec.performatives import Performative
 from services.monitor.history import History, Told
 from services.monitor.records import Spoken
 
+_TABLE_8 = ("co", "hi", "km", "pl", "ta", "ex")
+AGENTS = tuple(sorted(DESIGN.agents, key=lambda agent: _TABLE_8.index(agent) if agent in _TABLE_8 else len(_TABLE_8)))
+"""In the order of the paper's Table 8."""
 OPENING = (Performative.REQUEST, Performative.QUERY_REF, Performative.SUBSCRIBE)
 RESULT = ("generate_plan",)
 """Uses whose budget in the design is that of the result; elsewhere it is that of the first word, an agree."""
@@ -72,7 +75,7 @@ class Latency(msgspec.Struct, frozen=True):
 def communicates(history: History) -> Communicates:
     """Count a history."""
     said = history.said
-    matrix: dict[str, dict[str, int]] = {a: dict.fromkeys(DESIGN.agents, 0) for a in DESIGN.agents}
+    matrix: dict[str, dict[str, int]] = {a: dict.fromkeys(AGENTS, 0) for a in AGENTS}
     for one in said:
         matrix[one.sender][one.receiver] += 1
     per_channel = {channel: _sizes([o.size for o in said if o.channel == channel]) for channel in DESIGN.channels}

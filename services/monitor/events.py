@@ -42,8 +42,8 @@ def _knowledge(history: History) -> Iterator[Event]:
     first = min((plan.start for plan in ran(history)), default=float("inf"))
     seen = [o.received for o in history.said if isinstance(o.content, wm.SeenObject) and o.received < first]
     if seen:
-        yield Event(seen[0], "first knowledge", ("C5", "C6"))
-        yield Event(seen[-1], "environment known", ("C5", "C6"))
+        yield Event(seen[0], "km hears of the first thing", ("C5", "C6"))
+        yield Event(seen[-1], "km knows the surroundings", ("C5", "C6"))
 
 
 def _command(history: History) -> Iterator[Event]:
@@ -73,7 +73,8 @@ def _running(plan: Ran) -> Iterator[Event]:
 def _handling(history: History) -> Iterator[Event]:
     """Grasped, pulled out, put down, localized, poured."""
     holding: dict[str, str] = {}  # side -> object that was grasped and not moved yet
-    for act in acts(history):
+    all_acts = acts(history)
+    for act in all_acts:
         if not act.done or act.end is None:
             continue
         match act.command:
@@ -85,16 +86,19 @@ def _handling(history: History) -> Iterator[Event]:
             case rc.Release(object=object, side=side):
                 holding.pop(side, None)
                 yield Event(act.end, f"{word(object)} put down", ("C5",))
-                yield from _localized(history, act, object)
+                yield from _localized(history, all_acts, act, object)
             case rc.Pour():
                 yield Event(act.end, "content poured", ("C5",))
 
 
-def _localized(history: History, release: Act, object: str) -> Iterator[Event]:
-    """The first observation of what was put down that km gets afterwards."""
+def _localized(history: History, all_acts: tuple[Act, ...], release: Act, object: str) -> Iterator[Event]:
+    """The first observation of what was put down, after the first look that followed."""
     assert release.end is not None
+    looks = (act.end for act in all_acts if isinstance(act.command, rc.Look) and act.done and act.start > release.end)
+    looked = next((end for end in looks if end is not None), None)
+    if looked is None:
+        return
     for one in history.said:
-        seen = isinstance(one.content, wm.SeenObject) and one.content.object == object
-        if seen and one.received >= release.end:
+        if isinstance(one.content, wm.SeenObject) and one.content.object == object and one.received >= looked:
             yield Event(one.received, f"{word(object)} localized", ("C5", "C6"))
             return

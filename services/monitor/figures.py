@@ -17,6 +17,7 @@ from companion.design import DESIGN
 from services.monitor.counts import Latency, bandwidth
 from services.monitor.history import History
 from services.monitor.paper import PAPER
+from services.monitor.plans import Made
 from services.monitor.report import Plan, Report
 
 ACCENT, INK, FAINT, GRID = "#0e7490", "#1f2937", "#6b7280", "#e5e7eb"
@@ -32,6 +33,8 @@ MARKS = {
 WIDTH_IN = 9.2
 BINS = 48
 """Bars of a bandwidth figure; estimate: fine enough for a peak, coarse enough to be read."""
+LONG_WAIT = 0.15
+"""Share of the planning time; estimate: room for the words that say so."""
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
@@ -56,7 +59,7 @@ def sizes(history: History, report: Report) -> str:
     """Size of each communicate over time, a mark per channel; planning is shaded. "" without communicates."""
     if not history.said:
         return ""
-    with _drawing("sizes", 3.6, "Size of each communicate over time, by channel") as (axes, svg):
+    with drawing("sizes", 3.6, "Size of each communicate over time, by channel") as (axes, svg):
         _shade(axes, report.plans)
         for channel, ends in ((c, "-".join(entry.ends)) for c, entry in DESIGN.channels.items()):
             said = [one for one in history.said if one.channel == channel]
@@ -85,19 +88,20 @@ def sizes(history: History, report: Report) -> str:
     return svg[0]
 
 
-def planning(history: History, plan: Plan) -> str:
+def planning(history: History, plan: Plan, made: Made) -> str:
     """Bandwidth of C4 while a plan is made; "" where nothing was said on it or the plan never came."""
     said = [one for one in history.said if one.channel == "C4"]
     if plan.wall_s is None or not plan.communicates:
         return ""
-    start = history.begin + plan.t
-    edges, bits = bandwidth(said, start, start + plan.wall_s, plan.wall_s / BINS)
-    kilobits, mean = bits[:BINS] / 1000, 8 * plan.bytes / plan.wall_s / 1000
-    with _drawing(f"plan{plan.number}", 2.5, f"Bandwidth of C4 while plan {plan.number} is made") as (axes, svg):
-        axes.stairs(kilobits, edges[: len(kilobits) + 1], fill=True, color=ACCENT, alpha=0.85, zorder=3)
+    start, step = history.begin + plan.t, _step(plan.wall_s)
+    edges, bits = bandwidth(said, start, start + plan.wall_s, step)
+    kilobits, mean = bits / 1000, 8 * plan.bytes / plan.wall_s / 1000
+    with drawing(f"plan{plan.number}", 2.5, f"Bandwidth of C4 while plan {plan.number} is made") as (axes, svg):
+        axes.stairs(kilobits, edges, fill=True, color=ACCENT, alpha=0.85, zorder=3)
         axes.axhline(mean, color=INK, linewidth=1, linestyle=(0, (4, 3)), zorder=4)
-        label = f"mean {_kilobits(mean)}, peak {_kilobits(kilobits.max())}{_theirs(plan.number)}"
-        axes.set_title(label, loc="left", fontsize=9, color=FAINT)
+        _waits(axes, made, start, plan.wall_s)
+        label = f"plan {plan.number}, in steps of {step:g} s: mean {_kilobits(mean)}, peak {_kilobits(kilobits.max())}"
+        axes.set_title(f"{label}{_theirs(plan.number)}", loc="left", fontsize=9, color=FAINT)
         axes.set_xlabel(f"time after the request for plan {plan.number} [s]")
         axes.set_ylabel("kbit/s")
         axes.set_xlim(0, plan.wall_s)
@@ -105,12 +109,29 @@ def planning(history: History, plan: Plan) -> str:
     return svg[0]
 
 
+def _step(wall_s: float) -> float:
+    """A round width of bars, so that there are not more than BINS."""
+    return next((step for step in (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if wall_s / step <= BINS), wall_s / BINS)
+
+
+def _waits(axes: Axes, made: Made, start: float, wall_s: float) -> None:
+    """Shade where pl waits for one answer of km for longer than can be overlooked."""
+    for asked, answered in made.waits:
+        if answered - asked > LONG_WAIT * wall_s:
+            axes.axvspan(asked - start, answered - start, color=BAND, zorder=0, linewidth=0)
+            text = f"one answer of km takes {answered - asked:.1f} s"
+            middle = (asked + answered) / 2 - start
+            axes.text(
+                middle, 0.9, text, transform=axes.get_xaxis_transform(), ha="center", va="top", color=ACCENT, fontsize=8
+            )
+
+
 def latencies(rows: tuple[Latency, ...]) -> str:
     """From an opening to its first answer: half, 99 %, the longest, and what the design allows. "" without any."""
     answered = [row for row in rows if row.answer is not None]
     if not answered:
         return ""
-    with _drawing("latency", 0.8 + 0.36 * len(answered), "Time to the first answer, by protocol") as (axes, svg):
+    with drawing("latency", 0.8 + 0.36 * len(answered), "Time to the first answer, by protocol") as (axes, svg):
         for y, row in enumerate(reversed(answered)):
             spans = row.answer
             assert spans is not None
@@ -124,7 +145,7 @@ def latencies(rows: tuple[Latency, ...]) -> str:
         axes.set_ylim(-0.6, len(answered) - 0.4)
         axes.grid(visible=False, axis="y")
         axes.set_title(
-            "dot: half of them   |: 99 %   line: to the longest   ▶: the design's budget",
+            "dot: half of them    |: 99 %    line: to the longest    ▶: what the design allows",
             loc="left",
             fontsize=9,
             color=FAINT,
@@ -133,7 +154,7 @@ def latencies(rows: tuple[Latency, ...]) -> str:
 
 
 @contextmanager
-def _drawing(name: str, height_in: float, text: str) -> Iterator[tuple[Axes, list[str]]]:
+def drawing(name: str, height_in: float, text: str) -> Iterator[tuple[Axes, list[str]]]:
     """A figure with one pair of axes; when the block ends, the list holds its SVG. `text`: what it shows, in words."""
     svg: list[str] = []
     style: Any = {**STYLE, "svg.hashsalt": name}

@@ -6,6 +6,7 @@ from there; where that happened is a hole in the recording. Must not know: what 
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
 from typing import TypeVar
@@ -23,6 +24,8 @@ from services.monitor.records import Garbage, House, Origin, Record, Resumed, Sp
 
 T = TypeVar("T")
 STEPS = "steps"
+SETTING = "setting"
+"""Kind of the recorder's own first record."""
 
 
 class Hole(msgspec.Struct, frozen=True):
@@ -52,10 +55,19 @@ class Told(msgspec.Struct, frozen=True):
     receipt: Receipt
 
 
+class Setting(msgspec.Struct, frozen=True):
+    """What the fleet was started with: `speed` "1" or "max"; `scene`: its file, "" for the canonical one."""
+
+    seed: int
+    speed: str
+    scene: str = ""
+
+
 class History(msgspec.Struct, frozen=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
 
-    `robot` and `truth`: when heard, and what. `houses`: how many of each kind of what is no communicate.
+    `robot` and `truth`: when heard, and what. `houses`: how many of each kind of what is no communicate. `setting`: as
+    the recorder was told it, None in a recording without.
     """
 
     said: tuple[Spoken, ...] = ()
@@ -67,12 +79,20 @@ class History(msgspec.Struct, frozen=True):
     garbage: tuple[Garbage, ...] = ()
     houses: dict[str, int] = {}
     holes: tuple[Hole, ...] = ()
+    setting: Setting | None = None
 
     @property
     def begin(self) -> float:
         """When the first communicate was heard; without one the first record [unix s]."""
         times = [self.said[0].received] if self.said else [at for at, _ in self.robot[:1]]
         return min(times, default=0.0)
+
+    @property
+    def paced(self) -> bool | None:
+        """Whether the loop kept a clock (speed 1); None where nobody tells. Without one there is no lateness at all."""
+        if self.setting is not None:
+            return self.setting.speed != "max"
+        return self.robot[-1][1].lateness_us.max > 0 if self.robot else None
 
 
 class _Beat(msgspec.Struct, frozen=True):
@@ -96,7 +116,7 @@ def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, wh
     missed, lost = _missed(tapped, logs), _lost(tapped, logs)
     ordered = sorted((*tapped, *missed), key=lambda one: one.received)
     said, copies = _told_apart(ordered)
-    houses = [record for record in records if isinstance(record, House)]
+    houses = [record for record in records if isinstance(record, House) and record.kind != SETTING]
     holes = (*_unheard(ordered), *lost, *_torn(records, whole))
     return History(
         said=said,
@@ -108,6 +128,7 @@ def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, wh
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
         holes=holes,
+        setting=next(_settings(records), None),
     )
 
 
@@ -180,6 +201,13 @@ def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken
         (copies if copy else said).append(one)
         known.add(one.identity)
     return tuple(said), tuple(copies)
+
+
+def _settings(records: tuple[Record, ...]) -> Iterator[Setting]:
+    for record in records:
+        if isinstance(record, House) and record.kind == SETTING:
+            with suppress(msgspec.MsgspecError, UnicodeDecodeError):
+                yield msgspec.json.decode(record.data, type=Setting)
 
 
 def _receipts(houses: list[House]) -> Iterator[Told]:

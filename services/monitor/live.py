@@ -8,9 +8,10 @@ from collections.abc import Iterator
 
 import msgspec
 
-from companion.languages import hfsm, sw, wm
+from companion.languages import cmd, hfsm, sw, wm
 from companion.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
 from companion.telemetry import RobotState
+from companion.words import plain, spaced
 from services.monitor.events import events
 from services.monitor.history import History
 from services.monitor.plans import states_of
@@ -19,7 +20,7 @@ from services.monitor.records import House, Record, Spoken, Token
 TEXT_LENGTH = 80
 LOOP = "loop"
 _TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state", "at", "reason", "text")
-_LATER = ("first knowledge", "environment known")
+_LATER = ("km hears of the first thing", "km knows the surroundings")
 """What can be said of the past only: the last observation before a plan."""
 
 
@@ -109,9 +110,10 @@ class Live:
 
 
 def words(content: object) -> str:
-    """A content in a few words: its class and what it is about."""
+    """A content in a few words: what it is and what it is about; a report is its own words."""
     if content is None:
         return ""
-    about = (getattr(content, name, "") for name in _TELLING)
-    text = " ".join((type(content).__name__, *(str(one) for one in about if one and isinstance(one, str))))
+    about = [one for one in (getattr(content, name, "") for name in _TELLING) if one and isinstance(one, str)]
+    kind = () if isinstance(content, cmd.TaskReport | sw.Report) else (spaced(type(content).__name__),)
+    text = plain(" ".join((*kind, *about)))
     return text if len(text) <= TEXT_LENGTH else text[: TEXT_LENGTH - 1] + "…"

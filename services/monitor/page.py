@@ -6,7 +6,7 @@ from pathlib import Path
 import jinja2
 
 from companion.design import DESIGN
-from services.monitor import figures
+from services.monitor import counts, figures, plans, story
 from services.monitor.history import History
 from services.monitor.paper import PAPER, Paper
 from services.monitor.report import Report
@@ -28,12 +28,17 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
         report=report,
         paper=paper,
         times=_times(report, paper),
-        agents=tuple(DESIGN.agents),
+        agents=counts.AGENTS,
         channels={name: "-".join(channel.ends) for name, channel in DESIGN.channels.items()},
+        story=story.story(history),
         sizes=figures.sizes(history, report),
-        plans=[(plan, paper.made(plan.number), figures.planning(history, plan)) for plan in report.plans],
+        plans=[
+            (plan, paper.made(plan.number), figures.planning(history, plan, made))
+            for plan, made in zip(report.plans, plans.made(history), strict=True)
+        ],
         latencies=figures.latencies(report.latency),
         heat=_heat(report),
+        theirs_received={a: sum(row.get(a, 0) for row in paper.matrix.values()) for a in counts.AGENTS},
         houses=history.houses,
     )
 

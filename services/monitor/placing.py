@@ -12,6 +12,8 @@ from companion.languages import wm
 from companion.languages.values import Pose
 from services.monitor.history import History
 
+# Kinds of the simulated scene (velma.model.scene.Model) -> names of companion.models, where they differ.
+KNOWN_AS = {"bowl": "bowl_high", "cabinet": "cabinet_no_door"}
 At = tuple[float, float | None]
 """Unix time, and simulated time where it is known [s]."""
 
@@ -37,8 +39,8 @@ def placed(history: History) -> tuple[Placed, ...]:
         if isinstance(one.content, wm.SeenObject):
             seen.setdefault(one.content.object, []).append((one.received, one.content))
     models = {name: sights[-1][1].model for name, sights in seen.items()}
-    for _, truth in history.truth:
-        models |= truth.models
+    for _, truth in history.truth[:1]:
+        models |= {name: KNOWN_AS.get(kind, kind) for name, kind in truth.models.items()}
     return tuple(_placed(history, name, model, seen.get(name, [])) for name, model in sorted(models.items()))
 
 

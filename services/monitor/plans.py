@@ -16,7 +16,8 @@ class Made(msgspec.Struct, frozen=True):
     """A plan asked for: `number` counts from 1, `plan` is its id ("": none came).
 
     `wall_s`, `outcome` and `end` None: no answer came.
-    `queries`: what pl asked km meanwhile; `communicates`: all of C4 meanwhile; `outcome`: found, none, cancelled.
+    `queries`: what pl asked km meanwhile; `waits`: from each of them to its answer, [(start, end)] in unix seconds;
+    `communicates`: all of C4 meanwhile; `outcome`: found, none, cancelled.
     """
 
     number: int
@@ -27,6 +28,7 @@ class Made(msgspec.Struct, frozen=True):
     end: float | None
     wall_s: float | None
     queries: int
+    waits: tuple[tuple[float, float], ...]
     communicates: int
     bytes: int
     outcome: str | None
@@ -48,10 +50,14 @@ class Ran(msgspec.Struct, frozen=True):
 
 
 class Act(msgspec.Struct, frozen=True):
-    """An act asked of ex: the command, when it was asked and answered, whether it was done, and else why not."""
+    """An act asked of ex: the command, when it was asked, agreed to (the robot moves from then on) and answered.
+
+    `done`: whether it was; else `reason`.
+    """
 
     command: rc.Command
     start: float
+    agreed: float | None
     end: float | None
     done: bool
     reason: str = ""
@@ -122,12 +128,23 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         end=None if end is None else end.received,
         wall_s=None if end is None else end.received - asked.received,
         queries=sum(one.performative == Performative.QUERY_REF for one in talk),
+        waits=tuple(_waits(talk)),
         communicates=len(talk),
         bytes=sum(one.size for one in talk),
         outcome=None if end is None else _outcome(end),
         reason=_reason(end),
         expected_s=None if plan is None else plan.duration,
     )
+
+
+def _waits(talk: list[Spoken]) -> Iterator[tuple[float, float]]:
+    """From each query to the first word that answers it."""
+    asked: dict[str, float] = {}
+    for one in talk:
+        if one.performative == Performative.QUERY_REF:
+            asked.setdefault(one.conversation, one.received)
+        elif one.conversation in asked:
+            yield asked.pop(one.conversation), one.received
 
 
 def _outcome(end: Spoken) -> str:
@@ -153,10 +170,11 @@ def _ran(history: History, number: int, asked: Spoken) -> Ran:
 
 
 def _act(history: History, asked: Spoken) -> Act:
-    ends = (one for one in _answers(history, asked) if one.performative != Performative.AGREE)
-    end = next(ends, None)
+    answers = list(_answers(history, asked))
+    agreed = next((one.received for one in answers if one.performative == Performative.AGREE), None)
+    end = next((one for one in answers if one.performative != Performative.AGREE), None)
     done = end is not None and isinstance(end.content, rc.Done)
-    return Act(asked.content, asked.received, None if end is None else end.received, done, _reason(end))
+    return Act(asked.content, asked.received, agreed, None if end is None else end.received, done, _reason(end))
 
 
 def _reason(end: Spoken | None) -> str:

@@ -16,9 +16,10 @@ from agent_runtime.options import Options
 from agent_runtime.tap import Sample, Tap, open_tap
 from companion.run_folder import LIVE_FILE
 from services.monitor import make
+from services.monitor.history import SETTING, Setting
 from services.monitor.live import Live
 from services.monitor.recording import FILE, Recording
-from services.monitor.records import understood
+from services.monitor.records import House, understood
 
 NAME = "monitor"
 FLUSH_S = 0.1
@@ -35,6 +36,10 @@ class Recorder:
         self._live_file = (run / LIVE_FILE).open("ab")
         self._live = Live()
         self.count = 0
+
+    def begin(self, setting: Setting) -> None:
+        """Record what the fleet was started with."""
+        self._recording.add(House(SETTING, NAME, "", time.time(), msgspec.json.encode(setting)))
 
     def take(self, sample: Sample) -> None:
         """Record a sample, whatever it is."""
@@ -105,6 +110,8 @@ def serve(options: Options) -> int:
     if tap is not None:
         ready.write_text("taps")
         log.write("recording", file=str(run / FILE))
+        scene = str(options.scene) if options.scene else ""
+        recorder.begin(Setting(seed=options.seed, speed=options.speed, scene=scene))
         _record(recorder, waiting, tap)
     recorder.finish()
     ready.unlink(missing_ok=True)

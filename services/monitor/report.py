@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from companion.run_folder import REPORT_FILE
+from companion.telemetry import Lateness
 from services.monitor import counts, events, plans, verdict
 from services.monitor.clock import Clock
 from services.monitor.history import History
@@ -24,12 +25,17 @@ class Happened(msgspec.Struct, frozen=True):
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """How a plan was made, and how it ended when it was carried out (null: it was not, or did not end)."""
+    """How a plan was made, and how it ended when it was carried out (null: it was not, or did not end).
+
+    `wall_s`: from co's request to pl's answer; `km_s`: in which pl waited for km, `km_longest_s` for one answer alone.
+    """
 
     number: int
     task: str
     t: float
     queries: int
+    km_s: float
+    km_longest_s: float
     communicates: int
     bytes: int
     wall_s: float | None
@@ -39,22 +45,29 @@ class Plan(msgspec.Struct, frozen=True):
     ended: str | None
 
 
-class LatenessUs(msgspec.Struct, frozen=True):
-    """How late cycles began [us]."""
+class Us(msgspec.Struct, frozen=True):
+    """Durations [us]; null: not counted."""
 
-    p50: float
-    p99: float
-    p999: float
-    max: float
+    p50: float | None = None
+    p99: float | None = None
+    p999: float | None = None
+    max: float | None = None
 
 
 class Loop(msgspec.Struct, frozen=True):
-    """The control loop's figures, as it told them last."""
+    """The control loop's figures, as it told them last.
 
+    `paced`: it kept a clock (speed 1); else no cycle has a deadline, and what counts against one is null. `realtime`:
+    with the kernel's real-time priority. `compute_us`: how long a cycle takes.
+    """
+
+    paced: bool
+    realtime: bool
     cycles: int
-    missed: int
-    skipped: int
-    lateness_us: LatenessUs
+    missed: int | None
+    skipped: int | None
+    lateness_us: Us
+    compute_us: Us
     faults: int
 
 
@@ -84,6 +97,9 @@ class Report(msgspec.Struct, frozen=True):
     events: tuple[Happened, ...]
     latency: tuple[counts.Latency, ...]
     loop: Loop | None
+    seed: int | None
+    speed: str | None
+    scene: str | None
     began: float
     holes: tuple[HoleAt, ...]
     missing: tuple[str, ...]
@@ -106,6 +122,9 @@ def build(history: History) -> Report:
         events=_events(history, clock),
         latency=counts.latencies(history),
         loop=_loop(history),
+        seed=history.setting.seed if history.setting else None,
+        speed=history.setting.speed if history.setting else None,
+        scene=history.setting.scene if history.setting else None,
         began=history.begin,
         holes=tuple(
             HoleAt(hole.start - history.begin, hole.end - history.begin, hole.communicates, hole.text)
@@ -126,9 +145,11 @@ def write(run: Path, report: Report) -> Path:
 
 
 def _sim_time(history: History, clock: Clock) -> float | None:
-    """Simulated time in which an act was under way."""
-    asked = plans.acts(history)
-    spans = [(act.start, act.end) for act in asked if act.end is not None]
+    """Simulated time in which an act was under way: at speed 1 from ex's agreement on, for time also passes while ex
+    prepares; without a clock it stands still then, and the request is the surer beginning.
+    """
+    asked = [act for act in plans.acts(history) if act.end is not None and act.agreed is not None]
+    spans = [((act.agreed if history.paced else act.start) or act.start, act.end or act.start) for act in asked]
     return clock.spent(spans) if spans else None
 
 
@@ -152,6 +173,8 @@ def _plans(history: History) -> tuple[Plan, ...]:
             task=made.task,
             t=made.start - history.begin,
             queries=made.queries,
+            km_s=sum(end - start for start, end in made.waits),
+            km_longest_s=max((end - start for start, end in made.waits), default=0.0),
             communicates=made.communicates,
             bytes=made.bytes,
             wall_s=made.wall_s,
@@ -174,11 +197,21 @@ def _events(history: History, clock: Clock) -> tuple[Happened, ...]:
 def _loop(history: History) -> Loop | None:
     if not history.robot:
         return None
-    last = history.robot[-1][1]
-    late = last.lateness_us
+    last, paced = history.robot[-1][1], bool(history.paced)
     return Loop(
-        last.cycles, last.missed, last.skipped, LatenessUs(late.p50, late.p99, late.p999, late.max), last.faults
+        paced=paced,
+        realtime=last.realtime,
+        cycles=last.cycles,
+        missed=last.missed if paced else None,
+        skipped=last.skipped if paced else None,
+        lateness_us=_us(last.lateness_us) if paced else Us(),
+        compute_us=_us(last.compute_us) if last.compute_us.max else Us(),
+        faults=last.faults,
     )
+
+
+def _us(told: Lateness) -> Us:
+    return Us(told.p50, told.p99, told.p999, told.max)
 
 
 def _missing(report: Report, history: History) -> tuple[str, ...]:

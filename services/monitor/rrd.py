@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind
+from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
 from companion.design import DESIGN
 from companion.languages.values import Pose
@@ -20,7 +20,9 @@ from services.monitor import robot, things
 from services.monitor.history import History
 from services.monitor.live import words
 from services.monitor.placing import placed
+from services.monitor.plans import acts
 from services.monitor.records import Spoken
+from services.monitor.story import steps, word_of
 
 NAME = "robot_companion"
 VELMA, THINGS, GRAINS = "world/velma", "world/things", "world/grains"
@@ -38,6 +40,7 @@ CHANNEL_COLOURS = {
 }
 """Readable on light and on dark: the viewer's theme is the user's."""
 _GREY, _FRESH, _RED = (120, 130, 145), (38, 150, 180), (205, 60, 60)
+REST = "\u2013"
 RESTING = ("idle", "trigger", "listening")
 
 
@@ -55,11 +58,14 @@ def write(path: Path, history: History) -> None:
 
 def blueprint(end_s: float) -> rrb.Blueprint:
     """Robot on the left; states, communicates and their sizes over the whole run on the right."""
-    seen_from = rrb.EyeControls3D(position=(1.55, -2.5, 2.2), look_target=(0.42, -0.05, 0.97), eye_up=(0.0, 0.0, 1.0))
+    seen_from = rrb.EyeControls3D(position=(2.3, -1.8, 1.8), look_target=(0.52, -0.16, 0.87), eye_up=(0.0, 0.0, 1.0))
     bounds = (rr.TimeRangeBoundary.absolute(seconds=at) for at in (-0.02 * end_s, 1.02 * end_s))
     axis = rrb.TimeAxis(view_range=rr.TimeRange(*bounds))
     kinds = {kind: kind is TextLogColumnKind.Body for kind in TextLogColumnKind}
-    columns = rrb.TextLogColumns(text_log_columns=[TextLogColumn(kind, visible=shown) for kind, shown in kinds.items()])
+    columns = rrb.TextLogColumns(
+        timeline_columns=[TimelineColumn("run", visible=False)],
+        text_log_columns=[TextLogColumn(kind, visible=shown) for kind, shown in kinds.items()],
+    )
     space = rrb.Spatial3DView(
         origin="world",
         name="Velma",
@@ -74,9 +80,10 @@ def blueprint(end_s: float) -> rrb.Blueprint:
             origin="sizes", name="size of each communicate, log10 bytes", axis_x=axis, plot_legend=rrb.Corner2D.RightTop
         ),
         rrb.TimeSeriesView(origin="bandwidth", name="C4, kbit/s", axis_x=axis),
-        row_shares=(5, 4, 3, 2),
+        row_shares=(13, 8, 7, 5),
     )
-    return rrb.Blueprint(rrb.Horizontal(space, told, column_shares=(5, 4)), collapse_panels=True)
+    time = rrb.TimePanel(timeline="run", play_state="playing", state="collapsed")
+    return rrb.Blueprint(rrb.Horizontal(space, told, column_shares=(5, 4)), time, collapse_panels=True)
 
 
 # --- the robot --------------------------------------------------------------------------------------------------------
@@ -213,6 +220,25 @@ def _states(out: rr.RecordingStream, history: History) -> None:
         out.log(lane, rr.StateConfiguration(values=names, labels=names, colors=colours), static=True)
         indexes = _indexes(history, [(change.at, None) for change in changes])
         rr.send_columns(lane, indexes=indexes, columns=rr.StateChange.columns(state=states), recording=out)
+    _lane(out, history, "agents/ta/plan", [(bar.start, bar.end, bar.texts[0]) for bar in steps(history)])
+    _lane(out, history, "agents/ex/act", [(act.agreed, act.end, word_of(act)) for act in acts(history)])
+
+
+def _lane(
+    out: rr.RecordingStream, history: History, lane: str, spans: list[tuple[float | None, float | None, str]]
+) -> None:
+    """Stretches of time, each with its word; between them the lane rests."""
+    spans = [span for span in spans if span[0] is not None and span[1] is not None]
+    if not spans:
+        return
+    changes = [change for start, end, word in spans for change in ((start, word), (end, REST))]
+    # Of two changes at the same time the later one is wanted: a stretch may begin where another one ends.
+    at = dict(changes)
+    names = list(dict.fromkeys(at.values()))
+    colours = [_GREY if name == REST else _FRESH for name in names]
+    out.log(lane, rr.StateConfiguration(values=names, labels=names, colors=colours), static=True)
+    indexes = _indexes(history, [(moment or 0.0, None) for moment in at])
+    rr.send_columns(lane, indexes=indexes, columns=rr.StateChange.columns(state=list(at.values())), recording=out)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

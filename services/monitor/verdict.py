@@ -13,6 +13,7 @@ from companion.languages.values import Pose
 from companion.models import MODELS
 from companion.telemetry import TrueState
 from services.monitor.history import History
+from services.monitor.placing import KNOWN_AS
 from services.monitor.plans import made, ran, task_command, task_end
 
 LEAST_POURED = 0.9
@@ -115,7 +116,8 @@ def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
     tables = _tables(history, truth)
     if at is None or not tables:
         return None
-    model = MODELS.get(truth.models.get(vessel, ""))
+    kind = truth.models.get(vessel, "")
+    model = MODELS.get(KNOWN_AS.get(kind, kind))
     base = at[2] + (model.base.z if model else 0.0)
     return any(_stands_on(at[0], at[1], base, table) for table in tables)
 

@@ -230,7 +230,7 @@ class Run:
             answer: object = wm.Shapes((one,) * self.random.randint(1, 12))
         elif kind < 0.2:
             ask, step = wm.GraspSet(object="jar_1"), wm.GraspStep(Pose((0.1, 0.0, 0.2)), 1.0)
-            grasp = wm.GraspDef("g", (step,) * 4, 1.5, 0.1, (0.1, 0.2), "side")
+            grasp = wm.GraspDef("g", (step,) * 4, 1.5, 0.1, 0.6, 0.28, "side")
             answer = wm.Grasps("jar_1", (grasp,) * self.random.randint(4, 16))
         elif kind < 0.5:
             ask, answer = wm.Holds(relation="isOn", subject="jar_1", value="cabinet_2"), wm.Truth(True)

@@ -163,7 +163,7 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
     assert told["communicates"]["matrix"]["pl"]["km"] == 342
     assert set(told["loop"]["lateness_us"]) == {"p50", "p99", "p999", "max"}
     page = (tmp_path / "report.html").read_text()
-    assert page.count("<svg") == 4
+    assert page.count("<svg") == 5
     assert "src=" not in page
     assert "http" not in page.replace("http://www.w3.org", "")
     assert (tmp_path / "run.rrd").stat().st_size > 100_000
