@@ -1,4 +1,4 @@
-"""The pouring task cancelled everywhere, in one process: what is held must be put down upright, wherever the cancel comes.
+"""The pouring task cancelled everywhere, in one process: what is held must be put down upright, wherever that is.
 
 The task of pour_one_process runs once; every so many simulated seconds the process forks, and the child cancels there,
 lets the skill make safe what it began, runs what the plan says for a cancel, and tells how the world is then. With
@@ -17,7 +17,7 @@ import msgspec
 import typer
 from pour_one_process import Run
 
-from companion.languages import hfsm, rc
+from companion.languages import hfsm
 from services.executor.loop.program import Motion, Phase
 from services.executor.skills.skill import Sensed
 from services.executor.virtual import InProcess
@@ -97,7 +97,8 @@ class Cancelled(Run):
             ended = f"{outcome} {reason}".strip()
         truth = self.truth.read()
         line |= {
-            "secured": ended, "safe_acts": self.acts[first:], "still": sorted(h.object for h in self.here.held.values()),
+            "secured": ended, "safe_acts": self.acts[first:],
+            "still": sorted(h.object for h in self.here.held.values()),
             "tilt": {k: round(v, 1) for k, v in truth.tilt_deg.items()}, "on": truth.fingers_on,
             "z": {k: round(v[2], 3) for k, v in truth.at.items()},
         }  # fmt: skip

@@ -35,8 +35,12 @@ class InProcess:
 
     def do(self, motion: Motion) -> Sensed:
         """Run a motion to its end, then look."""
-        report = self.core.run(motion)
-        state = self.core.state
+        self.core.run(motion)
+        return self.sensed()
+
+    def sensed(self) -> Sensed:
+        """How the last motion ended and what is seen now."""
+        report, state = self.core.report, self.core.state
         return Sensed(
             ended=str(report.phase),
             reason=report.reason,

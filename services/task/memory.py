@@ -26,9 +26,9 @@ class Memory(msgspec.Struct, frozen=True):
     """`conversation`: that with co about `plan`. `safe`: the machine that runs instead once the plan is cancelled.
 
     `at`: position in the machine that runs. `act`: what ex was asked for and has not ended. `looking`: that act only
-    finds out how the world is, since the outcome of the one before is unknown. `end`: how the plan ends, once it does;
-    `reason` in words. `hands`: what each hand holds by ex's last outcome. `survey`: looks around still to be tried.
-    `acts`: counts what was asked beside plans, for their keys.
+    finds out how the world is, since the outcome of the one before is unknown. `secured`: how often it was tried to put
+    down what is held. `end`: how the plan ends, once it does; `reason` in words. `hands`: what each hand holds by ex's
+    last outcome. `survey`: looks around still to be tried. `acts`: counts what was asked beside plans, for their keys.
     """
 
     conversation: str = ""
@@ -38,7 +38,7 @@ class Memory(msgspec.Struct, frozen=True):
     act: Act | None = None
     looking: bool = False
     cancelled: bool = False
-    secured: bool = False
+    secured: int = 0
     end: sw.WorkerState | None = None
     reason: str = ""
     reported: bool = False

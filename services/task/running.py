@@ -18,6 +18,7 @@ from services.task.memory import Memory, Soft, way_to_safety
 from services.task.survey import SURVEY
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
+ATTEMPTS = 2  # at putting down what is held: the second begins elsewhere and knows the world better (estimate)
 PATH_CHARS = 200  # a report is to stay within its 400 bytes
 Outcome = hfsm.Outcome
 
@@ -76,20 +77,25 @@ def _finish(memory: Memory, outcome: Outcome, reason: str) -> Memory:
 
 
 def make_safe(memory: Memory, turn: Turn) -> Memory:
-    """securing: what is held is put down as the plan says; a second cancel changes nothing."""
+    """securing: what is held is put down as the plan says, tried twice; a second cancel changes nothing."""
     if turn.event is None:
         safe = way_to_safety(memory)
         assert safe is not None
-        return enter(replace(memory, safe=safe, secured=True, end=None), turn, plans.first(safe), _secured)
-    return _go_on(always(memory, turn), turn, _secured)
+        return enter(replace(memory, safe=safe, secured=1, end=None), turn, plans.first(safe), _secured)
+    memory = _go_on(always(memory, turn), turn, _secured)
+    if memory.end is not None and memory.hands and memory.secured < ATTEMPTS:
+        memory = replace(memory, secured=memory.secured + 1, end=None, reason="")
+        return enter(memory, turn, plans.first(memory.machine), _secured)
+    return memory
 
 
 def _secured(memory: Memory, outcome: Outcome, reason: str) -> Memory:
-    """The plan is Preempted once nothing is held, whatever came after the last thing was put down."""
-    if outcome is Outcome.SUCCEEDED or not memory.hands:
-        return replace(memory, end=sw.WorkerState.PREEMPTED, reason=reason)
+    """The plan is Preempted once nothing is held, whatever else went wrong."""
+    why = memory.reason or reason
+    if not memory.hands:
+        return replace(memory, end=sw.WorkerState.PREEMPTED, reason=why)
     held = ", ".join(memory.hands.values())
-    words = f"cancelled, but not everything could be put down (held: {held}): {reason}"
+    words = f"cancelled, but not everything could be put down (held: {held}): {why}"
     return replace(memory, end=sw.WorkerState.FAILED, reason=words)
 
 
@@ -104,10 +110,15 @@ def enter(memory: Memory, turn: Turn, position: plans.Position, finish: Finish |
     _tell(memory, turn, sw.WorkerState.RUNNING)
     leaf = plans.leaf(memory.machine, position)
     if isinstance(leaf, hfsm.ActState):
-        return acts.begin(memory, turn, leaf.command)
+        return acts.begin(memory, turn, _named(memory, leaf.command))
     if isinstance(leaf, hfsm.AskState):
         return _ask(memory, turn, leaf)
     return leave(memory, turn, leaf.outcome, leaf.reason, finish or _finish)
+
+
+def _named(memory: Memory, command: rc.Act) -> rc.Act:
+    """The command, under a key of its own where it is asked for again."""
+    return replace(command, key=f"{command.key}.{memory.secured}") if memory.secured > 1 else command
 
 
 def leave(memory: Memory, turn: Turn, outcome: Outcome, reason: str, finish: Finish) -> Memory:
@@ -138,6 +149,8 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     if isinstance(outcome, rc.Done):
         return leave(memory, turn, Outcome.SUCCEEDED, _seen(memory, outcome), finish)
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
+    if memory.safe is not None:
+        memory = replace(memory, reason=memory.reason or outcome.reason)
     if outcome.kind == "unknown" and memory.safe is None:
         return _look(memory, turn, outcome)
     return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), outcome.reason, finish)

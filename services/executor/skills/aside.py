@@ -1,31 +1,36 @@
-"""Where to put something down that must be put down now: right here where it stands, else on a free spot of a surface.
+"""Where to put something down that must be put down now: right here, where it stood, else on a free spot of a surface.
 
 Used when a plan is cancelled: ex knows the furniture it has seen, and plans the way itself.
 """
 
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 import pinocchio as pin
 
 from companion import models
+from services.executor.skills import ways
 from services.executor.skills.situation import Held, Situation
 from velma.kinematics import motion
-from velma.kinematics.frames import level, standing, tilt
+from velma.kinematics.frames import heading, level, standing, tilt
 from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.tasks.placing import placings
 
 HERE_M = 0.06  # estimate: an object so little above a surface was not taken out yet
+SAG_M = 0.02  # estimate: it may hang a little lower in the hand than it stood
+BACK_WITHIN_M = 0.32  # estimate: grasped things are pulled out by 0.28
+UPRIGHT = 0.1  # [rad] of a thing that may be put back as it stood (estimate)
 LARGEST_TILT = 1.05  # [rad] on the way; a tilted object may go upright on it (estimate)
 SPACING_M, MARGIN_M = 0.06, 0.05  # of the spots tried on a surface, and from its edge (estimates)
 CLEAR_M = 0.20  # to other things standing there, centre to centre (estimate)
-TRIES, PLACES, WAYS = 120, 4, 4
+TRIES, WAYS = 120, 4
 
 
 def standing_here(here: Situation, side: str) -> pin.SE3 | None:
     """The place under the held object, where it is hardly above a surface; None elsewhere."""
     held = here.held[side]
-    pose = here.robot.grip(here.q, side) * held.T_grip_object
+    pose = held_pose(here, side)
     base = models.MODELS[here.models[held.object]].base
     bottom = pose.translation + pose.rotation @ np.array([0.0, 0.0, base.z])
     for _, frame, size in surfaces(here):
@@ -35,6 +40,28 @@ def standing_here(here: Situation, side: str) -> pin.SE3 | None:
             down.translation[2] = frame.translation[2] - base.z
             return down
     return None
+
+
+def back_in_place(here: Situation, side: str) -> tuple[pin.SE3, list[np.ndarray]] | None:
+    """Where the held object stood before it was taken and the straight way to just above; None if that is not near.
+
+    Half out of a cabinet, the way it came is the one way that is known to be free.
+    """
+    held = here.held[side]
+    stood, pose = here.seen.get(held.object), held_pose(here, side)
+    if stood is None or not 0.0 < pose.translation[2] - stood.translation[2] + SAG_M < HERE_M:
+        return None
+    if np.linalg.norm(pose.translation - stood.translation) > BACK_WITHIN_M or tilt(stood) > UPRIGHT:
+        return None
+    place = standing(stood.translation, heading(pose.rotation[:, 0]))
+    over = standing(np.array([*stood.translation[:2], pose.translation[2]]), heading(pose.rotation[:, 0]))
+    path, whole = ways.furthest(here, side, here.q, over * held.T_grip_object.inverse())
+    return (place, path) if whole else None
+
+
+def held_pose(here: Situation, side: str) -> pin.SE3:
+    """Where the held object is."""
+    return here.robot.grip(here.q, side) * here.held[side].T_grip_object
 
 
 def surfaces(here: Situation) -> Iterator[tuple[str, pin.SE3, tuple[float, float]]]:
@@ -53,17 +80,20 @@ def way_aside(
     held, rng = here.held[side], np.random.default_rng(seed)
     base = models.MODELS[here.models[held.object]].base
     spots = [(name, spot - np.array([0.0, 0.0, base.z])) for name, spot in _spots(here, held, base.radius, side)]
-    if not spots:
-        return None
-    found = placings(
-        here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
-    )
-    largest = max(LARGEST_TILT, tilt(here.robot.grip(here.q, side) * held.T_grip_object) + 0.1)
+    largest = max(LARGEST_TILT, tilt(held_pose(here, side)) + 0.1)
     keep = upright(here.robot, side, held.T_grip_object, largest)
-    for _, placing in zip(range(WAYS), found, strict=False):
-        path = motion.plan(here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=0.25)
-        if path is not None:
-            return placing.place, path
+    for margin in ways.ROOM_M if spots else ():
+        with ways.room(here, margin):
+            found = placings(
+                here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
+            )
+            for placing in islice(found, WAYS):
+                path = motion.plan(
+                    here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=0.25,
+                    attempts=ways.ATTEMPTS,
+                )  # fmt: skip
+                if path is not None:
+                    return placing.place, path
     return None
 
 

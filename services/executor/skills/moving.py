@@ -1,16 +1,19 @@
 """Skills that move an arm: along a planned joint path, straight, and home."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from companion.languages import rc
-from services.executor.skills import motions
+from services.executor.skills import motions, ways
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Skill, replan
 from velma import names
-from velma.kinematics import ik, motion
+from velma.kinematics import ik
 from velma.kinematics.frames import shifted
 
 EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s], task runs with the true robot model
+OUT_SPEED = 0.15  # [m/s] between things: a retreat's, same runs
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
 NEAR = 1e-4  # [rad]
 HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], task runs with the true robot model
@@ -74,19 +77,26 @@ def straight(here: Situation, side: str, q: np.ndarray, target, accept=None) -> 
 
 
 def home(here: Situation, command: rc.Home) -> Skill:
-    """Bring an empty arm to its start posture by a way planned now."""
-    if command.side in here.held:
-        raise replan(f"the {command.side} hand holds {here.held[command.side].object}: put it down first")
-    start = here.q
-    for torso in (float(start[names.TORSO]), *HOME_TORSO):
-        goal = start.copy()
-        goal[names.ARM[command.side]] = names.START[names.ARM[command.side]]
+    """Bring an empty arm to its start posture by a way planned now, first out of what the hand stands among."""
+    side = command.side
+    if side in here.held:
+        raise replan(f"the {side} hand holds {here.held[side].object}: put it down first")
+    speed = LOADED_SPEED if here.held else EMPTY_SPEED
+    aside = ways.out_of_touch(here, side, here.q)
+    if aside:
+        yield motions.along(here, command.key, aside, OUT_SPEED)
+    path = ways.free_way(here, side, _homes(here, side), speed)
+    if path is None:
+        raise replan(f"the {side} arm finds no way home")
+    yield motions.along(here, command.key, path, speed)
+    here.set_fingers(side, HOME_FINGERS)
+    yield motions.still(here, command.key, **motions.hand(side, motions.fingers(HOME_FINGERS)))
+
+
+def _homes(here: Situation, side: str) -> Iterator[np.ndarray]:
+    """Postures (15,) with the arm as at the start, the torso as it is or turned."""
+    for torso in (float(here.q[names.TORSO]), *HOME_TORSO):
+        goal = here.q.copy()
+        goal[names.ARM[side]] = names.START[names.ARM[side]]
         goal[names.TORSO] = torso
-        speed = LOADED_SPEED if here.held else EMPTY_SPEED
-        path = motion.plan(here.robot, here.world, command.side, start, goal, tool_speed=speed)
-        if path is not None:
-            options = motions.hand(command.side, motions.fingers(HOME_FINGERS))
-            here.set_fingers(command.side, HOME_FINGERS)
-            yield motions.along(here, command.key, path, speed, **options)
-            return
-    raise replan(f"the {command.side} arm finds no way home")
+        yield goal

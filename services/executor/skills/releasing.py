@@ -7,13 +7,14 @@ import pinocchio as pin
 
 from companion.languages import rc
 from services.executor.loop.program import Open, Payload, Until
-from services.executor.skills import aside, motions
+from services.executor.skills import aside, motions, ways
 from services.executor.skills.moving import straight
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Skill, failed, replan
+from services.executor.skills.skill import Skill, failed, replan, whatever_comes
 from velma import names
 from velma.kinematics import ik
 from velma.kinematics.frames import shifted, transform
+from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
 
 DOWN_SPEED, RETREAT_SPEED, LOADED_SPEED = 0.04, 0.15, 0.25  # [m/s], task runs with the true robot model
@@ -37,15 +38,15 @@ def release(here: Situation, command: rc.Release) -> Skill:
     # The object in the hand has been seen again from here: go down so that it comes level.
     target = shifted(place * held.T_grip_object.inverse(), np.array([0.0, 0.0, -BELOW_M]))
     down = straight(here, side, here.q, target)
-    sensed = yield motions.along(
+    yield motions.along(
         here, command.key, down, DOWN_SPEED, until=Until.CONTACT, contact_side=str(side), contact_m=CONTACT_M,
         settle_s=SETTLE_S,
     )  # fmt: skip
-    yield from _open(here, side, command, sensed.q)
+    yield from _let_go(here, side, command)
 
 
 def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, list[np.ndarray]]:
-    """Where to put it and the way to above that place: the plan's place, else right here, else a spot aside."""
+    """Where to put it and the way to above that place: the plan's, right here, where it stood, a spot aside."""
     held = here.held[side]
     if command.place is not None:
         place = transform(command.place)
@@ -54,27 +55,48 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
     standing = aside.standing_here(here, side)
     if standing is not None:
         return standing, []
+    back = aside.back_in_place(here, side)
+    if back is not None:
+        return back
     found = aside.way_aside(here, side, [(transform(p.at), p.fingers) for p in command.retreat])
     if found is None:
         raise failed(f"the {side} hand finds no free place for {held.object}")
     return found
 
 
-def _open(here: Situation, side: str, command: rc.Release, q: np.ndarray) -> Skill:
-    grip = here.robot.grip(q, side)
+def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
+    """Open the hand and draw it back. A cancel changes nothing: a hand is not left half open around a thing."""
+    grip, object_name = here.robot.grip(here.q, side), command.object
     unload = {f"payload_{side}": Payload()}
-    yield motions.still(
-        here, command.key, settle_s=OPEN_WAIT_S, **unload, **motions.hand(side, Open(OPEN_BY, OPEN_SPEED))
+    yield from whatever_comes(
+        lambda: motions.still(
+            here, command.key, settle_s=OPEN_WAIT_S, **unload, **motions.hand(side, Open(OPEN_BY, OPEN_SPEED))
+        )
     )
     here.let_go(side)
     wide = command.retreat[0].fingers
-    yield motions.still(here, command.key, **motions.hand(side, motions.fingers(wide, SPREAD_SPEED)))
+    spread = motions.hand(side, motions.fingers(wide, SPREAD_SPEED))
+    yield from whatever_comes(lambda: motions.still(here, command.key, **spread))
     here.set_fingers(side, wide)
-    poses = retreat_poses(grip, [(transform(p.at), p.fingers) for p in command.retreat])
-    path: list[np.ndarray] = []
-    for pose in poses:
-        path += straight(here, side, path[-1] if path else here.q, pose)
-    yield motions.along(here, command.key, path, RETREAT_SPEED)
+    path = _way_back(here, side, object_name, retreat_poses(grip, [(transform(p.at), 0.0) for p in command.retreat]))
+    yield from whatever_comes(lambda: motions.along(here, command.key, _rest(here, path), RETREAT_SPEED))
+
+
+def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]) -> list[np.ndarray]:
+    """Through the poses as far as they can be reached, and free of the object in the end."""
+    path = [here.q]
+    with attaching.allowed(here.world, (object_name, f"{side}_hand")):
+        for pose in poses:
+            leg, whole = ways.furthest(here, side, path[-1], pose)
+            path += leg
+            if not whole:
+                break
+    return [*path[1:], *ways.out_of_touch(here, side, path[-1])]
+
+
+def _rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
+    """What of a path is still to be gone."""
+    return path[int(np.argmin([np.abs(q - here.q).max() for q in path])) :] if path else []
 
 
 def _to(here: Situation, side: str, target: pin.SE3) -> list[np.ndarray]:

@@ -4,7 +4,7 @@ So a skill neither waits nor reads a clock; the same one runs in one process, in
 It ends by returning nothing (done) or by raising NotPossible (the outcome in words, and what kind of failure it is).
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +41,14 @@ class NotPossible(Exception):
 
 class Cancelled(Exception):
     """Thrown into a skill whose motion was cancelled: it may make safe what it began, then lets this pass."""
+
+
+def whatever_comes(make: Callable[[], Motion]) -> Generator[Motion, Sensed, Sensed]:
+    """The motion that `make` makes, made and begun again where a cancel broke it off: for what must come to its end."""
+    try:
+        return (yield make())
+    except Cancelled:
+        return (yield make())
 
 
 def replan(reason: str) -> NotPossible:

@@ -10,6 +10,8 @@ from services.planner.search.steps import Step, approach_points
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.placing import backwards
 
+WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
+
 
 def plan(
     request: str, task: str, steps: list[Step], outcome: str, queries: int, held: dict[Side, rc.Release] | None = None
@@ -38,10 +40,10 @@ def plan(
     )
 
 
-def _then(state: hfsm.State, following: str) -> hfsm.State:
+def _then(state: hfsm.State, following: str, on: tuple[hfsm.Outcome, ...] = (hfsm.Outcome.SUCCEEDED,)) -> hfsm.State:
     if isinstance(state, hfsm.EndState):
         return state
-    return msgspec.structs.replace(state, arcs=(hfsm.Arc(hfsm.Outcome.SUCCEEDED, following),))
+    return msgspec.structs.replace(state, arcs=tuple(hfsm.Arc(outcome, following) for outcome in on))
 
 
 def _machine(request: str, number: int, step: Step, safe: hfsm.Machine | None) -> hfsm.Machine:
@@ -61,7 +63,10 @@ def _verb(command: rc.Act) -> str:
 
 
 def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Machine | None:
-    """Put down all that may be held: the last taken first; a release of an empty hand does nothing."""
+    """Put down all that may be held, the last taken first; a release of an empty hand does nothing.
+
+    It goes on where one of its acts failed: an arm that finds no way home must not keep the other hand's load up.
+    """
     if not holding:
         return None
     leaves: list[hfsm.State] = []
@@ -69,7 +74,7 @@ def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Ma
         key = f"{request}/{number}.safe{index}"
         leaves.append(hfsm.ActState(f"put down {release.object}", msgspec.structs.replace(release, key=key)))
         leaves.append(hfsm.ActState(f"{side} arm home", rc.Home(key=f"{key}.home", side=side)))
-    chained = tuple(_then(state, following.name) for state, following in pairwise(leaves))
+    chained = tuple(_then(state, following.name, WHATEVER) for state, following in pairwise(leaves))
     return hfsm.Machine(name="put everything down", initial=leaves[0].name, states=(*chained, leaves[-1]))
 
 
