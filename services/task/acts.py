@@ -95,5 +95,5 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
     if isinstance(outcome, rc.Done) and isinstance(command, rc.Pour):
         news.insert(0, wm.SeenContent(source=command.source, destination=command.destination))
     for one in news:
-        turn.observe(OBSERVER, subject(one), one)
+        turn.observe(OBSERVER, subject(one), one, last=isinstance(one, wm.SeenBody))
     return replace(memory, hands={side: held[0] for side, held in outcome.held.items()})

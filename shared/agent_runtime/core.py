@@ -98,7 +98,7 @@ class Core(Generic[M]):
             case Local():
                 _queue(state, Waiting(event))
             case Receipted(peer=peer):
-                if streams.settle(state, event, now):
+                if streams.settle(state, out, self.wiring, event, now):
                     _queue(state, Waiting(Settled(peer), forced=True))
             case PeerChanged(agent=peer, incarnation=incarnation):
                 self._note_peer(state, out, peer, incarnation, now)

@@ -27,11 +27,15 @@ class Outgoing(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Due(msgspec.Struct, frozen=True, array_like=True):
-    """The newest observation of a subject that its subscriber has not receipted yet."""
+    """The newest observation of a subject that its subscriber has not receipted yet.
+
+    `last`: not sent before every other one that is due to the subscriber is receipted.
+    """
 
     version: Version
     language: str
     content: msgspec.Raw
+    last: bool = False
 
 
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):

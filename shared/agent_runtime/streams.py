@@ -55,16 +55,24 @@ def observed(state: CoreState, out: Out, peer: str, subject: str, due: Due, now:
 
 def send_due(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float) -> None:
     """Send all that `peer` is owed within its live subscription, if it has one."""
+    waits = last_waits(state, peer)
     for subject, due in state.due.get(peer, {}).items():
-        held = live_subscription(state, peer)
-        if held is not None:
-            send_observation(state, out, wiring, held, subject, due, now)
+        if not (due.last and waits):
+            send_observation(state, out, wiring, peer, subject, due, now)
+
+
+def last_waits(state: CoreState, peer: str) -> bool:
+    """Whether an observation that is to be the last one has to wait: others are due."""
+    return not all(due.last for due in state.due.get(peer, {}).values())
 
 
 def send_observation(
-    state: CoreState, out: Out, wiring: Wiring, held: Held, subject: str, due: Due, now: float
+    state: CoreState, out: Out, wiring: Wiring, peer: str, subject: str, due: Due, now: float
 ) -> None:
-    """Send one observation in a live subscription."""
+    """Send one observation, if `peer` has a live subscription."""
+    held = live_subscription(state, peer)
+    if held is None:
+        return
     talk, communicate = held.conversation.send(
         Performative.INFORM,
         id=observation_id(subject, due.version),
@@ -105,9 +113,9 @@ def receipt_stream(state: CoreState, out: Out, peer: str) -> None:
     out.receipts.append(Receipt(peer, taken=state.taken.get(peer, 0)))
 
 
-def settle(state: CoreState, event: Receipted, now: float) -> bool:
+def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: float) -> bool:
     """Forget what a receipt covers. True where the last observation due to the peer went with it."""
-    peer, emptied = event.peer, False
+    peer, emptied, waited = event.peer, False, last_waits(state, event.peer)
     sent = state.outbox.get(peer, ())
     rest = tuple(one for one in sent if one.number > event.taken)
     due = state.due.get(peer, {})
@@ -122,6 +130,8 @@ def settle(state: CoreState, event: Receipted, now: float) -> bool:
     state.soft.resend.pop(peer, None)
     if rest or due:
         state.soft.resend[peer] = (now + RESEND_FIRST, RESEND_FIRST)
+    if waited and not last_waits(state, peer):
+        send_due(state, out, wiring, peer, now)
     return emptied
 
 

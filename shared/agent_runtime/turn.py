@@ -107,10 +107,11 @@ class Turn:
 
     # --- observations -------------------------------------------------------------------------------------------------
 
-    def observe(self, to: str, subject: str, content: Any) -> None:
+    def observe(self, to: str, subject: str, content: Any, *, last: bool = False) -> None:
         """Owe `to` this newest observation of `subject` until it is receipted, whether subscribed at present or not.
 
-        `to` is the subscriber, not the conversation: a renewed subscription gets what is due.
+        `to` is the subscriber, not the conversation: a renewed subscription gets what is due. `last`: it is sent when
+        every other one due is receipted, so whoever knows it knows the others, whatever was lost on the way.
         """
         if not subject or not subject.isascii() or not subject.isprintable() or " " in subject:
             raise self._error(f"observed subject {subject!r}", "a subject is printable ASCII without blanks")
@@ -120,11 +121,10 @@ class Turn:
             )
         language = self._wiring.language(content)
         self._state.counter += 1
-        due = Due((self._state.incarnation, self._state.counter), language.name, language.encode(content))
+        due = Due((self._state.incarnation, self._state.counter), language.name, language.encode(content), last)
         streams.observed(self._state, self._out, to, subject, due, self.now)
-        held = streams.live_subscription(self._state, to)
-        if held is not None:
-            streams.send_observation(self._state, self._out, self._wiring, held, subject, due, self.now)
+        if not (last and streams.last_waits(self._state, to)):
+            streams.send_observation(self._state, self._out, self._wiring, to, subject, due, self.now)
 
     @property
     def due(self) -> tuple[tuple[str, str], ...]:

@@ -74,6 +74,20 @@ def test_latest_value_under_faults(seed: int, loss: float, delay: float, crash: 
     assert seen == sorted(set(seen))
 
 
+@given(seed=st.integers(0, 2**32), loss=st.sampled_from([0.0, 0.3, 0.6]), crash=st.sampled_from([0.0, 0.05]))
+@settings(max_examples=50, deadline=None)
+def test_who_knows_the_last_one_knows_the_others(seed: int, loss: float, crash: float) -> None:
+    """Of a group of observations the one that is to be the last arrives last, whatever is lost and whoever dies."""
+    wires = observers(seed=seed, faults=Faults(loss=loss, duplication=0.2, delay=0.3))
+    wires.run_for(1.0)
+    for subject in ("jar", "bowl", "table", "all-told"):
+        wires.post("watcher", Seen(subject, 1))
+    wires.run_for(0.0)
+    wires.faults = Faults(loss=loss, duplication=0.2, delay=0.3, crash=crash)
+    wires.run(lambda: "all-told" in store(wires), limit_s=3600.0)
+    assert store(wires) == {"jar": 1, "bowl": 1, "table": 1, "all-told": 1}
+
+
 def test_a_late_copy_of_an_older_subscription_is_dropped() -> None:
     """Whatever comes late from a subscription that was given up, observations go on in the newest one."""
     wires = observers()

@@ -20,7 +20,7 @@ class Topic(msgspec.Struct, frozen=True, tag=True):
 
 
 class Seen(msgspec.Struct, frozen=True, tag=True):
-    """An observation; also the word of the watcher's receptor."""
+    """An observation; also the word of the watcher's receptor. That of "all-told" goes last."""
 
     subject: str
     value: int
@@ -75,7 +75,7 @@ def watch(memory: WatcherMemory, turn: Turn) -> WatcherMemory:
         case Received(content=Topic()) as received:
             turn.say(received.conversation, Performative.AGREE)
         case Local(content=Seen(subject=subject) as seen):
-            turn.observe("knower", subject, seen)
+            turn.observe("knower", subject, seen, last=subject == "all-told")
         case Local(content=Finish()):
             memory = replace(memory, finishing=True)
         case Settled() | Started():

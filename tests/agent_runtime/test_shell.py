@@ -1,0 +1,142 @@
+"""The shell carries a step's effects out in the promised order, and logs the step, whatever the step was."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from toy_observers import Seen, Topic, WhatOf, knower, watcher, wiring
+
+from agent_runtime import shell, steplog
+from agent_runtime.core import Core
+from agent_runtime.effects import Receipt
+from agent_runtime.events import AnyEvent, Arrived, Local, PeerChanged, Started
+from agent_runtime.options import Options
+from agent_runtime.peers import Peers
+from fipa_codec.communicate import Communicate
+from fipa_codec.conversation import Conversation
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import Role
+
+
+class Order:
+    """Journal, wire and device of a shell: they write down what they were told, in one list."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+
+    def append(self, record: bytes) -> None:
+        """The journal's."""
+        self.done.append("record")
+
+    def send_receipt(self, receipt: Receipt) -> None:
+        """The wire's."""
+        self.done.append("receipt")
+
+    def send(self, communicate: Communicate) -> int:
+        """The wire's."""
+        self.done.append(str(communicate.performative))
+        return 1
+
+    def tell(self, content: Any) -> None:
+        """The device's."""
+        self.done.append("tell")
+
+    def publish(self, kind: str, data: bytes) -> None:
+        """Heartbeats are none of it."""
+
+    def ping(self, peer: str, channel: bytes, pong: bool = False) -> None:
+        """Pings are none of it."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class Stepped:
+    """A shell without a router: events are given to it by hand."""
+
+    def __init__(self, agent: Any, run: Path) -> None:
+        self.order = Order()
+        self.shell: Any = shell.Shell(agent, wiring(agent.name), Options(run_dir=run, system="toy"))
+        self.shell._journal.close()
+        self.shell._journal = self.shell._wire = self.shell._device = self.order
+        assert isinstance(self.shell._peers, Peers)
+
+    def happen(self, event: AnyEvent) -> list[str]:
+        """What the shell did for one event, in order."""
+        self.order.done.clear()
+        self.shell._happen(event)
+        return list(self.order.done)
+
+
+@pytest.fixture
+def watching(tmp_path: Path):
+    """The watcher, started."""
+    one = Stepped(watcher(), tmp_path)
+    one.happen(Started(first=True))
+    yield one
+    one.shell._close()
+
+
+def said(protocol: str, act: P, content: Any, sender: str, receiver: str) -> Communicate:
+    """An opening of a peer."""
+    talk = Conversation.open(protocol, Role.INITIATOR, id=f"{sender}-1-1", me=sender, peer=receiver)
+    language = wiring(receiver).languages.named("OBS")
+    return talk.send(act, id="1", now=0.0, content=language.encode(content), language="OBS")[1]
+
+
+def test_the_record_comes_before_what_leaves(watching: Stepped) -> None:
+    """An observation owed is on the disk before it is sent."""
+    watching.happen(Arrived(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")))
+    assert watching.happen(Local(Seen("jar", 1))) == ["record", "inform"]
+
+
+def test_receipts_come_between_record_and_communicates(tmp_path: Path) -> None:
+    """Who takes an observation writes it, receipts it, and then speaks of anything."""
+    one = Stepped(knower(), tmp_path)
+    one.happen(PeerChanged("watcher", 1))
+    (name,) = one.shell._state.soft.conversations
+    language = wiring("knower").languages.named("OBS")
+    talk = Conversation.answering(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher"), "watcher")
+    seen = Communicate(
+        performative=P.INFORM,
+        content=language.encode(Seen("jar", 1)),
+        language="OBS",
+        protocol=talk.protocol,
+        conversation=name,
+        sender="watcher",
+        receiver="knower",
+        id="jar@1.1",
+        sent=0.0,
+    )
+    agreed = Communicate(
+        performative=P.AGREE,
+        protocol=talk.protocol,
+        conversation=name,
+        sender="watcher",
+        receiver="knower",
+        id="watcher-1-1",
+        sent=0.0,
+    )
+    one.happen(Arrived(agreed))
+    assert one.happen(Arrived(seen)) == ["record", "receipt"]
+    assert one.happen(Arrived(seen)) == ["receipt"], "what is in the journal already is receipted again, not written"
+    one.shell._close()
+
+
+def test_a_question_is_answered_without_a_record(tmp_path: Path) -> None:
+    """Nothing durable happened, so nothing is synced."""
+    one = Stepped(knower(), tmp_path)
+    assert one.happen(Arrived(said("query", P.QUERY_REF, WhatOf("jar"), "asker", "knower"))) == ["inform-ref"]
+    one.shell._close()
+
+
+def test_every_step_is_in_the_log_and_replays(watching: Stepped, tmp_path: Path) -> None:
+    """The log has each event with a hash of what it led to; run again the agent does the same."""
+    watching.happen(Arrived(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")))
+    for value in range(5):
+        watching.happen(Local(Seen("jar", value)))
+    steps = list(steplog.read(tmp_path / "steps" / "watcher.steps"))
+    assert [step.kind for step in steps] == ["boot", "Started", "Arrived", *["Local"] * 5]
+    again = list(steplog.replay(Core(watcher(), wiring("watcher")), iter(steps)))
+    assert [step.step for step, _ in again] == list(range(1, 8))
+    assert all(steplog.fingerprint(effects) == step.output for step, effects in again)
