@@ -11,6 +11,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from agent_runtime.cli import Level, Speed
 from companion.run_folder import RUN_FOLDER_VARIABLE, SLOTS_FILE
 from services.supervisor import folder
 from services.supervisor.processes import FLEET, Process
@@ -23,12 +24,16 @@ def main(
         str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot.")
     ] = "roco",
     connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's address; empty: a free port.")] = "",
-    speed: Annotated[str, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")] = "1",
+    speed: Annotated[
+        Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
+    ] = Speed.REAL,
     seed: Annotated[int, typer.Option(envvar="ROCO_SEED", help="Varies poses and noise.")] = 1,
     scene: Annotated[
         str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
     ] = "",
-    log_level: Annotated[str, typer.Option(envvar="ROCO_LOG_LEVEL", help="debug, info, warning or error.")] = "info",
+    log_level: Annotated[
+        Level, typer.Option(envvar="ROCO_LOG_LEVEL", help="Least level shown; the log files have everything.")
+    ] = Level.INFO,
     only: Annotated[str, typer.Option(help="Names of processes, comma between; empty: all.")] = "",
 ) -> None:
     """Run the processes of the Robot Companion: start, watch, restart, stop in order."""
@@ -40,11 +45,11 @@ def main(
         "ROCO_SYSTEM": system,
         "ROCO_CONNECT": address,
         "ROCO_LISTEN": address,
-        "ROCO_SPEED": speed,
+        "ROCO_SPEED": speed.value,
         "ROCO_SEED": str(seed),
         "ROCO_SLOTS": str(run / SLOTS_FILE),
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
-        "ROCO_LOG_LEVEL": log_level,
+        "ROCO_LOG_LEVEL": log_level.value,
         "OMP_NUM_THREADS": "1",  # numeric libraries would each take all cores, from the loop too
         "PYTHONUNBUFFERED": "1",
         "PYTHONSAFEPATH": "1",
