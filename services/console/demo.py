@@ -1,6 +1,7 @@
 """The main job from start to end, watched: up, say, follow, down, and what the report says."""
 
 import json
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,13 +12,16 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 
 from companion.languages.cmd import TaskState
-from companion.run_folder import LIVE_FILE, REPORT_FILE, Fleet, LiveLine, TaskLine
+from companion.run_folder import LIVE_FILE, REPORT_FILE, Fleet, LiveLine, ProcessState, TaskLine
+from companion.words import plain
 from services.console import draw, fleet, live, runs
 from services.console.errors import ConsoleError
 from services.console.hi import Hi
 
 SENTENCE = "pour the content of the jar into the bowl"
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED, "refused")
+QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, ProcessState.STOPPED)
+PICTURES = "run.rrd"
 PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
 
 
@@ -43,6 +47,8 @@ class Watch:
         self._follow = live.Follow(run / LIVE_FILE)
         self._live: Live | None = None
         self._told: dict[str, str] = {}
+        if not self.pictures and not json_lines:
+            console.out(f"{title}; everything is written to {near(run)}", highlight=False)
 
     @contextmanager
     def showing(self) -> Iterator["Watch"]:
@@ -52,6 +58,11 @@ class Watch:
             return
         with Live(console=self.console, refresh_per_second=8, get_renderable=self._picture) as self._live:
             yield self
+
+    def ending(self) -> None:
+        """Say that the rest takes some seconds more."""
+        if not self.json_lines:
+            self.console.print("stopping the fleet, writing the report …", style="dim" if self.pictures else "")
 
     def look(self, fleet_now: Fleet | None = None, tasks: tuple[TaskLine, ...] | None = None) -> None:
         """Take in what is new: lines of the monitor, the fleet, the tasks."""
@@ -67,26 +78,26 @@ class Watch:
             stop_held=runs.stop_held(self.run),
         )
         for status in self.scene.fleet.processes if self.scene.fleet else ():
-            self._tell_once(status.name, fleet.describe(status), status)
+            self._tell_once(status.name, fleet.describe(status), status, status.state not in QUIET)
         for task in self.scene.tasks:
-            words = f"task {task.task}: {task.state}{': ' + task.text if task.text else ''}"
-            self._tell_once(f"task {task.task}", words, task)
+            words = f"{task.said or task.task}: {task.state}{', ' + plain(task.text) if task.text else ''}"
+            self._tell_once(f"task {task.task}", words, task, task.state in ENDED)
 
-    def _tell_once(self, key: str, words: str, what: msgspec.Struct) -> None:
-        """Say something that lasts, when it is new or changed."""
+    def _tell_once(self, key: str, words: str, what: msgspec.Struct, aloud: bool) -> None:
+        """Say something that lasts, when it is new or changed; to people only what other lines do not say."""
         if self._told.get(key) != words:
             self._told[key] = words
-            self._say(time.time(), words, what)
+            self._say(time.time(), words if aloud else "", what)
 
     def _say(self, t: float, words: str, what: msgspec.Struct | LiveLine) -> None:
         """Write a line, where no picture is drawn."""
         if self.json_lines:
             self.console.out(msgspec.json.encode(what).decode(), highlight=False)
         elif words and not self.pictures:
-            self.console.out(f"{t - self.scene.began:7.1f} s  {words}", highlight=False)
+            self.console.out(f"{max(0.0, t - self.scene.began):7.1f} s  {words}", highlight=False)
 
     def _picture(self) -> RenderableType:
-        return draw.picture(self.scene)
+        return draw.picture(self.scene, lines=self.console.height)
 
 
 def play(run: Path, supervisor_arguments: list[str], environment: dict[str, str], watch: Watch) -> Report:
@@ -100,8 +111,7 @@ def play(run: Path, supervisor_arguments: list[str], environment: dict[str, str]
             fleet.wait_ready(run, supervisor, watch.look)
             follow(Hi(runs.hi_address(run)), SENTENCE, watch, lambda: supervisor.poll() is None)
     finally:
-        if not watch.json_lines:
-            watch.console.print("stopping the fleet, writing the report …")
+        watch.ending()
         fleet.down(run)
     report = runs.read(run / REPORT_FILE, Report)
     if report is None:
@@ -129,9 +139,17 @@ def verdict(report: Report, run: Path) -> str:
     if report.poured_fraction is not None:
         lines.append(f"{100 * report.poured_fraction:.0f} % of the content is in the bowl")
     if report.sim_time_s is not None and report.wall_time_s is not None:
-        lines.append(f"{report.sim_time_s:.0f} s of acts in {report.wall_time_s:.0f} s")
-    lines.append(f"report: {run / 'report.html'}")
+        acts = f"{report.sim_time_s:.0f} s of simulated acts"
+        lines.append(f"{acts}; {report.wall_time_s:.0f} s of wall time from the command to its end")
+    lines.append(f"report: {near(run / 'report.html')}")
+    if (run / PICTURES).exists():
+        lines.append(f"to look at it again: {near(Path(sys.executable).with_name('rerun'))} {near(run / PICTURES)}")
     return "\n".join(lines)
+
+
+def near(path: Path) -> Path:
+    """A path as one would type it here."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def verdict_json(report: Report, run: Path) -> str:

@@ -1,7 +1,6 @@
 """The picture of a run in the terminal: who does what, the plan with its present state, what went over the channels."""
 
 import time
-from datetime import datetime
 
 import msgspec
 from rich.console import Group, RenderableType
@@ -10,34 +9,13 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.design import DESIGN
-from companion.run_folder import Fleet, ProcessState, ProcessStatus, TaskLine
-from services.console.live import Plan, View
+from companion.run_folder import Fleet, TaskLine
+from companion.words import plain
+from services.console.doing import COLOURS, doing, waited_for
+from services.console.live import Plan, View, leaves
 
-PLAN_LINES = 16  # a terminal of 40 lines still has room for the rest
-ROLES = {
-    "router": "carries words",
-    "monitor": "records",
-    "loop": "moves Velma",
-    "km": "knows",
-    "pl": "plans",
-    "ta": "does the plan",
-    "ex": "acts and sees",
-    "co": "coordinates",
-    "hi": "listens",
-}
-COLOURS = {
-    "ready": "green",
-    "done": "green",
-    "running": "cyan",
-    "planning": "cyan",
-    "starting": "yellow",
-    "waiting": "dim",
-    "backing-off": "red",
-    "given-up": "bold red",
-    "failed": "bold red",
-    "refused": "red",
-    "cancelled": "yellow",
-}
+PLAN_LINES = 17  # as high as the panels beside it
+ENDED = {"replan": "a new plan is wanted"}
 
 
 class Scene(msgspec.Struct, frozen=True):
@@ -51,8 +29,8 @@ class Scene(msgspec.Struct, frozen=True):
     stop_held: bool = False
 
 
-def picture(scene: Scene, now: float | None = None) -> RenderableType:
-    """Draw it all; `now`: unix time [s]."""
+def picture(scene: Scene, now: float | None = None, lines: int = 40) -> RenderableType:
+    """Draw it all, as many events as fit into `lines`; `now`: unix time [s]."""
     upper = Table.grid(expand=True, padding=(0, 1))
     upper.add_column(ratio=6)
     upper.add_column(ratio=5)
@@ -60,29 +38,45 @@ def picture(scene: Scene, now: float | None = None) -> RenderableType:
         Panel(agents(scene), title="who does what", title_align="left", border_style="dim"),
         Panel(channels(scene.view), title="communicates", title_align="left", border_style="dim"),
     )
-    upper.add_row(left, Panel(plan_tree(scene.view), title="plan", title_align="left", border_style="dim"))
-    return Group(header(scene, time.time() if now is None else now), upper, events(scene.view))
+    title = plan_title(scene.view)
+    upper.add_row(left, Panel(plan_tree(scene.view), title=title, title_align="left", border_style="dim"))
+    top = header(scene, time.time() if now is None else now)
+    processes = len(scene.fleet.processes) if scene.fleet else 1
+    height = len(top.plain.splitlines()) + processes + len(DESIGN.channels) + 4  # four lines of frames
+    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1)))
 
 
 def header(scene: Scene, now: float) -> Text:
-    """Title, elapsed time, the tasks."""
-    text = Text.assemble((scene.title, "bold"), f"  {max(0.0, now - scene.began):.0f} s")
+    """Title, elapsed time; then the tasks, or what the start waits for."""
+    text = Text.assemble((scene.title, "bold"), (f"   {max(0.0, now - scene.began):.0f} s", "dim"))
     if scene.stop_held:
         text.append("   STOPPED: `roco release` lets the robot move", "bold white on red")
     for task in scene.tasks:
-        text.append(f"\n{task.said or task.task}  ", "italic")
+        text.append(f"\n“{task.said or task.task}”  ", "italic")
         text.append(task.state, COLOURS.get(task.state, ""))
-        text.append(f"  {task.text}" if task.text else "")
+        if task.text and task.state != "running":  # while it runs, the plan beside shows more
+            text.append(f": {plain(task.text)}", "dim")
+    if not scene.tasks:
+        waiting = waited_for(scene.fleet.processes) if scene.fleet else "starting the supervisor"
+        text.append(f"\n{waiting or 'all ready'}", "yellow" if waiting else "green")
     return text
 
 
 def agents(scene: Scene) -> Table:
-    """Each process with its state: of its FSM where it is an agent that runs, else as the supervisor sees it."""
-    table = Table.grid(padding=(0, 2))
+    """Each process with what it does and how many communicates it sent."""
+    table = Table.grid(padding=(0, 2), expand=True)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    table.add_column(no_wrap=True, justify="right")
     if scene.fleet is None:
-        table.add_row(Text("starting the supervisor …", "dim"))
+        table.add_row(Text("supervisor", "bold"), Text("starting", "yellow"), "")
     for status in scene.fleet.processes if scene.fleet else ():
-        table.add_row(Text(status.name, "bold"), Text(ROLES.get(status.name, ""), "dim"), _doing(status, scene.view))
+        words, style = doing(status, scene.view)
+        text = Text(words, style)
+        if status.restarts:
+            text.append(f"  restarted {status.restarts}×", "yellow")
+        sent = scene.view.sent.get(status.name)
+        table.add_row(Text(status.name, "bold"), text, Text(f"{sent} sent" if sent else "", "dim"))
     return table
 
 
@@ -101,17 +95,27 @@ def channels(view: View) -> Table:
     return table
 
 
+def plan_title(view: View) -> str:
+    """The plan's number, and how far it is."""
+    plan = view.plan
+    if plan is None:
+        return "plan"
+    steps = leaves(plan.states)
+    if plan.outcome or plan.at not in steps:
+        return f"plan {view.plans}"
+    return f"plan {view.plans}, step {steps.index(plan.at) + 1} of {len(steps)}"
+
+
 def plan_tree(view: View) -> Text:
     """The plan as an indented tree; machines without the present state are folded when it is long."""
     plan = view.plan
     if plan is None:
-        return Text("no plan yet", "dim")
-    ended = f"   {plan.outcome}" if plan.outcome else ""
-    text = Text.assemble(
-        (f"#{view.plans} {plan.task}", "bold"), (ended, COLOURS.get(_as_state(plan.outcome), "yellow"))
-    )
-    for path in shown(plan, PLAN_LINES):
-        depth, name = path.count("/"), path.rsplit("/", 1)[-1]
+        return Text("none yet", "dim")
+    text = Text(plain(plan.task), "bold")
+    if plan.outcome:
+        text.append(f"   {ENDED.get(plan.outcome, plan.outcome)}", COLOURS.get(_as_state(plan.outcome), "yellow"))
+    for path in shown(plan, PLAN_LINES - 1):
+        depth, name = path.count("/"), plain(path.rsplit("/", 1)[-1])
         if path == plan.at:
             text.append(f"\n{'  ' * depth}▶ {name}", "bold green")
         elif within(plan.at, path):
@@ -134,14 +138,16 @@ def shown(plan: Plan, lines: int) -> tuple[str, ...]:
     return tuple(paths[first : first + lines])
 
 
-def events(view: View) -> Text:
-    """The latest events, one line each."""
-    lines = Text()
-    for event in view.events:
-        lines.append(f"{datetime.fromtimestamp(event.t):%H:%M:%S} ", "dim")
-        lines.append(f"{event.who} ", "bold")
-        lines.append(f"{event.text}\n")
-    return lines
+def events(view: View, began: float, lines: int) -> Text:
+    """The latest events, one line each, in seconds after `began` [unix s]."""
+    text = Text(no_wrap=True, overflow="ellipsis")
+    for number, event in enumerate(view.events[-lines:]):
+        text.append("\n" if number else "")
+        text.append(f"{max(0.0, event.t - began):5.0f} s  ", "dim")
+        text.append(event.who)
+        if event.text:
+            text.append(f": {plain(event.text)}", "dim")
+    return text
 
 
 def fleet_table(fleet: Fleet) -> Table:
@@ -156,17 +162,6 @@ def fleet_table(fleet: Fleet) -> Table:
 def within(path: str, machine: str) -> bool:
     """Tell whether a path stands inside a machine."""
     return path.startswith(machine + "/")
-
-
-def _doing(status: ProcessStatus, view: View) -> Text:
-    seen = view.agents.get(status.name)
-    if status.state is ProcessState.READY and seen is not None:
-        text = Text(seen.state, "cyan") if seen.alive else Text("not reachable", "bold red")
-    else:
-        text = Text(status.state, COLOURS.get(status.state, ""))
-    if status.restarts:
-        text.append(f" ↻{status.restarts}", "yellow")
-    return text
 
 
 def _wholly_passed(plan: Plan, machine: str) -> bool:

@@ -8,8 +8,9 @@ from pathlib import Path
 import msgspec
 
 from companion.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from companion.words import plain
 
-LATEST_EVENTS = 8
+LATEST_EVENTS = 20  # the picture shows as many of them as there is room for
 _decoder: msgspec.json.Decoder[LiveLine] = msgspec.json.Decoder(LiveLine)
 
 
@@ -48,9 +49,10 @@ class Event(msgspec.Struct, frozen=True):
 
 
 class View(msgspec.Struct, frozen=True):
-    """The picture."""
+    """The picture. `sent`: communicates by sender."""
 
     agents: dict[str, Seen] = {}
+    sent: dict[str, int] = {}
     channels: dict[str, Counted] = {}
     plan: Plan | None = None
     plans: int = 0
@@ -66,36 +68,50 @@ def fold(view: View, line: LiveLine) -> View:
     match line:
         case Sent(channel=channel, performative=performative, sender=sender, receiver=receiver):
             before = view.channels.get(channel, Counted())
-            words = f"{sender}>{receiver} {performative} {line.text}".strip()
+            words = f"{sender} > {receiver}  {line.text or performative}"
             counted = Counted(before.count + 1, before.bytes + line.bytes, words)
-            return msgspec.structs.replace(view, channels={**view.channels, channel: counted})
+            sent = {**view.sent, sender: view.sent.get(sender, 0) + 1}
+            return msgspec.structs.replace(view, sent=sent, channels={**view.channels, channel: counted})
         case AgentIn(agent=agent, state=state, alive=alive):
             return msgspec.structs.replace(view, agents={**view.agents, agent: Seen(state, alive)})
         case PlanSeen(plan=plan, task=task, states=states):
             return msgspec.structs.replace(view, plan=Plan(plan, task, states), plans=view.plans + 1)
         case PlanAt(at=at, outcome=outcome) if view.plan is not None:
             return msgspec.structs.replace(view, plan=_moved(view.plan, at, outcome))
-        case Happened(t=t, name=name, text=text):
+        case Happened(t=t, name=name, text=text) if not _begins(name):
             return view.with_event(Event(t, name, text))
         case _:
             return view
 
 
+def leaves(states: tuple[str, ...]) -> list[str]:
+    """The states of a plan that are no machines: its steps."""
+    return [path for path in states if not any(other.startswith(path + "/") for other in states)]
+
+
+def step(at: str) -> str:
+    """Where a plan is, for people: the machine, then the state in it."""
+    return plain(at).replace("/", ": ")
+
+
 def in_words(line: LiveLine) -> str:
-    """The line for a log without pictures; "" for what is only counted."""
+    """The line for a log without pictures; "" for what is only counted, or told by another line."""
     match line:
-        case PlanSeen(plan=plan, task=task, states=states):
-            return f"plan {plan} for {task}: {len(states)} states"
-        case PlanAt(at=at, outcome=""):
-            return f"ta: {at}"
-        case PlanAt(at=at, outcome=outcome):
-            return f"ta: plan ended, {outcome}{' at ' + at if at else ''}"
-        case Happened(name=name, text=text):
+        case PlanSeen(task=task, states=states):
+            return f"a plan to {plain(task)}, {len(leaves(states))} steps"
+        case PlanAt(at=at, outcome="") if at:
+            return f"  {step(at)}"
+        case Happened(name=name, text=text) if not _begins(name):
             return f"{name}: {text}" if text else name
         case AgentIn(agent=agent, alive=False):
             return f"{agent}: gone"
         case _:
             return ""
+
+
+def _begins(name: str) -> bool:
+    """A plan begins as soon as it is there: no news of its own."""
+    return name.startswith("plan ") and name.endswith(" begins")
 
 
 def _moved(plan: Plan, at: str, outcome: str) -> Plan:

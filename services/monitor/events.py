@@ -13,11 +13,12 @@ from services.monitor.plans import Act, Made, Ran, acts, made, ran, task_command
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something that happened: unix time, name, and the channels it was said on."""
+    """Something that happened: unix time, name, the channels it was said on, and why, where somebody said so."""
 
     at: float
     name: str
     channels: tuple[str, ...]
+    text: str = ""
 
 
 def events(history: History) -> tuple[Event, ...]:
@@ -61,13 +62,13 @@ def _planning(plan: Made) -> Iterator[Event]:
     yield Event(plan.start, f"plan {plan.number} requested", ("C3",))
     if plan.end is not None:
         name = f"plan {plan.number} received" if plan.outcome == "found" else f"no plan {plan.number}"
-        yield Event(plan.end, name, ("C3", "C4"))
+        yield Event(plan.end, name, ("C3", "C4"), plan.reason)
 
 
 def _running(plan: Ran) -> Iterator[Event]:
     yield Event(plan.start, f"plan {plan.number} begins", ("C1",))
     if plan.end is not None and plan.outcome is not None:
-        yield Event(plan.end, f"plan {plan.number} ended: {plan.outcome}", ("C1",))
+        yield Event(plan.end, f"plan {plan.number} ended: {plan.outcome}", ("C1",), plan.reason)
 
 
 def _handling(history: History) -> Iterator[Event]:

@@ -88,7 +88,7 @@ class Live:
             counted[event.name] += 1
             if counted[event.name] > self._told[event.name] and event.name not in _LATER:
                 self._told[event.name] += 1
-                yield Happened(t=event.at, name=event.name)
+                yield Happened(t=event.at, name=event.name, text=event.text)
 
     def _house(self, house: House) -> Iterator[LiveLine]:
         try:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from companion.design import DESIGN
 from companion.run_folder import (
     AgentIn,
     Fleet,
@@ -21,7 +22,7 @@ from companion.run_folder import (
     Sent,
     TaskLine,
 )
-from services.console import draw, live
+from services.console import doing, draw, live
 
 STATES = ("main", "main/take", "main/take/approach", "main/take/grasp", "main/pour", "main/pour/tilt")
 
@@ -104,6 +105,29 @@ def test_the_present_state_stands_out_and_those_before_are_ticked() -> None:
     assert "· tilt" in text
 
 
+@given(st.lists(lines, max_size=60), st.integers(24, 60), st.sampled_from((80, 100, 140)))
+def test_the_picture_fits_the_terminal(told: list[LiveLine], height: int, width: int) -> None:
+    """From 80 x 24 on nothing is cut off, however much has happened."""
+    console = Console(width=width, height=height, force_terminal=True, file=io.StringIO())
+    fleet = Fleet("t", "", 9, 0.0, tuple(ProcessStatus(f"p{n}", ProcessState.READY, 1) for n in range(9)))
+    whole = draw.Scene("a run", 0.0, fleet, (TaskLine("hi-1-1", "planning", "plan 1", "pour"),), folded(*told))
+    assert len(console.render_lines(draw.picture(whole, 12.0, height))) < height
+
+
+def test_the_start_says_whom_it_waits_for() -> None:
+    """Before there is a task, the second line tells how far the fleet is."""
+    processes = (ProcessStatus("router", ProcessState.READY, 7), ProcessStatus("km", ProcessState.STARTING, 8))
+    starting = draw.Scene("a run", 0.0, Fleet("t", "", 9, 0.0, processes))
+    assert "starting: 1 of 2 ready, waiting for km" in draw.header(starting, 3.0).plain
+    assert "starting the supervisor" in draw.header(draw.Scene("a run", 0.0), 0.0).plain
+
+
+def test_states_of_all_agents_have_words() -> None:
+    """No state of the design is shown as an id."""
+    for agent, entry in DESIGN.agents.items():
+        assert {state.name for state in entry.state} == set(doing.WORDS[agent])
+
+
 def test_a_machine_left_behind_is_ticked() -> None:
     """Once the last state of a machine has passed, the machine has."""
     text = drawn(
@@ -145,9 +169,12 @@ def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        (PlanAt(t=0, at="main/take"), "ta: main/take"),
-        (PlanAt(t=0, at="main/pour", outcome="failed"), "ta: plan ended, failed at main/pour"),
+        (PlanAt(t=0, at="take jar_1/grasp"), "  take jar: grasp"),
+        (PlanAt(t=0, at="main/pour", outcome="failed"), ""),
+        (PlanSeen(t=0, plan="p", task="take jar_1", states=STATES), "a plan to take jar, 3 steps"),
         (Happened(t=0, name="jar grasped"), "jar grasped"),
+        (Happened(t=0, name="plan 1 ended: Failed", text="it slipped"), "plan 1 ended: Failed: it slipped"),
+        (Happened(t=0, name="plan 1 begins"), ""),
         (AgentIn(t=0, agent="km", state="idle", alive=False), "km: gone"),
         (AgentIn(t=0, agent="km", state="idle"), ""),
     ],
