@@ -66,9 +66,7 @@ def last_waits(state: CoreState, peer: str) -> bool:
     return not all(due.last for due in state.due.get(peer, {}).values())
 
 
-def send_observation(
-    state: CoreState, out: Out, wiring: Wiring, peer: str, subject: str, due: Due, now: float
-) -> None:
+def send_observation(state: CoreState, out: Out, wiring: Wiring, peer: str, subject: str, due: Due, now: float) -> None:
     """Send one observation, if `peer` has a live subscription."""
     held = live_subscription(state, peer)
     if held is None:

@@ -57,7 +57,7 @@ def test_the_whole_job_costs_few_records(fleet) -> None:
 
 @pytest.mark.parametrize("faults", [Faults(), Faults(loss=0.2, duplication=0.2, delay=0.2)], ids=["calm", "faults"])
 def test_nothing_leaves_before_a_record_says_so(faults: Faults) -> None:
-    """Receipts and durable communicates of a step are covered by its record or an earlier one, that of the same life."""
+    """Receipts and durable communicates of a step are covered by its record or by an earlier one."""
     fleet = Fleet(seed=3, faults=faults)
 
     def look(agent: str, effects: Effects) -> None:
