@@ -83,13 +83,19 @@ def _outlived(state: CoreState, link: Link, communicate: Communicate) -> bool:
     """Whether a subscription is a late copy of one that its subscriber has given up for a newer one.
 
     A subscriber asks again until agreed, so copies of its older `subscribe` may come in after the newer one. To take
-    one would send the observations into a conversation that nobody holds, for ever.
+    one would send the observations into a conversation that nobody holds, for ever. What is of the life that is there
+    now is newer than all else: a subscriber whose journal was lost counts its lives from 1 again.
     """
-    mine = age(communicate.conversation)
-    if link.delivery is not Delivery.LATEST or mine is None:
+    if link.delivery is not Delivery.LATEST:
         return False
-    others = (held.conversation for held in state.soft.conversations.values() if _same_subscriber(held, communicate))
-    return any((other := age(talk.id)) is not None and other > mine for talk in others)
+    alive = state.soft.peers.get(communicate.sender)
+
+    def rank(name: str) -> tuple[bool, int, int]:
+        incarnation, counter = age(name) or (0, 0)
+        return incarnation == alive, incarnation, counter
+
+    held = (held.conversation.id for held in state.soft.conversations.values() if _same_subscriber(held, communicate))
+    return any(rank(name) > rank(communicate.conversation) for name in held)
 
 
 def _same_subscriber(held: Held, communicate: Communicate) -> bool:

@@ -74,6 +74,26 @@ def test_latest_value_under_faults(seed: int, loss: float, delay: float, crash: 
     assert seen == sorted(set(seen))
 
 
+def test_a_subscriber_that_lost_its_journal_is_served_again() -> None:
+    """It counts its lives from 1 again; its subscription is no late copy of an earlier one."""
+    wires = observers()
+    for _ in range(3):
+        wires.run_for(1.0)
+        wires.crash("knower")
+        wires.post("asker", WhatOf("jar"))
+        wires.run(lambda: not wires.up("knower"))
+        wires.run(lambda: wires.up("knower"))
+    wires.run_for(1.0)
+    wires.crash("knower")
+    wires.post("asker", WhatOf("jar"))
+    wires.run(lambda: not wires.up("knower"))
+    wires.nodes["knower"].journal = None
+    wires.run(lambda: wires.up("knower"))
+    wires.run_for(1.0)
+    wires.post("watcher", Seen("jar", 1))
+    wires.run(lambda: store(wires) == {"jar": 1}, limit_s=5.0)
+
+
 @given(seed=st.integers(0, 2**32), loss=st.sampled_from([0.0, 0.3, 0.6]), crash=st.sampled_from([0.0, 0.05]))
 @settings(max_examples=50, deadline=None)
 def test_who_knows_the_last_one_knows_the_others(seed: int, loss: float, crash: float) -> None:
