@@ -23,6 +23,7 @@ ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED, "refused")
 QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, ProcessState.STOPPED)
 PICTURES = "run.rrd"
 PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
+LAST_LOOKS = 5  # estimate: five times what the recorder holds back
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -129,7 +130,9 @@ def follow(hi: Hi, sentence: str, watch: Watch, alive: Callable[[], bool]) -> Ta
         tasks = hi.tasks()
         watch.look(tasks=tasks)
         task = next((line for line in tasks if line.task == task.task), task)
-    watch.look(tasks=(*(line for line in watch.scene.tasks if line.task != task.task), task))
+    for _ in range(LAST_LOOKS):  # the recorder writes down what it heard a moment later
+        watch.look(tasks=(*(line for line in watch.scene.tasks if line.task != task.task), task))
+        time.sleep(PERIOD_S)
     return task
 
 

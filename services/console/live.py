@@ -98,10 +98,10 @@ def in_words(line: LiveLine) -> str:
     """The line for a log without pictures; "" for what is only counted, or told by another line."""
     match line:
         case PlanSeen(task=task, states=states):
-            return f"a plan to {plain(task)}, {len(leaves(states))} steps"
+            return f"plan received: {plain(task)}, in {len(leaves(states))} steps"
         case PlanAt(at=at, outcome="") if at:
             return f"  {step(at)}"
-        case Happened(name=name, text=text) if not _begins(name):
+        case Happened(name=name, text=text) if not (_begins(name) or _is_there(name)):
             return f"{name}: {text}" if text else name
         case AgentIn(agent=agent, alive=False):
             return f"{agent}: gone"
@@ -112,6 +112,11 @@ def in_words(line: LiveLine) -> str:
 def _begins(name: str) -> bool:
     """A plan begins as soon as it is there: no news of its own."""
     return name.startswith("plan ") and name.endswith(" begins")
+
+
+def _is_there(name: str) -> bool:
+    """A plan that is there says more in a line of its own."""
+    return name.startswith("plan ") and name.endswith(" received")
 
 
 def _moved(plan: Plan, at: str, outcome: str) -> Plan:

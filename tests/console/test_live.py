@@ -171,7 +171,7 @@ def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> 
     [
         (PlanAt(t=0, at="take jar_1/grasp"), "  take jar: grasp"),
         (PlanAt(t=0, at="main/pour", outcome="failed"), ""),
-        (PlanSeen(t=0, plan="p", task="take jar_1", states=STATES), "a plan to take jar, 3 steps"),
+        (PlanSeen(t=0, plan="p", task="take jar_1", states=STATES), "plan received: take jar, in 3 steps"),
         (Happened(t=0, name="jar grasped"), "jar grasped"),
         (Happened(t=0, name="plan 1 ended: Failed", text="it slipped"), "plan 1 ended: Failed: it slipped"),
         (Happened(t=0, name="plan 1 begins"), ""),
