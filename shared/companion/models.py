@@ -153,11 +153,12 @@ class GraspKind(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Closing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a hand closes on things of a model (models.toml says what the numbers mean)."""
+    """How a hand closes on things of a model and takes them out (models.toml says what the numbers mean)."""
 
     model: str
     squeeze_deg: float
-    effort: tuple[float, float]
+    speed: float
+    out: float
     deeper: float
     kinds: tuple[GraspKind, ...]
 
@@ -213,7 +214,8 @@ def _grasps(closing: Closing, entry: _GraspSet) -> tuple[wm.GraspDef, ...]:
             steps=tuple(_step(row, closing.deeper) for row in rows),
             closed=entry.closed,
             squeeze=math.radians(closing.squeeze_deg),
-            effort=closing.effort,
+            speed=closing.speed,
+            out=closing.out,
             kind=closing.kind_of(number),
         )
         for number, (name, rows) in enumerate(entry.grasps)

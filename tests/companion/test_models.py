@@ -51,10 +51,10 @@ def test_the_jars_axis_is_across_the_approach() -> None:
 
 
 def test_the_hands_close_as_the_trials_say() -> None:
-    """The jar is squeezed hard with unequal effort, the bowl hardly at all."""
+    """The jar is squeezed hard and the bowl hardly at all, closed upon slowly and taken less far out."""
     jar, bowl = GRASPS["jar"][0], GRASPS["bowl_high"][0]
-    assert (math.degrees(jar.squeeze), jar.effort) == (pytest.approx(40.0), (0.8, 1.5))
-    assert (math.degrees(bowl.squeeze), bowl.effort) == (pytest.approx(0.8), (1.5, 1.5))
+    assert (math.degrees(jar.squeeze), jar.speed, jar.out) == (pytest.approx(40.0), 0.6, 0.28)
+    assert (math.degrees(bowl.squeeze), bowl.speed, bowl.out) == (pytest.approx(0.8), 0.3, 0.22)
     assert [CLOSINGS["bowl_high"].kind_of(number) for number in (0, 15, 16, 31)] == [
         "rim_two_inside",
         "rim_two_inside",

@@ -1,16 +1,18 @@
-"""The step that looks around: the head turns over what stands in front of the robot. It needs no fact."""
+"""Primitive tasks that turn the head: over all that stands in front of the robot, and to one thing."""
 
-import math
-
+from companion.around import POINTS
 from companion.languages import rc
-from services.planner.search.steps import Step
+from services.planner.search.steps import Geometry, Step
 
-DISTANCE_M, HEIGHT_M = 1.0, 1.30  # tables and open shelves in front (estimate, as for the look at the beginning)
-DIRECTIONS = (-0.85, 0.0, 0.75)  # [rad]; with a field of view of 60 degrees they overlap (estimate)
-POINT_S = 1.2  # [s] of a turn of the head with its rest; only for the expected duration
+POINT_S, LOOK_S = 1.2, 2.0  # [s] of one turn among others, and of one alone (estimates); only for the expected duration
 
 
 def look_around() -> Step:
-    """Points all around the front."""
-    at = tuple((DISTANCE_M * math.cos(a), DISTANCE_M * math.sin(a), HEIGHT_M) for a in DIRECTIONS)
-    return Step("look around", (rc.Look(key="", at=at),), (), POINT_S * len(at))
+    """Points all around the front. It needs no fact."""
+    return Step("look around", (rc.Look(key="", at=POINTS),), (), POINT_S * len(POINTS))
+
+
+def look(geometry: Geometry, state: str, name: str) -> Step:
+    """Turn the head to where the object should be."""
+    x, y, z = (float(v) for v in geometry.pose(state, name).translation)
+    return Step(f"look at {name}", (rc.Look(key="", at=((x, y, z),)),), (), LOOK_S)

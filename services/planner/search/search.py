@@ -5,10 +5,20 @@ from collections.abc import Callable
 from companion.languages import hfsm, wm
 from services.planner.search import assembling
 from services.planner.search.asking import Asking, Unanswered
-from services.planner.search.domain import Search
+from services.planner.search.domain import TASKS, Search
 from services.planner.search.holding import held_at
 from services.planner.search.steps import Geometry
 from velma.kinematics.robot import Robot
+
+REASONS = 3  # so many of the newest are told; a report has room for no more (estimate)
+
+
+class NotATask(Exception):
+    """The network asks for what the domain does not have."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(reason)
 
 
 def search(
@@ -21,32 +31,39 @@ def search(
         todo = [_ground(asking, task) for task in network.tasks]
         start = asking.suppose("", ())
         found = Search(geometry).run(todo, start)
-    except Unanswered as unanswered:
-        return hfsm.NoPlan(network.id, unanswered.reason)
+    except (Unanswered, NotATask) as why:
+        return hfsm.NoPlan(network.id, why.reason)
     if found is None:
         return hfsm.NoPlan(network.id, _reason(geometry.why))
     steps, outcome = found
-    name = " ".join((todo[0][0], *todo[0][1:]))
-    held = held_at(asking, start)
-    return assembling.plan(network.id, name, steps, outcome, asking.queries, held)
+    name = "; ".join(" ".join(task) for task in todo)
+    return assembling.plan(network.id, name, steps, outcome, asking.queries, held_at(asking, start))
 
 
 def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
     """The task with words for things replaced by the things km knows: "jar" -> "jar_1"."""
-    things = asking(wm.ListObjects(), wm.Objects).objects
-    arguments = []
-    for word in task.arguments:
-        named = [o.id for o in things if word in (o.id, o.kind.lower())]
-        if word in ("", "left", "right"):
-            named = [word]
-        if not named:
-            seen = ", ".join(sorted(o.id for o in things)) or "nothing"
-            raise Unanswered(wm.ListObjects(kind=word), f"no {word} has been seen (seen so far: {seen})")
-        arguments.append(named[0])
+    if TASKS.get(task.name) != len(task.arguments):
+        known = ", ".join(f"{name} ({count})" for name, count in TASKS.items())
+        raise NotATask(f"no task {task.name!r} of {len(task.arguments)} things is known; tasks are {known}")
+    arguments = tuple(_thing(asking, word) for word in task.arguments)
+    if task.name == "pour" and len(set(arguments)) == 1:
+        raise NotATask(f"{arguments[0]} cannot be poured into itself")
     return (task.name, *arguments)
+
+
+def _thing(asking: Asking, word: str) -> str:
+    """The first thing km knows by this id or kind; words for hands stay as they are."""
+    if word in ("", "left", "right"):
+        return word
+    things = asking(wm.ListObjects(), wm.Objects).objects
+    for thing in things:
+        if word in (thing.id, thing.kind.lower()):
+            return thing.id
+    seen = ", ".join(sorted(thing.id for thing in things)) or "nothing"
+    raise Unanswered(wm.ListObjects(), f"no {word} has been seen (seen so far: {seen})")
 
 
 def _reason(why: list[str]) -> str:
     """The different reasons of the failed attempts, last first, in one sentence."""
     different = list(dict.fromkeys(reversed(why)))
-    return "; ".join(different[:3]) or "the task cannot be taken apart in the present state of the world"
+    return "; ".join(different[:REASONS]) or "the task cannot be taken apart in the present state of the world"

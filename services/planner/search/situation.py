@@ -39,10 +39,6 @@ class Situation:
     held: dict[Side, Held]
     world: collision.World
 
-    def loaded(self) -> bool:
-        """Whether any hand holds something (then everything moves more slowly)."""
-        return bool(self.held)
-
 
 def posture(ask: Asking, state: str) -> np.ndarray:
     """q (15,) [rad] in that state."""
@@ -80,7 +76,7 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
 
 
 def configured(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:
-    """The changes that say: torso and this arm are here, these fingers are so."""
+    """The changes that say: torso and this arm stand as in q (15,) [rad], these fingers at an angle [rad]."""
     changes: list[wm.AnyChange] = [
         wm.Configured(part="torso", q=(float(q[names.TORSO]),)),
         wm.Configured(part=f"{side}_arm", q=tuple(float(x) for x in q[names.ARM[side]])),

@@ -4,7 +4,7 @@ Each step asks km for what it needs in the state it begins in, computes the geom
 no geometry was found, with the reason noted in `why`. Speeds and distances: task runs with the true robot model.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,13 +13,14 @@ import pinocchio as pin
 from companion.languages import rc, wm
 from companion.languages.values import Side
 from services.planner.search.asking import Asking
-from services.planner.search.situation import Situation, configured, on_wire, situation
+from services.planner.search.situation import Situation, on_wire, situation
 from velma import names
-from velma.kinematics import motion
+from velma.kinematics import ik, motion
 from velma.kinematics.frames import transform
+from velma.kinematics.motion import Keep
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.carrying import upright
-from velma.kinematics.timing import JOINT_FRACTION, timed
+from velma.kinematics.timing import timed
 
 EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s] of the tool in free motions
 APPROACH_SPEED, LIFT_SPEED, DOWN_SPEED, RETREAT_SPEED = 0.2, 0.1, 0.04, 0.15  # [m/s]
@@ -28,6 +29,9 @@ TRIED, ENOUGH = 8, 3  # estimate: more goals make motions little quicker and pla
 # gets many; trees grown for a goal.
 QUICK, EFFORTS, ATTEMPTS = (500,), (500, 4000), 2
 CLOSE_S, OPEN_S = 4.0, 2.5  # [s] a hand takes to close by touch and to open; only for the expected duration
+
+Path = list[np.ndarray]
+"""Postures (15,) [rad], one after the other."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,14 @@ class Geometry:
         """The situation in a state of km."""
         return situation(self.ask, self.robot, state)
 
+    def pose(self, state: str, name: str) -> pin.SE3:
+        """Where km says the thing is (T_world_object), in that state."""
+        return transform(self.ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose)
+
+    def model(self, state: str, name: str) -> wm.ModelOf:
+        """Shapes, mass and base of the thing."""
+        return self.ask(wm.ObjectModel(state=state, object=name), wm.ModelOf)
+
     def failed(self, reason: str) -> None:
         """Note why this attempt gave nothing."""
         self.why.append(reason)
@@ -69,65 +81,64 @@ class Geometry:
         *,
         largest_tilt: float | None = None,
         tried: int = TRIED,
-        enough: int = ENOUGH,
         efforts: Sequence[int] = EFFORTS,
-    ) -> tuple[int, list[np.ndarray]] | None:
-        """Index of a goal and the joint path to it: the quickest of the first `enough` found among the `tried` nearest.
+    ) -> tuple[int, Path] | None:
+        """Index of a goal (15,) and the path to it: the quickest of the first few found among the `tried` nearest.
 
-        A held object stays within `largest_tilt` [rad] of the vertical.
+        None where none of them can be reached with the last of the `efforts` (iterations of a tree).
+        Torso and the arm of `side` move; what it holds stays within `largest_tilt` [rad] of the vertical.
         """
-        keep: Callable[[np.ndarray], bool] | None = None
-        if largest_tilt is not None and side in here.held:
-            keep = upright(self.robot, side, here.held[side].T_grip_object, largest_tilt)
-        speed = LOADED_SPEED if here.loaded() else EMPTY_SPEED
-        least = [least_time(here.q, goal) for goal in goals]
+        if not goals:
+            return None
+        keep = self._upright(here, side, largest_tilt)
+        least = ik.travel(self.robot, side, here.q, np.array(goals))
+        nearest = [int(k) for k in np.argsort(least, kind="stable")[:tried]]
         for effort in efforts:
-            found: list[tuple[float, int, list[np.ndarray]]] = []
-            for index in np.argsort(least, kind="stable")[:tried]:
-                if found and least[index] > min(f[0] for f in found):
-                    break
-                path = motion.plan(
-                    self.robot, here.world, side, here.q, goals[index],
-                    keep=keep, seed=self.seed, tool_speed=speed, iterations=effort, attempts=ATTEMPTS,
-                )  # fmt: skip
-                if path is not None:
-                    found.append((self.duration(path, speed), int(index), path))
-                if len(found) == enough:
-                    break
+            found = self._ways(here, side, [(k, float(least[k]), goals[k]) for k in nearest], keep, effort)
             if found:
-                return min(found, key=lambda f: f[0])[1:]
+                _, index, path = min(found, key=lambda f: f[0])
+                return index, path
         return None
 
-    def duration(self, path: list[np.ndarray], speed: float) -> float:
+    def _ways(
+        self, here: Situation, side: Side, goals: list[tuple[int, float, np.ndarray]], keep: Keep | None, effort: int
+    ) -> list[tuple[float, int, Path]]:
+        """Duration [s], index and path of some ways; `goals`: index, least time [s], posture, the nearest first."""
+        speed = free_speed(here)
+        found: list[tuple[float, int, Path]] = []
+        for index, least, goal in goals:
+            if len(found) == ENOUGH or any(least > duration for duration, _, _ in found):
+                break
+            path = motion.plan(
+                self.robot, here.world, side, here.q, goal,
+                keep=keep, seed=self.seed, tool_speed=speed, iterations=effort, attempts=ATTEMPTS,
+            )  # fmt: skip
+            if path is not None:
+                found.append((self.duration(path, speed), index, path))
+        return found
+
+    def _upright(self, here: Situation, side: Side, largest_tilt: float | None) -> Keep | None:
+        """The condition that what the hand holds stays upright, if it holds something."""
+        if largest_tilt is None or side not in here.held:
+            return None
+        return upright(self.robot, side, here.held[side].T_grip_object, largest_tilt)
+
+    def duration(self, path: Path, speed: float) -> float:
         """Time [s] of a joint path at a tool speed [m/s]."""
-        return float(timed(self.robot, path, tool_speed=speed).duration) if len(path) > 1 else 0.0
+        return timed(self.robot, path, tool_speed=speed).duration if len(path) > 1 else 0.0
 
 
-def least_time(start: np.ndarray, goal: np.ndarray) -> float:
-    """Time [s] below which no motion from start to goal (15,) can be, at half the joints' speed limits."""
-    return float((np.abs(goal - start) / names.SPEED).max() / JOINT_FRACTION)
+def free_speed(here: Situation) -> float:
+    """Speed [m/s] of the tool in free motions: whoever holds something moves more slowly."""
+    return LOADED_SPEED if here.held else EMPTY_SPEED
 
 
-def along(side: Side, path: list[np.ndarray]) -> tuple[tuple[float, ...], ...]:
-    """A joint path as RC says it: torso and one arm."""
-    return tuple(tuple(float(x) for x in q[names.COLUMNS[side]]) for q in path)
-
-
-def move(side: Side, path: list[np.ndarray], speed: float, fingers: float | None = None) -> rc.MoveJoint:
+def move(side: Side, path: Path, speed: float, fingers: float | None = None) -> rc.MoveJoint:
     """The command of a free motion."""
-    return rc.MoveJoint(key="", side=side, path=along(side, path), speed=speed, fingers=fingers)
+    points = tuple(tuple(float(x) for x in q[names.COLUMNS[side]]) for q in path)
+    return rc.MoveJoint(key="", side=side, path=points, speed=speed, fingers=fingers)
 
 
 def approach_points(steps: Iterable[tuple[pin.SE3, float]]) -> tuple[rc.ApproachPoint, ...]:
-    """Grip poses with finger angles, as RC says it."""
+    """Grip poses with finger angles [rad], as RC says it."""
     return tuple(rc.ApproachPoint(on_wire(pose), fingers) for pose, fingers in steps)
-
-
-def arrived(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:
-    """The changes a motion of one arm makes."""
-    return configured(side, q, fingers)
-
-
-def object_pose(ask: Asking, state: str, name: str) -> pin.SE3:
-    """Where km says it is (in that state)."""
-    return transform(ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose)

@@ -301,13 +301,18 @@ class GraspStep(msgspec.Struct, frozen=True, array_like=True):
 
 
 class GraspDef(msgspec.Struct, frozen=True):
-    """A grasp: steps from the outermost to the grasp itself; how it is closed."""
+    """A grasp: steps from the outermost to the grasp itself, how it is closed, how far out of its place the thing goes.
+
+    `closed`: angle [rad] the closed fingers are taken for. `squeeze`: motor travel [rad] after touch. `speed`: of the
+    closing fingers [rad/s]. `out`: way [m] after which the thing is out of what it stood in.
+    """
 
     id: str
     steps: tuple[GraspStep, ...]
     closed: float
     squeeze: float
-    effort: tuple[float, float]
+    speed: float
+    out: float
     kind: str
 
 
