@@ -103,7 +103,7 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if isinstance(said, sw.Report) and said.state not in sw.FINAL:
         return _on_progress(memory, turn, job, said)
     if isinstance(said, sw.Report) and said.state is WorkerState.SUCCEEDED:
-        words.done(turn, job, said.reason or f"it took {turn.now - job.started:.0f} s")
+        words.done(turn, job, said.reason or f"it took {turn.now - job.arrived:.0f} s")
         return memory.without_job(job)
     if job.cancelling:
         return _cancelled(memory, turn, job, words.reason(said))
