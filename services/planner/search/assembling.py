@@ -14,21 +14,22 @@ WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
 
 
 def plan(
-    request: str, task: str, steps: list[Step], outcome: str, queries: int, held: dict[Side, rc.Release] | None = None
+    request: str, task: str, steps: list[Step], sought: str, queries: int, held: dict[Side, rc.Release]
 ) -> hfsm.HierarchicalPlan:
-    """The plan of these steps in order; `outcome` "replan" ends it so that the same task is planned again.
+    """The plan of these steps in order.
 
-    `held`: what puts down what the hands hold at its beginning.
+    `sought`: the thing that has to be localized before the same task is planned again, "" where the steps do the whole
+    task. `held`: what puts down what the hands hold at its beginning.
     """
-    holding: dict[Side, rc.Release] = dict(held or {})
+    holding = dict(held)
     states: list[hfsm.State] = []
     for number, step in enumerate(steps, start=1):
         _note_held(holding, step)
         states.append(_machine(request, number, step, _safe(request, number, holding)))
         _note_released(holding, step)
-    if outcome == hfsm.Outcome.REPLAN:
-        states.append(_localized(steps))
-        states.append(hfsm.EndState("replan", hfsm.Outcome.REPLAN, "what was put down is localized now"))
+    if sought:
+        states.append(_localized(sought))
+        states.append(hfsm.EndState("replan", hfsm.Outcome.REPLAN, f"{sought} is localized now"))
     if not states:
         states.append(hfsm.EndState("nothing to do", hfsm.Outcome.SUCCEEDED, "it is so already"))
     chained = tuple(_then(state, following.name) for state, following in pairwise(states))
@@ -91,7 +92,6 @@ def _note_released(holding: dict[Side, rc.Release], step: Step) -> None:
             holding.pop(command.side, None)
 
 
-def _localized(steps: list[Step]) -> hfsm.AskState:
-    """Ask km whether what was put down has been seen since."""
-    put = [c.object for s in steps for c in s.commands if isinstance(c, rc.Release)][-1]
-    return hfsm.AskState(f"is {put} localized?", wm.Holds(relation="hasExactPose", subject=put))
+def _localized(name: str) -> hfsm.AskState:
+    """Ask km whether the thing has been seen where it stands."""
+    return hfsm.AskState(f"is {name} localized?", wm.Holds(relation="hasExactPose", subject=name))

@@ -35,9 +35,10 @@ def search(
         return hfsm.NoPlan(network.id, why.reason)
     if found is None:
         return hfsm.NoPlan(network.id, _reason(geometry.why))
-    steps, outcome = found
+    steps, sought = found
+    held = held_at(asking, start)
     name = "; ".join(" ".join(task) for task in todo)
-    return assembling.plan(network.id, name, steps, outcome, asking.queries, held_at(asking, start))
+    return assembling.plan(network.id, name, steps, sought, asking.queries, held)
 
 
 def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:

@@ -1,0 +1,99 @@
+"""The methods of the planning domain: a task and the facts of a state give subtasks, or None where it does not apply.
+
+Methods follow the published domain of the same group (proghtn-backstream@019fd34: pour, pourAt, takeSd, place, lookAt),
+with the source taken first, as in the paper's plan #1. Each is asked with km's id of the state, then the arguments of
+its task; all facts are asked of km, and each raises Unanswered where km does not know one. Must not know: geometry.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from companion.languages.values import Side
+from services.planner.search.facts import Facts
+
+OTHER = {Side.LEFT: Side.RIGHT, Side.RIGHT: Side.LEFT}
+
+Subtasks = list[tuple[Any, ...]]
+
+
+class Methods:
+    """Methods over the facts of km; `failed` notes a reason why a task cannot be done at all."""
+
+    def __init__(self, facts: Facts, failed: Callable[[str], None]) -> None:
+        self.facts, self.failed = facts, failed
+
+    def pour_held(self, km: str, source: str, destination: str) -> Subtasks | None:
+        """The source is in a hand and the destination stands in the open, well known: tilt."""
+        side = self.facts.holder(km, source)
+        return [("a_pour", source, destination, side)] if side and self._open(km, destination) else None
+
+    def pour_into_standing(self, km: str, side: Side, source: str, destination: str) -> Subtasks | None:
+        """The destination stands in the open, well known: take the source and tilt it."""
+        if self.facts.holder(km, source) or not self._open(km, destination):
+            return None
+        return [("take", source, side), ("a_pour", source, destination, side)]
+
+    def pour_into_held(self, km: str, source: str, destination: str) -> Subtasks | None:
+        """The destination is in a hand: put it down, look where it is, plan again."""
+        held = self.facts.holder(km, destination) is not None
+        return [("put_down", destination), ("localize", destination)] if held else None
+
+    def pour_into_unseen(self, km: str, source: str, destination: str) -> Subtasks | None:
+        """The destination was put down and not seen since: look where it is, plan again."""
+        held = self.facts.holder(km, destination) is not None
+        return None if held or self.facts.exact(km, destination) else [("localize", destination)]
+
+    def pour_taking_both(self, km: str, first: Side, source: str, destination: str) -> Subtasks | None:
+        """Both out of their places: the source with one hand, the destination with the other, then put it down."""
+        if self.facts.holder(km, destination) or not self.facts.inside(km, destination):
+            return None
+        if self.facts.holder(km, source) not in (None, first):
+            return None
+        return [
+            ("take", source, first),
+            ("a_carry", first),
+            ("take", destination, OTHER[first]),
+            ("put_down", destination),
+            ("localize", destination),
+        ]
+
+    def _open(self, km: str, name: str) -> bool:
+        """Whether the thing stands where it was seen, in the open."""
+        if self.facts.holder(km, name) or self.facts.inside(km, name):
+            return False
+        return self.facts.exact(km, name)
+
+    def take_nothing(self, km: str, name: str, side: str) -> Subtasks | None:
+        """It is held already, by the wanted hand."""
+        holder = self.facts.holder(km, name)
+        return [] if holder is not None and side in ("", holder) else None
+
+    def take_over(self, km: str, name: str, side: str) -> Subtasks | None:
+        """The other hand holds it: put it down, look where it is, plan again."""
+        holder = self.facts.holder(km, name)
+        return None if holder is None or side in ("", holder) else [("put_down", name), ("localize", name)]
+
+    def take_with(self, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
+        """With an empty hand, where it is a wanted one."""
+        if side not in ("", hand) or self.facts.holder(km, name):
+            return None
+        if held := self.facts.in_hand(km, hand):
+            self.failed(f"the {hand} hand holds {held}")
+            return None
+        return [("a_take", name, hand)]
+
+    def put_down(self, km: str, name: str) -> Subtasks | None:
+        """Put it down and bring the hand home."""
+        side = self.facts.holder(km, name)
+        if side is None:
+            self.failed(f"no hand holds {name}")
+            return None
+        return [("a_place", side), ("a_home", side)]
+
+    def localize(self, km: str, name: str) -> Subtasks | None:
+        """Look where it is; what follows needs a new plan."""
+        return [("a_look", name), ("a_replan", name)]
+
+    def look_around(self, km: str) -> Subtasks | None:
+        """It needs nothing, so it can always be done."""
+        return [("a_look_around",)]
