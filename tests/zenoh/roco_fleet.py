@@ -1,0 +1,188 @@
+"""The whole fleet as a person starts it: `roco` as a process, six agents over Zenoh, the simulated robot at full speed.
+
+Waits are for conditions, with a deadline. The truth is read where the loop writes it, in its slots; agents cannot.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+from toy_fleet import wait_for
+
+from agent_runtime.shell import Heartbeat
+from companion.languages import rc
+from companion.run_folder import SLOTS_FILE, ProcessState, TaskLine
+from services.console import fleet, runs
+from services.console.hi import Hi
+from services.executor.loop.link import AgentLink, LoopState, Told
+from services.executor.loop.program import Phase
+from services.monitor import recording
+from services.monitor.records import Spoken
+from velma.errors import SlotError
+from velma.sim.truth import Truth
+
+SEED = 7
+ENDED = ("done", "failed", "cancelled", "refused")
+TASK_S = 150.0  # of wall time: a whole pour takes 40 s on two cores of one's own
+SILENT_S = 10.0  # a loop is restarted within seconds
+UPRIGHT_DEG = 10.0
+T = TypeVar("T")
+
+
+class Moment(msgspec.Struct, frozen=True):
+    """What is so in a run: the open task's words (where its plan is), the truth, what the loop says."""
+
+    text: str
+    truth: Truth
+    state: LoopState
+    told: Told
+
+    def moving(self, act: str) -> bool:
+        """Whether the plan is in this act and the robot carries it out."""
+        return self.text.endswith(act) and self.told.report.phase is Phase.RUNNING
+
+    def held(self, thing: str, side: str) -> bool:
+        """Whether this hand truly holds it."""
+        return self.truth.fingers_on[thing][side] >= 3
+
+
+class RocoFleet:
+    """A fleet in a run folder of its own; `down` ends it, whatever is left of it."""
+
+    def __init__(self, run: Path, seed: int = SEED, scene: Path | None = None) -> None:
+        self.run = run
+        self.roco("up", "--out", str(run), "--speed", "max", "--seed", str(seed), "--headless",
+                  *(["--scene", str(scene)] if scene else []), timeout=120.0, inside=False)  # fmt: skip
+        self.hi = Hi(runs.hi_address(run))
+        self._link: AgentLink | None = None
+
+    # --- as a person ------------------------------------------------------------------------------------------------
+
+    def roco(self, *words: str, timeout: float = 60.0, code: int | None = 0, inside: bool = True) -> str:
+        """What `roco` says; its exit code must be `code`."""
+        run = ["--run-dir", str(self.run)] if inside else []
+        command = [sys.executable, "-m", "services.console", *words, *run]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+        said = (done.stdout + done.stderr).strip()
+        assert code in (None, done.returncode), f"roco {' '.join(words)} ended with {done.returncode}: {said}"
+        return said
+
+    def say(self, text: str) -> str:
+        """Say a sentence; the task it became."""
+        task = self.hi.say(text)
+        assert task.task, task
+        return task.task
+
+    def task(self, name: str) -> TaskLine:
+        """A task as it stands."""
+        return next(line for line in self.hi.tasks() if line.task == name)
+
+    def ended(self, name: str, within_s: float = TASK_S) -> TaskLine:
+        """A task once it has ended."""
+        self.wait(lambda: self.task(name).state in ENDED, f"task {name} ended", within_s)
+        return self.task(name)
+
+    def do(self, text: str, within_s: float = TASK_S) -> TaskLine:
+        """Say a sentence, wait for the end of it."""
+        return self.ended(self.say(text), within_s)
+
+    def wait(self, condition: Callable[[], object], what: str, within_s: float = TASK_S) -> None:
+        """Wait with a deadline; the fleet's last words are told where it passes."""
+        try:
+            wait_for(condition, what, within_s)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{self.hi.tasks()}\n{self.logs()}") from None
+
+    # --- as nobody can ----------------------------------------------------------------------------------------------
+
+    @property
+    def link(self) -> AgentLink:
+        """The loop's slots, to read."""
+        if self._link is None or self._link.file.replaced:
+            self._link = AgentLink(self.run / SLOTS_FILE)
+        return self._link
+
+    def truth(self) -> Truth:
+        """What is truly so."""
+        return msgspec.msgpack.decode(self._read(lambda: self.link.sealed_truth()), type=Truth)
+
+    def state(self) -> LoopState:
+        """The robot as the loop sees it."""
+        return self._read(lambda: self.link.state())
+
+    def _read(self, look: Callable[[], T | None]) -> T:
+        """What a slot says; a read that met the writer, or fell between two loops, is tried again."""
+        found: list[T] = []
+
+        def read() -> bool:
+            with suppress(SlotError):
+                found.extend(one for one in [look()] if one)
+            return bool(found)
+
+        wait_for(read, "the loop says something", SILENT_S)
+        return found[-1]
+
+    def reach(self, task: str, point: Callable[[Moment], bool], within_s: float = TASK_S) -> None:
+        """Wait until a task is where `point` says yes."""
+
+        def there() -> bool:
+            line = self.task(task)
+            assert line.state not in ENDED, line
+            return point(Moment(line.text, self.truth(), self.state(), self.link.told()))
+
+        self.wait(there, "the point was reached", within_s)
+
+    def pid(self, name: str) -> int:
+        """Of a process of the fleet."""
+        return int((self.run / f"{name}.pid").read_text())
+
+    def kill(self, *names: str) -> None:
+        """kill -9."""
+        for name in names:
+            os.kill(self.pid(name), signal.SIGKILL)
+
+    def restarts(self, name: str) -> int:
+        """How often the supervisor has restarted it."""
+        now = runs.fleet(self.run)
+        return next((p.restarts for p in now.processes if p.name == name), 0) if now else 0
+
+    def restarted(self, *names: str) -> bool:
+        """Whether these were started again, and all are ready."""
+        return all(self.restarts(name) for name in names) and self.whole()
+
+    def whole(self) -> bool:
+        """Whether all processes are ready."""
+        now = runs.fleet(self.run)
+        return now is not None and all(p.state is ProcessState.READY for p in now.processes)
+
+    def beat(self, agent: str) -> Heartbeat:
+        """An agent's last heartbeat."""
+        return msgspec.json.decode((self.run / f"{agent}.heartbeat.json").read_bytes(), type=Heartbeat)
+
+    def acts_begun(self) -> list[str]:
+        """Keys of the acts that ex agreed to begin, in order; a communicate sent again counts once."""
+        agreed = [
+            one for one in recording.read(self.run / recording.FILE).records
+            if isinstance(one, Spoken) and isinstance(one.content, rc.Accepted)
+        ]  # fmt: skip
+        return [one.content.key for one in {one.identity: one for one in agreed}.values()]
+
+    def logs(self) -> str:
+        """The last lines of everybody."""
+        return "\n".join(f"--- {log.name}\n{log.read_text()[-1200:]}" for log in sorted(self.run.glob("*.log")))
+
+    def down(self) -> None:
+        """End it."""
+        fleet.down(self.run)
+
+
+def safely_down(truth: Truth) -> None:
+    """Everything stands upright on a surface, in no hand."""
+    assert all(tilt < UPRIGHT_DEG for tilt in truth.tilt_deg.values()), truth
+    assert not any(links for on in truth.fingers_on.values() for links in on.values()), truth

@@ -1,0 +1,47 @@
+"""`roco stop` and `roco release` with router and agents dead: the loop holds, nothing falls, and then it goes on."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from roco_fleet import Moment, RocoFleet
+
+from services.executor.loop.program import Mode
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(400)]
+
+
+def carrying(now: Moment) -> bool:
+    """The jar is on its way to where it is out of the way."""
+    return now.moving("carry jar_1/move-joint") and now.held("jar_1", "left")
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
+    """A fleet of this test's own."""
+    made = RocoFleet(tmp_path / "run")
+    yield made
+    made.down()
+
+
+def test_stopped_with_everybody_dead(fleet: RocoFleet) -> None:
+    """The robot stands with the jar in its hand until it is released; then the next command is done."""
+    task = fleet.say("pour the content of the jar into the bowl")
+    fleet.reach(task, carrying)
+    fleet.kill("ex", "router")
+    fleet.roco("stop")
+    fleet.wait(lambda: fleet.state().mode is Mode.STOPPED, "the loop holds the robot")
+    stood = fleet.state().q.copy()
+    fleet.wait(lambda: fleet.restarted("ex", "router"), "the supervisor has restarted both")
+    line = fleet.ended(task)
+    assert line.state == "failed", line
+    assert "stopped" in line.text, line
+    assert fleet.state().mode is Mode.STOPPED
+    assert abs(fleet.state().q - stood).max() < 0.02
+    assert fleet.truth().fingers_on["jar_1"]["left"] >= 3
+    fleet.roco("release")
+    fleet.wait(lambda: fleet.state().mode is Mode.MOTION, "the loop can be commanded again")
+    line = fleet.do("pour the content of the jar into the bowl")
+    assert line.state == "done", line
+    truth = fleet.truth()
+    assert truth.grains_in["bowl_1"] >= 0.9 * truth.grains

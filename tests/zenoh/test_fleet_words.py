@@ -1,0 +1,93 @@
+"""What a person may say, and what cannot be done, over Zenoh with the simulated robot: each ends in a clear word."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+from roco_fleet import RocoFleet, safely_down
+
+from agent_runtime.zenoh_wire import client_config
+from companion.design import DESIGN
+from fipa_codec.communicate import Communicate, encode
+from fipa_codec.performatives import Performative
+from services.console import runs
+from velma.model.scene import CANONICAL
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(300)]
+
+POUR = "pour the content of the jar into the bowl"
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RocoFleet]:
+    """One fleet for all of these: each leaves the next one what it needs."""
+    made = RocoFleet(tmp_path_factory.mktemp("words") / "run")
+    yield made
+    made.down()
+
+
+def test_look_around(fleet: RocoFleet) -> None:
+    """It tells what was seen."""
+    line = fleet.do("look around")
+    assert line.state == "done", line
+    assert "bowl_1" in line.text, line
+    assert "jar_1" in line.text, line
+
+
+def test_dance(fleet: RocoFleet) -> None:
+    """What is no command is refused with what would be one; exit code 1, and no task comes of it."""
+    before = fleet.hi.tasks()
+    said = fleet.roco("say", "dance", code=1)
+    assert "look around" in said
+    assert fleet.hi.tasks() == before
+
+
+def test_garbage_to_the_task_agent(fleet: RocoFleet) -> None:
+    """Bytes that are no communicate, and communicates that make no sense, are counted; nobody dies of them."""
+    told = runs.fleet(fleet.run)
+    assert told is not None
+    lie = Communicate(
+        performative=Performative.REQUEST, protocol="coordinate", language="HFSM", ontology="roco",
+        conversation="nonsense", sender="co", receiver="ta", id="999999", content=msgspec.Raw(b"\x93garbage"),
+    )  # fmt: skip
+    key = DESIGN.key(told.system, lie)
+    before = fleet.beat("ta").counts.get("garbled", 0)
+    with zenoh.open(client_config(told.connect)) as session:
+        for data in (b"", b"garbage", b"\xc1" * 100, msgspec.msgpack.encode({"V": "request"}), encode(lie)):
+            session.put(key, data)
+        fleet.wait(lambda: fleet.beat("ta").counts.get("garbled", 0) >= before + 4, "the garbage is counted")
+    fleet.roco("status")
+    assert fleet.do("look around").state == "done"
+
+
+def test_tasks_are_done_one_after_the_other(fleet: RocoFleet) -> None:
+    """Three commands said in one breath: each is done, none before the one in front of it has ended."""
+    tasks = [fleet.say(text) for text in ("take the jar", "look around", "put down the jar")]
+    lines = [fleet.ended(task) for task in tasks]
+    assert [line.state for line in lines] == ["done"] * 3, lines
+    assert [line.since for line in lines] == sorted(line.since for line in lines)
+    safely_down(fleet.truth())
+
+
+def test_take_the_bowl_with_the_right_hand(fleet: RocoFleet) -> None:
+    """It is then in that hand, upright."""
+    line = fleet.do("take the bowl with the right hand")
+    assert line.state == "done", line
+    truth = fleet.truth()
+    assert truth.fingers_on["bowl_1"]["right"] >= 3
+    assert truth.tilt_deg["bowl_1"] < 10.0
+
+
+@pytest.mark.parametrize(("file", "words"), [("jar_out_of_reach", "reach"), ("no_jar", "jar")])
+def test_what_cannot_be_done(tmp_path: Path, file: str, words: str) -> None:
+    """The task fails with a reason a person understands, and the next command is served."""
+    fleet = RocoFleet(tmp_path / "run", scene=CANONICAL.with_name(f"{file}.toml"))
+    try:
+        line = fleet.do(POUR)
+        assert line.state == "failed", line
+        assert words in line.text, line
+        assert fleet.do("look around").state == "done"
+    finally:
+        fleet.down()
