@@ -58,7 +58,7 @@ def write(path: Path, history: History) -> None:
 
 def blueprint(end_s: float) -> rrb.Blueprint:
     """Robot on the left; states, communicates and their sizes over the whole run on the right."""
-    seen_from = rrb.EyeControls3D(position=(2.3, -1.8, 1.8), look_target=(0.52, -0.16, 0.87), eye_up=(0.0, 0.0, 1.0))
+    seen_from = rrb.EyeControls3D(position=(2.15, -1.7, 1.75), look_target=(0.5, -0.18, 0.9), eye_up=(0.0, 0.0, 1.0))
     bounds = (rr.TimeRangeBoundary.absolute(seconds=at) for at in (-0.02 * end_s, 1.02 * end_s))
     axis = rrb.TimeAxis(view_range=rr.TimeRange(*bounds))
     kinds = {kind: kind is TextLogColumnKind.Body for kind in TextLogColumnKind}
@@ -80,7 +80,7 @@ def blueprint(end_s: float) -> rrb.Blueprint:
             origin="sizes", name="size of each communicate, log10 bytes", axis_x=axis, plot_legend=rrb.Corner2D.RightTop
         ),
         rrb.TimeSeriesView(origin="bandwidth", name="C4, kbit/s", axis_x=axis),
-        row_shares=(13, 8, 7, 5),
+        row_shares=(17, 9, 7, 5),
     )
     time = rrb.TimePanel(timeline="run", play_state="playing", state="collapsed")
     return rrb.Blueprint(rrb.Horizontal(space, told, column_shares=(5, 4)), time, collapse_panels=True)
@@ -227,17 +227,16 @@ def _states(out: rr.RecordingStream, history: History) -> None:
 def _lane(
     out: rr.RecordingStream, history: History, lane: str, spans: list[tuple[float | None, float | None, str]]
 ) -> None:
-    """Stretches of time, each with its word; between them the lane rests."""
-    spans = [span for span in spans if span[0] is not None and span[1] is not None]
-    if not spans:
-        return
+    """Stretches of time, each with its word; between them the lane rests. One without an end goes on."""
     changes = [change for start, end, word in spans for change in ((start, word), (end, REST))]
     # Of two changes at the same time the later one is wanted: a stretch may begin where another one ends.
-    at = dict(changes)
+    at = {moment: word for moment, word in changes if moment is not None}
+    if not at:
+        return
     names = list(dict.fromkeys(at.values()))
     colours = [_GREY if name == REST else _FRESH for name in names]
     out.log(lane, rr.StateConfiguration(values=names, labels=names, colors=colours), static=True)
-    indexes = _indexes(history, [(moment or 0.0, None) for moment in at])
+    indexes = _indexes(history, [(moment, None) for moment in at])
     rr.send_columns(lane, indexes=indexes, columns=rr.StateChange.columns(state=list(at.values())), recording=out)
 
 
