@@ -1,4 +1,4 @@
-"""The report of a recorded run of the whole fleet: seed 7, speed 1; every tenth record of telemetry and truth was kept."""
+"""The report of a recorded run of the whole fleet: seed 7, speed 1; of telemetry and truth every tenth record is kept."""
 
 import shutil
 import subprocess
