@@ -155,9 +155,11 @@ class World:
         for name, angle in zip(names.HEAD, (pan, tilt), strict=True):
             self._q[self._index[name]] = angle
 
-    def allow(self, *pairs: tuple[str, str]) -> None:
-        """Only these pairs of groups may touch from now on; without any, none may."""
+    def allow(self, *pairs: tuple[str, str]) -> tuple[tuple[str, str], ...]:
+        """Only these pairs of groups may touch from now on; without any, none may. Returns those that might before."""
+        before = self._allowed
         self._allowed, self._fresh = pairs, False
+        return before
 
     # -- checks ----------------------------------------------------------------------------------------------------
     def free(self, q: Array) -> bool:

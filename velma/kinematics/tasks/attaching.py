@@ -32,9 +32,10 @@ def stood(world: World, name: str, pose: pin.SE3, side: str) -> Iterator[None]:
 
 @contextmanager
 def allowed(world: World, *pairs: tuple[str, str]) -> Iterator[None]:
-    """These groups may touch inside the block, and nothing but the rest's own exceptions afterwards."""
-    world.allow(*pairs)
+    """These groups may touch as well inside the block, and afterwards only those that might before."""
+    before = world.allow()
+    world.allow(*before, *pairs)
     try:
         yield
     finally:
-        world.allow()
+        world.allow(*before)
