@@ -10,7 +10,6 @@ import typer
 
 from agent_runtime import cli
 from agent_runtime.logs import Log
-from services.monitor import make
 from services.monitor.recorder import serve
 
 TEXT = "The recorder: taps all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
@@ -21,6 +20,8 @@ def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traff
     if not run_dir.is_dir():
         typer.echo(f"{run_dir} is no folder; give one that a run was recorded in", err=True)
         raise typer.Exit(2)
+    from services.monitor import make
+
     raise typer.Exit(0 if make.everything(run_dir, Log("monitor").write) else 1)
 
 

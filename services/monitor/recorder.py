@@ -15,7 +15,6 @@ from agent_runtime.logs import Log
 from agent_runtime.options import Options
 from agent_runtime.tap import Sample, Tap, open_tap
 from companion.run_folder import LIVE_FILE
-from services.monitor import make
 from services.monitor.history import SETTING, Setting
 from services.monitor.live import Live
 from services.monitor.recording import FILE, Recording
@@ -116,6 +115,8 @@ def serve(options: Options) -> int:
     recorder.finish()
     ready.unlink(missing_ok=True)
     log.write("recorded", samples=recorder.count, dropped=waiting.dropped)
+    from services.monitor import make  # numpy and what draws: not before, the agents start once this process is ready
+
     made = make.everything(run, log.write)
     log.close()
     return 0 if made else 1
