@@ -1,4 +1,4 @@
-"""The journal: an append-only file with one synced record per durable step (facts: write-ahead rule, last record wins).
+"""The journal: an append-only file with one synced record per durable step (write-ahead; the last record wins).
 
 A record is <length u32><crc32 u32><bytes>, little endian, after a magic line. Each record is the whole durable state,
 so the last whole one is the state; a torn tail (killed while writing) was neither receipted nor sent, hence it is cut
