@@ -9,7 +9,19 @@ import msgspec
 
 from companion.languages import rc, wm
 from services.monitor.history import History
-from services.monitor.plans import Act, Made, Ran, acts, made, ran, task_command, task_end
+from services.monitor.plans import (
+    Act,
+    Made,
+    Ran,
+    acts,
+    asked,
+    commands,
+    made,
+    ran,
+    reason,
+    task_command,
+    task_end,
+)
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -25,7 +37,7 @@ def events(history: History) -> tuple[Event, ...]:
     """All events in the order of time."""
     found = [
         *_knowledge(history),
-        *_command(history),
+        *_commands(history),
         *(event for plan in made(history) for event in _planning(plan)),
         *(event for plan in ran(history) for event in _running(plan)),
         *_handling(history),
@@ -47,15 +59,17 @@ def _knowledge(history: History) -> Iterator[Event]:
         yield Event(seen[-1], "km knows the surroundings", ("C5", "C6"))
 
 
-def _command(history: History) -> Iterator[Event]:
-    command = task_command(history)
-    if command is None:
-        return
-    yield Event(command.received, "command received", ("C2",))
-    end = task_end(history, command)
-    if end is not None:
-        state = getattr(end.content, "state", end.performative)
-        yield Event(end.received, "finished" if state == "done" else f"ended: {state}", ("C2",))
+def _commands(history: History) -> Iterator[Event]:
+    """What people asked for: the task of the report by the names of the paper's table, all others by their words."""
+    main = task_command(history)
+    for command in commands(history):
+        of = "" if command is main else f": {asked(command)}"
+        yield Event(command.received, f"command received{of}", ("C2",))
+        end = task_end(history, command)
+        if end is not None:
+            state = getattr(end.content, "state", end.performative)
+            name = "finished" if state == "done" else f"ended, {state}"
+            yield Event(end.received, f"{name}{of}", ("C2",), reason(end))
 
 
 def _planning(plan: Made) -> Iterator[Event]:

@@ -43,14 +43,17 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
     )
 
 
-def _times(report: Report, paper: Paper) -> list[tuple[float | None, float | None, str, str, float | None]]:
-    """Rows of Table 7: ours, simulated, event, channels, the paper's; the paper's rows that we lack stay, empty."""
-    rows: list[tuple[float | None, float | None, str, str, float | None]] = [
-        (event.t, event.sim_s, event.name, ", ".join(event.channels), paper.times.get(event.name))
+Row = tuple[float | None, float | None, str, str, str, float | None]
+
+
+def _times(report: Report, paper: Paper) -> list[Row]:
+    """Rows of Table 7: ours, simulated, event, why, channels, the paper's; its rows that we lack stay, empty."""
+    rows: list[Row] = [
+        (event.t, event.sim_s, event.name, event.text, ", ".join(event.channels), paper.times.get(event.name))
         for event in report.events
     ]
     ours = {event.name for event in report.events}
-    rows += [(None, None, name, "", at) for name, at in paper.times.items() if name not in ours]
+    rows += [(None, None, name, "", "", at) for name, at in paper.times.items() if name not in ours]
     return rows
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from companion.languages import cmd, hfsm, rc, sw
+from companion.words import plain, spaced
 from fipa_codec.performatives import Performative
 from services.monitor.history import History
 from services.monitor.records import Spoken
@@ -81,10 +82,21 @@ def acts(history: History) -> tuple[Act, ...]:
     return tuple(_act(history, one) for one in asked)
 
 
+def commands(history: History) -> tuple[Spoken, ...]:
+    """All commands of people, in the order of time."""
+    return tuple(one for one in history.said if isinstance(one.content, cmd.Command))
+
+
+def asked(command: Spoken) -> str:
+    """A command in words: what is to be done with what."""
+    fields = (getattr(command.content, name) for name in command.content.__struct_fields__)
+    return plain(" ".join((spaced(type(command.content).__name__), *(one for one in fields if isinstance(one, str)))))
+
+
 def task_command(history: History) -> Spoken | None:
     """The first command of a person to pour; without one the first command of any kind; None where there is none."""
-    asked = [one for one in history.said if isinstance(one.content, cmd.Command)]
-    return next((one for one in asked if isinstance(one.content, cmd.PourInto)), asked[0] if asked else None)
+    all_commands = commands(history)
+    return next((one for one in all_commands if isinstance(one.content, cmd.PourInto)), next(iter(all_commands), None))
 
 
 def task_end(history: History, command: Spoken) -> Spoken | None:
@@ -132,7 +144,7 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         communicates=len(talk),
         bytes=sum(one.size for one in talk),
         outcome=None if end is None else _outcome(end),
-        reason=_reason(end),
+        reason=reason(end),
         expected_s=None if plan is None else plan.duration,
     )
 
@@ -164,7 +176,7 @@ def _ran(history: History, number: int, asked: Spoken) -> Ran:
         start=asked.received,
         end=None if end is None else end.received,
         outcome=None if end is None else end.content.state,
-        reason=_reason(end),
+        reason=reason(end),
         states=len(reports),
     )
 
@@ -174,10 +186,10 @@ def _act(history: History, asked: Spoken) -> Act:
     agreed = next((one.received for one in answers if one.performative == Performative.AGREE), None)
     end = next((one for one in answers if one.performative != Performative.AGREE), None)
     done = end is not None and isinstance(end.content, rc.Done)
-    return Act(asked.content, asked.received, agreed, None if end is None else end.received, done, _reason(end))
+    return Act(asked.content, asked.received, agreed, None if end is None else end.received, done, reason(end))
 
 
-def _reason(end: Spoken | None) -> str:
+def reason(end: Spoken | None) -> str:
     """The words of an answer that say why, in whichever language."""
     content = None if end is None else end.content
     return str(getattr(content, "reason", "") or getattr(content, "text", "") or "")

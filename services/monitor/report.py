@@ -22,6 +22,7 @@ class Happened(msgspec.Struct, frozen=True):
     name: str
     channels: tuple[str, ...]
     sim_s: float | None
+    text: str = ""
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -189,7 +190,7 @@ def _plans(history: History) -> tuple[Plan, ...]:
 
 def _events(history: History, clock: Clock) -> tuple[Happened, ...]:
     return tuple(
-        Happened(event.at - history.begin, event.name, event.channels, clock.sim(event.at))
+        Happened(event.at - history.begin, event.name, event.channels, clock.sim(event.at), event.text)
         for event in events.events(history)
     )
 

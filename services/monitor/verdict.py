@@ -14,7 +14,7 @@ from companion.models import MODELS
 from companion.telemetry import TrueState
 from services.monitor.history import History
 from services.monitor.placing import KNOWN_AS
-from services.monitor.plans import made, ran, task_command, task_end
+from services.monitor.plans import asked, made, ran, task_command, task_end
 
 LEAST_POURED = 0.9
 MOST_TILT_DEG = 10.0
@@ -53,6 +53,9 @@ def poured(history: History) -> Poured:
 
 def failure(history: History) -> str | None:
     """Why the run did not do the main job, in words; None: it did."""
+    command = task_command(history)
+    if command is not None and not isinstance(command.content, cmd.PourInto):
+        return f"nobody asked to pour, but to {asked(command)}"
     reasons = [*_of_plans(history), *_of_truth(poured(history), bool(history.truth))]
     return "; ".join(reasons) or None
 
@@ -62,8 +65,6 @@ def _of_plans(history: History) -> Iterator[str]:
     if command is None:
         yield "no command of a person was heard"
         return
-    if not isinstance(command.content, cmd.PourInto):
-        yield f"nobody asked to pour: the command was {type(command.content).__name__}"
     end = task_end(history, command)
     if end is None:
         yield "the task did not end"

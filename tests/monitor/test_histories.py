@@ -1,4 +1,4 @@
-"""The report of a recorded run of the whole fleet: seed 7, speed 1; of telemetry and truth every tenth record is kept."""
+"""The report of a recorded run of the fleet: seed 7, speed 1; every tenth record of telemetry and truth is kept."""
 
 import shutil
 import subprocess
