@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.kinematics.frames import xyz_quat
 
 # Simulated Kinect of Velma (velma_robot@43752e0): horizontal field of view 1.047 rad, 800 x 600, cloud 0.5-3.0 m.
 HALF_WIDTH = math.tan(1.047 / 2)
@@ -35,7 +34,10 @@ class Sight:
 
 
 class Receptor:
-    """Sees the things (bodies by name) of a world model through the head camera."""
+    """Sees the things (bodies by name) of a world model through the head camera.
+
+    `noise_m`: largest error on each horizontal axis [m]; `seed` of it. The same looks in the same order see the same.
+    """
 
     def __init__(self, model: mujoco.MjModel, things: tuple[str, ...], noise_m: float, seed: int) -> None:
         self._model, self._data = model, mujoco.MjData(model)
@@ -45,7 +47,7 @@ class Receptor:
         self._noise_m, self._seed, self._looks = noise_m, seed, 0
 
     def look(self, qpos: np.ndarray) -> list[Sight]:
-        """What is seen in the state qpos (nq,) of the world."""
+        """What is seen in the state qpos (nq,) of the world; the heights of things are seen without error."""
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         self._looks += 1
@@ -60,17 +62,17 @@ class Receptor:
         return Sight(name, pin.SE3(turn @ rotation, self._data.xpos[body] + shift))
 
     def _visible(self, name: str) -> bool:
-        body = self._bodies[name]
-        eye = self._data.xpos[self._camera]
-        look = self._data.xmat[self._camera].reshape(3, 3)
-        points = self._points[name] @ self._data.xmat[body].reshape(3, 3).T + self._data.xpos[body]
-        rays = points - eye
-        x, y, z = (rays @ look).T  # camera frame: z forward, x right, y down
+        body, eye = self._bodies[name], self._data.xpos[self._camera]
+        rays = self._points[name] @ self._data.xmat[body].reshape(3, 3).T + self._data.xpos[body] - eye
         distance = np.linalg.norm(rays, axis=1)
-        framed = (z > 0) & (np.abs(x) < HALF_WIDTH * z) & (np.abs(y) < HALF_HEIGHT * z)
-        framed &= (distance > NEAREST_M) & (distance < FARTHEST_M)
+        framed = self._framed(rays) & (distance > NEAREST_M) & (distance < FARTHEST_M)
         seen = sum(self._hits(eye, rays[k] / distance[k], body) for k in np.flatnonzero(framed))
-        return bool(seen >= max(LEAST_POINTS, LEAST_SHARE * len(points)))
+        return bool(seen >= max(LEAST_POINTS, LEAST_SHARE * len(rays)))
+
+    def _framed(self, rays: np.ndarray) -> np.ndarray:
+        """Which rays (n, 3) from the camera, in the world's axes, are inside the picture."""
+        x, y, z = (rays @ self._data.xmat[self._camera].reshape(3, 3)).T  # camera: z forward, x right, y down
+        return np.asarray((z > 0) & (np.abs(x) < HALF_WIDTH * z) & (np.abs(y) < HALF_HEIGHT * z))
 
     def _hits(self, eye: np.ndarray, direction: np.ndarray, body: int) -> bool:
         """Whether the first thing on the ray is this body."""
@@ -103,8 +105,3 @@ def _surface(kind: int, size: np.ndarray) -> Iterator[np.ndarray]:
             for k in range(AROUND):
                 turn = math.tau * k / AROUND
                 yield np.array([size[0] * math.cos(turn), size[0] * math.sin(turn), height * size[1]])
-
-
-def as_seen(sight: Sight) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Translation [m] and quaternion (w first) of a sight."""
-    return xyz_quat(sight.T_world_object)
