@@ -90,7 +90,9 @@ def commands(history: History) -> tuple[Spoken, ...]:
 def asked(command: Spoken) -> str:
     """A command in words: what is to be done with what."""
     fields = (getattr(command.content, name) for name in command.content.__struct_fields__)
-    return plain(" ".join((spaced(type(command.content).__name__), *(one for one in fields if isinstance(one, str)))))
+    return plain(
+        " ".join((spaced(type(command.content).__name__), *(one for one in fields if one and isinstance(one, str))))
+    )
 
 
 def task_command(history: History) -> Spoken | None:
@@ -135,7 +137,9 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         number=number,
         plan="" if plan is None else plan.id,
         conversation=asked.conversation,
-        task=", then ".join(" ".join((task.name, *task.arguments)) for task in asked.content.tasks),
+        task=", then ".join(
+            plain(" ".join((task.name.replace("_", " "), *task.arguments))) for task in asked.content.tasks
+        ),
         start=asked.received,
         end=None if end is None else end.received,
         wall_s=None if end is None else end.received - asked.received,
@@ -192,4 +196,4 @@ def _act(history: History, asked: Spoken) -> Act:
 def reason(end: Spoken | None) -> str:
     """The words of an answer that say why, in whichever language."""
     content = None if end is None else end.content
-    return str(getattr(content, "reason", "") or getattr(content, "text", "") or "")
+    return plain(str(getattr(content, "reason", "") or getattr(content, "text", "") or ""))
