@@ -48,9 +48,10 @@ def test_garbage_to_the_task_agent(fleet: RocoFleet) -> None:
     """Bytes that are no communicate, and communicates that make no sense, are counted; nobody dies of them."""
     told = runs.fleet(fleet.run)
     assert told is not None
+    dance = msgspec.Raw(msgspec.msgpack.encode("dance"))
     lie = Communicate(
         performative=Performative.REQUEST, protocol="coordinate", language="HFSM", ontology="roco",
-        conversation="nonsense", sender="co", receiver="ta", id="999999", content=msgspec.Raw(b"\x93garbage"),
+        conversation="nonsense", sender="co", receiver="ta", id="999999", content=dance,
     )  # fmt: skip
     key = DESIGN.key(told.system, lie)
     before = fleet.beat("ta").counts.get("garbled", 0)
