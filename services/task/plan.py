@@ -1,7 +1,8 @@
 """How a plan (an HFSM) runs: which leaf is next, how it ends, what makes it safe. Pure look-ups in the plan's tree.
 
 A position is the path of names from the root's child to a leaf. ta keeps only that path in its memory; the plan itself
-says the rest (paper, Table 6: running is the super-state defined by the HFSM).
+says the rest (paper, Table 6: running is the super-state defined by the HFSM). A plan that passed `check` ends: its
+arcs lead to later states only, so that no leaf is entered twice.
 """
 
 from companion.languages import hfsm
@@ -11,13 +12,12 @@ Leaf = hfsm.ActState | hfsm.AskState | hfsm.EndState
 
 
 class PlanError(ValueError):
-    """A plan that leads nowhere: a state or an arc names what is not there."""
+    """A plan that leads nowhere or back: `where` (a state or machine) leads to `name`, which is none of `known`."""
 
     def __init__(self, where: str, name: str, known: tuple[str, ...]) -> None:
         self.where, self.name, self.known = where, name, known
-        super().__init__(
-            f"plan: {where} leads to {name!r}, but its states are {', '.join(known)}; the plan must be redone"
-        )
+        states = ", ".join(known) or "nothing"
+        super().__init__(f"plan: {where} leads to {name!r}, but can lead to {states}; the plan must be redone")
 
 
 def first(machine: hfsm.Machine) -> Position:
@@ -27,24 +27,22 @@ def first(machine: hfsm.Machine) -> Position:
 
 
 def leaf(root: hfsm.Machine, position: Position) -> Leaf:
-    """The leaf at a position."""
-    state: hfsm.State = root
-    for name in position:
-        if not isinstance(state, hfsm.Machine):
-            raise PlanError(state.name, name, ())
-        state = _child(state, name, state.name)
+    """The leaf at a position; raises PlanError where there is none."""
+    state = _state(root, position)
     if isinstance(state, hfsm.Machine):
-        raise PlanError(state.name, state.initial, tuple(s.name for s in state.states))
+        raise PlanError("/".join((root.name, *position)), "a leaf", _names(state.states))
     return state
 
 
 def after(root: hfsm.Machine, position: Position, outcome: hfsm.Outcome) -> Position | hfsm.Outcome:
-    """Where an outcome of the leaf at `position` leads: the next leaf, or how the plan ends."""
+    """Where an outcome of the leaf at `position` leads: the next leaf, or how the plan ends.
+
+    A state without an arc for the outcome passes it up to its machine (hfsm.Machine).
+    """
     for depth in range(len(position) - 1, -1, -1):
         machine = _machine(root, position[:depth])
         state = _child(machine, position[depth], machine.name)
-        arcs = () if isinstance(state, hfsm.EndState) else state.arcs
-        target = next((arc.to for arc in arcs if arc.on == outcome), "")
+        target = next((arc.to for arc in _arcs(state) if arc.on == outcome), "")
         if target:
             following = _child(machine, target, state.name)
             path = (*position[:depth], target)
@@ -62,28 +60,42 @@ def safe(root: hfsm.Machine, position: Position) -> hfsm.Machine | None:
 
 
 def check(root: hfsm.Machine) -> None:
-    """Raise PlanError unless every initial state and every arc names a state that is there."""
+    """Raise PlanError unless names are unique among siblings, initial states are there, and every arc leads on."""
+    names = _names(root.states)
     _child(root, root.initial, root.name)
-    for state in root.states:
-        for arc in () if isinstance(state, hfsm.EndState) else state.arcs:
-            if arc.to:
-                _child(root, arc.to, state.name)
+    for number, state in enumerate(root.states, start=1):
+        if state.name in names[number:]:
+            raise PlanError(root.name, state.name, (f"one state of that name only, not {names.count(state.name)}",))
+        for arc in _arcs(state):
+            if arc.to and arc.to not in names[number:]:
+                raise PlanError(state.name, arc.to, names[number:])
         if isinstance(state, hfsm.Machine):
             check(state)
     if root.safe is not None:
         check(root.safe)
 
 
+def _arcs(state: hfsm.State) -> tuple[hfsm.Arc, ...]:
+    return () if isinstance(state, hfsm.EndState) else state.arcs
+
+
+def _names(states: tuple[hfsm.State, ...]) -> tuple[str, ...]:
+    return tuple(state.name for state in states)
+
+
 def _state(root: hfsm.Machine, position: Position) -> hfsm.State:
+    """The state at a position, the root at ()."""
     state: hfsm.State = root
     for name in position:
-        state = _child(state, name, state.name)  # type: ignore[arg-type]
+        if not isinstance(state, hfsm.Machine):
+            raise PlanError(state.name, name, ())
+        state = _child(state, name, state.name)
     return state
 
 
 def _machine(root: hfsm.Machine, position: Position) -> hfsm.Machine:
     state = _state(root, position)
-    assert isinstance(state, hfsm.Machine)
+    assert isinstance(state, hfsm.Machine), f"position {position} names a leaf"
     return state
 
 
@@ -91,4 +103,4 @@ def _child(machine: hfsm.Machine, name: str, where: str) -> hfsm.State:
     for state in machine.states:
         if state.name == name:
             return state
-    raise PlanError(where, name, tuple(s.name for s in machine.states))
+    raise PlanError(where, name, _names(machine.states))
