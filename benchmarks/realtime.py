@@ -1,6 +1,6 @@
 """Whether the loop keeps its 2 ms while the whole fleet works, beside what the machine itself does in the same minute.
 
-Runs `roco demo --speed 1` and, at the same time, cyclictest (Debian: rt-tests), and prints and appends both: on a shared
+Runs `roco demo --speed 1` and, at the same time, cyclictest (Debian: rt-tests), prints and appends both: on a shared
 machine a late cycle says little without the lateness of a bare thread next to it.
 
     python benchmarks/realtime.py --seed 7 --out benchmarks/results/realtime.jsonl
