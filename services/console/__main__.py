@@ -44,7 +44,10 @@ Rate = Annotated[Speed, typer.Option(help="1: real time; max: as fast as the mac
 SceneFile = Annotated[
     Path | None, typer.Option(exists=True, dir_okay=False, help="A scene's TOML file; else the canonical scene.")
 ]
-Headless = Annotated[bool | None, typer.Option("--headless/--window", help="No window; the default without a display.")]
+Headless = Annotated[
+    bool | None,
+    typer.Option("--headless/--window", help="At the end open run.rrd in Rerun, or not; not where no display is."),
+]
 Out = Annotated[Path | None, typer.Option("--out", help="Where everything is written; else runs/<time>.")]
 
 app = typer.Typer(
@@ -75,7 +78,6 @@ def up(
     seed: Seed = 1,
     speed: Rate = Speed.REAL,
     scene: SceneFile = None,
-    headless: Headless = None,
     only: Annotated[str, typer.Option(help="Names of processes, comma between; else all.")] = "",
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
     form: Form = Format.TEXT,
@@ -83,7 +85,7 @@ def up(
     """Bring the fleet up in the background."""
     with problems(form):
         run = (out or runs.new_run(datetime.now())).resolve()
-        supervisor = fleet.start(run, [*options(seed, speed, scene), "--only", only], environment(headless))
+        supervisor = fleet.start(run, [*options(seed, speed, scene), "--only", only])
         if not wait:
             tell(Reply(f"starting in {run}; `roco status` shows how far it is", str(run)), form)
             return
@@ -168,9 +170,11 @@ def demo(
         run = (out or runs.new_run(datetime.now())).resolve()
         console = Console()
         watch = main_job.Watch(run, "The Robot Companion pours", console, form is Format.JSON)
-        report = main_job.play(run, options(seed, speed, scene), environment(headless), watch)
+        report = main_job.play(run, options(seed, speed, scene), watch)
         said = main_job.verdict_json if form is Format.JSON else main_job.verdict
         console.out(said(report, run), highlight=False)
+        if has_display() if headless is None else not headless:
+            main_job.show(run)
         if not report.success:
             raise typer.Exit(1)
 
@@ -180,10 +184,9 @@ def options(seed: int, speed: Speed, scene: Path | None) -> list[str]:
     return ["--seed", str(seed), "--speed", speed.value, *(["--scene", str(scene)] if scene else [])]
 
 
-def environment(headless: bool | None) -> dict[str, str]:
-    """The environment of the fleet: whether it may open windows; without a display it may not."""
-    display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    return {**os.environ, "ROCO_HEADLESS": "1" if headless or (headless is None and not display) else "0"}
+def has_display() -> bool:
+    """Whether a window could be seen."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def flag(run_dir: Path | None, held: bool, words: str, form: Format) -> None:

@@ -1,6 +1,7 @@
 """The main job from start to end, watched: up, say, follow, down, and what the report says."""
 
 import json
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -22,6 +23,7 @@ SENTENCE = "pour the content of the jar into the bowl"
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED, "refused")
 QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, ProcessState.STOPPED)
 PICTURES = "run.rrd"
+RERUN = Path(sys.executable).with_name("rerun")  # the viewer comes with the library
 PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
 LAST_LOOKS = 5  # estimate: five times what the recorder holds back
 
@@ -101,12 +103,12 @@ class Watch:
         return draw.picture(self.scene, lines=self.console.height)
 
 
-def play(run: Path, supervisor_arguments: list[str], environment: dict[str, str], watch: Watch) -> Report:
+def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
     """Bring the fleet up, say the sentence, follow it to its end, bring the fleet down; what the report says.
 
     The fleet is brought down whatever happens. ConsoleError: it did not come up, or there is no report.
     """
-    supervisor = fleet.start(run, supervisor_arguments, environment)
+    supervisor = fleet.start(run, supervisor_arguments)
     try:
         with watch.showing():
             fleet.wait_ready(run, supervisor, watch.look)
@@ -146,8 +148,16 @@ def verdict(report: Report, run: Path) -> str:
         lines.append(f"{acts}; {report.wall_time_s:.0f} s of wall time from the command to its end")
     lines.append(f"report: {near(run / 'report.html')}")
     if (run / PICTURES).exists():
-        lines.append(f"to look at it again: {near(Path(sys.executable).with_name('rerun'))} {near(run / PICTURES)}")
+        lines.append(f"to look at it again: {near(RERUN)} {near(run / PICTURES)}")
     return "\n".join(lines)
+
+
+def show(run: Path) -> None:
+    """Open the pictures of a run in a window of their own, if there are any; it stays when this command has ended."""
+    if RERUN.exists() and (run / PICTURES).exists():
+        quiet = subprocess.DEVNULL
+        command = [str(RERUN), str(run / PICTURES)]
+        subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
 
 
 def near(path: Path) -> Path:

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from companion.run_folder import Fleet, ProcessState, ProcessStatus
@@ -19,7 +19,7 @@ READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, d
 STOP_S = 90.0  # the monitor may take a minute for its report, the others seconds
 
 
-def start(run: Path, arguments: list[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
+def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
     """Start the supervisor of a run in the background; its words go to <run>/supervisor.log."""
     other = runs.fleet(run)
     if other is not None and runs.is_service(other.supervisor, SUPERVISOR):
@@ -29,7 +29,6 @@ def start(run: Path, arguments: list[str], environment: Mapping[str, str] | None
     with (run / "supervisor.log").open("ab") as log:
         return subprocess.Popen(
             [sys.executable, "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
-            env=dict(os.environ if environment is None else environment),
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,

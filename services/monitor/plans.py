@@ -89,10 +89,9 @@ def commands(history: History) -> tuple[Spoken, ...]:
 
 def asked(command: Spoken) -> str:
     """A command in words: what is to be done with what."""
-    fields = (getattr(command.content, name) for name in command.content.__struct_fields__)
-    return plain(
-        " ".join((spaced(type(command.content).__name__), *(one for one in fields if one and isinstance(one, str))))
-    )
+    what = command.content
+    fields = [getattr(what, name) for name in what.__struct_fields__]
+    return plain(" ".join((spaced(type(what).__name__), *(one for one in fields if one and isinstance(one, str)))))
 
 
 def task_command(history: History) -> Spoken | None:
@@ -137,9 +136,7 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         number=number,
         plan="" if plan is None else plan.id,
         conversation=asked.conversation,
-        task=", then ".join(
-            plain(" ".join((task.name.replace("_", " "), *task.arguments))) for task in asked.content.tasks
-        ),
+        task=", then ".join(_task(task) for task in asked.content.tasks),
         start=asked.received,
         end=None if end is None else end.received,
         wall_s=None if end is None else end.received - asked.received,
@@ -151,6 +148,10 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         reason=reason(end),
         expected_s=None if plan is None else plan.duration,
     )
+
+
+def _task(task: hfsm.Task) -> str:
+    return plain(" ".join((task.name.replace("_", " "), *task.arguments)))
 
 
 def _waits(talk: list[Spoken]) -> Iterator[tuple[float, float]]:

@@ -18,7 +18,7 @@ def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bool], None]]
     started: list[subprocess.Popen[bytes]] = []
 
     def with_success(success: bool) -> None:
-        def start(run: Path, arguments: list[str], environment: object = None) -> subprocess.Popen[bytes]:
+        def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
             run.mkdir(parents=True)
             started.append(subprocess.Popen([sys.executable, FAKE, "services.supervisor", run, str(success)]))
             return started[-1]
