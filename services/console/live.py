@@ -101,7 +101,7 @@ def in_words(line: LiveLine) -> str:
             return f"plan received: {plain(task)}, in {len(leaves(states))} steps"
         case PlanAt(at=at, outcome="") if at:
             return f"  {step(at)}"
-        case Happened(name=name, text=text) if not (_begins(name) or _is_there(name)):
+        case Happened(name=name, text=text) if not (_begins(name) or _told_elsewhere(name)):
             return f"{name}: {text}" if text else name
         case AgentIn(agent=agent, alive=False):
             return f"{agent}: gone"
@@ -114,9 +114,9 @@ def _begins(name: str) -> bool:
     return name.startswith("plan ") and name.endswith(" begins")
 
 
-def _is_there(name: str) -> bool:
-    """A plan that is there says more in a line of its own."""
-    return name.startswith("plan ") and name.endswith(" received")
+def _told_elsewhere(name: str) -> bool:
+    """A plan that is there, and a task that ended, say more in a line of their own."""
+    return (name.startswith("plan ") and name.endswith(" received")) or name.startswith(("finished", "ended, "))
 
 
 def _moved(plan: Plan, at: str, outcome: str) -> Plan:

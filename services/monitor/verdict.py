@@ -14,7 +14,7 @@ from companion.models import MODELS
 from companion.telemetry import TrueState
 from services.monitor.history import History
 from services.monitor.placing import KNOWN_AS
-from services.monitor.plans import asked, made, ran, task_command, task_end
+from services.monitor.plans import asked, made, ran, reason, task_command, task_end
 
 LEAST_POURED = 0.9
 MOST_TILT_DEG = 10.0
@@ -56,7 +56,8 @@ def failure(history: History) -> str | None:
     command = task_command(history)
     if command is not None and not isinstance(command.content, cmd.PourInto):
         return f"nobody asked to pour, but to {asked(command)}"
-    reasons = [*_of_plans(history), *_of_truth(poured(history), bool(history.truth))]
+    # What plans say comes first: where one failed, an empty bowl follows from that and needs no words.
+    reasons = list(_of_plans(history)) or list(_of_truth(poured(history), bool(history.truth)))
     return "; ".join(reasons) or None
 
 
@@ -66,18 +67,20 @@ def _of_plans(history: History) -> Iterator[str]:
         yield "no command of a person was heard"
         return
     end = task_end(history, command)
+    why = ""
     if end is None:
         yield "the task did not end"
     elif getattr(end.content, "state", None) != cmd.TaskState.DONE:
-        yield f"the task ended otherwise: {getattr(end.content, 'text', '') or end.performative}"
+        state, why = getattr(end.content, "state", end.performative), reason(end)
+        yield f"the task ended, {state}{': ' + why if why else ''}"
     for plan in made(history):
-        if plan.outcome != "found":
+        if plan.outcome != "found" and not (plan.reason and plan.reason in why):
             yield f"plan {plan.number}: {plan.reason or plan.outcome or 'no answer came'}"
     plans = ran(history)
-    if not plans:
+    if not plans and not why:
         yield "no plan was carried out"
     for run in plans:
-        if run.outcome not in OWN_OUTCOMES:
+        if run.outcome not in OWN_OUTCOMES and not (run.reason and run.reason in why):
             how = f"ended {run.outcome}" if run.outcome else "did not end"
             yield f"plan {run.number} {how}{': ' + run.reason if run.reason else ''}"
     if plans and plans[-1].outcome is sw.WorkerState.REPLAN:
