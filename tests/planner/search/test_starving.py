@@ -1,0 +1,79 @@
+"""Every fact is really asked: starved of any one of them, km makes the plan fail, and the reason is in words."""
+
+import pytest
+
+from companion.languages import hfsm, wm
+from services.knowledge.scene import Scene
+
+SOON = (
+    wm.ListObjects, wm.HypotheticalState, wm.CurrentGrasp, wm.ObjectPose, wm.Holds, wm.GraspAtSide, wm.StaticObjects,
+    wm.EnvironmentShapes, wm.GripperConfiguration, wm.TorsoConfiguration, wm.ArmConfiguration, wm.ObjectModel,
+    wm.GraspSet, wm.ObjectHole, wm.GraspDefinition,
+)  # fmt: skip
+LATE = (wm.RobotReach, wm.FlatSurfaces, wm.CollisionsInVolume)
+
+
+def test_these_are_all_that_is_asked(first, second) -> None:
+    """The kinds starved below are those of both plans."""
+    asked = {type(query) for km, _ in (first, second) for query in km.asked}
+    assert asked == {*SOON, *LATE}
+
+
+@pytest.mark.parametrize("kind", SOON)
+def test_starved_of_a_kind_there_is_no_plan(km, beginning: Scene, kind: type) -> None:
+    """From the beginning: km's reason is told, and nothing is planned without the fact."""
+    plan = km(beginning, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert f"starved of {kind.__name__}" in plan.reason
+
+
+@pytest.mark.parametrize("kind", LATE)
+def test_starved_of_where_to_put_down_there_is_no_plan(km, bowl_out: Scene, kind: type) -> None:
+    """With the bowl in the hand: what is asked of tables and reach."""
+    plan = km(bowl_out, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert f"starved of {kind.__name__}" in plan.reason
+
+
+def test_starved_of_where_to_put_down_the_whole_plan_fails(km, beginning: Scene) -> None:
+    """What is asked last ends it as well, though both hands are tried first."""
+    plan = km(beginning, lambda query: isinstance(query, wm.FlatSurfaces)).plan("pour", "jar", "bowl")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert "starved of FlatSurfaces" in plan.reason
+
+
+@pytest.mark.parametrize("kind", [wm.ObjectHole, wm.ObjectModel, wm.ObjectPose, wm.EnvironmentShapes])
+def test_starved_the_second_plan_fails(km, bowl_placed: Scene, kind: type) -> None:
+    """Pouring as well stands on what km says now, not on what it said before."""
+    plan = km(bowl_placed, lambda query: isinstance(query, kind)).plan("pour", "jar", "bowl")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert f"starved of {kind.__name__}" in plan.reason
+
+
+@pytest.mark.parametrize("name", ["jar_1", "bowl_1", "cabinet_2"])
+def test_starved_of_a_thing_there_is_no_plan(km, beginning: Scene, name: str) -> None:
+    """Source, destination and what they stand in: each is asked about by name."""
+    plan = km(beginning, lambda query: getattr(query, "object", "") == name).plan("pour", "jar", "bowl")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert "starved of" in plan.reason
+
+
+def test_an_answer_of_another_kind_is_no_answer(km, beginning: Scene) -> None:
+    """Whatever km says, the search takes only what was asked for."""
+    mad = km(beginning)
+    truthful = mad.ask
+    mad.ask = lambda query: wm.Truth(True) if isinstance(query, wm.GraspSet) else truthful(query)
+    plan = mad.plan("pour", "jar", "bowl")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert "answered with a Truth" in plan.reason
+
+
+def test_what_was_never_seen_is_named(km, beginning: Scene) -> None:
+    """With what was seen instead."""
+    plan = km(beginning).plan("pour", "jar", "bucket")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert "no bucket has been seen" in plan.reason
+    assert "jar_1" in plan.reason
+    plan = km(Scene()).plan("pour", "jar", "bowl")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert plan.reason == "no jar has been seen (seen so far: nothing)"

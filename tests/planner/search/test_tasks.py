@@ -1,0 +1,151 @@
+"""Other beginnings of the same task, and the other tasks."""
+
+import math
+
+import pytest
+
+from companion.languages import hfsm, rc, wm
+from companion.languages.values import Pose, Side
+from services.knowledge.observe import observed
+from services.knowledge.scene import Scene
+
+
+def told(scene: Scene, *observations: wm.AnyObservation) -> Scene:
+    """The scene with these observations."""
+    for count, observation in enumerate(observations):
+        scene = observed(scene, observation, (9, count), 3.0)
+    return scene
+
+
+def ends(plan: hfsm.HierarchicalPlan) -> hfsm.Outcome:
+    """How a plan ends where all its acts succeed."""
+    last = plan.root.states[-1]
+    return last.outcome if isinstance(last, hfsm.EndState) else hfsm.Outcome.SUCCEEDED
+
+
+# --- pour -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_held_destination_is_put_down_first(km, named, bowl_out: Scene) -> None:
+    """Then looked at; pouring is for the next plan."""
+    plan = km(bowl_out).plan("pour", "jar", "bowl")
+    assert named(plan)[:3] == ["place bowl_1", "right arm home", "look at bowl_1"]
+    assert ends(plan) is hfsm.Outcome.REPLAN
+
+
+def test_a_destination_in_the_open_is_left_where_it_is(km, named, beginning: Scene, bowl_placed: Scene) -> None:
+    """The source is taken and tilted, with whichever hand can."""
+    bowl = bowl_placed.things["bowl_1"]
+    scene = told(beginning, wm.SeenObject(bowl.id, bowl.model, bowl.pose, 3.0))
+    plan = km(scene).plan("pour", "jar", "bowl")
+    assert named(plan) == ["take jar_1", "pour jar_1 into bowl_1"]
+    assert ends(plan) is hfsm.Outcome.SUCCEEDED
+
+
+def test_a_destination_not_seen_since_is_looked_at(km, named, bowl_placed: Scene, bowl_out: Scene) -> None:
+    """It was in the hand when it was last seen: its place is not known well enough to pour."""
+    bowl, held = bowl_placed.things["bowl_1"], bowl_out.hands[Side.RIGHT]
+    scene = told(
+        bowl_placed,
+        wm.SeenHand(Side.RIGHT, "bowl_1", held.grasp, held.pose),
+        wm.SeenObject(bowl.id, bowl.model, bowl.pose, 3.0),
+        wm.SeenHand(Side.RIGHT),
+    )
+    plan = km(scene).plan("pour", "jar", "bowl")
+    assert named(plan) == ["look at bowl_1", "is bowl_1 localized?", "replan"]
+
+
+def test_a_jar_out_of_reach_is_told(km, beginning: Scene) -> None:
+    """On the far corner of the table no grasp is found with either hand; the reason names jar and hands."""
+    scene = told(beginning, wm.SeenObject("jar_1", "jar", Pose((1.30, -0.88, 0.876)), 3.0))
+    plan = km(scene).plan("pour", "jar", "bowl")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert "no grasp of jar_1 with the left hand can be reached" in plan.reason
+    assert "right hand" in plan.reason
+
+
+# --- take -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", ["left", "right", ""])
+def test_a_thing_is_taken_with_the_wanted_hand(km, named, beginning: Scene, side: str) -> None:
+    """Or with either where none is named."""
+    plan = km(beginning).plan("take", "jar", side)
+    assert named(plan) == ["take jar_1"]
+    (step,) = plan.root.states
+    hands = {state.command.side for state in step.states}
+    assert len(hands) == 1
+    assert side in ("", *hands)
+
+
+@pytest.mark.parametrize("side", ["left", ""])
+def test_what_is_held_already_needs_nothing(km, named, jar_carried: Scene, side: str) -> None:
+    """The plan ends at once, well."""
+    plan = km(jar_carried).plan("take", "jar", side)
+    assert named(plan) == ["nothing to do"]
+    assert ends(plan) is hfsm.Outcome.SUCCEEDED
+
+
+def test_a_thing_in_the_other_hand_is_put_down_first(km, named, jar_carried: Scene) -> None:
+    """Then looked at, and taken by the next plan."""
+    plan = km(jar_carried).plan("take", "jar", "right")
+    assert named(plan)[:3] == ["place jar_1", "left arm home", "look at jar_1"]
+    assert ends(plan) is hfsm.Outcome.REPLAN
+
+
+def test_a_full_hand_takes_nothing(km, jar_carried: Scene) -> None:
+    """The reason names what it holds."""
+    plan = km(jar_carried).plan("take", "bowl", "left")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert plan.reason == "the left hand holds jar_1"
+
+
+# --- put down ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_held_thing_is_put_down(km, named, jar_carried: Scene) -> None:
+    """By the hand that holds it, which goes home empty."""
+    plan = km(jar_carried).plan("put_down", "jar")
+    assert named(plan) == ["place jar_1", "left arm home"]
+
+
+def test_things_are_not_put_onto_each_other(km, named, bowl_out: Scene, bowl_placed: Scene) -> None:
+    """Where the best place is taken by another bowl, one beside it is found."""
+    there = bowl_placed.things["bowl_1"].pose
+    scene = told(bowl_out, wm.SeenObject("bowl_2", "bowl_high", there, 3.0))
+    plan = km(scene).plan("put_down", "bowl_1")
+    assert named(plan) == ["place bowl_1", "right arm home"]
+    release = plan.root.states[0].states[-1].command
+    assert isinstance(release, rc.Release)
+    assert math.dist(release.place.xyz[:2], there.xyz[:2]) > 0.2
+
+
+def test_what_no_hand_holds_is_not_put_down(km, beginning: Scene) -> None:
+    """The reason says so."""
+    plan = km(beginning).plan("put_down", "jar")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert plan.reason == "no hand holds jar_1"
+
+
+# --- look, and what is no task ----------------------------------------------------------------------------------------
+
+
+def test_looking_around_needs_no_fact(km, named) -> None:
+    """It can always be done, also by a km that has seen nothing."""
+    assert named(km(Scene()).plan("look_around")) == ["look around"]
+
+
+@pytest.mark.parametrize("task", [("dance",), ("pour", "jar"), ("take", "jar"), ("localize", "jar")])
+def test_what_is_no_task_is_refused_in_words(km, beginning: Scene, task: tuple[str, ...]) -> None:
+    """Unknown names and wrong numbers of things; the reason lists the tasks there are."""
+    plan = km(beginning).plan(*task)
+    assert isinstance(plan, hfsm.NoPlan)
+    assert repr(task[0]) in plan.reason
+    assert "put_down (1)" in plan.reason
+
+
+def test_nothing_is_poured_into_itself(km, beginning: Scene) -> None:
+    """Whatever word is used for it."""
+    plan = km(beginning).plan("pour", "jar", "jar_1")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert plan.reason == "jar_1 cannot be poured into itself"
