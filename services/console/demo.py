@@ -25,6 +25,7 @@ QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, Pro
 PICTURES = "run.rrd"
 RERUN = Path(sys.executable).with_name("rerun")  # the viewer comes with the library
 PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
+FIRST_LOOK_S = 30.0  # estimate: the look takes 3 s and some seconds of preparation on a loaded machine
 LAST_LOOKS = 5  # estimate: five times what the recorder holds back
 
 
@@ -112,6 +113,7 @@ def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
     try:
         with watch.showing():
             fleet.wait_ready(run, supervisor, watch.look)
+            first_look(watch, lambda: supervisor.poll() is None)
             follow(Hi(runs.hi_address(run)), SENTENCE, watch, lambda: supervisor.poll() is None)
     finally:
         watch.ending()
@@ -120,6 +122,22 @@ def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
     if report is None:
         raise ConsoleError(f"the run ended without a report ({run / REPORT_FILE} is not there); see {run}/monitor.log")
     return report
+
+
+def first_look(watch: Watch, alive: Callable[[], bool], within_s: float = FIRST_LOOK_S) -> None:
+    """Wait until ta has looked around for km, as in the paper's seconds 0 to 37, but not for ever.
+
+    A sentence said before would be taken too: pl's questions then wait for the look.
+    """
+    end, looking = time.monotonic() + within_s, False
+    while alive() and time.monotonic() < end:
+        watch.look()
+        ta = watch.scene.view.agents.get("ta")
+        state = ta.state if ta is not None else ""
+        if state and (looking or state != "idle") and state != "surveying":
+            return
+        looking = looking or state == "surveying"
+        time.sleep(PERIOD_S)
 
 
 def follow(hi: Hi, sentence: str, watch: Watch, alive: Callable[[], bool]) -> TaskLine:
