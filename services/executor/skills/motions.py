@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from velma.kinematics.timing import timed
 
 from services.executor.loop.program import HandCommand, HeadGoal, Motion, Move, motion
 from services.executor.skills.situation import Situation
 from velma import names
+from velma.kinematics.timing import timed
 
 # lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the camera itself looks
 # 5 degrees below the horizon at zero tilt.
