@@ -16,7 +16,7 @@ class Limits(msgspec.Struct, frozen=True):
 
     planning_s: float = 60.0  # reply-by of a request for a plan; the paper's plan #1 took 55 s (estimate)
     cancel_planning_s: float = 10.0  # pl forwards only, so a cancel is taken at once (estimate)
-    cancel_acting_s: float = 120.0  # what is held is put down first: a fetch and a put-down, twice over (estimate)
+    cancel_acting_s: float = 240.0  # two things put down and two arms home take 60 s, tried twice (measured)
     patience_s: float = 60.0  # how long waiting tasks wait on when pl or ta is late (estimate)
     replans: int = 6  # new plans of one task before it is given up (estimate)
     waiting: int = 5  # open tasks: an agree and two last words each stay below the outbox bound, should hi be dead

@@ -3,4 +3,4 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "fleet"))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent / "fleet")]
