@@ -213,7 +213,7 @@ def show(now: Status) -> None:
     if now.fleet is not None:
         console.print(draw.fleet_table(now.fleet))
     for task in now.tasks:
-        console.print(f"{task.task}  {task.state}  {task.said}  {task.text}", highlight=False)
+        console.print(f"{task.task}  {task.state}  {task.said}  {task.text}", highlight=False, soft_wrap=True)
     if now.problem:
         console.print(now.problem, style="yellow")
 
