@@ -31,6 +31,7 @@ from velma.kinematics.tasks.placing import Placing, backwards, placings
 # [rad] a thing may tilt on its way, with iterations of a tree, tried in turn: an empty bowl may tilt more
 CARRIED_TILT = ((math.radians(25.0), QUICK), (math.radians(60.0), EFFORTS))
 PLACINGS, TRIES = 12, 300  # placings chosen from, samples tried (estimates)
+BATCHES = 4  # groups of spots tried (estimate)
 HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], task runs with the true robot model
 HOME_FINGERS = 1.0  # [rad], same runs
 Retreat = list[tuple[pin.SE3, float]]
@@ -43,17 +44,19 @@ def place(geometry: Geometry, state: str, side: Side) -> Step | None:
     held = here.held[side]
     retreat = retreating(geometry, state, held.object, held.grasp)
     model = geometry.model(state, held.object)
-    free = spots(geometry, state, side, model.base_radius, held.object)
-    if not free:
-        geometry.failed(f"no free place within reach of the {side} arm for {held.object}")
-        return None
-    some = _solved(geometry, here, side, free, model.base_z, retreat)
-    for largest_tilt, efforts in CARRIED_TILT:
-        reached = geometry.free_motion(here, side, [p.above for p in some], largest_tilt=largest_tilt, efforts=efforts)
-        if reached is not None:
-            index, path = reached
-            return _placing(geometry, held, some[index], retreat, side, path)
-    geometry.failed(f"the {side} arm finds no way to put {held.object} down")
+    some_spots = spots(geometry, state, side, model.base_radius, held.object)
+    tried = 0
+    for free in islice(some_spots, BATCHES):
+        tried += len(free)
+        some = _solved(geometry, here, side, free, model.base_z, retreat)
+        for largest_tilt, efforts in CARRIED_TILT:
+            goals = [placing.above for placing in some]
+            reached = geometry.free_motion(here, side, goals, largest_tilt=largest_tilt, efforts=efforts)
+            if reached is not None:
+                index, path = reached
+                return _placing(geometry, held, some[index], retreat, side, path)
+    where = "finds no way to put down" if tried else "has no free place within reach for"
+    geometry.failed(f"the {side} arm {where} {held.object}")
     return None
 
 

@@ -1,7 +1,7 @@
 """Where something can be put down: free spots of the flat surfaces km knows, within the arm's reach, best first."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,15 +9,17 @@ import numpy as np
 from companion.languages import wm
 from companion.languages.values import Cylinder, Pose, Side
 from services.planner.search.steps import Geometry
-from velma.kinematics.frames import heading, transform
+from velma.kinematics.frames import heading, standing, transform
 
 GRID_M, MARGIN_M = 0.025, 0.05  # placement grid and margin of the published planner (proghtn-backstream@019fd34)
-CLEAR_RADIUS_M, CLEAR_HEIGHT_M = 0.14, 0.25  # estimate: the bowl (0.10) and a hand's finger beside it
+# estimate: the bowl (0.10) and a finger beside it; a jar (0.20) that comes down from 0.10 above, so no shelf
+CLEAR_RADIUS_M, CLEAR_HEIGHT_M = 0.14, 0.35
 ABOVE_M = 0.01  # the volume asked about begins so far above the surface (estimate)
 BEST_DISTANCE_M, BEST_HEADING = 0.78, math.radians(42.0)  # where runs with the true robot model put and poured
 TURNING_M = 0.5  # a radian away from the best heading is as bad as so many metres from the best distance (estimate)
-SPOTS = 8  # so many free ones suffice (estimate)
-NEAR_M = 0.05  # so near one that is not free, another one is not asked about (estimate)
+TURNED = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)  # [rad] of the torso at which the shoulder is looked at (estimate)
+TOGETHER = 8  # spots tried together (estimate)
+NEAR_M = 0.05  # so near one that will not do, another one is not asked about (estimate)
 
 
 @dataclass(frozen=True)
@@ -27,26 +29,48 @@ class Spot:
     surface: str
     at: np.ndarray
 
-
-def spots(geometry: Geometry, state: str, side: Side, foot: float, name: str) -> list[Spot]:
-    """Free spots for the thing `name`, which stands on a disc of radius `foot` [m]; where it stood counts as free."""
-    free: list[Spot] = []
-    taken: list[Spot] = []
-    for spot in _by_distance(_within_reach(geometry, state, side, foot), side):
-        if any(np.linalg.norm(spot.at - other.at) < NEAR_M for other in taken):
-            continue
-        (free if _clear(geometry, state, spot, name) else taken).append(spot)
-        if len(free) == SPOTS:
-            break
-    return free
+    def near(self, others: Iterable["Spot"]) -> bool:
+        """Whether one of the others is hardly elsewhere."""
+        return any(np.linalg.norm(self.at - other.at) < NEAR_M for other in others)
 
 
-def _within_reach(geometry: Geometry, state: str, side: Side, foot: float) -> Iterator[Spot]:
+def spots(geometry: Geometry, state: str, side: Side, foot: float, name: str) -> Iterator[list[Spot]]:
+    """Free spots for the thing `name`, which stands on a disc of radius `foot` [m], some at a time, those above the
+    shoulders last; km is asked as they are wanted. Where the thing stood itself counts as free."""
     reach = geometry.ask(wm.RobotReach(state=state, side=side), wm.Reach)
-    for surface in geometry.ask(wm.FlatSurfaces(state=state), wm.Surfaces).surfaces:
-        for at in _grid(surface, foot):
-            if reach.near < min(float(np.linalg.norm(at - np.array(s))) for s in reach.shoulders) < reach.far:
-                yield Spot(surface.object, at)
+    near = _within(reach, geometry.ask(wm.FlatSurfaces(state=state), wm.Surfaces).surfaces, foot)
+    shoulder = max(s[2] for s in reach.shoulders)
+    for overhead in (False, True):
+        found = [spot for spot in near if (spot.at[2] > shoulder) == overhead]
+        yield from _free(geometry, state, sorted(found, key=lambda spot: _far_off(spot, side)), name)
+
+
+def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Iterator[list[Spot]]:
+    done: list[Spot] = []
+    free: list[Spot] = []
+    for spot in found:
+        if spot.near(done):
+            continue
+        (free if _clear(geometry, state, spot, name) else done).append(spot)
+        if len(free) == TOGETHER:
+            yield free
+            done, free = [*done, *free], []
+    if free:
+        yield free
+
+
+def _within(reach: wm.Reach, surfaces: Iterable[wm.Surface], foot: float) -> list[Spot]:
+    """Spots that the arm reaches with the torso turned as it needs."""
+    shoulders = [standing((0.0, 0.0, 0.0), torso).act(np.array(s)) for s in reach.shoulders for torso in TURNED]
+    found = [Spot(surface.object, at) for surface in surfaces for at in _grid(surface, foot)]
+    return [s for s in found if reach.near < min(np.linalg.norm(s.at - x) for x in shoulders) < reach.far]
+
+
+def _far_off(spot: Spot, side: Side) -> float:
+    """How far a spot is from where putting down and pouring went well [m]."""
+    wanted = -BEST_HEADING if side is Side.RIGHT else BEST_HEADING
+    away = abs(math.hypot(spot.at[0], spot.at[1]) - BEST_DISTANCE_M)
+    return away + TURNING_M * abs(heading(spot.at) - wanted)
 
 
 def _grid(surface: wm.Surface, foot: float) -> Iterator[np.ndarray]:
@@ -58,20 +82,9 @@ def _grid(surface: wm.Surface, foot: float) -> Iterator[np.ndarray]:
             yield frame.act(np.array([x, y, 0.0]))
 
 
-def _by_distance(found: Iterator[Spot], side: Side) -> list[Spot]:
-    """Those first that are nearest to where putting down and pouring went well."""
-    wanted = -BEST_HEADING if side is Side.RIGHT else BEST_HEADING
-
-    def far_off(spot: Spot) -> float:
-        away = abs(math.hypot(spot.at[0], spot.at[1]) - BEST_DISTANCE_M)
-        return away + TURNING_M * abs(heading(spot.at) - wanted)
-
-    return sorted(found, key=far_off)
-
-
 def _clear(geometry: Geometry, state: str, spot: Spot, name: str) -> bool:
-    """Whether nothing else reaches into the space above the spot."""
+    """Whether nothing, the rest of what the spot is part of included, reaches into the space above it."""
     x, y, z = (float(v) for v in spot.at)
     volume = Cylinder(CLEAR_RADIUS_M, CLEAR_HEIGHT_M, Pose((x, y, z + ABOVE_M + CLEAR_HEIGHT_M / 2)))
-    query = wm.CollisionsInVolume(state=state, volume=volume, ignored=(name, spot.surface))
+    query = wm.CollisionsInVolume(state=state, volume=volume, ignored=(name,))
     return not geometry.ask(query, wm.Objects).objects
