@@ -92,6 +92,7 @@ class World:
         self._things: dict[str, _Thing] = {}
         self._allowed: tuple[tuple[str, str], ...] = ()
         self._shapes: Any = None  # None: things came or went, everything below is to be built again
+        self._pairs: Array = np.empty((0, 0))  # which geometries may ever meet (n, n)
         self._fresh = False  # whether the compared pairs agree with what is held and allowed
 
     @property
@@ -160,6 +161,10 @@ class World:
         before = self._allowed
         self._allowed, self._fresh = pairs, False
         return before
+
+    def carried(self, side: str) -> bool:
+        """Whether a thing is in the hand of that side."""
+        return any(thing.side == side for thing in self._things.values())
 
     # -- checks ----------------------------------------------------------------------------------------------------
     def free(self, q: Array) -> bool:
@@ -240,7 +245,8 @@ class World:
         self._groups = np.array(groups)
         for thing in self._things.values():
             self._place(thing, thing.side, thing.pose)
-        self._shapes.setCollisionPairs(self._possible(), True)
+        self._pairs = self._possible()
+        self._shapes.setCollisionPairs(self._pairs, True)
         self._placed = self._shapes.createData()
         self._stop = pin.CollisionCallBackDefault(self._shapes, self._placed, True)
         self._broaden()
@@ -263,7 +269,7 @@ class World:
         return meets
 
     def _compared(self) -> Array:
-        meets = self._possible()
+        meets = self._pairs.copy()
         resting = [name for name, thing in self._things.items() if thing.side is None]
         still = np.isin(self._groups, resting)
         still[: len(self._body.groups)] = self._body.fixed
