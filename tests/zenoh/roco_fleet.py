@@ -57,7 +57,7 @@ class RocoFleet:
 
     def __init__(self, run: Path, seed: int = SEED, scene: Path | None = None) -> None:
         self.run = run
-        self.roco("up", "--out", str(run), "--speed", "max", "--seed", str(seed), "--headless",
+        self.roco("up", "--out", str(run), "--speed", "max", "--seed", str(seed),
                   *(["--scene", str(scene)] if scene else []), timeout=120.0, inside=False)  # fmt: skip
         self.hi = Hi(runs.hi_address(run))
         self._link: AgentLink | None = None

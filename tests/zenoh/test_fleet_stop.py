@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from roco_fleet import Moment, RocoFleet
+from roco_fleet import Moment, RocoFleet, safely_down
 
+from services.console import runs
 from services.executor.loop.program import Mode
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(400)]
@@ -45,3 +46,18 @@ def test_stopped_with_everybody_dead(fleet: RocoFleet) -> None:
     assert line.state == "done", line
     truth = fleet.truth()
     assert truth.grains_in["bowl_1"] >= 0.9 * truth.grains
+
+
+def test_stopped_in_the_middle(fleet: RocoFleet) -> None:
+    """With all agents alive the task fails at once and says that a person did it; after the release it goes on."""
+    task = fleet.say("take the jar")
+    fleet.reach(task, lambda now: now.moving("move-cartesian") and now.held("jar_1", "left"))
+    runs.set_stop(fleet.run, True)  # as `roco stop` does it, but without half a second for a process to start
+    line = fleet.ended(task)
+    assert (line.state, "stopped by a person" in line.text) == ("failed", True), line
+    assert fleet.truth().fingers_on["jar_1"]["left"] >= 3
+    fleet.roco("release")
+    fleet.wait(lambda: fleet.state().mode is Mode.MOTION, "the loop can be commanded again")
+    line = fleet.do("put down the jar")
+    assert line.state == "done", line
+    safely_down(fleet.truth())

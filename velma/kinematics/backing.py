@@ -1,16 +1,23 @@
 """A hand drawn straight back along its own axis: the way out of a cabinet, and backwards the way into it.
 
 A tree that has to find such a passage by chance needs thousands of states; one that begins at its mouth a hundred.
+And out of touch: with a thing in the hand that still stands on its shelf, or open fingers around one, every motion
+would begin in a collision.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
+import numpy as np
 import pinocchio as pin
 
 from velma.kinematics import ik
+from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.names import Array
 
+OUT_M = (0.05, 0.10, 0.16)  # m a hand is moved to get out of touch: a finger is 0.1 long (estimates)
+_STEP = 0.02  # m between checked states on that way
+_TOUCH, _SLACK = 0.002, 0.001  # m: what is as near as this touches; numbers of a contact waver so much (estimates)
 BACK_M = (0.25, 0.15, 0.08)  # m a hand is drawn back, the farthest that is possible (estimate)
 
 
@@ -25,3 +32,42 @@ def drawn_back(robot: Robot, side: str, q: Array, accept: Callable[[Array], bool
             if blocked.fraction * distance < BACK_M[-1]:
                 break
     return [q]
+
+
+def out_of_touch(robot: Robot, world: World, side: str, q: Array) -> list[Array]:
+    """Postures (15,) from q to where nothing is nearer than the margin; [q] where that is so at q, or cannot be had.
+
+    A short straight line, first upwards with a thing in the hand, back with an empty one. It comes near to nothing that
+    is not near already.
+    """
+    if world.free(q):
+        return [q]
+    accept, grip = no_nearer(world, q), robot.grip(q, side)
+    for distance in OUT_M:
+        for direction in _directions(grip, world.carried(side)):
+            target = pin.SE3(grip.rotation, grip.translation + distance * direction)
+            try:
+                path = ik.line(robot, side, q, target, step=_STEP, accept=accept)
+            except ik.PathBlocked:
+                continue
+            if world.free(path[-1]):
+                return path
+    return [q]
+
+
+def no_nearer(world: World, q: Array) -> Callable[[Array], bool]:
+    """The condition on a posture that it comes near to nothing that q (15,) is not near already, and touches nothing
+    that does not touch at q.
+    """
+    least = {(a, b): min(distance - _SLACK, _TOUCH) for a, b, distance in world.touching(q)}
+
+    def accept(x: Array) -> bool:
+        return world.free(x) or all(d >= least.get((a, b), np.inf) for a, b, d in world.touching(x))
+
+    return accept
+
+
+def _directions(grip: pin.SE3, loaded: bool) -> Iterator[Array]:
+    up, back = np.array([0.0, 0.0, 1.0]), -grip.rotation[:, 2]
+    for direction in (up, back + up) if loaded else (back, back + up, back + 0.5 * up, up):
+        yield direction / np.linalg.norm(direction)

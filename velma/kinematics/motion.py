@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from velma import names
-from velma.kinematics.backing import drawn_back
+from velma.kinematics.backing import drawn_back, out_of_touch
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.kinematics.shortening import STEP, clear, rounder, shortened
@@ -99,23 +99,33 @@ def plan(
     """Postures (15,) [rad] from `start` to `goal`, at most 0.05 rad apart, or None where no way was found.
 
     Torso and the arm of `side` move, all else stays as at `start`; `keep(q)` has to hold all the way. The way timed
-    with `tool_speed` [m/s] and the usual limits is free of collisions. Each tree is given `iterations`, and of up to
-    `attempts` trees the quickest way is returned; the same arguments and world give the same way.
+    with `tool_speed` [m/s] and the usual limits is free of collisions, but for its beginning where the start is not:
+    that is a straight line out of touch. Each tree is given `iterations`, and of up to `attempts` trees the quickest
+    way is returned; the same arguments and world give the same way.
     """
     columns = names.COLUMNS[side]
-    first = np.array(start, dtype=np.float64)
-    last = first.copy()
+    aside = out_of_touch(robot, world, side, np.array(start, dtype=np.float64))
+    last = aside[-1].copy()
     last[columns] = goal[columns]
-    task = _Task(robot, world, side, first, last, keep, tool_speed, columns)
+    task = _Task(robot, world, side, aside[-1], last, keep, tool_speed, columns)
+    way = _way(task, iterations, seed, attempts)
+    if way is None:
+        return None
+    out = dense([q[columns] for q in aside], STEP)[:-1]
+    return [task.whole(v) for v in (*out, *way)]
+
+
+def _way(task: _Task, iterations: int, seed: int, attempts: int) -> Array | None:
+    """A way (n, 8) between two free postures: straight, or the quickest of some trees."""
+    first, last, columns = task.start, task.goal, task.columns
     if not (task.accepts(first) and task.accepts(last)):
         return None
     straight = dense([first[columns], last[columns]], STEP)
     through = task.timed(straight)
     if task.free_in_time(through):
-        return [task.whole(v) for v in straight]
+        return straight
     enough = GOOD_ENOUGH * through.duration if through is not None else 0.0
-    best = _quickest(task, iterations, seed, attempts, enough)
-    return None if best is None else [task.whole(v) for v in best]
+    return _quickest(task, iterations, seed, attempts, enough)
 
 
 def _quickest(task: _Task, iterations: int, seed: int, attempts: int, enough: float) -> Array | None:

@@ -1,15 +1,17 @@
 """Skills that move an arm: along a planned joint path, straight, and home."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
+import pinocchio as pin
 
 from companion.languages import rc
 from services.executor.skills import motions, ways
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Skill, replan
 from velma import names
-from velma.kinematics import ik
+from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted
 
 EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s], task runs with the true robot model
@@ -18,6 +20,7 @@ JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
 NEAR = 1e-4  # [rad]
 HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], task runs with the true robot model
 HOME_FINGERS = 1.0  # [rad], same runs
+Accept = Callable[[np.ndarray], bool] | None
 
 
 def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
@@ -68,10 +71,15 @@ def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
         yield motions.along(here, command.key, path, segment.speed, watch=target.translation if index else None)
 
 
-def straight(here: Situation, side: str, q: np.ndarray, target, accept=None) -> list[np.ndarray]:
-    """Postures on the straight line of the grip from q (15,) to `target`; raises replan where it is blocked."""
-    try:
+def straight(here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None) -> list[np.ndarray]:
+    """Postures on the straight line of the grip from q (15,) to `target`; raises replan where it is blocked.
+
+    Where the arm alone does not reach, the torso helps.
+    """
+    with suppress(ik.PathBlocked):
         return ik.line(here.robot, side, q, target, accept=accept)[1:]
+    try:
+        return ik.line(here.robot, side, q, target, accept=accept, columns=names.COLUMNS[side])[1:]
     except ik.PathBlocked as blocked:
         raise replan(f"the {side} hand cannot move straight: {blocked}") from None
 
@@ -82,8 +90,8 @@ def home(here: Situation, command: rc.Home) -> Skill:
     if side in here.held:
         raise replan(f"the {side} hand holds {here.held[side].object}: put it down first")
     speed = LOADED_SPEED if here.held else EMPTY_SPEED
-    aside = ways.out_of_touch(here, side, here.q)
-    if aside:
+    aside = backing.out_of_touch(here.robot, here.world, side, here.q)
+    if len(aside) > 1:
         yield motions.along(here, command.key, aside, OUT_SPEED)
     path = ways.free_way(here, side, _homes(here, side), speed)
     if path is None:

@@ -12,7 +12,7 @@ from services.executor.skills.moving import straight
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Skill, failed, replan, whatever_comes
 from velma import names
-from velma.kinematics import ik
+from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
 from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
@@ -91,7 +91,7 @@ def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]
             path += leg
             if not whole:
                 break
-    return [*path[1:], *ways.out_of_touch(here, side, path[-1])]
+    return [*path[1:], *backing.out_of_touch(here.robot, here.world, side, path[-1])[1:]]
 
 
 def _rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:

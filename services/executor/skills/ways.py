@@ -11,13 +11,10 @@ import pinocchio as pin
 
 from services.executor.skills.situation import MARGIN_M, Situation
 from velma import names
-from velma.kinematics import ik, motion
-from velma.kinematics.frames import shifted
+from velma.kinematics import backing, ik, motion
 
 # [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; sight is wrong by 4 mm.
 ROOM_M = (0.02, 0.01, MARGIN_M)
-BACK_M = (0.05, 0.10, 0.16)  # a hand is drawn back to get free (estimates: a finger is 0.1 long)
-STEP_M = 0.02
 ATTEMPTS = 2  # trees for each goal: any way will do, and somebody waits (estimate)
 
 
@@ -52,50 +49,12 @@ def free_way(
     return None
 
 
-def out_of_touch(here: Situation, side: str, q: np.ndarray) -> list[np.ndarray]:
-    """A short way from q, where the hand may stand among things, to where it is free; empty if it is, or none is found.
-
-    On it the hand comes near to nothing that it is not near already.
-    """
-    if here.world.free(q):
-        return []
-    accept = no_nearer(here, q)
-    grip = here.robot.grip(q, side)
-    for distance in BACK_M:
-        for direction in _directions(grip):
-            target = shifted(grip, distance * direction)
-            try:
-                path = ik.line(here.robot, side, q, target, step=STEP_M, accept=accept)[1:]
-            except ik.PathBlocked:
-                continue
-            if here.world.free(path[-1]):
-                return path
-    return []
-
-
-def _directions(grip: pin.SE3) -> Iterator[np.ndarray]:
-    """Back along the hand, the same and upwards, upwards (3,)."""
-    back, up = -grip.rotation[:, 2], np.array([0.0, 0.0, 1.0])
-    for direction in (back, back + up, back + 0.5 * up, up):
-        yield direction / np.linalg.norm(direction)
-
-
-def no_nearer(here: Situation, q: np.ndarray) -> Callable[[np.ndarray], bool]:
-    """The condition that a posture comes near to nothing that q (15,) is not near already."""
-    near = _near(here, q)
-    return lambda x: here.world.free(x) or _near(here, x) <= near
-
-
-def _near(here: Situation, q: np.ndarray) -> set[tuple[str, str]]:
-    return {(a, b) for a, b, _ in here.world.touching(q)}
-
-
 def furthest(here: Situation, side: str, q: np.ndarray, target: pin.SE3) -> tuple[list[np.ndarray], bool]:
     """Postures on the straight line of the grip from q to `target` as far as it goes, and whether it went all the way.
 
     It comes near to nothing new. Where the arm alone cannot, the torso helps.
     """
-    accept = no_nearer(here, q)
+    accept = backing.no_nearer(here.world, q)
     fraction = 0.0
     for columns in (names.ARM[side], names.COLUMNS[side]):
         try:
