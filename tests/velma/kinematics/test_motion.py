@@ -129,3 +129,22 @@ def test_a_closed_box_is_given_up(robot: Robot) -> None:
     assert world.free(goal)
     assert motion.plan(robot, world, "left", START, goal, iterations=50) is None
     assert world.margin == 0.006
+
+
+def test_a_start_in_touch_is_left_first(robot: Robot) -> None:
+    """With a thing in the hand that still stands on its shelf, the way begins straight upwards and is free after it."""
+    world, start = World(robot), reaching(robot)
+    goal = start.copy()
+    goal[names.TORSO] += 0.4
+    grip = robot.grip(start, "left")
+    world.put("shelf", [Box((0.3, 0.3, 0.02))], standing(grip.translation - (0.0, 0.0, 0.111)))
+    world.put("jar", [Sphere(0.1)], standing(grip.translation), "object")
+    world.attach("jar", "left", grip.inverse() * standing(grip.translation))
+    assert not world.free(start)
+    path = motion.plan(robot, world, "left", start, goal)
+    assert path is not None
+    np.testing.assert_array_equal(path[0], start)
+    free = [world.free(q) for q in path]
+    first = free.index(True)
+    assert all(free[first:])
+    assert all(robot.grip(q, "left").translation[2] > grip.translation[2] - 1e-4 for q in path[: first + 1])
