@@ -81,7 +81,7 @@ copy = next(Path(".venv/lend").rglob("libgomp*.so.1*"))
 for packages in Path(".venv/lib").glob("python3.*/site-packages/cmeel.prefix/lib"):
     (packages / "libgomp.so.1").unlink(missing_ok=True)
     (packages / "libgomp.so.1").symlink_to(copy.resolve())
-shutil.rmtree(".venv/lend/sklearn")  # 40 MB that nobody uses
+shutil.rmtree(".venv/lend/sklearn", ignore_errors=True)  # 40 MB that nobody uses; a second try finds them gone
 PYTHON
 }
 
