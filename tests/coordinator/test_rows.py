@@ -261,7 +261,7 @@ def test_late_while_cancelling_answers_the_cancel_too(scene):
     """cancelling, T: failure(late), then failure in reply to the cancel."""
     name = scene.running()
     scene.cancel(name)
-    scene.settle(121.0)
+    scene.settle(241.0)
     assert scene.said(name)[-2:] == ["failure failed", "failure reason"]
     assert scene.memory.loose
     scene.ta(WorkerState.PREEMPTED)
