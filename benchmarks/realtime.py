@@ -17,7 +17,7 @@ import msgspec
 import typer
 from pour_fleet import measured
 
-PRIORITY, INTERVAL_US = 70, 2000  # below the loop's own priority, at the loop's period
+PRIORITY, INTERVAL_US = 90, 2000  # above the loop's: what the machine does, not the loop; at the loop's period
 FIGURES = re.compile(r"Min:\s*(\d+).*?Avg:\s*(\d+).*?Max:\s*(\d+)", re.S)
 
 
