@@ -7,7 +7,7 @@ memory and turn.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from agent_runtime.errors import AgentTableError
@@ -96,7 +96,3 @@ class Agent(Generic[M]):
             if arc.source == state and (not arc.when or self.conditions[arc.when](memory)):
                 return arc.target
         return None
-
-    def with_memory(self, memory: M) -> "Agent[M]":
-        """The same agent with another first memory (tests, scenes)."""
-        return replace(self, memory=memory)

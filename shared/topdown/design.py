@@ -135,14 +135,6 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         """The use of a protocol of this name."""
         return _look_up("protocol", name, self.protocols)
 
-    def channel_between(self, one: str, other: str) -> Channel:
-        """The channel that joins two agents."""
-        for channel in self.channels.values():
-            if {one, other} == set(channel.ends):
-                return channel
-        ways = (f"{channel.id} {'-'.join(channel.ends)}" for channel in self.channels.values())
-        raise NoSuchEntry("channel between", f"{one} and {other}", ways)
-
     def peers(self, agent: str) -> dict[str, str]:
         """Agents that share a channel with this one -> the channel's id."""
         self.agent(agent)
@@ -203,12 +195,6 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         """The interface entries of a use of a protocol."""
         names = self.protocol(use).interface
         return tuple(entry for name in names for entry in _look_up("interface", name, self.interfaces).entries)
-
-    def interface_table(self, agent: str) -> dict[str, tuple[elements.InterfaceEntry, ...]]:
-        """Per use of a protocol in which the agent takes part: what can be asked there."""
-        return {
-            use.name: self.entries(use.name) for use in self.file.protocol if agent in (use.initiator, use.participant)
-        }
 
     def side(self, agent: str) -> Side:
         """What an agent sends and receives."""
