@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc
-from services.executor.loop.program import Close, Open, Payload, Until
+from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions
 from services.executor.skills.moving import joining, straight
 from services.executor.skills.situation import Held, Situation
@@ -48,8 +48,8 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
     # From here on sights of the object tell where it is in the hand; until then the grasp itself does.
     T_grip_object = here.robot.grip(here.q, side).inverse() * poses[-1] * transform(command.approach[-1].at).inverse()
     here.take(side, Held(command.object, command.grasp, T_grip_object, command.mass))
-    payload = Payload(command.mass, tuple(float(v) for v in T_grip_object.translation))
-    yield motions.still(here, command.key, watch=watch, settle_s=0.1, **{f"payload_{side}": payload})
+    carried = motions.payload(side, command.mass, T_grip_object)
+    yield motions.still(here, command.key, watch=watch, settle_s=0.1, **carried)
 
 
 def _back_out(here: Situation, side: str, command: rc.Grasp, way: list[np.ndarray]) -> Skill:

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
-from services.executor.loop.program import HandCommand, HeadGoal, Motion, Move, motion
+from services.executor.loop.program import HandCommand, HeadGoal, Motion, Move, Payload, motion
 from services.executor.skills.situation import Situation
 from velma import names
 from velma.kinematics.timing import timed
@@ -14,10 +16,11 @@ from velma.kinematics.timing import timed
 # lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the camera itself looks
 # 5 degrees below the horizon at zero tilt.
 EYE_HEIGHT_M, CAMERA_DIP = 1.75, math.radians(5.0)
+Point = Sequence[float] | np.ndarray  # (3,) [m, world]
 LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
 
 
-def aim(torso: float, point: Sequence[float]) -> HeadGoal:
+def aim(torso: float, point: Point) -> HeadGoal:
     """Head goal that brings a point (3,) [m, world] into the middle of the picture, within the head's limits."""
     x, y, z = (float(v) for v in point)
     pan = math.remainder(math.atan2(y, x) - torso, math.tau)
@@ -34,8 +37,8 @@ def along(
     path: Sequence[np.ndarray],
     speed: float,
     *,
-    watch: Sequence[float] | None = None,
-    **options: object,
+    watch: Point | None = None,
+    **options: Any,
 ) -> Motion:
     """Follow a joint path [(15,) each] with the tool at most at `speed` [m/s]; the head ends looking at `watch`."""
     whole = [here.q, *path]
@@ -47,7 +50,7 @@ def along(
     return motion(key, knots, head=head, **options)
 
 
-def still(here: Situation, key: str, *, watch: Sequence[float] | None = None, **options: object) -> Motion:
+def still(here: Situation, key: str, *, watch: Point | None = None, **options: Any) -> Motion:
     """Stay where the body is told to be, while head or hands do something."""
     head = None if watch is None else aim(float(here.q[names.TORSO]), watch)
     return motion(key, here.q, head=head, **options)
@@ -58,6 +61,14 @@ def fingers(angle: float, speed: float = 1.0) -> Move:
     return Move((angle, angle, angle), speed)
 
 
-def hand(side: str, command: HandCommand) -> dict[str, HandCommand]:
+def hand(side: str, command: HandCommand) -> dict[str, Any]:
     """The option of a motion that commands one hand."""
     return {str(side): command}
+
+
+def payload(side: str, mass: float = 0.0, T_grip_object: pin.SE3 | None = None) -> dict[str, Any]:
+    """The option of a motion by which a hand carries `mass` [kg], centred at the object's origin; or nothing."""
+    if T_grip_object is None:
+        return {f"payload_{side}": Payload()}
+    x, y, z = (float(v) for v in T_grip_object.translation)
+    return {f"payload_{side}": Payload(mass, (x, y, z))}

@@ -4,11 +4,10 @@ import numpy as np
 
 from companion import models
 from companion.languages import rc
-from services.executor.loop.program import Payload
 from services.executor.skills import motions
 from services.executor.skills.moving import joining
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Cancelled, Skill, replan
+from services.executor.skills.skill import Cancelled, Skill, failed, replan
 from velma import names
 from velma.kinematics import ik
 from velma.kinematics.tasks.pouring import Stream, follow
@@ -37,14 +36,17 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
         reached = int(np.argmin([np.abs(x - here.q).max() for x in tilt]))
         yield motions.along(here, command.key, tilt[: reached + 1][::-1], BACK_SPEED, watch=rim)
         raise
-    empty = Payload(command.empty_mass, tuple(float(v) for v in held.T_grip_object.translation))
+    empty = motions.payload(command.side, command.empty_mass, held.T_grip_object)
     # A cancel from here on changes nothing: the jar goes upright either way.
-    yield motions.along(here, command.key, tilt[::-1][1:], BACK_SPEED, watch=rim, **{f"payload_{command.side}": empty})
+    yield motions.along(here, command.key, tilt[::-1][1:], BACK_SPEED, watch=rim, **empty)
 
 
 def _stream(here: Situation, command: rc.Pour) -> Stream:
     rim = models.MODELS[here.models[command.destination]].hole
     opening = models.MODELS[here.models[command.source]].hole
+    if rim is None or opening is None:
+        closed = command.destination if rim is None else command.source
+        raise failed(f"{closed} has no opening")
     return Stream(here.seen[command.destination].act(np.array(rim.centre)), rim.radius, opening.centre[2])
 
 

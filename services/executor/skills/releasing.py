@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc
-from services.executor.loop.program import Open, Payload, Until
+from services.executor.loop.program import Open, Until
 from services.executor.skills import aside, motions, ways
 from services.executor.skills.moving import straight
 from services.executor.skills.situation import Situation
@@ -67,7 +67,7 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
 def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     """Open the hand and draw it back. A cancel changes nothing: a hand is not left half open around a thing."""
     grip, object_name = here.robot.grip(here.q, side), command.object
-    unload = {f"payload_{side}": Payload()}
+    unload = motions.payload(side)
     yield from whatever_comes(
         lambda: motions.still(
             here, command.key, settle_s=OPEN_WAIT_S, **unload, **motions.hand(side, Open(OPEN_BY, OPEN_SPEED))
