@@ -15,6 +15,7 @@ from services.executor.skills.situation import Held, Situation
 from velma.kinematics import motion
 from velma.kinematics.frames import heading, level, standing, tilt
 from velma.kinematics.tasks.carrying import upright
+from velma.kinematics.tasks.manner import LOADED_SPEED
 from velma.kinematics.tasks.placing import placings
 
 HERE_M = 0.06  # estimate: an object so little above a surface was not taken out yet
@@ -89,7 +90,7 @@ def way_aside(
             )
             for placing in islice(found, WAYS):
                 path = motion.plan(
-                    here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=0.25,
+                    here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=LOADED_SPEED,
                     attempts=ways.ATTEMPTS,
                 )  # fmt: skip
                 if path is not None:

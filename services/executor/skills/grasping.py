@@ -13,9 +13,9 @@ from velma import names
 from velma.kinematics import ik
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks.manner import APPROACH_SPEED
 
-APPROACH_SPEED = 0.2  # [m/s], task runs with the true robot model
-UPTO = 2.3  # [rad] where a finger stops that touches nothing, same runs
+UPTO = 2.3  # [rad] where a finger stops that touches nothing, task runs with the true robot model
 SETTLE_S = 0.3  # same runs
 FINGERS_NEEDED = 3
 

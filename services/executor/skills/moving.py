@@ -13,13 +13,11 @@ from services.executor.skills.skill import Skill, replan
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted
+from velma.kinematics.tasks.manner import EMPTY_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
 
-EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s], task runs with the true robot model
-OUT_SPEED = 0.15  # [m/s] between things: a retreat's, same runs
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
 NEAR = 1e-4  # [rad]
-HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], task runs with the true robot model
-HOME_FINGERS = 1.0  # [rad], same runs
+HOME_FINGERS = 1.0  # [rad], task runs with the true robot model
 Accept = Callable[[np.ndarray], bool] | None
 
 
@@ -92,7 +90,7 @@ def home(here: Situation, command: rc.Home) -> Skill:
     speed = LOADED_SPEED if here.held else EMPTY_SPEED
     aside = backing.out_of_touch(here.robot, here.world, side, here.q)
     if len(aside) > 1:
-        yield motions.along(here, command.key, aside, OUT_SPEED)
+        yield motions.along(here, command.key, aside, RETREAT_SPEED)
     path = ways.free_way(here, side, _homes(here, side), speed)
     if path is None:
         raise replan(f"the {side} arm finds no way home")

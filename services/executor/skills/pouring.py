@@ -10,9 +10,8 @@ from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, Skill, failed, replan
 from velma import names
 from velma.kinematics import ik
+from velma.kinematics.tasks.manner import BACK_SPEED, TILT_SPEED
 from velma.kinematics.tasks.pouring import Stream, follow
-
-TILT_SPEED, BACK_SPEED = 0.25, 0.35  # [m/s], task runs with the true robot model
 
 
 def pour(here: Situation, command: rc.Pour) -> Skill:

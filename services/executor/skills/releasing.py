@@ -15,10 +15,10 @@ from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
 from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks.manner import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
 
-DOWN_SPEED, RETREAT_SPEED, LOADED_SPEED = 0.04, 0.15, 0.25  # [m/s], task runs with the true robot model
-BELOW_M = 0.02  # the descent aims so far below the place and is ended by contact, same runs
+BELOW_M = 0.02  # the descent aims so far below the place and is ended by contact, task runs with the true robot model
 CONTACT_M = 0.003  # set-point below the hand that counts as contact (about 4.5 N at 1500 N/m), same runs
 SETTLE_S = 0.3
 OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5  # same runs (they waited 0.9 s in all)

@@ -8,13 +8,13 @@ import numpy as np
 from companion.languages import rc, wm
 from companion.languages.values import Side
 from services.planner.search.situation import configured
-from services.planner.search.steps import LOADED_SPEED, Geometry, Path, Step, move
+from services.planner.search.steps import Geometry, Path, Step, move
+from velma.kinematics.tasks.manner import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, Tilting, tiltings
 
 HELD_TILT = math.radians(40.0)  # task runs with the true robot model
 TILTINGS = 8  # estimate: the quickest way of so many is chosen
 HOLD_S = 2.0  # same runs
-BACK_SPEED = 0.35  # [m/s], same runs
 
 
 def pour(geometry: Geometry, state: str, source: str, destination: str, side: Side) -> Step | None:
@@ -63,7 +63,7 @@ def _pouring(
     changes = (wm.Poured(source=source, destination=destination), *configured(side, tilting.path[0]))
     duration = (
         geometry.duration(path, LOADED_SPEED)
-        + geometry.duration(tilting.path, LOADED_SPEED)
+        + geometry.duration(tilting.path, TILT_SPEED)
         + HOLD_S
         + geometry.duration(tilting.path, BACK_SPEED)
     )

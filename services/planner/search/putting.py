@@ -11,12 +11,9 @@ from companion.languages.values import Side
 from services.planner.search.situation import Held, Situation, configured, on_wire
 from services.planner.search.spots import Spot, spots
 from services.planner.search.steps import (
-    DOWN_SPEED,
     EFFORTS,
-    LOADED_SPEED,
     OPEN_S,
     QUICK,
-    RETREAT_SPEED,
     Geometry,
     Path,
     Step,
@@ -26,13 +23,13 @@ from services.planner.search.steps import (
 )
 from velma import names
 from velma.kinematics.frames import transform
+from velma.kinematics.tasks.manner import DOWN_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
 from velma.kinematics.tasks.placing import Placing, backwards, placings
 
 # [rad] a thing may tilt on its way, with iterations of a tree, tried in turn: an empty bowl may tilt more
 CARRIED_TILT = ((math.radians(25.0), QUICK), (math.radians(60.0), EFFORTS))
 PLACINGS, TRIES = 12, 300  # placings chosen from, samples tried (estimates)
 BATCHES = 4  # groups of spots tried (estimate)
-HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], task runs with the true robot model
 HOME_FINGERS = 1.0  # [rad], same runs
 Retreat = list[tuple[pin.SE3, float]]
 """Grip poses seen from the grip that lets go, with finger angles [rad], nearest first."""

@@ -20,10 +20,9 @@ from velma.kinematics.frames import transform
 from velma.kinematics.motion import Keep
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.carrying import upright
+from velma.kinematics.tasks.manner import EMPTY_SPEED, LOADED_SPEED
 from velma.kinematics.timing import timed
 
-EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # [m/s] of the tool in free motions
-APPROACH_SPEED, LIFT_SPEED, DOWN_SPEED, RETREAT_SPEED = 0.2, 0.1, 0.04, 0.15  # [m/s]
 TRIED, ENOUGH = 8, 3  # estimate: more goals make motions little quicker and planning slower
 # Iterations of a tree: most ways are found in some hundreds (benchmarks/kinematics.py), so all goals get few before any
 # gets many; trees grown for a goal.

@@ -9,21 +9,11 @@ from companion.languages import rc, wm
 from companion.languages.values import Side
 from services.planner.search.facts import Facts
 from services.planner.search.situation import Situation, configured, on_wire
-from services.planner.search.steps import (
-    APPROACH_SPEED,
-    CLOSE_S,
-    LIFT_SPEED,
-    LOADED_SPEED,
-    Geometry,
-    Path,
-    Step,
-    approach_points,
-    free_speed,
-    move,
-)
+from services.planner.search.steps import CLOSE_S, Geometry, Path, Step, approach_points, free_speed, move
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.carrying import carries
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
+from velma.kinematics.tasks.manner import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 
 GRASPS, CARRIES = 8, 16  # estimate: so many are found in 0.1 s
 CARRY_TILT = math.radians(35.0)  # task runs with the true robot model

@@ -1,0 +1,9 @@
+"""How fast the tasks are done and how the torso may stand: pl expects durations by these numbers, ex moves by them.
+
+All from task runs with the true robot model; speeds are those of the grip [m/s].
+"""
+
+EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # free motions, with empty hands and with something in one of them
+APPROACH_SPEED, LIFT_SPEED, DOWN_SPEED, RETREAT_SPEED = 0.2, 0.1, 0.04, 0.15
+TILT_SPEED, BACK_SPEED = 0.25, 0.35  # of the pouring hand, and back again
+HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], tried in this order when an arm goes home
