@@ -10,7 +10,6 @@ from operator import or_
 from pathlib import Path
 from typing import Any, get_args
 
-from companion.coordinate import COORDINATE
 from companion.languages import LANGUAGES, wm
 from fipa_codec import protocols
 from fipa_codec.interfaces import ClassInterfaceInfo
@@ -21,6 +20,8 @@ from topdown.findings import Finding
 
 FILE = Path(__file__).with_name("design.toml")
 DESIGN: Design = load(FILE)
+COORDINATE = protocols.register(DESIGN.own_tables["coordinate"])
+"""The paper's own protocol, known by name from here on (paper, section 5.4)."""
 
 
 class AgentName(StrEnum):
@@ -77,12 +78,9 @@ def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
         if entry.name in LANGUAGES.names
     }
     queries = [kind.__name__ for kind in get_args(wm.AnyQuery)]
-    tables = {
-        protocol.name: protocol for protocol in (protocols.REQUEST, protocols.QUERY, protocols.SUBSCRIBE, COORDINATE)
-    }
     return (
         *checks.check(design),
         *agreement.check_languages(design, classes),
-        *agreement.check_protocols(design, tables),
+        *agreement.check_protocols(design, design.tables),
         *agreement.check_queries(design, QUERY_INTERFACES, "WM", queries),
     )

@@ -14,9 +14,11 @@ import msgspec
 from fipa_codec.languages import REASON as REASON_LANGUAGE
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
+from fipa_codec.tables import Protocol
 from topdown import elements, loading
 from topdown.decomposition import Channel, Decomposition, decompose
 from topdown.errors import NoSuchEntry
+from topdown.own_tables import fipa_table, own_table
 
 T = TypeVar("T")
 
@@ -116,6 +118,20 @@ class Design(msgspec.Struct, frozen=True, dict=True):
     def houses(self) -> dict[str, elements.House]:
         """What travels beside communicates, by kind."""
         return {house.kind: house for house in self.file.house}
+
+    @cached_property
+    def own_tables(self) -> dict[str, Protocol]:
+        """The interaction protocols that the design brings along, by name. Raises DesignError."""
+        return {entry.name: own_table(entry, self.path or "design.toml") for entry in self.file.table}
+
+    @cached_property
+    def tables(self) -> dict[str, Protocol]:
+        """The table of every protocol that is followed, by the name under which it is; unknown ones are left out."""
+        found = dict(self.own_tables)
+        for name in sorted({use.follows for use in self.file.protocol} - found.keys()):
+            if (table := fipa_table(name)) is not None:
+                found[name] = table
+        return found
 
     @cached_property
     def rules(self) -> dict[tuple[str, str, str, Performative], Rule]:

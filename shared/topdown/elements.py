@@ -8,6 +8,7 @@ and this is what the design does. Nothing here knows a particular system.
 import msgspec
 
 from fipa_codec.performatives import Performative
+from fipa_codec.tables import Way
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -145,6 +146,30 @@ class Message(Entry, frozen=True):
     content: tuple[str, ...] = ()
 
 
+class RoleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A role's rows [state, "send" or "receive", performative, next state]; a guard word stands behind its act, as in
+    `inform[final]`. `ended`, `urgent`, `resting`: as fipa_codec.tables.Table has them.
+    """
+
+    rows: tuple[tuple[str, Way, str, str], ...]
+    ended: tuple[str, ...]
+    urgent: tuple[str, ...] = ()
+    resting: tuple[str, ...] = ()
+
+
+class Table(Entry, frozen=True):
+    """An interaction protocol of the system's own, beside FIPA's: what `follows` may name.
+
+    `confirmed`: performatives whose every use is confirmed by name.
+    """
+
+    name: str
+    initiator: RoleTable
+    participant: RoleTable
+    confirmed: tuple[Performative, ...] = ()
+    text: str = ""
+
+
 class Protocol(Entry, frozen=True):
     """A use of an interaction protocol on a channel.
 
@@ -185,13 +210,62 @@ class Arc(Entry, frozen=True):
     when: str = ""
 
 
+class Row(Entry, frozen=True, rename={"in_": "in"}):
+    """What an agent does at one event: a row of its conversational behaviour, over states in which it waits.
+
+    `in`: the states it stands in. `on`: the event, one of
+        "USE act[kind]"   a message of the peer in that use of a protocol is taken; a message that no row of the state
+                          names stays in the inbox
+        "late USE"        the wait for the end of a conversation this agent opened is over (reply-by, patience)
+        "back AGENT"      a peer appeared, or came back under another incarnation
+        "restart"         this agent was restored after a death: soft conversations are gone
+        "own WORD"        something of its own side came to an end (worker, device, timer): it will, sooner or later
+        "person WORD"     somebody may do this, and nobody may wait for it
+    `say`: what it says in the same step, in order, "USE act[kind]"; an opening begins a conversation. The row applies
+    only where the protocols' tables allow all of it. `may`: what it may say besides. `drop`: uses whose volatile
+    conversation it gives up. `when`: "USE state|state" of its conversations after the event ("none": not open), or
+    "USE settled" / "USE unsettled" (nothing / something is due to the subscriber). `owes`: uses in which it now owes
+    an observation. `moves`: the use whose conversation this physical act serves; no act is begun twice in one.
+    `to`: the state it then waits in; none: the same.
+    """
+
+    in_: tuple[str, ...]
+    on: str
+    say: tuple[str, ...] = ()
+    may: tuple[str, ...] = ()
+    drop: tuple[str, ...] = ()
+    when: tuple[str, ...] = ()
+    owes: tuple[str, ...] = ()
+    moves: str = ""
+    to: str = ""
+    text: str = ""
+
+
+class Never(Entry, frozen=True, rename={"while_": "while"}):
+    """What must never happen: `agent` says one of `says` while all of `while_` holds.
+
+    `while`: "AGENT in state|state", "AGENT owes USE", "AGENT USE state|state".
+    """
+
+    name: str
+    agent: str
+    says: tuple[str, ...]
+    while_: tuple[str, ...]
+    text: str = ""
+
+
 class Agent(Entry, frozen=True):
-    """An agent (a group of the same name that is divided no further) and the state machine of its control subsystem."""
+    """An agent (a group of the same name that is divided no further) and the state machine of its control subsystem.
+
+    `row`: its conversational behaviour, over the same states; `rest`: the states in which it is idle (none: `initial`).
+    """
 
     name: str
     initial: str
     state: tuple[State, ...]
     arc: tuple[Arc, ...]
+    row: tuple[Row, ...] = ()
+    rest: tuple[str, ...] = ()
     text: str = ""
 
 
@@ -207,3 +281,5 @@ class DesignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     agent: tuple[Agent, ...]
     house: tuple[House, ...] = ()
     ontology: tuple[Ontology, ...] = ()
+    table: tuple[Table, ...] = ()
+    never: tuple[Never, ...] = ()

@@ -1,12 +1,13 @@
 """The paper's `coordinate`: walked in both roles; what its text leaves out is found when its row is taken away."""
 
+from enum import StrEnum
+
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.coordinate import COORDINATE
-from companion.coordinate import State as S
+from companion.design import COORDINATE
 from companion.languages import LANGUAGES, SW
 from companion.languages.sw import FINAL as FINAL_STATES
 from companion.languages.sw import Report, WorkerState
@@ -17,6 +18,23 @@ from fipa_codec.exploration import explore, with_not_understood
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, Role, Row, Table
+
+
+class S(StrEnum):
+    """States of both roles, as design.toml writes them."""
+
+    START = "start"
+    ASKED = "asked"
+    RUNNING = "running"
+    REPORTED = "reported"
+    CANCELLING = "cancelling"
+    CANCELLING_REPORTED = "cancelling-reported"
+    CONCLUDED = "concluded"
+    STOPPING = "stopping"
+    FINISHED = "finished"
+    DONE = "done"
+    REFUSED = "refused"
+
 
 CO, TA = Role.INITIATOR, Role.PARTICIPANT
 PLAIN, PROGRESS, FINAL = Kind.PLAIN, Kind.PROGRESS, Kind.FINAL
