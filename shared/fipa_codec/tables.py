@@ -121,7 +121,8 @@ class Protocol:
     """A name and a table per role.
 
     `aliases`: other names on the wire (`fipa-request`). `confirmed`: performatives whose every use is confirmed by
-    name (coordinate: the informs), so that a confirm has the kind of the message it answers.
+    name (coordinate: the informs), so that a confirm has the kind of the message it answers. `rounds`: openings that,
+    said once more, ask anew with a new m_w (icfp: the cfp); any other opening said once more is the same question.
     """
 
     def __init__(
@@ -132,8 +133,10 @@ class Protocol:
         participant: Table,
         aliases: tuple[str, ...] = (),
         confirmed: Iterable[Performative] = (),
+        rounds: Iterable[Performative] = (),
     ) -> None:
         self.name, self.aliases, self.confirmed = name, aliases, frozenset(confirmed)
+        self.rounds = frozenset(rounds)
         self.tables: Mapping[Role, Table] = {Role.INITIATOR: initiator, Role.PARTICIPANT: participant}
         self.openings = frozenset(row.performative for row in initiator.allowed(START, SEND))
 
@@ -148,4 +151,5 @@ class Protocol:
             participant=participant or self.tables[Role.PARTICIPANT],
             aliases=self.aliases,
             confirmed=self.confirmed,
+            rounds=self.rounds,
         )

@@ -1,0 +1,39 @@
+"""FIPA's interaction protocols as tables, and the protocols of a system by name.
+
+One module a family. The names are the paper's; FIPA's tokens (`fipa-contract-net`) are aliases. Every protocol was
+walked in both roles over two FIFO channels (`exploration.py`). Must not know: agents, languages, time.
+"""
+
+from fipa_codec.protocols.brokering import BROKERING, PROPAGATE, RECRUITING
+from fipa_codec.protocols.cancelling import Pending, cancellable, mirrored
+from fipa_codec.protocols.contract_net import CFP, ICFP, PROPOSE
+from fipa_codec.protocols.naming import named, register
+from fipa_codec.protocols.query import QUERY
+from fipa_codec.protocols.request import REQUEST, REQUEST_WHEN
+from fipa_codec.protocols.states import State
+from fipa_codec.protocols.subscribe import SUBSCRIBE
+from fipa_codec.tables import Protocol
+
+__all__ = [
+    "BROKERING",
+    "CFP",
+    "FIPA",
+    "ICFP",
+    "PROPAGATE",
+    "PROPOSE",
+    "QUERY",
+    "RECRUITING",
+    "REQUEST",
+    "REQUEST_WHEN",
+    "SUBSCRIBE",
+    "Pending",
+    "Protocol",
+    "State",
+    "cancellable",
+    "mirrored",
+    "named",
+    "register",
+]
+
+FIPA = (REQUEST, REQUEST_WHEN, QUERY, SUBSCRIBE, CFP, ICFP, PROPOSE, BROKERING, RECRUITING)
+"""The interaction protocols of SC00026H to SC00036H, besides the auctions, which stayed experimental."""
