@@ -8,10 +8,13 @@ memory and turn.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+from agent_runtime.effects import Deed
 from agent_runtime.errors import AgentTableError
 from agent_runtime.events import Late, Local, Received
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
 
 if TYPE_CHECKING:
     from agent_runtime.turn import Turn
@@ -60,13 +63,24 @@ class Arc:
     when: str = ""
 
 
+class Rows(Protocol):
+    """What the design says an agent does at which event; topdown.machines reads it from the design file."""
+
+    def takes(self, state: str, use: str, act: Performative, kind: Kind) -> bool:
+        """Whether a message is taken in this state."""
+
+    def why_not(self, deed: Deed) -> str:
+        """Why a step is none of the design's, "" where it is."""
+
+
 @dataclass(frozen=True)
 class Agent(Generic[M]):
     """The table with its bindings; `memory` is the memory of the first start.
 
     Memory is a frozen msgspec Struct and is journalled whole whenever it changes, except a field named `soft`, if
     there is one: that one is lost by a death and comes back as `type(soft)()`. `local` is the union of Structs that
-    `Local` events carry.
+    `Local` events carry. `rows`: what the design says of its steps; a message that no row of the state names waits in
+    the inbox, and a step that fits no row is logged and counted. None: not said.
     """
 
     name: str
@@ -76,6 +90,7 @@ class Agent(Generic[M]):
     arcs: tuple[Arc, ...] = ()
     conditions: Mapping[str, Callable[[M], bool]] = field(default_factory=dict)
     local: Any = None
+    rows: Rows | None = None
 
     def __post_init__(self) -> None:
         """Refuse a table with a hole in it."""

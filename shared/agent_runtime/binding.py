@@ -6,15 +6,17 @@ any agent does, Zenoh. The only module of this room that sees topdown.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from typing import Any, TypeVar
 
-from agent_runtime.agent import Agent, Arc, Behaviour, Taken, everything, never
+from agent_runtime.agent import Agent, Arc, Behaviour, Rows, Taken, everything, never
 from agent_runtime.turn import Turn
 from agent_runtime.wiring import Delivery, Link, Wiring
 from fipa_codec.languages import Languages
 from fipa_codec.tables import Role
 from topdown import elements
 from topdown.design import Design
+from topdown.steps import Steps
 
 M = TypeVar("M")
 Transition = Callable[[M, Turn], M]
@@ -63,6 +65,7 @@ def bind(
         arcs=tuple(Arc(arc.source, arc.target, arc.when) for arc in entry.arc),
         conditions=dict(conditions),
         local=local,
+        rows=_rows(design, name),
     )
 
 
@@ -74,6 +77,13 @@ def wiring(name: str, system: str, *, design: Design, languages: Languages) -> W
     design.agent(name)
     uses = [use for use in design.file.protocol if name in (use.initiator, use.participant)]
     return Wiring(system, name, tuple(_link(name, use, design) for use in uses), languages)
+
+
+@cache
+def _rows(design: Design, name: str) -> Rows | None:
+    """The agent's rows in the design; None where it has none, so that nothing is said of its steps."""
+    machine = Steps(design, name)
+    return machine if machine.rows else None
 
 
 def _require(agent: str, kind: str, wanted: Iterable[str], bound: Iterable[str]) -> None:
@@ -108,6 +118,7 @@ def _link(name: str, use: elements.Protocol, design: Design) -> Link:
         delivery=_delivery(use),
         ontology=use.ontology,
         silent=_silent(name, use),
+        use=use.name,
         says={rule.performative: rule.contents for rule in rules if rule.sender == name},
         hears={rule.performative: rule.contents for rule in rules if rule.sender == peer},
     )

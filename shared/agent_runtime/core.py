@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from agent_runtime import streams
 from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.effects import Effects, Out
+from agent_runtime.effects import Deed, Effects, Out
 from agent_runtime.errors import AgentTableError, BehaviourError
 from agent_runtime.events import (
     AnyEvent,
@@ -40,11 +40,14 @@ from agent_runtime.state import CoreState, Held, Waiting, encode_memory, encode_
 from agent_runtime.turn import Seen, Turn, conversation_of
 from agent_runtime.verdict import Verdict, What, carry_out, judge
 from agent_runtime.wiring import Delivery, Wiring
+from fipa_codec.communicate import Communicate
+from fipa_codec.performatives import Performative
 from fipa_codec.tables import SEND, Role
 
 M = TypeVar("M")
 CHAIN_BOUND = 16
 """States entered in one step; the paper's machines have at most 5, so more is a loop (estimate)."""
+OUTSIDE = "step outside the design"
 LATE_AFTER = 0.001
 """A message at reply-by itself is in time (SC00061G); look a millisecond later."""
 
@@ -87,7 +90,16 @@ class Core(Generic[M]):
         self._check_owed(after)
         durable = self._durable(state, after, out)
         record = encode_record(after) if durable else None
-        return after, out.sealed(record, self._ready(after, now), self._wake_at(after, now))
+        deed = out.deed(state.state, after.state, tuple(after.due))
+        self._compare(after, out, deed)
+        return after, out.sealed(record, self._ready(after, now), self._wake_at(after, now), deed)
+
+    def _compare(self, state: CoreState, out: Out, deed: Deed | None) -> None:
+        """Say it where a step is none of the design's: what was proven of the design does not hold for it."""
+        why = "" if deed is None or self.agent.rows is None else self.agent.rows.why_not(deed)
+        if why:
+            state.count(OUTSIDE)
+            out.log(OUTSIDE, level="error", why=why)
 
     # --- what an event does before anything is taken ------------------------------------------------------------------
 
@@ -175,13 +187,22 @@ class Core(Generic[M]):
                     return waiting, None
                 continue
             verdict = judge(state, self.wiring, waiting)
-            if verdict.what is not What.TAKE or takes(
-                state.memory, Received(waiting.event.communicate, waiting.content)
-            ):
+            if verdict.what is not What.TAKE:
+                return waiting, verdict
+            communicate = waiting.event.communicate
+            if self._named(state, communicate, verdict) and takes(state.memory, Received(communicate, waiting.content)):
                 return waiting, verdict
             if waiting.number:
                 passed.add(waiting.peer)
         return None
+
+    def _named(self, state: CoreState, communicate: Communicate, verdict: Verdict) -> bool:
+        """Whether a row of the state names this message; a complaint is always taken."""
+        rows, act = self.agent.rows, communicate.performative
+        if rows is None or act is Performative.NOT_UNDERSTOOD:
+            return True
+        use = self.wiring.required(communicate.sender, communicate.protocol).use
+        return rows.takes(state.state, use, act, verdict.kind)
 
     def _find_late(self, state: CoreState, now: float) -> Held | None:
         takes = self._behaviour(state).takes
@@ -194,6 +215,7 @@ class Core(Generic[M]):
         state.soft.inbox = tuple(one for one in state.soft.inbox if one is not waiting)
         event: Seen | None = waiting.event
         if verdict is not None:
+            _note_taken(out, self.wiring, waiting, verdict)
             event = carry_out(state, out, self.wiring, waiting, verdict, now)
         if event is not None:
             self._run(state, out, event, now)
@@ -207,6 +229,7 @@ class Core(Generic[M]):
         else:
             state.soft.conversations.pop(name, None)
             state.soft.asks.pop(name, None)
+        out.about = self.wiring.required(held.conversation.peer, held.conversation.protocol).use
         self._run(state, out, Late(name), now)
 
     # --- the behaviour ------------------------------------------------------------------------------------------------
@@ -217,6 +240,8 @@ class Core(Generic[M]):
     def _run(self, state: CoreState, out: Out, event: Seen, now: float) -> None:
         """One elementary action, then the arcs it opens; entering a state runs its behaviour once without an event."""
         out.handled = event
+        if isinstance(event, PeerChanged):
+            out.about = event.agent if event.incarnation is not None else ""
         self._act(state, out, event, now)
         for _ in range(CHAIN_BOUND):
             behaviour = self._behaviour(state)
@@ -272,6 +297,16 @@ class Core(Generic[M]):
             ends = [held.reply_by for held in _waits(state) if held.reply_by is not None]
             times += [end + LATE_AFTER for end in ends if end + LATE_AFTER > now]
         return min(times, default=None)
+
+
+def _note_taken(out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict) -> None:
+    """What the message is in the words of the design."""
+    communicate: Communicate = waiting.event.communicate
+    use = wiring.required(communicate.sender, communicate.protocol).use
+    if verdict.what is What.TAKE:
+        out.took = (use, communicate.performative, verdict.kind)
+    else:
+        out.about = use
 
 
 def _queue(state: CoreState, waiting: Waiting) -> None:

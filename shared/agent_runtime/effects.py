@@ -8,6 +8,8 @@ from typing import Any
 import msgspec
 
 from fipa_codec.communicate import Communicate
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
 
 
 class Receipt(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
@@ -27,6 +29,25 @@ class LogLine(msgspec.Struct, frozen=True):
     level: str = "info"
 
 
+Act = tuple[str, Performative, Kind]
+"""Use of a protocol (the design's name), performative, guard word."""
+
+
+class Deed(msgspec.Struct, frozen=True):
+    """What a step did, in the words of a design: state before and after, the event, what was said.
+
+    `took`: the message that was taken, None for another event, whose class then is `event` (an agent's name behind
+    PeerChanged, the use behind Late and Broken). `owed`: peers to whom observations are due after it.
+    """
+
+    before: str
+    event: str
+    took: Act | None
+    said: tuple[Act, ...]
+    after: str
+    owed: tuple[str, ...] = ()
+
+
 class Effects(msgspec.Struct, frozen=True):
     """Of one step. `record` None: nothing durable happened. `more`: a waiting message can be taken, step with Next().
 
@@ -42,6 +63,7 @@ class Effects(msgspec.Struct, frozen=True):
     more: bool = False
     wake_at: float | None = None
     handled: Any = None
+    deed: Deed | None = None
 
 
 class Out:
@@ -54,12 +76,22 @@ class Out:
         self.tells: list[Any] = []
         self.logs: list[LogLine] = []
         self.handled: Any = None
+        self.said: list[Act] = []
+        self.took: Act | None = None
+        self.about = ""
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
         """Add a line."""
         self.logs.append(LogLine(event, fields, level))
 
-    def sealed(self, record: bytes | None, more: bool, wake_at: float | None) -> Effects:
+    def deed(self, before: str, after: str, owed: tuple[str, ...]) -> Deed | None:
+        """What was done, None where no event reached the behaviour."""
+        if self.handled is None:
+            return None
+        event = f"{type(self.handled).__name__} {self.about}".strip()
+        return Deed(before, event, self.took, tuple(self.said), after, owed)
+
+    def sealed(self, record: bytes | None, more: bool, wake_at: float | None, deed: Deed | None = None) -> Effects:
         """The effects, closed."""
         return Effects(
             record,
@@ -70,4 +102,5 @@ class Out:
             more,
             wake_at,
             self.handled,
+            deed,
         )

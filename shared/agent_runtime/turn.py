@@ -201,6 +201,8 @@ class Turn:
             in_reply_to=in_reply_to,
             reply_by=reply_by,
         )
+        use_kind = held.conversation.kind_of(performative, communicate.in_reply_to, kind)
+        self._out.said.append((link.use, performative, use_kind))
         dispatch(self._state, self._out, self._wiring, replace(held, conversation=talk), communicate, self.now)
 
     def _held(self, conversation: str) -> Held:

@@ -38,11 +38,15 @@ class What(StrEnum):
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """`held`: the conversation after the message (TAKE, LATE_CANCEL), or as it was (REPEAT, REFUSE)."""
+    """`held`: the conversation after the message (TAKE, LATE_CANCEL), or as it was (REPEAT, REFUSE).
+
+    `kind`: which use of its performative the message makes (TAKE).
+    """
 
     what: What
     held: Held | None = None
     error: RemoteProtocolError | None = None
+    kind: Kind = Kind.PLAIN
 
 
 def judge(state: CoreState, wiring: Wiring, waiting: Waiting) -> Verdict:
@@ -60,7 +64,8 @@ def judge(state: CoreState, wiring: Wiring, waiting: Waiting) -> Verdict:
     except RemoteProtocolError as error:
         durable = waiting.number > 0
         return Verdict(What.REFUSE if durable else What.DROP, held if durable else None, error)
-    return Verdict(What.TAKE, replace(held, conversation=talk))
+    kind = held.conversation.kind_of(communicate.performative, communicate.in_reply_to, waiting.kind)
+    return Verdict(What.TAKE, replace(held, conversation=talk), kind=kind)
 
 
 def _judge_new(state: CoreState, wiring: Wiring, waiting: Waiting, communicate: Communicate) -> Verdict:

@@ -33,6 +33,8 @@ class Delivery(StrEnum):
 class Link(msgspec.Struct, frozen=True):
     """This agent's side of one protocol with one peer; `silent`: the language named by acts without content.
 
+    `use`: the name the design gives to this use of the protocol, "" where there is no design.
+
     `says`, `hears`: the interface: LANGUAGE.Class of each content an act may have, () for an act without content. Empty
     tables: not checked (toys).
     """
@@ -44,6 +46,7 @@ class Link(msgspec.Struct, frozen=True):
     delivery: Delivery
     ontology: str = ""
     silent: str = ""
+    use: str = ""
     says: dict[Performative, tuple[str, ...]] = {}
     hears: dict[Performative, tuple[str, ...]] = {}
 

@@ -26,7 +26,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     `deadline`: reply-by of the newest message that waits for an answer, mine or the peer's [unix s], else None. It
     bounds the next message only: after an agree there is none unless a message sets one (SC00061G). A cancel's
     deadline stands until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the cancel, "" if there
-    was none. `unconfirmed`: m_w and kind of every message that is still to be confirmed, oldest first.
+    is none. `unconfirmed`: m_w and kind of every message that is still to be confirmed, oldest first. `past`: m_w of
+    earlier rounds and of cancels that failed while the conversation went on: what bears one of them is a copy.
     """
 
     id: str
@@ -39,6 +40,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     asked: str = ""
     cancel: str = ""
     unconfirmed: tuple[tuple[str, Kind], ...] = ()
+    past: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, protocol: str | Protocol, role: Role, *, id: str, me: str, peer: str) -> Self:
@@ -110,7 +112,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                 "performative", f"{self._here} owes {', '.join(self.allowed(SEND))} before it takes"
             )
         try:
-            row = self._row(RECEIVE, performative, self._kind(performative, reply_to, kind))
+            row = self._row(RECEIVE, performative, self.kind_of(performative, reply_to, kind))
             self._require_answer(performative, communicate.reply_with, reply_to)
         except LocalProtocolError as error:
             raise RemoteProtocolError(error.field, error.reason) from None
@@ -152,7 +154,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         )
         if performative is Performative.NOT_UNDERSTOOD:
             return self._after_not_understood(SEND, reply_to), communicate
-        row = self._row(SEND, performative, self._kind(performative, reply_to, kind))
+        row = self._row(SEND, performative, self.kind_of(performative, reply_to, kind))
         self._require_answer(performative, communicate.reply_with, reply_to)
         return self._after(row, communicate), communicate
 
@@ -170,7 +172,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             raise LocalProtocolError("performative", f"{self._here} {verb} {word}; this state {verb_allowed} {allowed}")
         return row
 
-    def _kind(self, performative: Performative, reply_to: str, kind: Kind) -> Kind:
+    def kind_of(self, performative: Performative, reply_to: str, kind: Kind) -> Kind:
         """The guard word of the row. Only an inform has uses that its content tells apart."""
         if performative is Performative.CONFIRM:
             # First: both sides number their own messages, so the confirmed one may have the label of the cancel.
@@ -204,7 +206,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         answered = performative is Performative.CANCEL or performative in protocol.confirmed
         if answered and not reply_with:
             raise LocalProtocolError("reply_with", f"{self._here}: a {performative} needs one, for its answer")
-        if performative in protocol.openings and self.state != START and reply_with != self.asked:
+        if performative in protocol.rounds or performative is Performative.CANCEL:
+            if reply_with in (*self.past, self.asked):
+                raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was said before, this is a copy")
+        elif performative in protocol.openings and self.state != START and reply_with != self.asked:
             raise LocalProtocolError("reply_with", f"{self._here}: asked again with {reply_with!r}, not {self.asked!r}")
         known = ("", self.asked, self.cancel, *(label for label, _ in self.unconfirmed))
         if reply_to not in known:
@@ -215,9 +220,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         if not id:
             raise LocalProtocolError("id", f"{self._here}: a message needs an id")
         protocol = named(self.protocol)
-        if performative in protocol.openings:
+        if performative in protocol.openings and performative not in protocol.rounds:
             return self.asked or id
-        return id if performative is Performative.CANCEL or performative in protocol.confirmed else ""
+        labelled = protocol.confirmed | protocol.rounds | {Performative.CANCEL}
+        return id if performative in labelled else ""
 
     def _default_reply(self, performative: Performative, kind: Kind) -> str:
         """m_t: the paper leaves it empty in request, inform and cancel of coordinate, and sets it in confirm."""
@@ -243,15 +249,24 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             unconfirmed = (*unconfirmed, (label, row.kind))
         elif performative is Performative.CONFIRM:
             unconfirmed = tuple(entry for entry in unconfirmed if entry[0] != communicate.in_reply_to)
-        opens = performative in protocol.openings and self.state == START
+        opens = performative in protocol.openings and (self.state == START or performative in protocol.rounds)
         return msgspec.structs.replace(
             self,
             state=str(row.to),
             deadline=self._next_deadline(row, communicate.reply_by),
             asked=label if opens else self.asked,
-            cancel=label if performative is Performative.CANCEL else self.cancel,
+            cancel=label if performative is Performative.CANCEL else self._cancel_after(row),
             unconfirmed=unconfirmed,
+            past=self._past_after(row, opens),
         )
+
+    def _cancel_after(self, row: Row) -> str:
+        """A cancel that failed while the conversation goes on is pending no longer."""
+        return "" if row.kind is Kind.CANCEL and row.to not in self.table.ended else self.cancel
+
+    def _past_after(self, row: Row, opens: bool) -> tuple[str, ...]:
+        over = self.asked if opens else self.cancel if self._cancel_after(row) != self.cancel else ""
+        return (*self.past, over) if over else self.past
 
     def _next_deadline(self, row: Row, reply_by: float | None) -> float | None:
         """An answer clears the deadline; what is asked again, or crosses a cancel, is no answer."""
@@ -259,7 +274,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             return None
         if reply_by is not None:
             return reply_by
-        cancelling = bool(self.cancel) and self.role is Role.INITIATOR
+        cancelling = bool(self.cancel) and self.role is Role.INITIATOR and row.kind is not Kind.CANCEL
         repeats = row.way is SEND and row.to == self.state
         return self.deadline if cancelling or repeats else None
 
@@ -270,5 +285,6 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         if reply_to and reply_to == self.cancel:
             row = self.table.find(self.state, way, Performative.FAILURE, Kind.CANCEL)
             if row is not None:
-                return msgspec.structs.replace(self, state=str(row.to), deadline=None)
+                cancel, past = self._cancel_after(row), self._past_after(row, opens=False)
+                return msgspec.structs.replace(self, state=str(row.to), deadline=None, cancel=cancel, past=past)
         return msgspec.structs.replace(self, state=NOT_UNDERSTOOD, deadline=None, unconfirmed=())
