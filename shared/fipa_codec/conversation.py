@@ -203,10 +203,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     def _require_answer(self, performative: Performative, reply_with: str, reply_to: str) -> None:
         """What must be answerable has its m_w, what answers names something that was asked."""
         protocol = named(self.protocol)
-        answered = performative is Performative.CANCEL or performative in protocol.confirmed
-        if answered and not reply_with:
+        numbered = performative is Performative.CANCEL or performative in protocol.rounds
+        if (numbered or performative in protocol.confirmed) and not reply_with:
             raise LocalProtocolError("reply_with", f"{self._here}: a {performative} needs one, for its answer")
-        if performative in protocol.rounds or performative is Performative.CANCEL:
+        if numbered:
             if reply_with in (*self.past, self.asked):
                 raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was said before, this is a copy")
         elif performative in protocol.openings and self.state != START and reply_with != self.asked:
@@ -222,8 +222,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         protocol = named(self.protocol)
         if performative in protocol.openings and performative not in protocol.rounds:
             return self.asked or id
-        labelled = protocol.confirmed | protocol.rounds | {Performative.CANCEL}
-        return id if performative in labelled else ""
+        if performative is Performative.CANCEL or performative in protocol.rounds:
+            return id
+        return id if performative in protocol.confirmed else ""
 
     def _default_reply(self, performative: Performative, kind: Kind) -> str:
         """m_t: the paper leaves it empty in request, inform and cancel of coordinate, and sets it in confirm."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols.states import State as S
-from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Row, Table
+from fipa_codec.tables import RECEIVE, SEND, Protocol, Row, Table
 
 PLAIN, CANCEL = Kind.PLAIN, Kind.CANCEL
 
@@ -89,6 +89,6 @@ def _participant(
         yield Row(stopping, SEND, P.FAILURE, CANCEL, S.CANCELLED if failure_ends else state)
     # A cancel that crossed the participant's last word, or (start) names a conversation nobody remembers.
     said = {row.to for row in drawing if row.way is SEND}
-    for state in (START, *(end for end in ends if end in said)):
+    for state in (S.START, *(end for end in ends if end in said)):
         yield Row(state, RECEIVE, P.CANCEL, PLAIN, S.TOO_LATE)
     yield Row(S.TOO_LATE, SEND, P.FAILURE, CANCEL, S.SETTLED)
