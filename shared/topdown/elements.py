@@ -9,12 +9,18 @@ import msgspec
 
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Way
-
-
-class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a design file: unknown fields are errors, since they are misspelt ones."""
-
-    ruling: str = ""
+from topdown.method import Complement as Complement
+from topdown.method import Division as Division
+from topdown.method import Entry as Entry
+from topdown.method import Group as Group
+from topdown.method import NewChannel as NewChannel
+from topdown.method import Reallocation as Reallocation
+from topdown.method import Requirement as Requirement
+from topdown.method import Split as Split
+from topdown.method import Step as Step
+from topdown.method import Stop as Stop
+from topdown.method import Task as Task
+from topdown.statements import Claim, Outcome, Tally
 
 
 class System(Entry, frozen=True):
@@ -39,9 +45,13 @@ class House(Entry, frozen=True):
 
 
 class Language(Entry, frozen=True):
-    """A content language by name; its classes are Python's business and are compared by the checks."""
+    """A content language by name; its classes are Python's business and are compared by the checks.
+
+    `classes`: their names, where the design is to be checked without code (none: the code knows them).
+    """
 
     name: str
+    classes: tuple[str, ...] = ()
     text: str = ""
 
 
@@ -51,69 +61,6 @@ class Ontology(Entry, frozen=True):
     name: str
     file: str
     text: str = ""
-
-
-class Requirement(Entry, frozen=True):
-    """A node of the requirement tree; no `parent`: a root."""
-
-    id: str
-    text: str
-    parent: str = ""
-
-
-class Division(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A group is divided in two halves, both with coherent tasks."""
-
-    group: str
-    into: tuple[str, str]
-
-
-class Task(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a group is for."""
-
-    group: str
-    text: str
-
-
-class Reallocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The divided group's end of a channel goes to one half."""
-
-    channel: str
-    to: str
-
-
-class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Both halves need the channel: it is retired, and two new ones take its place (first and second half)."""
-
-    channel: str
-    into: tuple[str, str]
-
-
-class Complement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A channel transmits more than before."""
-
-    channel: str
-    adds: str
-
-
-class NewChannel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A channel that arises in a step."""
-
-    id: str
-    between: tuple[str, str]
-    transmits: str
-
-
-class Step(Entry, frozen=True):
-    """A step of the decomposition, for one or more requirements (paper, section 4, step 2)."""
-
-    requirements: tuple[str, ...]
-    divide: Division | None = None
-    tasks: tuple[Task, ...] = ()
-    reallocate: tuple[Reallocation, ...] = ()
-    split: tuple[Split, ...] = ()
-    complement: tuple[Complement, ...] = ()
-    channels: tuple[NewChannel, ...] = ()
 
 
 class InterfaceEntry(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
@@ -136,14 +83,18 @@ class Message(Entry, frozen=True):
     """Who says which act, in which language; `content`: class names of that language ("*set": those of an interface),
     none = no content.
 
-    `bytes`: the largest size of the whole communicate.
+    `bytes`: the largest size of the whole communicate; 0: no budget is stated. For estimates: `typical_bytes`, and
+    `count`, how often it is said per conversation of its use, or of the use `each`.
     """
 
     sender: str
     performative: Performative
     language: str
-    bytes: int
+    bytes: int = 0
     content: tuple[str, ...] = ()
+    typical_bytes: int = 0
+    count: float = 0.0
+    each: str = ""
 
 
 class RoleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -175,7 +126,10 @@ class Protocol(Entry, frozen=True):
 
     `follows`: the name of its table of rows, which is also the communicate's protocol field. `durable`: numbered,
     journalled, re-sent. `latest`: of informs only the newest value of a subject counts. `latency_s`: what an answer
-    should need at most.
+    should need at most; 0: no budget is stated. `answer`: the acts that answer in this sense; none: whatever comes
+    first. For estimates: `within`, the use in whose conversations this one's are opened (none: a person or the start
+    opens them), `per`, how many in each; `typical_s`, what one takes besides those opened within it;
+    `typical_latency_s`, what its answer takes; `alongside`: it goes on beside the others, nobody waits for its end.
     """
 
     name: str
@@ -184,11 +138,17 @@ class Protocol(Entry, frozen=True):
     initiator: str
     participant: str
     durable: bool
-    latency_s: float
     message: tuple[Message, ...]
+    latency_s: float = 0.0
+    answer: tuple[Performative, ...] = ()
     interface: tuple[str, ...] = ()
     ontology: str = ""
     latest: bool = False
+    within: str = ""
+    per: float = 0.0
+    typical_s: float = 0.0
+    typical_latency_s: float = 0.0
+    alongside: bool = False
 
 
 class State(Entry, frozen=True):
@@ -254,18 +214,30 @@ class Never(Entry, frozen=True, rename={"while_": "while"}):
     text: str = ""
 
 
+class Ends(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One half of an agent's interface, as the designer declares it (paper, section 4, step 4)."""
+
+    performatives: tuple[Performative, ...] = ()
+    protocols: tuple[str, ...] = ()
+    languages: tuple[str, ...] = ()
+    ontologies: tuple[str, ...] = ()
+
+
 class Agent(Entry, frozen=True):
     """An agent (a group of the same name that is divided no further) and the state machine of its control subsystem.
 
     `row`: its conversational behaviour, over the same states; `rest`: the states in which it is idle (none: `initial`).
+    `sends`, `receives`: its interface as declared, to be compared with the messages; none: it is derived from them.
     """
 
     name: str
-    initial: str
-    state: tuple[State, ...]
-    arc: tuple[Arc, ...]
+    initial: str = ""
+    state: tuple[State, ...] = ()
+    arc: tuple[Arc, ...] = ()
     row: tuple[Row, ...] = ()
     rest: tuple[str, ...] = ()
+    sends: Ends | None = None
+    receives: Ends | None = None
     text: str = ""
 
 
@@ -283,3 +255,7 @@ class DesignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ontology: tuple[Ontology, ...] = ()
     table: tuple[Table, ...] = ()
     never: tuple[Never, ...] = ()
+    group: tuple[Group, ...] = ()
+    outcome: Outcome | None = None
+    claim: tuple[Claim, ...] = ()
+    tally: Tally | None = None
