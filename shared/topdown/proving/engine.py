@@ -1,0 +1,271 @@
+"""Looks at every state of a model, breadth first, and gives the shortest way to whatever is wrong.
+
+Three things are looked for: a state the model calls wrong; a deadlock (nothing but faults can happen, and it is not at
+rest); and a state from which rest is out of reach by moves that are fair, that is, neither faults nor somebody's free
+choice. States are numbered as they are found, and edges are kept as numbers only, so that millions fit into memory.
+Must not know: what a model is about.
+"""
+
+import time
+from array import array
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple, Protocol
+
+State = Any
+"""Anything hashable; two states are the same if they are equal. Flat tuples of small integers are fastest."""
+
+LOOK_AT_CLOCK = 1024
+"""States between two looks at the clock (estimate: 0.1 s at the slowest)."""
+TELL_EVERY_S = 0.5
+
+
+class Move(NamedTuple):
+    """`who` does `what` and the state is `there`.
+
+    `fair`: counts when asked whether rest can be reached; a fault, a person's free choice and a repetition do not.
+    `fault`: of the surroundings, so nobody may wait for it. Words in `what` that drawings understand: "request -> ta"
+    is sent to another lifeline, "request <- co" is taken from one.
+    """
+
+    who: str
+    what: str
+    there: State
+    fair: bool = True
+    fault: bool = False
+
+
+class Model(Protocol):
+    """What can be explored."""
+
+    @property
+    def start(self) -> State:
+        """The first state."""
+
+    def moves(self, state: State) -> Iterable[Move]:
+        """All that can happen in a state; a plain tuple of a Move's five fields will do, and is quicker made."""
+
+    def at_rest(self, state: State) -> bool:
+        """Whether all may stay as it is for ever."""
+
+    def wrong(self, state: State) -> str:
+        """What is wrong in this state by itself, in words; "" for nothing. Nothing is explored beyond a wrong state."""
+
+    def describe(self, state: State) -> dict[str, str]:
+        """Agent -> its state in words, for drawing traces."""
+
+
+class Step(NamedTuple):
+    """One move of a trace, and everybody's state after it."""
+
+    who: str
+    what: str
+    after: Mapping[str, str]
+
+
+DEADLOCK, WRONG, UNREACHED = "deadlock", "wrong", "rest out of reach"
+
+
+class Finding(NamedTuple):
+    """`kind`: DEADLOCK, WRONG or UNREACHED; `trace`: a shortest way from the start, where all were as in `start`."""
+
+    kind: str
+    text: str
+    trace: tuple[Step, ...]
+    start: Mapping[str, str]
+
+    def __str__(self) -> str:
+        steps = (f"{number:3}. {step.who}: {step.what}" for number, step in enumerate(self.trace, start=1))
+        return "\n".join((f"{self.kind}: {self.text}", *steps))
+
+
+class Exploration(NamedTuple):
+    """What was found. `complete`: every state was looked at; if not, `unproven` says what is open.
+
+    `findings`: one for each different text, shortest trace first. `reached`: all states, where that was asked for.
+    """
+
+    states: int
+    edges: int
+    seconds: float
+    complete: bool
+    unproven: str
+    findings: tuple[Finding, ...]
+    reached: Collection[State] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Nothing was found, and nothing is open."""
+        return self.complete and not self.findings
+
+
+def explore(
+    model: Model,
+    *,
+    most_states: int | None = None,
+    seconds: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    first: bool = True,
+    keep: bool = False,
+) -> Exploration:
+    """Explore a model: stop at `most_states` known states, after `seconds`, or (`first`) at the first finding.
+
+    `progress(states, waiting)` is called about twice a second. `keep`: hand out all states in `Exploration.reached`.
+    """
+    walk = _Walk(model, most_states, seconds, progress, first)
+    walk.run()
+    if walk.complete:
+        walk.look_back()
+    return Exploration(
+        states=len(walk.numbers),
+        edges=walk.edges,
+        seconds=time.perf_counter() - walk.began,
+        complete=walk.complete,
+        unproven=walk.unproven,
+        findings=tuple(walk.findings.values()),
+        reached=walk.numbers.keys() if keep else (),
+    )
+
+
+class _Walk:
+    """`numbers`: every state found, in order; `parents`: of each but the first; `fair`: the numbers of the states that
+    fair moves lead to, those of state n from `begin[n]` on; `good`: at rest (or looked at no further).
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        most_states: int | None,
+        seconds: float | None,
+        progress: Callable[[int, int], None] | None,
+        first: bool,
+    ) -> None:
+        self.model, self.first, self.progress = model, first, progress
+        self.most = most_states or 1 << 31
+        self.seconds = seconds or float("inf")
+        self.numbers: dict[State, int] = {model.start: 0}
+        self.parents, self.fair, self.begin = array("I", [0]), array("I"), array("Q", [0])
+        self.good = array("I")
+        self.edges, self.complete, self.unproven = 0, False, ""
+        self.findings: dict[tuple[str, str], Finding] = {}
+        self.dead: set[int] = set()
+        self.began = self.told = time.perf_counter()
+
+    def run(self) -> None:
+        """Breadth first until nothing is left, or a limit is met."""
+        waiting: deque[State] = deque([self.model.start])
+        here = 0
+        while waiting:
+            if here % LOOK_AT_CLOCK == 0 and self._limited(len(waiting)):
+                return
+            self._look(here, waiting.popleft(), waiting)
+            if self.first and self.findings:
+                self.unproven = "the search ended at its first finding; what else is wrong is open"
+                return
+            here += 1
+        self.complete = True
+
+    def _look(self, here: int, state: State, waiting: deque[State]) -> None:
+        wrong = self.model.wrong(state)
+        rest = not wrong and self.model.at_rest(state)
+        if wrong or rest:
+            self.good.append(here)
+        if wrong:
+            self._find(WRONG, wrong, here)
+        elif not self._go_on(here, state, waiting) and not rest:
+            self.dead.add(here)
+            self._find(DEADLOCK, "nothing can happen any more, and not all is at rest", here)
+        self.begin.append(len(self.fair))
+
+    def _go_on(self, here: int, state: State, waiting: deque[State]) -> bool:
+        """Note every move; whether there was one that is no fault."""
+        numbers, fair_ones, moved = self.numbers, self.fair, False
+        for _, _, there, fair, fault in self.model.moves(state):
+            self.edges += 1
+            number = numbers.get(there)
+            if number is None:
+                number = numbers[there] = len(numbers)
+                self.parents.append(here)
+                waiting.append(there)
+            if not fault:
+                moved = True
+                if fair:
+                    fair_ones.append(number)
+        return moved
+
+    def _limited(self, waiting: int) -> bool:
+        """Look at the clock and the count: whether to stop."""
+        now = time.perf_counter()
+        if self.progress is not None and now - self.told > TELL_EVERY_S:
+            self.told = now
+            self.progress(len(self.numbers), waiting)
+        over = now - self.began > self.seconds
+        if over or len(self.numbers) > self.most:
+            limit = f"{self.seconds:g} s" if over else f"{self.most} states"
+            self.unproven = (
+                f"stopped at the limit of {limit}: {len(self.numbers)} states known, {waiting} of them not looked at; "
+                "open is whether a deadlock or a wrong state lies beyond them, and whether rest can be reached from all"
+            )
+            return True
+        return False
+
+    # --- backwards ----------------------------------------------------------------------------------------------------
+
+    def look_back(self) -> None:
+        """From the states at rest backwards over fair moves; the first state not met so is a finding."""
+        good = self._reaching()
+        here = good.find(0)
+        while here >= 0:
+            if here not in self.dead:
+                self._find(UNREACHED, "from here no fair moves lead to rest", here)
+                return
+            here = good.find(0, here + 1)
+
+    def _reaching(self) -> bytearray:
+        """1 for each state from which fair moves lead to rest."""
+        begin, before = self._predecessors()
+        good, waiting = bytearray(len(self.numbers)), self.good
+        for number in waiting:
+            good[number] = 1
+        while waiting:
+            there = waiting.pop()
+            for here in before[begin[there] : begin[there + 1]]:
+                if not good[here]:
+                    good[here] = 1
+                    waiting.append(here)
+        return good
+
+    def _predecessors(self) -> "tuple[array[int], array[int]]":
+        """The fair moves turned round, by a counting sort: those into state n stand from begin[n] to begin[n + 1]."""
+        begin = array("Q", bytes(8 * (len(self.numbers) + 2)))
+        for there in self.fair:
+            begin[there + 2] += 1
+        for number in range(2, len(begin)):
+            begin[number] += begin[number - 1]
+        before = array("I", bytes(4 * len(self.fair)))
+        for here in range(len(self.numbers)):
+            for there in self.fair[self.begin[here] : self.begin[here + 1]]:
+                before[begin[there + 1]] = here
+                begin[there + 1] += 1
+        return begin, before
+
+    # --- findings -----------------------------------------------------------------------------------------------------
+
+    def _find(self, kind: str, text: str, number: int) -> None:
+        if (kind, text) not in self.findings:
+            self.findings[kind, text] = self._finding(kind, text, number)
+
+    def _finding(self, kind: str, text: str, number: int) -> Finding:
+        way = [number]
+        while way[-1]:
+            way.append(self.parents[way[-1]])
+        wanted = set(way)
+        states = {n: state for n, state in enumerate(self.numbers) if n in wanted}
+        way.reverse()
+        steps = [self._step(states[one], states[other]) for one, other in pairwise(way)]
+        return Finding(kind, text, tuple(steps), self.model.describe(self.model.start))
+
+    def _step(self, here: State, there: State) -> Step:
+        who, what, *_ = next(move for move in self.model.moves(here) if move[2] == there)
+        return Step(who, what, self.model.describe(there))

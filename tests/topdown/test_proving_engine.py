@@ -1,0 +1,128 @@
+"""The exploration engine against plain graph searches, and what it says of small models."""
+
+from collections import deque
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from topdown.proving.engine import DEADLOCK, UNREACHED, WRONG, Move, explore
+
+
+class Graph:
+    """States are numbers; `arcs`: (from, to, fair, fault)."""
+
+    def __init__(self, arcs, rest=(0,), bad=()):
+        self.arcs, self.rest, self.bad = arcs, set(rest), set(bad)
+        self.start = 0
+
+    def moves(self, state):
+        """The arcs that leave a state."""
+        return [
+            Move("it", f"to {there}", there, fair, fault) for here, there, fair, fault in self.arcs if here == state
+        ]
+
+    def at_rest(self, state):
+        """One of the given ones."""
+        return state in self.rest
+
+    def wrong(self, state):
+        """One of the given ones."""
+        return "bad" if state in self.bad else ""
+
+    def describe(self, state):
+        """Its number."""
+        return {"it": str(state)}
+
+
+def distances(graph, start=0):
+    """Length of a shortest way to each state that is reached; nothing beyond bad ones."""
+    far, waiting = {start: 0}, deque([start])
+    while waiting:
+        here = waiting.popleft()
+        for move in graph.moves(here) if here not in graph.bad else ():
+            if move.there not in far:
+                far[move.there] = far[here] + 1
+                waiting.append(move.there)
+    return far
+
+
+def rest_in_reach(graph, state):
+    """Whether fair moves lead to rest, or to a state beyond which nothing is looked at."""
+    seen, waiting = {state}, [state]
+    while waiting:
+        here = waiting.pop()
+        if here in graph.rest | graph.bad:
+            return True
+        found = [m.there for m in graph.moves(here) if m.fair and not m.fault and m.there not in seen]
+        seen.update(found)
+        waiting.extend(found)
+    return False
+
+
+numbers = st.integers(0, 9)
+arcs = st.lists(st.tuples(numbers, numbers, st.booleans(), st.booleans()), max_size=25)
+
+
+@given(arcs, st.sets(numbers, min_size=1), st.sets(numbers))
+def test_finds_exactly_what_a_plain_search_finds_by_a_shortest_way(arcs, rest, bad):
+    """Any small graph: states, edges, each verdict, and the length of each trace."""
+    graph = Graph(arcs, rest, bad)
+    found = explore(graph, first=False)
+    far = distances(graph)
+    assert found.complete
+    assert found.states == len(far)
+    assert found.edges == sum(len(graph.moves(state)) for state in far if state not in bad)
+    good = {state for state in far if state not in bad}
+    dead = {s for s in good if all(m.fault for m in graph.moves(s)) and s not in rest}
+    stuck = {s for s in good - dead if not rest_in_reach(graph, s)}
+    expected = {WRONG: bad & far.keys(), DEADLOCK: dead, UNREACHED: stuck}
+    lengths = {finding.kind: len(finding.trace) for finding in found.findings}
+    assert lengths == {kind: min(far[s] for s in states) for kind, states in expected.items() if states}
+
+
+def test_a_trace_can_be_followed_from_the_start():
+    """Each step is a move of the state before it."""
+    graph = Graph([(0, 1, True, False), (1, 2, True, False), (0, 3, True, False), (3, 0, True, False)])
+    (finding,) = explore(graph).findings
+    assert [step.after["it"] for step in finding.trace] == ["1", "2"]
+    assert finding.start == {"it": "0"}
+    assert str(finding).splitlines()[1].split() == ["1.", "it:", "to", "1"]
+
+
+def test_only_fair_moves_lead_to_rest():
+    """The one way home is somebody's free choice, or a fault: rest is out of reach, though nobody is stuck."""
+    for fair, fault in ((False, False), (True, True)):
+        graph = Graph([(0, 1, True, False), (1, 1, True, False), (1, 0, fair, fault)])
+        assert [finding.kind for finding in explore(graph).findings] == [UNREACHED]
+
+
+def test_a_search_that_stops_early_says_what_is_open():
+    """At a count of states, at a time, and at its first finding."""
+    chain = Graph([(n, n + 1, True, False) for n in range(5000)], rest=(5000,))
+    for limits in ({"most_states": 100}, {"seconds": 0.0001}):
+        found = explore(chain, **limits)
+        assert not found.complete
+        assert not found.holds
+        assert "not looked at" in found.unproven
+    assert "first finding" in explore(Graph([], rest=())).unproven
+
+
+def test_progress_is_told_while_it_runs(monkeypatch):
+    """Numbers of states grow from call to call."""
+    monkeypatch.setattr("topdown.proving.engine.TELL_EVERY_S", 0.0)
+    told = []
+
+    class Chain(Graph):
+        def moves(self, state):
+            return [Move("it", "on", (state + 1) % 5000)]
+
+    assert explore(Chain([]), progress=lambda states, waiting: told.append((states, waiting))).holds
+    assert len(told) >= 4
+    assert told == sorted(told)
+
+
+def test_states_are_handed_out_where_asked_for():
+    """Else they are not kept."""
+    graph = Graph([(0, 1, True, False), (1, 0, True, False)])
+    assert set(explore(graph, keep=True).reached) == {0, 1}
+    assert not explore(graph).reached
