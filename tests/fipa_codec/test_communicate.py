@@ -1,8 +1,11 @@
 """The envelope: what goes in comes out, it is small, and foreign bytes end in a communicate or in one typed error."""
 
+import math
+import re
+
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fipa_codec.communicate import MAX_BYTES, Communicate, decode, encode, envelope_size
@@ -193,6 +196,55 @@ def test_what_could_not_be_decoded_is_not_encoded(message):
     """Our own mistakes raise here and not at the peer."""
     with pytest.raises(LocalProtocolError):
         encode(message)
+
+
+ANY_LABEL = LABELS | st.text(max_size=6) | st.sampled_from(["", "a b", "a\n", "\x7f", "ä", "x" * 128, "x" * 129])
+ANY_WORD = st.sampled_from(["", "WM", "pl", "a/b", "9", "ä", "w" * 64, "w" * 65])
+ANY_TIME = st.floats() | st.sampled_from([0.0, float("nan"), float("inf")])
+ANY_CONTENT = CONTENTS | st.binary(max_size=6).map(msgspec.Raw)
+ONE_FIELD = st.one_of(
+    st.tuples(st.sampled_from(["language", "sender"]), ANY_WORD),
+    st.tuples(st.sampled_from(["reply_with", "conversation", "id"]), ANY_LABEL),
+    st.tuples(st.sampled_from(["reply_by", "sent"]), ANY_TIME),
+    st.tuples(st.just("content"), ANY_CONTENT),
+)
+
+
+def is_right(communicate):
+    """Every character of every field looked at."""
+    words = (communicate.language, communicate.sender)
+    labels = (communicate.reply_with, communicate.conversation, communicate.id)
+    try:
+        whole = communicate.content is msgspec.UNSET or msgspec.msgpack.decode(communicate.content, type=msgspec.Raw)
+    except (msgspec.MsgspecError, ValueError):
+        whole = False
+    return (
+        all(word == "" or re.fullmatch(r"[A-Za-z][A-Za-z0-9_.@-]{0,63}", word) for word in words)
+        and all(label == "" or re.fullmatch(r"[!-~]{1,128}", label) for label in labels)
+        and all(map(math.isfinite, (communicate.reply_by or 0.0, communicate.sent)))
+        and bool(whole)
+    )
+
+
+@settings(max_examples=500)
+@given(ONE_FIELD)
+def test_the_cheap_proof_lets_nothing_through_that_the_patterns_refuse(changed):
+    """One field of a usual communicate becomes anything: encode and decode agree with a look at every character."""
+    usual = Communicate(performative=Performative.INFORM, language="WM", sender="pl", conversation="c-1", sent=1.76e9)
+    communicate = msgspec.structs.replace(usual, **dict([changed]))
+    right = is_right(communicate)
+    for _ in range(2):  # the second time the words are known
+        try:
+            assert decode(encode(communicate)) == communicate
+            assert right
+        except LocalProtocolError:
+            assert not right
+    if changed[0] != "content":
+        try:
+            decode(msgspec.msgpack.encode(communicate))
+            assert right
+        except MalformedError:
+            assert not right
 
 
 def test_blame_is_in_the_type():
