@@ -1,0 +1,217 @@
+"""Variables, bounded queues and guarded commands: the one form from which a model and its exports are made.
+
+A net is data, so one and the same table is explored here (`net_model.NetModel`), given to spin (`promela`) and to
+Petri net tools (`pnml`). To fill it:
+
+  * `Variable("co", ("idle", "busy"), owner="co")`: a small finite domain of words; it starts with the first one, or
+    with `start`. `owner`: the lifeline under which drawings show its value ("" = not shown).
+  * `Queue("co>ta", ("request", "cancel"), capacity=3)`: first in, first out, empty at the start.
+  * `Command(who, what, guards, effects)`: may happen where all `guards` hold, and all its effects happen at once.
+    Alternatives are separate commands. `fair` and `fault` mean what they mean in `engine.Move`.
+    Guards: `Is(variable, {values})`, `Head(queue, {words})`, `Empty(queue)`, `Full(queue)`.
+    Effects, carried out in their order: `Set(variable, value)`, `Copy(variable, source)` (another variable with the
+    same domain), `Take(queue)` (its first word goes), `Send(queue, word)`, `Clear(queue)`.
+    A command with `Send` does not happen while there is no room (a full queue holds the sender back); where fullness
+    is an error, write another command guarded by `Full` that sets a variable of `wrong`. `Take` wants a `Head` guard.
+  * `rest`: guards that all hold when everybody may stay as he is. `wrong`: what must never be, each with its words.
+    Beyond a wrong state nothing is explored.
+
+A bag of messages in any order is a variable per word (how many copies); an unbounded number of faults is fault commands
+without a counter, a bounded one a variable that they count down (`Net.counted`). Names are free text; exports make
+identifiers of them. Must not know: protocols, agents, files.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+
+class Variable(NamedTuple):
+    """One of `values` at a time. `owner`: the lifeline that shows it in drawings."""
+
+    name: str
+    values: tuple[str, ...]
+    owner: str = ""
+    start: str = ""
+
+    @property
+    def first(self) -> int:
+        """Index of the value at the start."""
+        return self.values.index(self.start) if self.start else 0
+
+
+class Queue(NamedTuple):
+    """First in, first out, at most `capacity` words. `owner`: the lifeline that shows what waits in it."""
+
+    name: str
+    words: tuple[str, ...]
+    capacity: int = 3
+    owner: str = ""
+
+
+class Is(NamedTuple):
+    """The variable has one of these values."""
+
+    variable: str
+    values: frozenset[str]
+
+
+class Head(NamedTuple):
+    """The queue's first word is one of these."""
+
+    queue: str
+    words: frozenset[str]
+
+
+class Empty(NamedTuple):
+    """Nothing is in the queue."""
+
+    queue: str
+
+
+class Full(NamedTuple):
+    """The queue has no room."""
+
+    queue: str
+
+
+class Set(NamedTuple):
+    """Give the variable a value."""
+
+    variable: str
+    value: str
+
+
+class Copy(NamedTuple):
+    """Give the variable the value that another one of the same domain has by now."""
+
+    variable: str
+    source: str
+
+
+class Take(NamedTuple):
+    """The first word goes."""
+
+    queue: str
+
+
+class Send(NamedTuple):
+    """A word is added behind."""
+
+    queue: str
+    word: str
+
+
+class Clear(NamedTuple):
+    """All words go."""
+
+    queue: str
+
+
+Guard = Is | Head | Empty | Full
+Effect = Set | Copy | Take | Send | Clear
+
+
+class Command(NamedTuple):
+    """`who` does `what` where all guards hold; see `engine.Move` for `fair`, `fault` and the words of `what`."""
+
+    who: str
+    what: str
+    guards: tuple[Guard, ...]
+    effects: tuple[Effect, ...]
+    fair: bool = True
+    fault: bool = False
+
+
+class Wrong(NamedTuple):
+    """Where all guards hold, `text` is wrong."""
+
+    text: str
+    guards: tuple[Guard, ...]
+
+
+class NetError(ValueError):
+    """A net names something it does not have: which command, what, and what there is."""
+
+
+class Net(NamedTuple):
+    """The whole. `lifelines`: in the order in which drawings show them."""
+
+    name: str
+    variables: tuple[Variable, ...]
+    queues: tuple[Queue, ...]
+    commands: tuple[Command, ...]
+    rest: tuple[Guard, ...]
+    wrong: tuple[Wrong, ...] = ()
+    lifelines: tuple[str, ...] = ()
+
+    @property
+    def things(self) -> tuple[Variable | Queue, ...]:
+        """Variables, then queues."""
+        things: list[Variable | Queue] = [*self.variables, *self.queues]
+        return tuple(things)
+
+    @property
+    def by_name(self) -> Mapping[str, Variable | Queue]:
+        """Variables and queues by name."""
+        return {thing.name: thing for thing in self.things}
+
+    def counted(self, faults: int | None, name: str = "faults left") -> "Net":
+        """The same net in which at most so many fault commands happen (None: any number, as it is)."""
+        if faults is None:
+            return self
+        values = tuple(str(number) for number in range(faults + 1))
+        counter = Variable(name, values, start=str(faults))
+        commands: list[Command] = []
+        for command in self.commands:
+            if not command.fault:
+                commands.append(command)
+                continue
+            for left in range(1, faults + 1):
+                guards = (*command.guards, Is(name, frozenset({str(left)})))
+                effects = (*command.effects, Set(name, str(left - 1)))
+                commands.append(command._replace(guards=guards, effects=effects))
+        return self._replace(variables=(*self.variables, counter), commands=tuple(commands))
+
+    def check(self) -> "Net":
+        """The net itself. Raises NetError for names, values and words it does not have."""
+        known = self.by_name
+        if len(known) < len(self.things):
+            raise NetError(f"{self.name}: two variables or queues have one name; give each its own")
+        places: Iterable[tuple[str, Iterable[Guard | Effect]]] = (
+            *((f"{c.who}: {c.what}", (*c.guards, *c.effects)) for c in self.commands),
+            ("rest", self.rest),
+            *((wrong.text, wrong.guards) for wrong in self.wrong),
+        )
+        for place, parts in places:
+            for part in parts:
+                _check(f"{self.name}, {place}", part, known)
+        return self
+
+
+def is_(variable: str, *values: str) -> Is:
+    """The guard, shorter to write."""
+    return Is(variable, frozenset(values))
+
+
+def _check(place: str, part: Guard | Effect, known: Mapping[str, Variable | Queue]) -> None:
+    thing, wanted, words = known.get(part[0]), Variable if isinstance(part, Is | Set | Copy) else Queue, _words(part)
+    if not isinstance(thing, wanted):
+        names = ", ".join(name for name, one in known.items() if isinstance(one, wanted))
+        raise NetError(f"{place}: {part[0]!r} is no {wanted.__name__.lower()}; there are {names}")
+    domain = thing.values if isinstance(thing, Variable) else thing.words
+    if isinstance(part, Copy):
+        source = known.get(part.source)
+        if not isinstance(source, Variable) or source.values != domain:
+            raise NetError(f"{place}: {part.source!r} is no variable with the domain of {part.variable!r}")
+    elif not words <= set(domain):
+        raise NetError(f"{place}: {', '.join(sorted(words - set(domain)))} is not in {thing.name!r}: {domain}")
+
+
+def _words(part: Guard | Effect) -> frozenset[str]:
+    match part:
+        case Is(_, words) | Head(_, words):
+            return words
+        case Set(_, word) | Send(_, word):
+            return frozenset({word})
+        case _:
+            return frozenset()
