@@ -4,6 +4,7 @@ FipaError (never raised itself)
   LocalProtocolError     our own code asked for something illegal; raises loudly
   RemoteProtocolError    the peer did; never kills an agent, carries the performative to answer with
     MalformedError       bytes that are no communicate
+      AclSyntaxError     text that is no ACL message, with its place (acl_string)
     ContentError         content that does not fit its language or interface
 
 Any other exception that leaves this package is a bug in it. Must not know: agents, transport.

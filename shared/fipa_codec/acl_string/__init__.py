@@ -1,0 +1,31 @@
+"""The FIPA ACL string representation `fipa.acl.rep.string.std` (SC00070I), both ways.
+
+    parse(text or bytes) -> AclMessage        reads liberally: every habit of JADE and Rock that has one meaning
+    render(AclMessage)   -> bytes             prints strictly: what every known reader takes
+    to_acl(communicate)  -> AclMessage        and
+    from_acl(message, received) -> Communicate: exact, every communicate comes back as it was
+
+Read in this order: message, errors, dates, scanner, reading, printing, content, mapping. No I/O, no clock.
+"""
+
+from fipa_codec.acl_string.content import Form
+from fipa_codec.acl_string.errors import AclSyntaxError
+from fipa_codec.acl_string.mapping import from_acl, to_acl
+from fipa_codec.acl_string.message import MAX_ACL_BYTES, MAX_DEPTH, AclMessage, After, Aid, At
+from fipa_codec.acl_string.printing import render
+from fipa_codec.acl_string.reading import parse
+
+__all__ = [
+    "MAX_ACL_BYTES",
+    "MAX_DEPTH",
+    "AclMessage",
+    "AclSyntaxError",
+    "After",
+    "Aid",
+    "At",
+    "Form",
+    "from_acl",
+    "parse",
+    "render",
+    "to_acl",
+]

@@ -1,0 +1,173 @@
+r"""Tokens of the string representation, from bytes (SC00070I; byte-length strings count bytes, so no text before them).
+
+Word: a run without bytes 00-20 and parentheses. String: `"..."` where only `\"` is an escape and any other backslash
+is itself, or `#n"` and n bytes. Rock prints no white space at all, so a name may run into its word (`:protocolrequest`)
+and a word into the next parameter (`request:content#2"hi`); both are taken apart here where that has one meaning.
+"""
+
+import re
+
+from fipa_codec.acl_string.dates import DATE
+from fipa_codec.acl_string.errors import AclSyntaxError, shown
+from fipa_codec.acl_string.message import MAX_DEPTH
+
+_BLANK = re.compile(rb"[\x00-\x20]*")
+_RUN = re.compile(rb"[^\x00-\x20()]+")
+_NAME = re.compile(rb'[^\x00-\x20()":#]*')
+_COUNT = re.compile(rb'#(\d{1,9})"')
+_END = re.compile(rb"[\x00-\x20():]|\Z")
+# JADE leaves bare what Java takes for a double, its suffixes d and f too.
+_NUMBER = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?[dDfF]?")
+
+# The begin of a parameter inside a run of word characters.
+RUN_ON = re.compile(
+    rb":(?:(?:sender|receiver|reply-to|addresses|resolvers)\("
+    rb'|(?:content|language|encoding|ontology|conversation-id|reply-with|in-reply-to)(?:"|#\d+")'
+    rb"|reply-by[+-]?\d{8}T\d{9}"
+    rb'|x-[^\x00-\x20()":#]+#\d+")',
+    re.IGNORECASE,
+)
+
+
+class Scanner:
+    """A position `at` in `data`; every method that takes a token moves it behind. `field`: what errors are about."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.at = 0
+        self.field = "message"
+
+    def wrong(self, expected: str, at: int | None = None, found: str = "") -> AclSyntaxError:
+        """The error for what stands at `at`, else here."""
+        offset = self.at if at is None else at
+        return AclSyntaxError(self.field, self.data, offset, found or shown(self.data[offset : offset + 200]), expected)
+
+    def next(self) -> bytes:
+        """The byte behind any white space, not taken; b"" at the end."""
+        match = _BLANK.match(self.data, self.at)
+        self.at = match.end() if match else self.at
+        return self.data[self.at : self.at + 1]
+
+    def take(self, byte: bytes, expected: str) -> None:
+        """Take this byte."""
+        if self.next() != byte:
+            raise self.wrong(expected)
+        self.at += 1
+
+    def keyword(self, word: str) -> None:
+        """Take this word in any case; what follows may touch it."""
+        self.next()
+        end = self.at + len(word)
+        if self.data[self.at : end].lower() != word.encode():
+            raise self.wrong(word)
+        self.at = end
+
+    def name(self) -> str:
+        """Take an act or the name of a parameter, as written."""
+        start = self.at
+        match = _NAME.match(self.data, start)
+        self.at = match.end() if match else start
+        return self.text(self.data[start : self.at], start)
+
+    def run_end(self) -> int:
+        """Where the run of word characters here ends: at white space, a parenthesis, or a parameter that touches it."""
+        match = _RUN.match(self.data, self.at)
+        if not match:
+            return self.at
+        touching = RUN_ON.search(self.data, self.at, match.end() + 1)
+        return touching.start() if touching else match.end()
+
+    def word(self) -> str:
+        """Take a word; for a name in quotes (JADE) the string."""
+        if self.next() in (b'"', b"#"):
+            return self.string()
+        start, self.at = self.at, self.run_end()
+        raw = self.data[start : self.at]
+        if not raw or raw[:1] in b"-:" or raw[:1].isdigit():
+            raise self.wrong('a word: no blank or parenthesis in it, and no # - : " or digit first', start)
+        return self.text(raw, start)
+
+    def expression(self) -> str:
+        """Take a word, string, number, time or nested expression; what is no string stays as it is written."""
+        start, byte = self.at, self.next()
+        if byte in (b'"', b"#"):
+            return self.string()
+        if byte == b"(":
+            return self.nested()
+        start = self.at
+        raw = self.data[start : self.run_end()]
+        if _NUMBER.fullmatch(raw) or DATE.fullmatch(raw):
+            self.at += len(raw)
+            return raw.decode()
+        if raw[:1].isdigit() or raw[:1] == b"-":
+            raise self.wrong("a word, which begins with a letter, or the same in quotes", start)
+        return self.word()
+
+    def string(self) -> str:
+        """Take a string that is text."""
+        raw, begin = self.octets()
+        self.text(self.data[begin : self.at], begin)
+        return raw.decode()
+
+    def octets(self) -> tuple[bytes, int]:
+        """Take a string: its bytes, and where they begin."""
+        if self.next() == b"#":
+            return self._counted()
+        start = self.at
+        self.take(b'"', "a string in quotes")
+        begin = self.at
+        end = self.data.find(b'"', begin)
+        while end > begin and self.data[end - 1 : end] == b"\\":
+            end = self.data.find(b'"', end + 1)
+        if end < 0:
+            escaped = self.data.rfind(b'\\"') >= begin
+            why = '; the last one is escaped: write content that ends in \\ as #<bytes>"' if escaped else ""
+            raise self.wrong(f"a quote that ends the string{why}", start, "a string without end")
+        self.at = end + 1
+        return self.data[begin:end].replace(b'\\"', b'"'), begin
+
+    def _counted(self) -> tuple[bytes, int]:
+        match = _COUNT.match(self.data, self.at)
+        if not match:
+            raise self.wrong('a byte-length string #<bytes>"..., at most 9 digits')
+        begin, length = match.end(), int(match[1])
+        left = len(self.data) - begin
+        if length > left:
+            raise self.wrong(f"at most {left} bytes, which are left", found=f"a string of {length} bytes")
+        self.at = begin + length
+        return self.data[begin : self.at], begin
+
+    def nested(self) -> str:
+        """Take an expression in parentheses, as it is written."""
+        start, depth = self.at, 0
+        while True:
+            byte = self.next()
+            if byte == b"(":
+                self.deeper(depth)
+                depth, self.at = depth + 1, self.at + 1
+            elif byte == b")":
+                depth, self.at = depth - 1, self.at + 1
+                if not depth:
+                    return self.text(self.data[start : self.at], start)
+            elif byte in (b'"', b"#"):
+                self.octets()
+            elif run := _RUN.match(self.data, self.at):
+                self.at = run.end()
+            else:
+                raise self.wrong(") that ends the expression")
+
+    def deeper(self, depth: int) -> None:
+        """Refuse what is nested too deeply."""
+        if depth >= MAX_DEPTH:
+            raise self.wrong(f"at most {MAX_DEPTH} levels of parentheses", found=f"level {depth + 1}")
+
+    def ends_here(self, at: int) -> bool:
+        """Tell whether white space, a parenthesis, a parameter or the end of the text is at `at`."""
+        return _END.match(self.data, at) is not None
+
+    def text(self, raw: bytes, offset: int) -> str:
+        """The characters of bytes that begin at `offset`."""
+        try:
+            return raw.decode()
+        except UnicodeDecodeError as error:
+            raise self.wrong("text in UTF-8", offset + error.start, f"byte {raw[error.start]:02x}") from error

@@ -1,0 +1,334 @@
+"""Communicate <-> ACL: exact for every communicate, in FIPA's words for others, typed errors for what does not fit."""
+
+import math
+
+import msgspec
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from fipa_codec.acl_string import AclMessage, After, Aid, At, Form, from_acl, parse, render, to_acl
+from fipa_codec.acl_string.message import MAX_MS, MIN_MS
+from fipa_codec.communicate import MAX_BYTES, Communicate, decode, encode
+from fipa_codec.errors import LocalProtocolError, MalformedError
+from fipa_codec.performatives import Performative
+
+P = Performative
+RECEIVED = 1.76e9
+
+
+def packed(value):
+    """Content that says `value`."""
+    return msgspec.Raw(msgspec.msgpack.encode(value))
+
+
+# FIPA SC00026H, 27H, 28H, 29H, 30H, 33H, 34H, 35H, 36H.
+PROTOCOLS = {
+    "request": "fipa-request",
+    "query": "fipa-query",
+    "request-when": "fipa-request-when",
+    "cfp": "fipa-contract-net",
+    "icfp": "fipa-iterated-contract-net",
+    "brokering": "fipa-brokering",
+    "recruiting": "fipa-recruiting",
+    "subscribe": "fipa-subscribe",
+    "propose": "fipa-propose",
+}
+
+WORDS = st.from_regex(r"\A[A-Za-z][A-Za-z0-9_.@-]{0,20}\Z")
+LABELS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=40)
+FLOATS = st.floats(allow_nan=False, allow_infinity=False)
+TIMES = FLOATS | st.floats(1.7e9, 1.8e9) | st.integers(17 * 10**11, 18 * 10**11).map(lambda ms: ms / 1000)
+TEXTS = st.text(max_size=12) | st.text(st.sampled_from('"\\\0\n\r\t é本\x7f\x85('), max_size=8)
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | TEXTS | st.binary(max_size=8),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXTS | st.integers(), inner, max_size=4),
+    max_leaves=8,
+)
+# MessagePack that says a thing at greater length than needed, twice, or as an extension: bytes, not meaning, survive.
+ODD = st.sampled_from(
+    [b"\xd9\x01a", b"\xcd\x00\x01", b"\xca\x00\x00\x00\x00", b"\x82\xa1a\x01\xa1a\x02", b"\xd4\x05\x00", b"\xc0"]
+)
+
+
+@st.composite
+def contents(draw):
+    """Well-formed MessagePack whose integers fit (a map's integer key may not)."""
+    try:
+        return packed(draw(VALUES))
+    except OverflowError:
+        return packed(None)
+
+
+def maybe(strategy, absent=""):
+    """A field that may be left out."""
+    return st.just(absent) | strategy
+
+
+COMMUNICATES = st.builds(
+    Communicate,
+    performative=st.sampled_from(Performative),
+    content=maybe(contents() | ODD.map(msgspec.Raw), msgspec.UNSET),
+    language=maybe(WORDS),
+    ontology=maybe(WORDS),
+    protocol=maybe(WORDS | st.sampled_from([*PROTOCOLS, *PROTOCOLS.values(), "FIPA-Query", "coordinate"])),
+    reply_by=maybe(TIMES, None),
+    reply_with=maybe(LABELS),
+    in_reply_to=maybe(LABELS),
+    conversation=maybe(LABELS),
+    sender=maybe(WORDS),
+    receiver=maybe(WORDS),
+    id=maybe(LABELS),
+    sent=TIMES | st.sampled_from([0.0, -0.0]),
+)
+
+
+def request(**fields):
+    """A request with these fields."""
+    return Communicate(performative=P.REQUEST, **fields)
+
+
+@given(COMMUNICATES, st.sampled_from(Form))
+@example(request(conversation='a"\\', id="\\", reply_with='"'), Form.READABLE)
+@example(request(content=packed('say "hi"\\')), Form.READABLE)
+@example(request(reply_by=-0.0, sent=1e300), Form.READABLE)
+@example(request(reply_by=MAX_MS / 1000), Form.READABLE)
+def test_every_communicate_survives_the_round_trip(communicate, form):
+    """Through the text and back: content to the byte, times to the last bit and sign of zero."""
+    back = from_acl(parse(render(to_acl(communicate, form=form))), RECEIVED)
+    assert back == communicate
+    for name in ("reply_by", "sent"):
+        assert repr(getattr(back, name)) == repr(getattr(communicate, name))
+
+
+@pytest.mark.parametrize("value", [bytes(MAX_BYTES - 100), '"' * (MAX_BYTES - 100), [False] * (MAX_BYTES - 100)])
+def test_the_largest_content_survives(value):
+    """Whichever form it needs; JSON that grows too long goes as base64."""
+    communicate = request(content=packed(value))
+    assert from_acl(parse(render(to_acl(communicate))), RECEIVED) == communicate
+
+
+@given(COMMUNICATES)
+def test_what_goes_out_is_what_the_standards_say(communicate):
+    """No macro act, no short name of a protocol of FIPA, every user-defined parameter begins with X-."""
+    message = to_acl(communicate)
+    assert message.performative not in (P.INFORM_REF, P.INFORM_IF)
+    assert message.protocol not in PROTOCOLS
+    assert all(name.startswith("X-") for name in message.user)
+    if communicate.reply_by is not None and MIN_MS < communicate.reply_by * 1000 < MAX_MS:
+        assert isinstance(message.reply_by, At)
+        late = message.reply_by.unix_ms / 1000 - communicate.reply_by
+        assert -0.0011 - 1e-15 * abs(communicate.reply_by) <= late <= 1e-15 * abs(communicate.reply_by)
+
+
+@pytest.mark.parametrize(("ours", "standard"), PROTOCOLS.items())
+def test_protocol_names_map_one_to_one(ours, standard):
+    """Out by FIPA's token, in by ours, in any case; no user-defined parameter is needed."""
+    message = to_acl(request(protocol=ours))
+    assert (message.protocol, message.user) == (standard, {})
+    for written in (standard, standard.upper()):
+        assert from_acl(AclMessage(performative=P.REQUEST, protocol=written), RECEIVED).protocol == ours
+
+
+def test_a_systems_own_protocol_keeps_its_name():
+    """FIPA has no token for it."""
+    assert to_acl(request(protocol="coordinate")).protocol == "coordinate"
+    assert from_acl(AclMessage(performative=P.REQUEST, protocol="Own"), RECEIVED).protocol == "Own"
+
+
+@pytest.mark.parametrize(
+    ("act", "protocol", "out", "user"),
+    [
+        (P.INFORM_REF, "query", P.INFORM, {}),
+        (P.INFORM, "query", P.INFORM, {"X-act": "inform"}),
+        (P.INFORM_IF, "query", P.INFORM, {"X-act": "inform-if"}),
+        (P.INFORM_REF, "request", P.INFORM, {"X-act": "inform-ref"}),
+        (P.INFORM, "request", P.INFORM, {}),
+        (P.REFUSE, "query", P.REFUSE, {}),
+    ],
+)
+def test_answers_of_a_query(act, protocol, out, user):
+    """inform-ref of a query is inform for the others and comes back; what would come back as another is marked."""
+    message = to_acl(Communicate(performative=act, protocol=protocol))
+    assert (message.performative, message.user) == (out, user)
+    assert from_acl(message, RECEIVED).performative is act
+
+
+BYTE_EXACT = [
+    (
+        Communicate(
+            performative=P.INFORM_REF,
+            protocol="query",
+            content=packed({"type": "Pose", "of": "jar", "x": [1, 2.5]}),
+            language="WM",
+            sender="km",
+            receiver="pl",
+            id="km-1-7",
+            conversation="pl-1-1",
+            in_reply_to="pl-1-3",
+            reply_by=1760000001.25,
+            sent=1760000000.125,
+        ),
+        rb"(inform :sender (agent-identifier :name km ) :receiver (set (agent-identifier :name pl ) )"
+        rb' :content "{\"type\":\"Pose\",\"of\":\"jar\",\"x\":[1,2.5]}" :language WM :encoding json'
+        rb" :protocol fipa-query :conversation-id pl-1-1 :in-reply-to pl-1-3 :reply-by 20251009T085321250Z"
+        rb' :X-id km-1-7 :X-sent #14"1760000000.125 )',
+    ),
+    (request(content=packed("((action ex (grasp jar)))")), b'(request :content "((action ex (grasp jar)))" )'),
+    (request(content=packed("")), rb'(request :content "\"\"" :encoding json )'),
+    (
+        request(content=packed("C:\\")),
+        rb'(request :content "\"C:\\\"" :encoding json )',
+    ),
+    (request(content=packed(None)), b'(request :content "null" :encoding json )'),
+    (
+        request(content=packed({"raw": b"\x00\xff"})),
+        b'(request :content "gaNyYXfEAgD/" :encoding msgpack-base64 :X-JADE-Encoding Base64 )',
+    ),
+    (
+        request(reply_by=1e300),
+        b'(request :reply-by 99991231T235959999Z :X-reply-by #6"1e+300 )',
+    ),
+]
+
+
+@pytest.mark.parametrize(("communicate", "data"), BYTE_EXACT)
+def test_byte_exact_examples(communicate, data):
+    """What another platform's user sees."""
+    assert render(to_acl(communicate)) == data
+    assert from_acl(parse(data), RECEIVED) == communicate
+
+
+def test_binary_form_is_base64_whatever_the_content():
+    """For peers that only pass the bytes on."""
+    assert to_acl(request(content=packed("hi")), form=Form.BINARY).content == "omhp"
+
+
+def test_json_of_another_platform_is_the_content_it_says():
+    """White space, key order and case of the encoding are free."""
+    message = AclMessage(performative=P.REQUEST, content='{ "a" : [1, null] }', encoding="JSON")
+    assert from_acl(message, RECEIVED).content == packed({"a": [1, None]})
+
+
+def test_content_of_another_language_is_a_string():
+    """fipa-sl0 needs no encoding; character sets are no encodings of ours; bytes that JADE wrapped are bytes."""
+    for encoding in (None, "US-ASCII"):
+        message = AclMessage(performative=P.REQUEST, content="(go)", encoding=encoding, language="fipa-sl0")
+        assert from_acl(message, RECEIVED).content == packed("(go)")
+    wrapped = AclMessage(performative=P.REQUEST, content="AP8=", user={"x-jade-encoding": "base64"})
+    assert from_acl(wrapped, RECEIVED).content == packed(b"\x00\xff")
+    assert from_acl(AclMessage(performative=P.REQUEST, content=b"\xff"), RECEIVED).content == packed(b"\xff")
+
+
+def test_a_relative_time_counts_from_the_receipt():
+    """The reader says when that was."""
+    message = AclMessage(performative=P.REQUEST, reply_by=After(1500))
+    assert from_acl(message, RECEIVED).reply_by == RECEIVED + 1.5
+
+
+@pytest.mark.parametrize("x", ["1.75e9", "nan", "inf", "soon", ""])
+def test_user_defined_parameters_refine_and_never_overrule(x):
+    """Where they do not agree with the standard ones, those count."""
+    message = AclMessage(
+        performative=P.AGREE,
+        protocol="fipa-request",
+        reply_by=At(1_760_000_000_250),
+        user={"X-reply-by": x, "X-act": "refuse", "X-protocol": "query"},
+    )
+    communicate = from_acl(message, RECEIVED)
+    assert (communicate.performative, communicate.protocol) == (P.AGREE, "request")
+    assert communicate.reply_by == 1760000000.25
+
+
+def test_agents_go_by_their_names_there_and_ours_here():
+    """Identifiers with addresses go out; back in, the name alone says who it is."""
+    names = {"ta": Aid(name="ta@here", addresses=("http://here:7778/acc",)), "ams": Aid(name="ams@10.0.0.5:1099/JADE")}
+    communicate = request(sender="ta", receiver="ams")
+    message = to_acl(communicate, names=names)
+    assert message.sender == names["ta"]
+    assert from_acl(parse(render(message)), RECEIVED, names=names) == communicate
+    with pytest.raises(MalformedError) as caught:
+        from_acl(message, RECEIVED)
+    assert caught.value.field == "receiver (r)"
+
+
+def test_of_several_receivers_each_takes_its_own_copy():
+    """The reader says whose."""
+    message = AclMessage(performative=P.CFP, receiver=(Aid(name="a"), Aid(name="b")))
+    assert from_acl(message, RECEIVED, receiver="b").receiver == "b"
+    for receiver, words in (("", "whose copy"), ("c", "none of a, b")):
+        with pytest.raises(MalformedError, match=words):
+            from_acl(message, RECEIVED, receiver=receiver)
+
+
+def test_reply_to_is_taken_where_it_is_the_sender():
+    """A communicate has no other place for answers."""
+    one, other = Aid(name="a"), Aid(name="b")
+    assert from_acl(AclMessage(performative=P.CFP, sender=one, reply_to=(one,)), RECEIVED).sender == "a"
+    with pytest.raises(MalformedError, match="reply-to"):
+        from_acl(AclMessage(performative=P.CFP, sender=one, reply_to=(one, other)), RECEIVED)
+
+
+@pytest.mark.parametrize(
+    ("fields", "field"),
+    [
+        ({"conversation_id": "a b"}, "conversation (m_c)"),
+        ({"conversation_id": "x" * 129}, "conversation (m_c)"),
+        ({"language": "(set a b)"}, "language (L)"),
+        ({"user": {"X-id": "a b"}}, "id (id)"),
+        ({"user": {"X-sent": "soon"}}, "X-sent"),
+        ({"user": {"X-sent": "nan"}}, "sent (t)"),
+        ({"content": "{", "encoding": "json"}, "content"),
+        ({"content": "1" * 5000, "encoding": "json"}, "content"),
+        ({"content": "[" * 100_000, "encoding": "json"}, "content"),
+        ({"content": "a", "encoding": "msgpack-base64"}, "content"),
+        ({"content": "wQ==", "encoding": "msgpack-base64"}, "communicate"),
+        ({"content": "é", "user": {"X-JADE-Encoding": "Base64"}}, "content"),
+        ({"content": "\ud800"}, "content"),
+        ({"reply_with": "\ud800"}, "message"),
+        ({"content": "x" * (MAX_BYTES + 1)}, "communicate"),
+    ],
+)
+def test_what_no_communicate_can_hold_is_named(fields, field):
+    """A typed error for every message that does not fit."""
+    with pytest.raises(MalformedError) as caught:
+        from_acl(AclMessage(performative=P.INFORM, **fields), RECEIVED)
+    assert caught.value.field == field
+
+
+ANY = st.none() | st.text(max_size=12)
+FOREIGN = st.builds(
+    AclMessage,
+    performative=st.sampled_from(Performative),
+    sender=st.none() | st.builds(Aid, name=st.text(min_size=1, max_size=8)),
+    content=ANY | st.binary(max_size=8),
+    encoding=ANY | st.sampled_from(["json", "msgpack-base64"]),
+    language=ANY,
+    protocol=ANY | st.sampled_from(sorted(PROTOCOLS.values())),
+    conversation_id=ANY,
+    reply_by=st.none() | st.builds(At, st.integers(MIN_MS, MAX_MS)) | st.builds(After, st.integers(-9, 9)),
+    user=st.dictionaries(
+        st.sampled_from(["X-id", "X-sent", "X-reply-by", "X-act", "X-protocol", "X-JADE-Encoding", "X-mood"]),
+        st.text(max_size=8) | st.sampled_from(["base64", "inform", "query", "1e3"]),
+    ),
+)
+
+
+@given(FOREIGN)
+def test_any_message_is_a_communicate_or_a_typed_error(message):
+    """No message makes from_acl raise anything else, and what it gives is a communicate."""
+    try:
+        communicate = from_acl(message, RECEIVED)
+    except MalformedError:
+        communicate = None
+    if communicate is not None:
+        assert decode(encode(communicate)) == communicate
+
+
+@pytest.mark.parametrize(
+    "bad", [request(sender="a b"), request(reply_by=math.nan), request(content=msgspec.Raw(b"\xc1"))]
+)
+def test_what_is_no_communicate_does_not_go_out(bad):
+    """Our own mistakes raise here and not at the peer."""
+    with pytest.raises(LocalProtocolError):
+        to_acl(bad)
