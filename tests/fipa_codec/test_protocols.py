@@ -1,0 +1,286 @@
+"""Every protocol of FIPA goes as its drawing says, whatever is said twice, late, crossing, or not understood."""
+
+import pytest
+from dialogue import Dialogue, parsed
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+from stories import OPEN, Story, told
+
+from fipa_codec.conversation import Conversation
+from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
+from fipa_codec.exploration import explore, with_not_understood
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from fipa_codec.protocols import FIPA, PROPAGATE, named
+from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row
+
+INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
+NAMES = tuple(protocol.name for protocol in FIPA)
+STORIES = [(name, story) for name in NAMES for story in told(name)]
+ROWS = [(protocol, role, row) for protocol in FIPA for role, table in protocol.tables.items() for row in table]
+ASKED_AGAIN = {"query": {P.QUERY_IF, P.QUERY_REF}, "subscribe": {P.SUBSCRIBE}}
+"""Openings that are repeated until answered: a copy is answered once more."""
+
+each_story = pytest.mark.parametrize(("name", "story"), STORIES, ids=[f"{name}: {story}" for name, story in STORIES])
+each_protocol = pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
+
+
+# --- the tables -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("capacity", [1, 2, 3])
+@pytest.mark.parametrize("protocol", [*FIPA, PROPAGATE], ids=lambda p: p.name)
+def test_sound(protocol, capacity):
+    """No reception without a row, no stuck configuration, all states reachable, however long the channels."""
+    found = explore(protocol, capacity)
+    assert not found.unspecified, str(found.unspecified[0])
+    assert not found.stuck, str(found.stuck[0])
+    assert capacity == 1 or found.sound, found.unreachable
+
+
+@pytest.mark.parametrize("protocol", [*FIPA, PROPAGATE], ids=lambda p: p.name)
+def test_not_understood_at_any_point_leaves_nobody_waiting(protocol):
+    """Either side may say it about any message: whoever complains goes deaf, whoever hears it ends."""
+    found = explore(with_not_understood(protocol), capacity=2)
+    assert not found.unspecified, str(found.unspecified[0])
+    assert not found.stuck, str(found.stuck[0])
+
+
+@each_protocol
+def test_no_row_is_unused_but_that_of_a_forgotten_conversation(protocol):
+    """A row no walk uses would be noise."""
+    assert {(role, row.state, row.word) for role, row in explore(protocol).unused} <= {(PARTICIPANT, START, "cancel")}
+
+
+def plays(protocol: Protocol, story: Story) -> bool:
+    """Whether the tables let a story happen to its end; nothing but tables, so that spoilt ones can be tried."""
+    states = dict.fromkeys(Role, START)
+    wires: dict[Role, list[tuple[P, Kind]]] = {role: [] for role in Role}
+
+    def go(role: Role, way: str, act: P, kind: Kind) -> bool:
+        row = protocol.tables[role].find(states[role], way, act, kind)
+        states[role] = row.to if row else ""
+        return row is not None
+
+    for word in story.words:
+        role, how, act, kind = parsed(word)
+        if how == "!":
+            states[role] = START
+        elif how == "<":
+            if not go(role, RECEIVE, *wires[role].pop(0)):
+                return False
+        else:
+            wires[role.other].append((act, kind))
+            if not go(role, SEND, act, kind) or (how == ":" and not go(role.other, RECEIVE, *wires[role.other].pop(0))):
+                return False
+    return all(end in (OPEN, states[role]) for role, end in zip(Role, story.ends, strict=True))
+
+
+@pytest.mark.parametrize(("protocol", "role", "row"), ROWS, ids=[f"{p.name}-{r}-{w[:4]}" for p, r, w in ROWS])
+def test_no_row_can_be_taken_away(protocol: Protocol, role: Role, row: Row):
+    """Each row is needed: some story of the standard no longer happens without it."""
+    spoilt = protocol.varied(**{role: protocol.tables[role].without(*row[:4])})
+    assert not all(plays(spoilt, story) for story in told(protocol.name))
+
+
+@each_protocol
+def test_cancel_belongs_to_the_initiator(protocol):
+    """No participant cancels; only the query, which is answered at once, has no cancel."""
+    table = protocol.tables[PARTICIPANT]
+    assert not any(row.performative is P.CANCEL and row.way is SEND for row in table)
+    assert any(row.performative is P.CANCEL for row in table) is (protocol.name != "query")
+
+
+@each_protocol
+def test_known_by_the_papers_name_and_fipas_token(protocol):
+    """SC00025: the tokens are words of the standard."""
+    token = {"cfp": "fipa-contract-net", "icfp": "fipa-iterated-contract-net"}.get(
+        protocol.name, f"fipa-{protocol.name}"
+    )
+    assert named(token) is named(protocol.name) is protocol
+
+
+# --- conversations ----------------------------------------------------------------------------------------------------
+
+
+@each_story
+def test_story_comes_to_its_end(name, story):
+    """On both sides, through bytes and journals."""
+    dialogue = Dialogue(name).play(story)
+    assert all(end in (OPEN, state) for end, state in zip(story.ends, dialogue.states, strict=True))
+    assert not any(dialogue.wires.values())
+
+
+@each_story
+def test_copies_change_nothing(name, story):
+    """Any message heard once more at any later point is refused, or leaves the conversation where it stands."""
+    dialogue = Dialogue(name)
+    for word in story.words:
+        dialogue.word(word)
+        for role, message, kind in dialogue.heard:
+            side = dialogue.sides.get(role)
+            if side is None or side.owes or message.performative in ASKED_AGAIN.get(name, ()):
+                continue
+            forgotten = side.state == START or not side.asked
+            try:
+                again = side.receive(message, kind)
+            except RemoteProtocolError:
+                continue
+            assert forgotten or again.state == side.state
+
+
+@each_story
+def test_after_the_end_nothing_is_legal_but_a_late_cancel(name, story):
+    """What ended stays as it ended; a cancel that was on its way meanwhile is owed its failure."""
+    dialogue = Dialogue(name).play(story)
+    for role, side in dialogue.sides.items():
+        if not side.ended:
+            continue
+        for act in set(P) - {P.NOT_UNDERSTOOD}:
+            assert not says(side, act)
+            if role is INITIATOR or act not in ASKED_AGAIN.get(name, ()):
+                after = hears(side, act)
+                assert after in (None, side.state, "too-late")
+                assert after != "too-late" or act is P.CANCEL
+
+
+def says(side: Conversation, act: P) -> bool:
+    """Whether a side may say an act, of whatever kind."""
+    for kind in (Kind.PLAIN, Kind.PROGRESS, Kind.FINAL):
+        try:
+            side.send(act, id="x-1", now=0.0, kind=kind)
+        except LocalProtocolError:
+            continue
+        return True
+    return False
+
+
+def hears(side: Conversation, act: P) -> str | None:
+    """The state after an act of the peer, None where it is refused."""
+    peer = Conversation.open(side.protocol, side.role.other, id=side.id, me=side.peer, peer=side.me)
+    message = peer.send(P.NOT_UNDERSTOOD, id="x-2", now=0.0)[1]
+    try:
+        return side.receive(replace(message, performative=act, reply_with="x-2")).state
+    except RemoteProtocolError:
+        return None
+
+
+@pytest.mark.parametrize("who", Role)
+@each_story
+def test_not_understood_ends_it_at_any_point(name, story, who):
+    """Both sides end, and what was still on its way is heard by nobody; what had ended stays as it ended."""
+    for cut in range(1, len(story.words) + 1):
+        if any("!" in word for word in story.words[:cut]):
+            break
+        dialogue = Dialogue(name).play(Story(story.words[:cut], story.ends))
+        if who not in dialogue.sides or dialogue.sides[who].owes:
+            continue
+        ended = {role: side.state for role, side in dialogue.sides.items() if side.ended}
+        drain = {role: list(wire) for role, wire in dialogue.wires.items()}
+        complaint = dialogue.say(who, P.NOT_UNDERSTOOD)
+        assert dialogue.sides[who].ended
+        for _ in drain[who] if dialogue.sides[who].state == NOT_UNDERSTOOD else ():
+            dialogue.take(who)
+        assert dialogue.sides[who].state == ended.get(who, NOT_UNDERSTOOD)
+        peer = dialogue.sides.get(who.other)
+        if peer is not None and not peer.ended and not peer.owes:
+            assert peer.receive(complaint).state == NOT_UNDERSTOOD
+
+
+@each_protocol
+@pytest.mark.parametrize("late", [False, True])
+def test_reply_by_bounds_the_first_answer(protocol, late):
+    """Equal counts as in time; an answer clears it on both sides, a late one too: the initiator judges it."""
+    story = told(protocol.name)[0]
+    dialogue = Dialogue(protocol.name, reply_by=10.0)
+    dialogue.word(story.words[0])
+    for side in dialogue.sides.values():
+        assert (side.deadline, side.late(10.0), side.late(10.001)) == (10.0, False, True)
+    dialogue.reply_by, dialogue.count = None, 11 if late else 1
+    dialogue.word(story.words[1])
+    assert [side.deadline for side in dialogue.sides.values()] == [None, None]
+
+
+@given(st.sampled_from(NAMES), st.data())
+def test_whatever_is_said_in_sequence_is_taken(name, data):
+    """Any walk of two conversations over FIFO wires: no message meets a state without a row for it."""
+    dialogue = Dialogue(name)
+    for _ in range(30):
+        choices = [("take", role, None) for role in Role if dialogue.wires[role] and not owes(dialogue, role)]
+        choices += [
+            ("say", role, row) for role, side in dialogue.sides.items() for row in side.table.allowed(side.state, SEND)
+        ]
+        if not choices:
+            break
+        action, role, row = data.draw(st.sampled_from(choices))
+        if action == "take":
+            dialogue.take(role)
+        else:
+            dialogue.say(role, row.performative, row.kind)
+
+
+def owes(dialogue, role):
+    """Is this side to speak first?"""
+    return role in dialogue.sides and dialogue.sides[role].owes
+
+
+# --- what is particular -----------------------------------------------------------------------------------------------
+
+
+def test_new_round_has_a_new_label_and_the_old_ones_are_copies():
+    """The call, the proposal and the cancel of an earlier round are told from those of this one."""
+    dialogue = Dialogue("icfp")
+    for word in ("i:cfp", "p:propose", "i:cfp"):
+        dialogue.word(word)
+    first, proposal, second = (message for _, message, _ in dialogue.heard)
+    assert len({first.reply_with, second.reply_with}) == 2
+    assert proposal.in_reply_to == first.reply_with
+    with pytest.raises(RemoteProtocolError, match="never asked"):
+        dialogue.sides[INITIATOR].receive(proposal)
+    dialogue.word("p:propose")
+    for copy in (first, second):
+        with pytest.raises(RemoteProtocolError, match="this is a copy"):
+            dialogue.sides[PARTICIPANT].receive(copy)
+
+
+def test_call_of_several_rounds_needs_a_label():
+    """Without one, a copy of an earlier call would be a new round."""
+    message = Dialogue("icfp").say(INITIATOR, P.CFP)
+    bare = replace(message, reply_with="")
+    with pytest.raises(RemoteProtocolError) as caught:
+        Conversation.answering(bare, "ta").receive(bare)
+    assert caught.value.field == "reply_with"
+
+
+def test_cancel_that_failed_may_be_tried_again():
+    """The conversation goes on where it stands, its answers clear deadlines, and the first cancel is a copy now."""
+    dialogue = Dialogue("cfp")
+    for word in ("i:cfp", "i:cancel", "p:failure[cancel]"):
+        dialogue.word(word)
+    assert dialogue.states == ("called", "called")
+    first = dialogue.heard[1][1]
+    with pytest.raises(RemoteProtocolError, match="this is a copy"):
+        dialogue.sides[PARTICIPANT].receive(first)
+    for word in ("p:propose", "i:cancel", "p:inform[cancel]"):
+        dialogue.word(word)
+    assert dialogue.states == ("cancelled", "cancelled")
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("query", "subscribe")])
+def test_not_understood_as_answer_to_a_cancel_is_a_failed_cancel(name):
+    """It ends nothing that a failure in reply to the cancel would not end."""
+    story = next(s for s in told(name) if s.words[1:] == ("i:cancel", "p:inform[cancel]"))
+    failed = Dialogue(name).play(Story((*story.words[:2], "p:failure[cancel]"), story.ends))
+    unheard = Dialogue(name).play(Story(story.words[:2], story.ends))
+    cancel = unheard.heard[-1][1]
+    side, message = unheard.sides[PARTICIPANT].send(P.NOT_UNDERSTOOD, id="p-9", now=0.0, in_reply_to=cancel.reply_with)
+    assert side == failed.sides[PARTICIPANT]
+    assert unheard.sides[INITIATOR].receive(message) == failed.sides[INITIATOR]
+
+
+@pytest.mark.parametrize("query", ["query-if", "query-ref"])
+def test_query_is_answered_as_the_standard_or_as_the_paper_says(query):
+    """inform (SC00027H) and inform-ref (the paper) are both taken and both may be said."""
+    for answer in ("inform", "inform-ref"):
+        assert Dialogue("query").play(Story((f"i:{query}", f"p:{answer}"), ("", ""))).states == ("done", "done")
