@@ -59,7 +59,7 @@ class Scanner:
         self.next()
         end = self.at + len(word)
         if self.data[self.at : end].lower() != word.encode():
-            raise self.wrong(word)
+            raise self.wrong(f"the word {word}")
         self.at = end
 
     def name(self) -> str:
