@@ -12,6 +12,7 @@ import msgspec
 
 from fipa_codec.communicate import MAX_BYTES, Communicate, explain
 from fipa_codec.errors import ContentError, LocalProtocolError
+from fipa_codec.performatives import Performative
 
 
 class Kind(StrEnum):
@@ -38,14 +39,23 @@ class Language:
     """`name` (L of the communicate), `classes` (what may be said), `.kind(content)`.
 
     `union`: a Struct class or a union of tagged ones, or of other types that msgspec can tell apart.
-    `kind`: the guard word of a sentence; without it every sentence is PLAIN.
+    `kind`: the guard word of a sentence; without it every sentence is PLAIN. `check(performative, content)`: raises
+    ContentError where a sentence is not one that the act carries; without it every act carries all.
     """
 
-    def __init__(self, name: str, union: Any, *, kind: Callable[[Any], Kind] | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        union: Any,
+        *,
+        kind: Callable[[Any], Kind] | None = None,
+        check: Callable[[Performative, Any], None] | None = None,
+    ) -> None:
         self.name = name
         self.union = union
         self.classes: frozenset[type] = frozenset(get_args(union) or (union,))
         self._kind = kind
+        self._check = check
         self._decoder = msgspec.msgpack.Decoder(union)
 
     def __repr__(self) -> str:
@@ -69,6 +79,11 @@ class Language:
         except Exception as error:
             field, reason = explain(error, "content")
             raise ContentError(field, f"does not fit language {self.name}: {reason}") from error
+
+    def check(self, performative: Performative, content: Any) -> None:
+        """ContentError where the act does not carry this sentence (None: no content)."""
+        if self._check:
+            self._check(performative, content)
 
     def kind(self, content: object) -> Kind:
         """Which use of its performative a sentence makes."""
@@ -107,9 +122,12 @@ class Languages:
             known = ", ".join(self.names)
             raise ContentError("language", f"{communicate.language!r} is unknown, known are {known}")
         if communicate.content is msgspec.UNSET:
+            if communicate.language:
+                self._named[communicate.language].check(communicate.performative, None)
             return None, Kind.PLAIN
         if not communicate.language:
             raise ContentError("language", "is absent, so the content cannot be read")
         language = self._named[communicate.language]
         content = language.decode(communicate.content)
+        language.check(communicate.performative, content)
         return content, language.kind(content)

@@ -1,0 +1,175 @@
+"""Each of the 22 acts carries the classes of content that SC00037J gives it, and nothing else."""
+
+import itertools
+import math
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fipa_codec.acts import EXPRESSIONS, SHAPES, Content, check_content, speak
+from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.errors import ContentError, LocalProtocolError
+from fipa_codec.expressions import (
+    MAX_DEPTH,
+    Action,
+    Descriptor,
+    Embedded,
+    Proposition,
+    Quantifier,
+    Variable,
+    denotes,
+    done,
+    result,
+)
+from fipa_codec.languages import Kind, Languages
+from fipa_codec.performatives import Performative as P
+
+LANGUAGES = Languages([EXPRESSIONS])
+
+# SC00037J, by the letters of its content column; told here once more, to be compared.
+CLASSES = """
+    accept-proposal AC    agree AC          cancel A         cfp AD            confirm C       disconfirm C
+    failure AC            inform C          inform-if C      inform-ref D      propagate DMC   propose AC
+    proxy DMC             query-if C        query-ref D      refuse AC         reject-proposal ACC
+    request A             request-when AC   request-whenever AC                subscribe D     not-understood A|MC
+"""
+LETTERS = {Action: "A", Proposition: "C", Descriptor: "D", Embedded: "M"}
+
+GRASP = Action("ta", "grasp", ("jar",))
+FREE = Proposition("free", ("gripper",))
+HANDS = Descriptor(Quantifier.ALL, "x", Proposition("hand", (Variable("x"),)))
+ASKED = Communicate(performative=P.QUERY_REF, content=EXPRESSIONS.encode(speak(P.QUERY_REF, HANDS)), sender="co")
+SAMPLES = {Action: GRASP, Proposition: FREE, Descriptor: HANDS, Embedded: Embedded(ASKED)}
+
+
+def test_shapes_are_the_standards():
+    """All 22 acts, each with its letters."""
+    words = CLASSES.split()
+    told = dict(zip(words[::2], words[1::2], strict=True))
+    mine = {str(act): "".join("|".join(LETTERS[kind] for kind in place) for place in SHAPES[act]) for act in P}
+    assert mine == told
+
+
+symbols = st.text(st.characters(codec="ascii", min_codepoint=33, max_codepoint=126), min_size=1, max_size=8)
+scalars = st.one_of(st.text(max_size=8), st.integers(-(2**63), 2**64 - 1), st.floats(allow_nan=False), st.booleans())
+finite = scalars.filter(lambda value: not isinstance(value, float) or math.isfinite(value))
+messages = st.builds(Embedded, st.builds(Communicate, performative=st.sampled_from(P), sender=st.just("ta")))
+
+
+def closed(terms):
+    """Expressions whose parts are drawn from `terms`; a descriptor's proposition speaks of its variable."""
+    lists = st.lists(terms, max_size=3).map(tuple)
+    propositions = st.builds(Proposition, symbols, lists, st.booleans())
+    return st.one_of(st.builds(Action, symbols, symbols, lists), propositions, descriptors(lists))
+
+
+def descriptors(lists):
+    """Descriptors over lists of closed terms."""
+    return st.builds(
+        lambda quantifier, name, predicate, terms: Descriptor(
+            quantifier, name, Proposition(predicate, (Variable(name), *terms))
+        ),
+        st.sampled_from(Quantifier),
+        symbols,
+        symbols,
+        lists,
+    )
+
+
+terms = st.recursive(st.one_of(finite, messages), closed, max_leaves=8)
+lists = st.lists(terms, max_size=3).map(tuple)
+BY_CLASS = {
+    Action: st.builds(Action, symbols, symbols, lists),
+    Proposition: st.builds(Proposition, symbols, lists, st.booleans()),
+    Descriptor: descriptors(lists),
+    Embedded: messages,
+}
+
+
+@given(st.sampled_from(P), st.data())
+def test_every_act_survives_the_wire_with_its_content(act, data):
+    """Said, encoded, sent as a communicate, decoded and checked: the same content, whatever its expressions hold."""
+    places = [data.draw(st.sampled_from(place)) for place in SHAPES[act]]
+    content = speak(act, *(data.draw(BY_CLASS[kind]) for kind in places), last=data.draw(st.booleans()))
+    message = Communicate(performative=act, content=EXPRESSIONS.encode(content), language=EXPRESSIONS.name)
+    read, kind = LANGUAGES.read(decode(encode(message)))
+    assert read == content
+    assert kind is (Kind.FINAL if content.last else Kind.PLAIN)
+
+
+@pytest.mark.parametrize("act", P)
+def test_all_other_classes_are_refused_by_name(act):
+    """Every list of up to three classes that is not the act's own: ours to blame, or the peer's."""
+    own = set(itertools.product(*SHAPES[act]))
+    for length in range(4):
+        for kinds in itertools.product(SAMPLES, repeat=length):
+            expressions = tuple(SAMPLES[kind] for kind in kinds)
+            if kinds in own:
+                check_content(act, speak(act, *expressions))
+                continue
+            with pytest.raises(LocalProtocolError, match=f"{act} carries"):
+                speak(act, *expressions)
+            message = Communicate(
+                performative=act, content=EXPRESSIONS.encode(Content(expressions)), language=EXPRESSIONS.name
+            )
+            with pytest.raises(ContentError, match=f"{act} carries") as caught:
+                LANGUAGES.read(message)
+            assert caught.value.performative is P.NOT_UNDERSTOOD
+
+
+def test_only_a_cancel_may_come_without_content():
+    """Its conversation says what it cancels (the paper's cancel is empty)."""
+    for act in P:
+        message = Communicate(performative=act, language=EXPRESSIONS.name)
+        if act is P.CANCEL:
+            assert LANGUAGES.read(message) == (None, Kind.PLAIN)
+        else:
+            with pytest.raises(ContentError, match="is absent"):
+                LANGUAGES.read(message)
+
+
+@pytest.mark.parametrize(
+    ("proposition", "word"),
+    [
+        (Proposition("hand", (Variable("x"),)), "bound by no descriptor"),
+        (denotes(HANDS, Variable("y")), "'y' is bound by no descriptor"),
+        (Proposition("is", (Descriptor(Quantifier.IOTA, "x", Proposition("hand", ("left",))),)), "says nothing of"),
+        (Proposition("is", (Descriptor(Quantifier.ANY, "x", denotes(HANDS, 1)),)), "says nothing of 'x'"),
+        (Proposition("weighs", (math.nan,)), "finite"),
+        (Proposition("weighs", (-math.inf,)), "finite"),
+    ],
+)
+def test_unsound_expressions_are_refused(proposition, word):
+    """Free variables, descriptors that describe nothing, numbers that are none; the reason names them."""
+    with pytest.raises(ContentError, match=word):
+        check_content(P.INFORM, Content((proposition,)))
+
+
+def test_depth_is_bounded():
+    """Nesting ends in a typed error, however deep."""
+    nested = FREE
+    for _ in range(MAX_DEPTH):
+        nested = Proposition("not", (nested,))
+    with pytest.raises(ContentError, match="nested deeper"):
+        check_content(P.INFORM, Content((Proposition("not", (nested,)),)))
+    with pytest.raises(ContentError):
+        EXPRESSIONS.decode(b"\x82\xa4type\xa7Content\xabexpressions" + b"\x91" * 100_000)
+
+
+def test_uses_of_inform_are_propositions():
+    """inform-done, inform-result and the answer to a query-ref are uses of one act."""
+    for proposition in (done(GRASP), result(GRASP, 3), denotes(HANDS, "left"), Proposition("open", negated=True)):
+        check_content(P.INFORM, speak(P.INFORM, proposition))
+
+
+@given(st.binary(max_size=200))
+def test_foreign_bytes_are_a_content_error_or_content(data):
+    """Nothing a peer sends raises anything else."""
+    try:
+        content = EXPRESSIONS.decode(data)
+        EXPRESSIONS.check(P.INFORM, content)
+    except ContentError:
+        return
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(content), type=Content) == content

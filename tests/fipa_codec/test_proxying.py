@@ -1,0 +1,234 @@
+"""A broker between an initiator and its targets: conversations within conversations, and who answers whom."""
+
+import pytest
+from msgspec.structs import replace
+
+from fipa_codec import proxying
+from fipa_codec.acts import EXPRESSIONS, speak
+from fipa_codec.conversation import Conversation
+from fipa_codec.errors import ContentError, LocalProtocolError, RemoteProtocolError
+from fipa_codec.expressions import Action, Descriptor, Proposition, Quantifier, Variable, denotes
+from fipa_codec.languages import Kind, Languages
+from fipa_codec.multicast import Multicast
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import Role
+
+LANGUAGES = Languages([EXPRESSIONS])
+TRUE = Proposition("true")
+WEIGHERS = Descriptor(Quantifier.ALL, "x", Proposition("weighs-things", (Variable("x"),)))
+WEIGHT = Descriptor(Quantifier.IOTA, "w", Proposition("weight", ("jar", Variable("w"))))
+INTERNAL = (Action("t1", "inform-ref"), Proposition("internal-error"))
+
+
+class Party:
+    """An agent's conversations by id and peer."""
+
+    def __init__(self, name):
+        self.name, self.talks, self.count = name, {}, 0
+
+    def label(self):
+        """A fresh id."""
+        self.count += 1
+        return f"{self.name}-1-{self.count}"
+
+    def keep(self, talk):
+        """The newest state of a conversation."""
+        self.talks[talk.id, talk.peer] = talk
+        return talk
+
+    def opens(self, protocol, peer, act, content):
+        """Open a conversation; the message."""
+        talk = Conversation.open(protocol, Role.INITIATOR, id=self.label(), me=self.name, peer=peer)
+        return self.says(talk, act, content)
+
+    def says(self, talk, act, content=None, kind=None):
+        """Say something in a conversation; the message."""
+        kind = kind or (EXPRESSIONS.kind(content) if content else Kind.PLAIN)
+        raw = EXPRESSIONS.encode(content) if content else None
+        talk, message = talk.send(act, id=self.label(), now=1.0, content=raw, language=EXPRESSIONS.name, kind=kind)
+        self.keep(talk)
+        return message
+
+    def hears(self, message):
+        """Take a message; the conversation after it, and its content."""
+        content, kind = LANGUAGES.read(message)
+        talk = self.talks.get((message.conversation, message.sender)) or Conversation.answering(message, self.name)
+        return self.keep(talk.receive(message, kind)), content
+
+
+@pytest.fixture
+def parties():
+    """Initiator, broker, two targets and somebody else."""
+    return {name: Party(name) for name in ("i", "b", "t1", "t2", "d")}
+
+
+def question(receiver, *, protocol="query", act=P.QUERY_REF, content=None):
+    """The embedded message: how heavy is the jar?"""
+    raw = EXPRESSIONS.encode(content or speak(act, WEIGHT))
+    return proxying.wanted(
+        protocol,
+        act,
+        receiver=receiver,
+        conversation=f"{receiver}-1-77",
+        id=f"{receiver}-1-78",
+        now=1.0,
+        content=raw,
+        language=EXPRESSIONS.name,
+        reply_by=30.0,
+    )
+
+
+def searching(parties, protocol, message):
+    """The proxy is said, agreed to, and read by the broker."""
+    i, b = parties["i"], parties["b"]
+    opening = i.opens(protocol, "b", P.PROXY, proxying.proxied(P.PROXY, WEIGHERS, message, TRUE))
+    talk, content = b.hears(opening)
+    i.hears(b.says(talk, P.AGREE, speak(P.AGREE, Action("b", "proxy"), TRUE)))
+    found = proxying.errand(content)
+    assert (found.targets, found.condition) == (WEIGHERS, TRUE)
+    assert replace(found.message, content=message.content) == message
+    return found
+
+
+def brokered(parties, *targets):
+    """The broker asks the targets under an id of its own, and tells the initiator that the message is passed on."""
+    i, b = parties["i"], parties["b"]
+    message = searching(parties, "brokering", question("i")).message
+    conversation = b.label()
+    talks = []
+    for name in targets:
+        talk, asked = proxying.ask_target(
+            message, broker="b", target=name, conversation=conversation, id=b.label(), now=2.0
+        )
+        talks.append(b.keep(talk))
+        parties[name].hears(asked)
+        assert (asked.sender, asked.conversation, asked.content) == ("b", conversation, message.content)
+    outer = b.talks[next(key for key in b.talks if key[1] == "i")]
+    i.hears(b.says(outer, P.INFORM, speak(P.INFORM, Proposition("proxied", ("t1", "t2")))))
+    return Multicast.opened(talks)
+
+
+def outer_talk(party, peer):
+    """The brokering or recruiting conversation with a peer."""
+    return next(talk for (_, other), talk in party.talks.items() if other == peer)
+
+
+def test_brokering_relays_every_answer_and_the_last_one_ends_it(parties):
+    """The targets know the broker only; the initiator gets their very words, and knows when there are no more."""
+    i, b = parties["i"], parties["b"]
+    group = brokered(parties, "t1", "t2")
+    answers = {"t1": (P.INFORM, speak(P.INFORM, denotes(WEIGHT, 0.4))), "t2": (P.FAILURE, speak(P.FAILURE, *INTERNAL))}
+    heard = []
+    for name, (act, content) in answers.items():
+        inner = outer_talk(parties[name], "b")
+        said = parties[name].says(inner, act, content)
+        assert said.receiver == "b"
+        talk, _ = b.hears(said)
+        group = group.noted(talk, 3.0)
+        relay = b.says(outer_talk(b, "i"), P.INFORM, proxying.relayed(said, last=group.over))
+        outer, content = i.hears(relay)
+        heard.append((outer.state, proxying.relayed_answer(content)))
+    assert [state for state, _ in heard] == ["relaying", "done"]
+    assert [(answer.sender, answer.performative) for _, answer in heard] == [("t1", P.INFORM), ("t2", P.FAILURE)]
+    assert LANGUAGES.read(heard[0][1])[0].expressions == (denotes(WEIGHT, 0.4),)
+    assert all(talk.ended for party in parties.values() for talk in party.talks.values())
+
+
+def test_silent_target_does_not_keep_the_initiator_waiting(parties):
+    """M's reply-by bounds each target's answer; the broker gives up by a failure."""
+    group = brokered(parties, "t1", "t2")
+    assert group.awaited(30.0) == ("t1", "t2")
+    assert group.silent(30.1) == ("t1", "t2")
+    failed = speak(P.FAILURE, Action("b", "proxy"), Proposition("no-answer"))
+    talk, _ = parties["i"].hears(parties["b"].says(outer_talk(parties["b"], "i"), P.FAILURE, failed))
+    assert talk.state == "failed"
+
+
+def test_cancel_of_the_brokering_ends_what_is_inside_first(parties):
+    """The broker cancels its targets' acts and answers the initiator's cancel when they have."""
+    i, b, t1 = parties["i"], parties["b"], parties["t1"]
+    act = speak(P.REQUEST, Action("t1", "weigh", ("jar",)))
+    message = question("i", protocol="request", act=P.REQUEST, content=act)
+    searching(parties, "brokering", message)
+    talk, asked = proxying.ask_target(message, broker="b", target="t1", conversation="b-1-9", id="b-1-10", now=2.0)
+    b.keep(talk)
+    t1.hears(asked)
+    i.hears(b.says(outer_talk(b, "i"), P.INFORM, speak(P.INFORM, Proposition("proxied", ("t1",)))))
+    outer, _ = b.hears(i.says(outer_talk(i, "b"), P.CANCEL))
+    assert outer.state == "stopping-relaying"
+    t1.hears(b.says(b.talks["b-1-9", "t1"], P.CANCEL))
+    stopped = speak(P.INFORM, Proposition("cancelled"))
+    inner, _ = b.hears(t1.says(t1.talks["b-1-9", "b"], P.INFORM, stopped, Kind.CANCEL))
+    outer, _ = i.hears(b.says(outer, P.INFORM, stopped, Kind.CANCEL))
+    assert (inner.state, outer.state) == ("cancelled", "cancelled")
+
+
+@pytest.mark.parametrize("receiver", ["i", "d"])
+@pytest.mark.parametrize("early", [False, True])
+def test_recruited_target_answers_who_wants_it_not_the_recruiter(parties, receiver, early):
+    """The recruiter propagates M and is done; the target answers M's sender, before the recruiter's word or after."""
+    i, b, t1 = parties["i"], parties["b"], parties["t1"]
+    message = searching(parties, "recruiting", question(receiver)).message
+    passed = proxying.proxied(P.PROPAGATE, WEIGHERS, proxying.handed_over(message, "t1"), TRUE)
+    handed, content = t1.hears(b.opens("propagate", "t1", P.PROPAGATE, passed))
+    assert handed.ended
+    inner = t1.keep(proxying.taken_up(proxying.errand(content).message, "t1"))
+    assert (inner.peer, inner.id, inner.deadline) == (receiver, message.conversation, 30.0)
+    told = b.says(outer_talk(b, "i"), P.INFORM, speak(P.INFORM, Proposition("proxied", ("t1",))))
+    if not early:
+        assert i.hears(told)[0].state == "done"
+    answer = t1.says(inner, P.INFORM, speak(P.INFORM, denotes(WEIGHT, 0.4)))
+    asker = parties[receiver]
+    asker.keep(proxying.awaited(message, answer.sender))
+    assert asker.hears(answer)[0].state == "done"
+    if early:
+        assert i.hears(told)[0].state == "done"
+    assert all(talk.ended for party in parties.values() for talk in party.talks.values())
+    assert not any(talk.peer == "b" and talk.id == message.conversation for talk in t1.talks.values())
+
+
+def test_recruiting_several_gives_the_receiver_a_multicast(parties):
+    """One message, several targets: one id, and a conversation with each."""
+    message = searching(parties, "recruiting", question("i")).message
+    group = Multicast.opened([proxying.awaited(message, name) for name in ("t1", "t2")])
+    for name in ("t1", "t2"):
+        inner = parties[name].keep(proxying.taken_up(proxying.handed_over(message, name), name))
+        said = parties[name].says(inner, P.INFORM, speak(P.INFORM, denotes(WEIGHT, 0.4)))
+        group = group.noted(group.talk(name).receive(said), 5.0)
+    assert group.over
+    assert [group.outcome(name, 40.0) for name in ("t1", "t2")] == ["done", "done"]
+
+
+def test_nobody_found(parties):
+    """No target fits: the broker fails, and nothing inside was ever opened."""
+    for protocol in ("brokering", "recruiting"):
+        searching(parties, protocol, question("i"))
+        talk = next(t for t in parties["b"].talks.values() if t.protocol == protocol)
+        failed = speak(P.FAILURE, Action("b", "proxy"), Proposition("no-match"))
+        assert parties["i"].hears(parties["b"].says(talk, P.FAILURE, failed))[0].state == "failed"
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"performative": P.INFORM}, "inform opens no query; query-if, query-ref does"),
+        ({"protocol": "small-talk"}, "'small-talk' is unknown"),
+        ({"protocol": ""}, "is unknown"),
+    ],
+)
+def test_embedded_message_must_open_a_protocol(change, word):
+    """The proxy is refused by whoever makes it, and by the broker."""
+    message = replace(question("i"), **change)
+    with pytest.raises(LocalProtocolError, match=word):
+        proxying.proxied(P.PROXY, WEIGHERS, message, TRUE)
+    with pytest.raises(ContentError, match=word):
+        proxying.errand(speak(P.PROXY, WEIGHERS, proxying.Embedded(message), TRUE))
+
+
+def test_contents_that_are_no_errand_and_no_relay():
+    """Typed errors, and None where an inform tells of something else."""
+    with pytest.raises(ContentError, match="no descriptor, embedded message and proposition"):
+        proxying.errand(speak(P.INFORM, TRUE))
+    assert proxying.relayed_answer(speak(P.INFORM, TRUE)) is None
+    with pytest.raises(RemoteProtocolError, match="is 't1', not 't2'"):
+        proxying.taken_up(proxying.handed_over(question("i"), "t1"), "t2")
