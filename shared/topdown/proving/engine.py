@@ -123,7 +123,7 @@ def explore(
         seconds=time.perf_counter() - walk.began,
         complete=walk.complete,
         unproven=walk.unproven,
-        findings=tuple(walk.findings.values()),
+        findings=tuple(sorted(walk.findings.values(), key=lambda finding: len(finding.trace))),
         reached=walk.numbers.keys() if keep else (),
     )
 
