@@ -88,7 +88,7 @@ def test_commands_do_what_their_words_say(table):
     """Against a reading of the words one by one, in every state that is reached."""
     cleared_and_sent = [c for c in table if any(isinstance(e, Clear) for e in c.effects)]
     table = [c for c in table if c not in cleared_and_sent or not any(isinstance(e, Send) for e in c.effects)]
-    net = Net("any", VARIABLES, QUEUES, tuple(table), (), lifelines=("A", "B"))
+    net = Net("any", VARIABLES, QUEUES, tuple(table), ((),), lifelines=("A", "B"))
     model = NetModel(net)
     for state in explore(model, first=False, keep=True).reached:
         a, b, q = state
@@ -105,7 +105,7 @@ def test_commands_do_what_their_words_say(table):
         assert found == expected
 
 
-def net_of(*commands, rest=(), wrong=()):
+def net_of(*commands, rest=((),), wrong=()):
     """A net of the variables and the queue above."""
     return Net("small", VARIABLES, QUEUES, commands, rest, wrong, ("A", "B"))
 
@@ -113,7 +113,7 @@ def net_of(*commands, rest=(), wrong=()):
 def test_a_full_queue_holds_the_sender_back_and_may_be_called_wrong():
     """Three sends into two places: no room for the third; where fullness is wrong the second is the last."""
     send = Command("A", "send -> B", (), (Send("q", "m"),))
-    (finding,) = explore(NetModel(net_of(send, rest=(Empty("q"), is_("b", "z"))))).findings
+    (finding,) = explore(NetModel(net_of(send, rest=((Empty("q"), is_("b", "z")),)))).findings
     assert (finding.kind, len(finding.trace)) == (DEADLOCK, 2)
     assert finding.trace[-1].after == {"A": "x", "B": "y [m, m]"}
     (finding,) = explore(NetModel(net_of(send, wrong=(Wrong("full", (Full("q"),)),)))).findings
@@ -126,7 +126,7 @@ def test_faults_are_counted_or_unlimited(faults, states):
     lose = [
         Command("net", "loses", (is_("a", value),), (Set("a", after),), True, True) for value, after in ("xy", "yz")
     ]
-    assert explore(NetModel(net_of(*lose, rest=(is_("b", "y"),)).counted(faults))).states == states
+    assert explore(NetModel(net_of(*lose, rest=((is_("b", "y"),),)).counted(faults))).states == states
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ Petri net tools (`pnml`). To fill it:
     same domain), `Take(queue)` (its first word goes), `Send(queue, word)`, `Clear(queue)`.
     A command with `Send` does not happen while there is no room (a full queue holds the sender back); where fullness
     is an error, write another command guarded by `Full` that sets a variable of `wrong`. `Take` wants a `Head` guard.
-  * `rest`: guards that all hold when everybody may stay as he is. `wrong`: what must never be, each with its words.
-    Beyond a wrong state nothing is explored.
+  * `rest`: alternatives, each of them guards; where all guards of one hold, everybody may stay as he is. `wrong`: what
+    must never be, each with its words. Beyond a wrong state nothing is explored.
 
 A bag of messages in any order is a variable per word (how many copies); an unbounded number of faults is fault commands
 without a counter, a bounded one a variable that they count down (`Net.counted`). Names are free text; exports make
@@ -140,7 +140,7 @@ class Net(NamedTuple):
     variables: tuple[Variable, ...]
     queues: tuple[Queue, ...]
     commands: tuple[Command, ...]
-    rest: tuple[Guard, ...]
+    rest: tuple[tuple[Guard, ...], ...]
     wrong: tuple[Wrong, ...] = ()
     lifelines: tuple[str, ...] = ()
 
@@ -179,7 +179,7 @@ class Net(NamedTuple):
             raise NetError(f"{self.name}: two variables or queues have one name; give each its own")
         places: Iterable[tuple[str, Iterable[Guard | Effect]]] = (
             *((f"{c.who}: {c.what}", (*c.guards, *c.effects)) for c in self.commands),
-            ("rest", self.rest),
+            *(("rest", guards) for guards in self.rest),
             *((wrong.text, wrong.guards) for wrong in self.wrong),
         )
         for place, parts in places:

@@ -2,7 +2,7 @@
 state would be some ten times slower.
 
 A state is a flat tuple: the index of each variable's value, then each queue as a tuple of indices of words. Commands
-are sorted under the variable they ask first, so that a state is compared only with those that may apply.
+are put into a tree of conditions in the order of their guards, so guards that many share should stand first.
 """
 
 from collections.abc import Callable, Mapping
@@ -57,7 +57,7 @@ def _compiled(net: Net) -> dict[str, Any]:
     cells = {thing.name: f"v{place}" for place, thing in enumerate(net.things)}
     unpack = f"    {', '.join(cells.values())}, = s\n"
     source = ["def moves(s):\n", unpack, "    out = []\n", *_commands(net, cells), "    return out\n"]
-    source += ["def at_rest(s):\n", unpack, f"    return {_all(net, net.rest, cells)}\n"]
+    source += ["def at_rest(s):\n", unpack, f"    return {_any(net, net.rest, cells)}\n"]
     source += ["def wrong(s):\n", unpack]
     for wrong in net.wrong:
         source += [f"    if {_all(net, wrong.guards, cells)}:\n        return {wrong.text!r}\n"]
@@ -67,34 +67,42 @@ def _compiled(net: Net) -> dict[str, Any]:
     return functions
 
 
+class _Tree:
+    """Commands by their conditions: what many of them ask is asked once."""
+
+    def __init__(self) -> None:
+        self.moves: list[str] = []
+        self.branches: dict[str, _Tree] = {}
+
+    def add(self, conditions: list[str], move: str) -> None:
+        """Put a command's move under its conditions, in their order."""
+        node = self
+        for condition in conditions:
+            node = node.branches.setdefault(condition, _Tree())
+        node.moves.append(move)
+
+    def lines(self, indent: str) -> list[str]:
+        """Source; branches that compare one cell with different numbers exclude each other."""
+        lines = [f"{indent}out.append({move})\n" for move in self.moves]
+        by_cell = sorted(self.branches.items(), key=lambda branch: branch[0].split(" == ")[0])
+        before = ""
+        for condition, branch in by_cell:
+            cell, _, number = condition.partition(" == ")
+            word = "elif" if number.isdigit() and cell == before else "if"
+            before = cell if number.isdigit() else ""
+            lines += [f"{indent}{word} {condition}:\n", *branch.lines(indent + " ")]
+        return lines
+
+
 def _commands(net: Net, cells: Cells) -> list[str]:
-    """Lines of `moves`: for each variable asked first, a branch for each of its values."""
-    branches: dict[str, dict[str, list[Command]]] = {}
-    always: list[Command] = []
+    """The body of `moves`."""
+    known, tree = net.by_name, _Tree()
     for command in net.commands:
-        asked = next((guard for guard in command.guards if isinstance(guard, Is)), None)
-        if asked is None:
-            always.append(command)
-            continue
-        for value in asked.values:
-            branches.setdefault(asked.variable, {}).setdefault(value, []).append(command)
-    lines = [line for command in always for line in _command(net, command, cells, "    ", "")]
-    for name, values in branches.items():
-        domain = next(variable.values for variable in net.variables if variable.name == name)
-        for number, value in enumerate(v for v in domain if v in values):
-            lines.append(f"    {'el' if number else ''}if {cells[name]} == {domain.index(value)}:\n")
-            for command in values[value]:
-                lines += _command(net, command, cells, "        ", name)
-    return lines
-
-
-def _command(net: Net, command: Command, cells: Cells, indent: str, asked: str) -> list[str]:
-    guards: list[Guard] = [g for g in command.guards if not (isinstance(g, Is) and g.variable == asked)]
-    asked_again = [g for g in command.guards if isinstance(g, Is) and g.variable == asked][1:]
-    condition = _all(net, (*guards, *asked_again), cells, _room(net, command, cells))
-    there = _after(net, command.effects, cells)
-    move = f"({command.who!r}, {command.what!r}, {there}, {command.fair}, {command.fault})"
-    return [f"{indent}if {condition}:\n", f"{indent}    out.append({move})\n"]
+        conditions = [_guard(guard, known, cells) for guard in command.guards] + _room(net, command, cells)
+        there = _after(net, command.effects, cells)
+        move = f"({command.who!r}, {command.what!r}, {there}, {command.fair}, {command.fault})"
+        tree.add(conditions, move)
+    return tree.lines("    ")
 
 
 def _room(net: Net, command: Command, cells: Cells) -> list[str]:
@@ -109,9 +117,13 @@ def _room(net: Net, command: Command, cells: Cells) -> list[str]:
     return conditions
 
 
-def _all(net: Net, guards: tuple[Guard, ...], cells: Cells, more: list[str] | None = None) -> str:
+def _any(net: Net, alternatives: tuple[tuple[Guard, ...], ...], cells: Cells) -> str:
+    return " or ".join(f"({_all(net, guards, cells)})" for guards in alternatives) or "False"
+
+
+def _all(net: Net, guards: tuple[Guard, ...], cells: Cells) -> str:
     known = net.by_name
-    return " and ".join([*(_guard(guard, known, cells) for guard in guards), *(more or ())]) or "True"
+    return " and ".join(_guard(guard, known, cells) for guard in guards) or "True"
 
 
 def _guard(guard: Guard, known: Mapping[str, Any], cells: Cells) -> str:
