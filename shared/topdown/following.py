@@ -1,0 +1,253 @@
+"""One conversation followed from outside: where both roles may stand, after what was heard of them.
+
+Whoever listens hears what is said, and not when it is taken. A role's run is some merge of its own messages and those
+said to it, each in their order; which merge, nobody but the role knows. So for each role all states it may be in are
+kept, by how many of the messages said to it it has taken. That is the exploration of fipa_codec (a state and what is
+on its way) for each role alone: the roles meet in nothing but what was said. Legal crossings never alarm, since some
+merge explains them. Must not know: content, size, time, who the agents are.
+"""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import NamedTuple
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Table, Way
+
+WINDOW = 64
+"""Messages to a role that it may not have taken yet; beyond them it is held to have taken the oldest. Estimate: an
+agent of the runtime takes nothing more once 16 of its own are unreceipted, and keeps at most 16 of a stream waiting."""
+States = frozenset[str]
+BEGIN: States = frozenset({START})
+NOWHERE: States = frozenset()
+
+
+class Said(NamedTuple):
+    """A message as tables see it. `kinds`: the uses of its performative it may be (more than one: not known which).
+
+    `label`: its m_w; `answers`: its m_t. `sure` False: its receiver may not have taken it (lost, dropped, a copy).
+    """
+
+    performative: Performative
+    kinds: tuple[Kind, ...] = (Kind.PLAIN,)
+    label: str = ""
+    answers: str = ""
+    sure: bool = True
+
+
+class Moves:
+    """Which states follow which, for one role: by its table and by the rule of not-understood outside it.
+
+    `forgetful`: what ended is forgotten, so a participant may begin anew (conversations that no journal keeps). Pure,
+    so each answer is looked up in the table once only.
+    """
+
+    def __init__(self, table: Table, role: Role, *, forgetful: bool) -> None:
+        self.table = table
+        self.begins_anew = forgetful and role is Role.PARTICIPANT
+        self.over = table.ended | {NOT_UNDERSTOOD}
+        self._known: dict[tuple[object, ...], States] = {}
+
+    def saying(self, states: States, said: Said) -> States:
+        """Where it may stand after it said this; none: it may not."""
+        key = (states, said.performative, said.kinds)
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = self._saying(states, said)
+        return found
+
+    def taking(self, states: States, said: Said) -> States:
+        """Where it may stand after this came to it; none: it cannot take it in any of these states."""
+        key = (states, said.performative, said.kinds, said.sure)
+        found = self._known.get(key)
+        if found is None:
+            taken = frozenset(one for state in states for one in self._taking(state, said))
+            found = self._known[key] = taken if said.sure else taken | states
+        return found
+
+    def words(self, states: States) -> str:
+        """What may be said in these states."""
+        words = {row.word for state in states for row in self.table.allowed(state, SEND)}
+        return ", ".join(sorted(words)) or "nothing"
+
+    def _saying(self, states: States, said: Said) -> States:
+        act = said.performative
+        if act is Performative.NOT_UNDERSTOOD:
+            return frozenset(self._broken(state, said, SEND) for state in states)
+        rows = (self.table.find(state, SEND, act, kind) for state in states for kind in said.kinds)
+        return frozenset(row.to for row in rows if row is not None)
+
+    def _taking(self, state: str, said: Said) -> Iterable[str]:
+        table, act = self.table, said.performative
+        if act is Performative.NOT_UNDERSTOOD or state == NOT_UNDERSTOOD:
+            return (self._broken(state, said, RECEIVE),)
+        if state in table.urgent:
+            return ()
+        over = state in table.ended
+        begins = (state, START) if over and self.begins_anew else (state,)
+        rows = (table.find(one, RECEIVE, act, kind) for one in begins for kind in said.kinds)
+        found = [row.to for row in rows if row is not None]
+        return found or ((state,) if over else ())  # whoever has ended drops a stray
+
+    def _broken(self, state: str, said: Said, way: Way) -> str:
+        """Not-understood ends it, whatever was said in it; as answer to a cancel it is a failed cancel."""
+        if state in self.table.ended:
+            return state
+        if said.performative is Performative.NOT_UNDERSTOOD and Kind.CANCEL in said.kinds:
+            row = self.table.find(state, way, Performative.FAILURE, Kind.CANCEL)
+            if row is not None:
+                return row.to
+        return NOT_UNDERSTOOD
+
+
+@lru_cache(maxsize=256)
+def moves(protocol: Protocol, role: Role, durable: bool) -> Moves:
+    """The moves of a role, shared by all conversations of a protocol."""
+    return Moves(protocol.tables[role], role, forgetful=not durable)
+
+
+class Side:
+    """Where one role may stand: `_at[i]` are its states if it has taken `i` of the messages `_ahead`."""
+
+    def __init__(self, moves: Moves) -> None:
+        self._moves = moves
+        self._ahead: list[Said] = []
+        self._at: list[States] = [BEGIN]
+        self._taken = 0
+        self._labels: dict[str, int] = {}
+
+    @property
+    def states(self) -> States:
+        """Where it stands once it has taken all it can."""
+        return next((states for states in reversed(self._at) if states), frozenset())
+
+    @property
+    def ended(self) -> bool:
+        """Whether it stands at an end, whatever it has taken."""
+        return all(states <= self._moves.over for states in self._at)
+
+    @property
+    def may_rest(self) -> bool:
+        """Whether it may stay where it is for ever."""
+        return bool(self.states & self._moves.table.resting)
+
+    def say(self, said: Said) -> bool:
+        """It says this; False, and nothing changes, where it may not in any of its states.
+
+        What answers a message by its label is said after that message was taken.
+        """
+        least = self._labels.get(said.answers, 0) - self._taken if said.answers else 0
+        saying = self._moves.saying
+        found = [saying(states, said) if n >= least else NOWHERE for n, states in enumerate(self._at)]
+        if not any(found):
+            return False
+        self._settle(found)
+        return True
+
+    def jump(self, said: Said) -> None:
+        """It said this although it may not: from here on it may also stand wherever saying it leads."""
+        jumped = self._moves.saying(self._moves.table.states, said)
+        self._settle([states | jumped for states in self._at])
+
+    def hear(self, said: Said) -> None:
+        """The other role said this: it is on its way."""
+        self._ahead.append(said)
+        self._at.append(self._moves.taking(self._at[-1], said))
+        if said.label:
+            self._labels.setdefault(said.label, self._taken + len(self._ahead))
+        if len(self._ahead) > WINDOW and any(self._at[1:]):
+            self._drop()
+
+    def forget(self) -> None:
+        """The agent died and came back: of a conversation that no journal keeps a participant knows nothing."""
+        if self._moves.begins_anew:
+            self._settle([states | BEGIN for states in self._at])
+
+    def may_say(self) -> str:
+        """What it may say, in words."""
+        return self._moves.words(frozenset().union(*self._at))
+
+    def _drop(self) -> None:
+        del self._at[0], self._ahead[0]
+        self._taken += 1
+
+    def _settle(self, found: list[States]) -> None:
+        """Let it take what is on its way, as far as it can."""
+        for n, said in enumerate(self._ahead):
+            if found[n]:
+                found[n + 1] |= self._moves.taking(found[n], said)
+        self._at = found
+        while len(self._at) > 1 and not self._at[0]:
+            self._drop()
+
+
+class Followed:
+    """A conversation under a protocol; `durable`: its agents' journals keep it, and nothing is lost or taken twice."""
+
+    def __init__(self, protocol: Protocol, *, durable: bool) -> None:
+        self.protocol, self.durable = protocol, durable
+        self.sides = {role: Side(moves(protocol, role, durable)) for role in Role}
+        self._labels: dict[Role, dict[str, tuple[Performative, tuple[Kind, ...]]]] = {role: {} for role in Role}
+
+    @property
+    def states(self) -> tuple[str, str]:
+        """States of initiator and participant once both have taken all, in words."""
+        return _words(self.sides[Role.INITIATOR].states), _words(self.sides[Role.PARTICIPANT].states)
+
+    @property
+    def ended(self) -> bool:
+        """Whether both have come to an end."""
+        return all(side.ended for side in self.sides.values())
+
+    def read(self, role: Role, act: Performative, label: str, answers: str, kinds: tuple[Kind, ...]) -> Said | str:
+        """The message as the tables see it, or what is wrong with its labels. `kinds`: the content's own words."""
+        asked = self._labels[role.other]
+        if act is Performative.NOT_UNDERSTOOD:
+            kinds = (Kind.CANCEL,) if self._is_cancel(asked, answers) else (Kind.PLAIN,)
+            return Said(act, kinds, label, "", self.durable)
+        if answers and answers not in asked:
+            return f"it answers {answers!r}, which was not asked here; asked were {', '.join(asked) or 'none'}"
+        if not label and (act is Performative.CANCEL or act in self.protocol.confirmed | self.protocol.rounds):
+            return f"a {act} needs a reply-with, for its answer"
+        if act is Performative.CONFIRM:
+            if not answers:
+                return "a confirm names in in-reply-to what it confirms"
+            kinds = asked[answers][1]
+        elif self._is_cancel(asked, answers):
+            kinds = (Kind.CANCEL,)
+        elif act is not Performative.INFORM:
+            kinds = (Kind.PLAIN,)
+        return Said(act, kinds, label, answers, self.durable)
+
+    def take(self, role: Role, said: Said) -> bool:
+        """`role` says this; False, and nothing changes, where it may not."""
+        if not self.sides[role].say(said):
+            return False
+        self._pass_on(role, said)
+        return True
+
+    def doubt(self, role: Role, said: Said) -> None:
+        """`role` said this, but it may count for nothing: it was wrong, or a copy. Both stand where either leads."""
+        self.sides[role].jump(said)
+        self._pass_on(role, said._replace(sure=False))
+
+    def repeat(self, role: Role, said: Said) -> None:
+        """A copy came by: where no journal numbers it, its receiver may take it once more."""
+        if not self.durable:
+            self.sides[role].say(said)
+            self.sides[role.other].hear(said._replace(sure=False))
+
+    def _pass_on(self, role: Role, said: Said) -> None:
+        if said.label:
+            self._labels[role].setdefault(said.label, (said.performative, said.kinds))
+        self.sides[role.other].hear(said)
+
+    @staticmethod
+    def _is_cancel(asked: dict[str, tuple[Performative, tuple[Kind, ...]]], answers: str) -> bool:
+        return answers in asked and asked[answers][0] is Performative.CANCEL
+
+
+@lru_cache(maxsize=4096)
+def _words(states: States) -> str:
+    return "|".join(sorted(states))

@@ -1,0 +1,129 @@
+"""Following from outside: whatever two roles that hold to their tables may do, in any crossing, is found in sequence."""
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fipa_codec import protocols
+from fipa_codec.exploration import explore
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role
+from topdown.following import WINDOW, Followed, Said
+
+PROTOCOLS = [one for one in vars(protocols).values() if isinstance(one, Protocol)]
+LENGTH = 40
+
+
+def walk(protocol: Protocol, chance: random.Random, *, lossy: bool) -> list[tuple[Role, Said]]:
+    """What is said, in the order it is said, by two roles that send and take at random times."""
+    state = dict.fromkeys(Role, START)
+    ahead: dict[Role, list[Said]] = {role: [] for role in Role}
+    said: list[tuple[Role, Said]] = []
+    for _ in range(LENGTH):
+        role = chance.choice(list(Role))
+        table, inbound = protocol.tables[role], ahead[role]
+        if inbound and lossy and chance.random() < 0.2:
+            inbound.pop(0)
+        if inbound and state[role] not in table.urgent and chance.random() < 0.5:
+            first = inbound.pop(0)
+            row = table.find(state[role], RECEIVE, first.performative, first.kinds[0])
+            if row is not None:
+                state[role] = row.to
+        elif rows := table.allowed(state[role], SEND):
+            row = chance.choice(rows)
+            state[role] = row.to
+            one = Said(row.performative, (row.kind,), sure=not lossy)
+            said.append((role, one))
+            ahead[role.other].append(one)
+    return said
+
+
+@pytest.mark.parametrize("durable", [True, False])
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda one: one.name)
+@given(seed=st.integers(0, 2**32))
+def test_what_holds_to_the_tables_is_in_sequence(protocol: Protocol, durable: bool, seed: int) -> None:
+    """No crossing of messages alarms; a wire that loses does not either."""
+    followed = Followed(protocol, durable=durable)
+    for role, said in walk(protocol, random.Random(seed), lossy=not durable):
+        assert followed.take(role, said), (role, said, followed.states)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda one: one.name)
+def test_what_no_merge_explains_is_refused(protocol: Protocol) -> None:
+    """In every state the exploration reaches with nothing on its way, exactly the rows of the table may be said."""
+    assert explore(protocol).unspecified == ()
+    for role, table in protocol.tables.items():
+        followed = Followed(protocol, durable=True)
+        may = {(row.performative, row.kind) for row in table.allowed(START, SEND)}
+        for act in set(Performative) - {Performative.NOT_UNDERSTOOD}:
+            for kind in Kind:
+                fits = Followed(protocol, durable=True).take(role, Said(act, (kind,)))
+                assert fits == ((act, kind) in may)
+        assert followed.states == (START, START)
+
+
+def request() -> Followed:
+    """A request that was agreed to."""
+    followed = Followed(protocols.REQUEST, durable=True)
+    assert followed.take(Role.INITIATOR, Said(Performative.REQUEST, label="1"))
+    assert followed.take(Role.PARTICIPANT, Said(Performative.AGREE, answers="1"))
+    return followed
+
+
+def test_states_are_those_after_all_was_taken() -> None:
+    """Both roles stand where their rows lead."""
+    assert request().states == ("agreed", "agreed")
+
+
+def test_a_cancel_may_cross_the_result_but_not_follow_its_own_answer() -> None:
+    """Both merges of a crossing are kept, until what is said next tells which it was."""
+    cancel = Said(Performative.CANCEL, label="2")
+    crossed = request()
+    assert crossed.take(Role.PARTICIPANT, Said(Performative.INFORM))
+    assert crossed.take(Role.INITIATOR, cancel)  # it had not taken the result yet
+    assert crossed.take(Role.PARTICIPANT, Said(Performative.FAILURE, (Kind.CANCEL,), answers="2"))
+    assert crossed.states == ("settled", "settled")
+    assert not crossed.take(Role.INITIATOR, cancel)
+
+
+def test_an_answer_was_said_after_what_it_answers() -> None:
+    """By its label; without one, the cancel might still be on its way when the result is said."""
+    followed = request()
+    assert followed.take(Role.INITIATOR, Said(Performative.CANCEL, label="2"))
+    plain, named = Said(Performative.AGREE), Said(Performative.AGREE, answers="2")
+    assert not followed.take(Role.PARTICIPANT, named)
+    assert not followed.take(Role.PARTICIPANT, plain)  # it was said already
+
+
+def test_not_understood_ends_it_at_any_point() -> None:
+    """SC00037J: whoever says it is deaf from then on, and says nothing more."""
+    followed = request()
+    assert followed.take(Role.INITIATOR, Said(Performative.NOT_UNDERSTOOD))
+    assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM))  # it had not heard it yet
+    assert followed.states == (NOT_UNDERSTOOD, "done")
+    assert not followed.take(Role.INITIATOR, Said(Performative.CANCEL, label="2"))
+
+
+def test_a_participant_that_died_may_be_asked_anew() -> None:
+    """A conversation that no journal keeps begins again with the copy of its question."""
+    query = Said(Performative.QUERY_REF, label="1")
+    followed = Followed(protocols.QUERY, durable=False)
+    assert followed.take(Role.INITIATOR, query)
+    assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM_REF, answers="1"))
+    assert not followed.take(Role.PARTICIPANT, Said(Performative.INFORM_REF, answers="1"))
+    followed.repeat(Role.INITIATOR, query)
+    assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM_REF, answers="1"))
+
+
+def test_a_long_subscription_costs_no_more_than_a_short_one() -> None:
+    """However many informs come by, only the newest are kept as not taken yet."""
+    followed = Followed(protocols.SUBSCRIBE, durable=False)
+    assert followed.take(Role.INITIATOR, Said(Performative.SUBSCRIBE, label="1"))
+    assert followed.take(Role.PARTICIPANT, Said(Performative.AGREE, answers="1"))
+    for _ in range(10 * WINDOW):
+        assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM))
+    assert len(followed.sides[Role.INITIATOR]._ahead) <= WINDOW
+    assert followed.take(Role.INITIATOR, Said(Performative.CANCEL, label="2"))
