@@ -224,13 +224,13 @@ class Core(Generic[M]):
         name = held.conversation.id
         state.count("late")
         if held.delivery is Delivery.DURABLE:
-            state.conversations[name] = replace(held, late=True)
+            state.conversations[held.key] = replace(held, late=True)
             out.durable = True
         else:
             state.soft.conversations.pop(name, None)
             state.soft.asks.pop(name, None)
         out.about = self.wiring.required(held.conversation.peer, held.conversation.protocol).use
-        self._run(state, out, Late(name), now)
+        self._run(state, out, Late(name, held.conversation.peer if held.several else ""), now)
 
     # --- the behaviour ------------------------------------------------------------------------------------------------
 

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from fipa_codec.communicate import Communicate
+from fipa_codec.conversation import Conversation
 
 
 class Event(msgspec.Struct, frozen=True, tag=True):
@@ -23,7 +24,7 @@ class Started(Event, frozen=True):
 
 class Received(Event, frozen=True):
     """A communicate in its turn and in sequence; `content` is decoded by the language it names (None where it has
-    none).
+    none), `talk` is the conversation after it, ended or not.
 
     A cancel for a conversation that has ended or never was is answered by the runtime, as the protocol says, and not
     seen.
@@ -31,6 +32,7 @@ class Received(Event, frozen=True):
 
     communicate: Communicate
     content: Any = None
+    talk: Conversation | None = None
 
     @property
     def conversation(self) -> str:
@@ -39,16 +41,24 @@ class Received(Event, frozen=True):
 
 
 class Late(Event, frozen=True):
-    """reply-by of a conversation this agent opened has passed. Once per conversation; a durable one stays open."""
+    """reply-by of a conversation this agent opened has passed. Once per conversation; a durable one stays open.
+
+    `peer`: whose answer is late, where the conversation has several participants.
+    """
 
     conversation: str
+    peer: str = ""
 
 
 class Broken(Event, frozen=True):
-    """A conversation ended because what the peer said in it could not be taken; the peer was told not-understood."""
+    """A conversation ended because what the peer said in it could not be taken; the peer was told not-understood.
+
+    `peer`: with whom it ended, where it has several participants.
+    """
 
     conversation: str
     reason: str
+    peer: str = ""
 
 
 class Settled(Event, frozen=True):

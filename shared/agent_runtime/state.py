@@ -41,7 +41,8 @@ class Due(msgspec.Struct, frozen=True, array_like=True):
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
     """An open conversation. `reply_by`: when the wait for its end is over (None: never); `late`: that was told.
 
-    `answer`: the last thing said by the participant of a volatile one, repeated when asked again.
+    `answer`: the last thing said by the participant of a volatile one, repeated when asked again. `several`: one of
+    several conversations of this agent with the same id, each with its own peer.
     """
 
     conversation: Conversation
@@ -49,6 +50,13 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
     reply_by: float | None = None
     late: bool = False
     answer: Communicate | None = None
+    several: bool = False
+
+    @property
+    def key(self) -> str:
+        """What it is kept under; an id has no blanks."""
+        talk = self.conversation
+        return f"{talk.id} {talk.peer}" if self.several else talk.id
 
 
 class Ask(msgspec.Struct, frozen=True):
@@ -127,13 +135,14 @@ class CoreState(Record, kw_only=True):
         """Where conversations of this delivery are kept."""
         return self.conversations if delivery is Delivery.DURABLE else self.soft.conversations
 
-    def held(self, conversation: str) -> Held | None:
-        """The open conversation of that id."""
-        return self.conversations.get(conversation) or self.soft.conversations.get(conversation)
+    def held(self, conversation: str, peer: str = "") -> Held | None:
+        """The open conversation of that id; of several, which are durable, that with the peer."""
+        one = self.conversations.get(conversation) or self.soft.conversations.get(conversation)
+        return one or self.conversations.get(f"{conversation} {peer}")
 
     def keep(self, held: Held) -> None:
         """Put a conversation back after it went on; an ended one is forgotten."""
-        place, name = self.holder(held.delivery), held.conversation.id
+        place, name = self.holder(held.delivery), held.key
         if held.conversation.ended:
             place.pop(name, None)
         else:

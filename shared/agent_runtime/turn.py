@@ -4,7 +4,7 @@ A turn knows no clock, no socket and no file; what is said here leaves the agent
 disk.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from msgspec.structs import replace
@@ -17,7 +17,9 @@ from agent_runtime.state import CoreState, Due, Held
 from agent_runtime.wiring import Delivery, Link, Wiring, class_name
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
+from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind
+from fipa_codec.multicast import Multicast
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
@@ -50,13 +52,30 @@ class Turn:
         stays open until the peer's last word; a volatile question is given up. LocalProtocolError where the design has
         no such link.
         """
-        link = self._wiring.required(to, protocol)
+        return self._open(self._state.name(), to, protocol, performative, content, reply_by_s, several=False).id
+
+    def open_all(
+        self,
+        to: Sequence[str],
+        protocol: str,
+        performative: Performative,
+        content: Any = None,
+        *,
+        reply_by_s: float | None = None,
+    ) -> Multicast:
+        """Open one conversation-id with several participants: a state machine each, of which the Multicast keeps track.
+
+        Name the participant (`to`) wherever you say something in it later, and note in the Multicast what became of
+        it: `group.noted(event.talk, turn.now)`, `group.noted(turn.say(...), turn.now)`. Late and Broken come for each
+        participant. Only over durable links: LocalProtocolError elsewhere, and where nobody or one twice is named.
+        """
         name = self._state.name()
-        talk = Conversation.open(protocol, Role.INITIATOR, id=name, me=self._state.agent, peer=to)
-        reply_by = None if reply_by_s is None else self.now + reply_by_s
-        held = Held(talk, link.delivery, reply_by=reply_by)
-        self._speak(held, link, performative, content, reply_by=reply_by)
-        return name
+        for peer in to:
+            if self._wiring.required(peer, protocol).delivery is not Delivery.DURABLE:
+                raise LocalProtocolError("protocol", f"{protocol} with {peer!r} is not durable; open it with one peer")
+        return Multicast.opened(
+            [self._open(name, peer, protocol, performative, content, reply_by_s, several=True) for peer in to]
+        )
 
     def say(
         self,
@@ -67,19 +86,20 @@ class Turn:
         in_reply_to: str | None = None,
         kind: Kind | None = None,
         reply_by_s: float | None = None,
-    ) -> None:
-        """Say something in an open conversation; the language is that of the content's class.
+        to: str = "",
+    ) -> Conversation:
+        """Say something in an open conversation, which is returned; the language is that of the content's class.
 
         `in_reply_to` None: what the protocol says. `kind=Kind.CANCEL`: this answers the peer's cancel. `reply_by_s`
-        sets the time of Late anew. BehaviourError where the conversation is not open, LocalProtocolError where the
-        protocol forbids it.
+        sets the time of Late anew. `to`: which participant, where there are several. BehaviourError where the
+        conversation is not open, LocalProtocolError where the protocol forbids it.
         """
-        held = self._held(conversation)
+        held = self._held(conversation, to)
         link = self._wiring.required(held.conversation.peer, held.conversation.protocol)
         reply_by = None if reply_by_s is None else self.now + reply_by_s
         if reply_by is not None:
             held = replace(held, reply_by=reply_by, late=False)
-        self._speak(held, link, performative, content, in_reply_to=in_reply_to, kind=kind, reply_by=reply_by)
+        return self._speak(held, link, performative, content, in_reply_to=in_reply_to, kind=kind, reply_by=reply_by)
 
     def drop(self, conversation: str) -> None:
         """Give a volatile conversation up without a word: nothing is asked again, later answers are ignored.
@@ -91,13 +111,13 @@ class Turn:
         self._state.soft.conversations.pop(conversation, None)
         self._state.soft.asks.pop(conversation, None)
 
-    def holds(self, conversation: str) -> bool:
-        """Whether the conversation is open."""
-        return self._state.held(conversation) is not None
+    def holds(self, conversation: str, to: str = "") -> bool:
+        """Whether the conversation is open (with this participant, where there are several)."""
+        return self._state.held(conversation, to) is not None
 
-    def conversation(self, conversation: str) -> Conversation:
+    def conversation(self, conversation: str, to: str = "") -> Conversation:
         """The open conversation: protocol, role, peer, state, `.cancel`. BehaviourError where it is not open."""
-        return self._held(conversation).conversation
+        return self._held(conversation, to).conversation
 
     def conversations(self, peer: str = "", protocol: str = "") -> tuple[Conversation, ...]:
         """All open conversations, or those with a peer or of a protocol, oldest first."""
@@ -174,6 +194,23 @@ class Turn:
 
     # ------------------------------------------------------------------------------------------------------------------
 
+    def _open(
+        self,
+        name: str,
+        to: str,
+        protocol: str,
+        performative: Performative,
+        content: Any,
+        reply_by_s: float | None,
+        *,
+        several: bool,
+    ) -> Conversation:
+        link = self._wiring.required(to, protocol)
+        talk = Conversation.open(protocol, Role.INITIATOR, id=name, me=self._state.agent, peer=to)
+        reply_by = None if reply_by_s is None else self.now + reply_by_s
+        held = Held(talk, link.delivery, reply_by=reply_by, several=several)
+        return self._speak(held, link, performative, content, reply_by=reply_by)
+
     def _speak(
         self,
         held: Held,
@@ -184,7 +221,7 @@ class Turn:
         in_reply_to: str | None = None,
         kind: Kind | None = None,
         reply_by: float | None = None,
-    ) -> None:
+    ) -> Conversation:
         durable = link.delivery is Delivery.DURABLE
         language = None if content is None else self._wiring.language(content)
         link.require_said(performative, class_name(language, content))
@@ -204,9 +241,10 @@ class Turn:
         use_kind = held.conversation.kind_of(performative, communicate.in_reply_to, kind)
         self._out.said.append((link.use, performative, use_kind))
         dispatch(self._state, self._out, self._wiring, replace(held, conversation=talk), communicate, self.now)
+        return talk
 
-    def _held(self, conversation: str) -> Held:
-        held = self._state.held(conversation)
+    def _held(self, conversation: str, to: str = "") -> Held:
+        held = self._state.held(conversation, to)
         if held is None:
             known = ", ".join(talk.id for talk in self.conversations()) or "none"
             raise self._error(f"conversation {conversation!r} is not open", f"open are {known}; ask turn.holds() first")

@@ -52,7 +52,7 @@ class Verdict(msgspec.Struct, frozen=True):
 def judge(state: CoreState, wiring: Wiring, waiting: Waiting) -> Verdict:
     """The verdict; nothing is changed."""
     communicate: Communicate = waiting.event.communicate
-    held = state.held(communicate.conversation)
+    held = state.held(communicate.conversation, communicate.sender)
     try:
         if held is None:
             return _judge_new(state, wiring, waiting, communicate)
@@ -131,7 +131,7 @@ def carry_out(
             state.soft.asks.pop(communicate.conversation, None)
             _supersede(state, held, communicate)
             state.keep(held)
-            return Received(communicate, waiting.content)
+            return Received(communicate, waiting.content, held.conversation)
         case What.REPEAT if held is not None:
             state.count(What.REPEAT)
             if held.answer is not None:
@@ -215,7 +215,7 @@ def _refuse(
         streams.send(state, out, answer)
     if verdict.held is None:
         return None
-    name = verdict.held.conversation.id
+    held = verdict.held
     for place in (state.conversations, state.soft.conversations, state.soft.asks):
-        place.pop(name, None)
-    return Broken(name, str(error))
+        place.pop(held.key, None)
+    return Broken(held.conversation.id, str(error), held.conversation.peer if held.several else "")

@@ -1,0 +1,146 @@
+"""Every protocol of FIPA is carried by the runtime, between two agents and in a crowd, whatever the wires do."""
+
+import crowd_agents as crowd
+import pytest
+import story_agents as stories
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from toy_agents import LANGUAGES, asker
+
+from agent_runtime.agent import Agent, Behaviour
+from agent_runtime.core import Core
+from agent_runtime.events import Started
+from agent_runtime.turn import Turn
+from agent_runtime.wires import Faults, Wires
+from agent_runtime.wiring import Delivery, Link, Wiring
+from fipa_codec.communicate import Communicate
+from fipa_codec.errors import LocalProtocolError
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import Role
+
+
+def stage(faults: Faults | None = None, seed: int = 0, query: Delivery = Delivery.DURABLE) -> Wires:
+    """Alice and Bob on the wires."""
+    wires = Wires(seed=seed, faults=faults)
+    wires.add(stories.alice(), stories.wiring("alice", query=query))
+    wires.add(stories.bob(), stories.wiring("bob", query=query))
+    return wires
+
+
+def expect_all_ended(wires: Wires) -> None:
+    """All stories came to their ends on both sides."""
+    count = len(stories.SCRIPT)
+    wires.run(
+        lambda: any(wires.memory(name).wrong or len(wires.memory(name).ends) == count for name in ("alice", "bob")),
+        limit_s=1e6,
+    )
+    wires.run_for(10.0)
+    for name, role in (("alice", Role.INITIATOR), ("bob", Role.PARTICIPANT)):
+        assert not wires.memory(name).wrong
+        assert wires.memory(name).ends == stories.wanted(role)
+        state = wires.nodes[name].state
+        assert state is not None
+        assert not state.conversations
+
+
+@pytest.mark.parametrize("query", [Delivery.DURABLE, Delivery.VOLATILE])
+def test_all_stories_of_all_protocols(query: Delivery) -> None:
+    """Nine families, and each with its cancels."""
+    assert {name for name, _ in stories.SCRIPT} == {protocol.name for protocol in stories.FIPA}
+    expect_all_ended(stage(query=query))
+
+
+FAULTS = st.builds(
+    Faults,
+    loss=st.sampled_from([0.0, 0.2]),
+    duplication=st.sampled_from([0.0, 0.3]),
+    delay=st.sampled_from([0.0, 0.3]),
+    crash=st.sampled_from([0.0, 0.02]),
+)
+
+
+@given(FAULTS, st.integers(0, 2**32))
+@settings(max_examples=8, deadline=None)
+def test_all_stories_under_faults(faults: Faults, seed: int) -> None:
+    """What is lost, doubled, delayed or killed changes no story."""
+    expect_all_ended(stage(faults, seed))
+
+
+@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.3]))
+@settings(max_examples=30, deadline=None)
+def test_iterated_contract_net_with_a_crowd(seed: int, loss: float, duplication: float) -> None:
+    """One conversation-id, four state machines: who is best wins, who is late is rejected, whoever says it first."""
+    wires = Wires(seed=seed, faults=Faults(loss=loss, duplication=duplication) if loss or duplication else None)
+    wires.add(crowd.caller(), crowd.wiring("caller"))
+    for name in crowd.CROWD:
+        wires.add(crowd.worker(name), crowd.wiring(name))
+    wires.run(lambda: bool(wires.memory("caller").outcomes))
+    wires.run_for(10.0)
+    outcomes, ends = wires.memory("caller").outcomes, {name: wires.memory(name).state for name in crowd.CROWD}
+    if not loss:
+        assert (outcomes, ends) == (crowd.OUTCOMES, crowd.ENDS)
+    assert len({c.conversation for c in wires.traffic}) == 1
+    assert outcomes["slow"] == "refused"
+    assert not any(node.state is None or node.state.conversations for node in wires.nodes.values())
+
+
+@pytest.mark.parametrize("steps", range(1, 12))
+def test_caller_that_dies_goes_on_with_its_crowd(steps: int) -> None:
+    """The multicast is memory, the conversations are in the journal: a restored caller comes to the same award."""
+    wires = Wires()
+    wires.add(crowd.caller(), crowd.wiring("caller"))
+    for name in crowd.CROWD:
+        wires.add(crowd.worker(name), crowd.wiring(name))
+    wires.crash("caller", in_steps=steps, restart_s=0.05)
+    wires.run(lambda: bool(wires.memory("caller").outcomes))
+    state = wires.nodes["caller"].state
+    assert state is not None
+    assert state.incarnation == 2
+    assert wires.memory("caller").outcomes == crowd.OUTCOMES
+
+
+def test_garbage_of_one_participant_ends_its_conversation_only() -> None:
+    """not-understood and Broken concern one of the crowd, named as peer."""
+    wires = Wires()
+    wires.add(crowd.caller(), crowd.wiring("caller"))
+    for name in crowd.CROWD[1:]:
+        wires.add(crowd.worker(name), crowd.wiring(name))
+    wires.run(lambda: any(c.receiver == "eager" for c in wires.traffic))
+    call = next(c for c in wires.traffic if c.receiver == "eager")
+    wires.deliver(
+        Communicate(
+            performative=P.AGREE,
+            protocol="icfp",
+            conversation=call.conversation,
+            sender="eager",
+            receiver="caller",
+            id="1",
+        )
+    )
+    wires.run(lambda: any(c.performative is P.NOT_UNDERSTOOD for c in wires.traffic))
+    state = wires.nodes["caller"].state
+    assert state is not None
+    assert state.held(call.conversation, "eager") is None
+    assert state.held(call.conversation, "modest") is not None
+
+
+@pytest.mark.parametrize(
+    ("to", "protocol", "word"),
+    [((), "request", "one multicast"), (("server", "server"), "request", "one conversation with each"),
+     (("server",), "query", "not durable")],
+)  # fmt: skip
+def test_what_cannot_be_opened_with_several(to: tuple[str, ...], protocol: str, word: str) -> None:
+    """Nobody, one twice, or over a link that promises nothing."""
+
+    def go(memory: object, turn: Turn) -> object:
+        turn.open_all(to, protocol, P.REQUEST)
+        return memory
+
+    links = (
+        Link("server", "T1", "request", Role.INITIATOR, Delivery.DURABLE, silent="SUM"),
+        Link("server", "T1", "query", Role.INITIATOR, Delivery.VOLATILE, silent="SUM"),
+    )
+    agent = Agent(name="asker", start="one", memory=asker().memory, behaviours={"one": Behaviour(go)})
+    core = Core(agent, Wiring("toy", "asker", links, LANGUAGES))
+    with pytest.raises(LocalProtocolError, match=word):
+        core.step(core.boot(None), Started(), 0.0)
