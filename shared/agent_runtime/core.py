@@ -10,6 +10,7 @@ then with what happens; after each step carry the effects out in their order; wh
 at `wake_at` with Tick().
 """
 
+from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 import msgspec
@@ -87,12 +88,13 @@ class Core(Generic[M]):
         after.soft.step += 1
         self._note(after, out, event, now)
         self._take_one(after, out, now)
-        self._check_owed(after)
+        self._check_owed(state, after)
         durable = self._durable(state, after, out)
         record = encode_record(after) if durable else None
         deed = out.deed(state.state, after.state, tuple(after.due))
         self._compare(after, out, deed)
-        return after, out.sealed(record, self._ready(after, now), self._wake_at(after, now), deed)
+        waits = None if streams.blocked(after) is not None else _waits(after)
+        return after, out.sealed(record, self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
 
     def _compare(self, state: CoreState, out: Out, deed: Deed | None) -> None:
         """Say it where a step is none of the design's: what was proven of the design does not hold for it."""
@@ -163,20 +165,23 @@ class Core(Generic[M]):
         elif (name := _due_wake(state, now)) is not None:
             del state.wakes[name]
             self._run(state, out, Woken(name), now)
-        elif (held := self._find_late(state, now)) is not None:
+        elif (held := self._find_late(state, _waits(state), now)) is not None:
             self._take_late(state, out, held, now)
 
-    def _ready(self, state: CoreState, now: float) -> bool:
-        if streams.blocked(state) is not None:
+    def _ready(self, state: CoreState, waits: Sequence[Held] | None, now: float) -> bool:
+        """Whether more can be taken at once; `waits` None: nothing is taken while an outbox is full."""
+        if waits is None:
             return False
         return (
             self._find_waiting(state) is not None
             or _due_wake(state, now) is not None
-            or self._find_late(state, now) is not None
+            or self._find_late(state, waits, now) is not None
         )
 
     def _find_waiting(self, state: CoreState) -> tuple[Waiting, Verdict | None] | None:
         """The first entry of the inbox that can be taken; streams in order, so a number behind one not taken is not."""
+        if not state.soft.inbox:
+            return None
         passed: set[str] = set()
         takes = self._behaviour(state).takes
         for waiting in state.soft.inbox:
@@ -204,9 +209,9 @@ class Core(Generic[M]):
         use = self.wiring.required(communicate.sender, communicate.protocol).use
         return rows.takes(state.state, use, act, verdict.kind)
 
-    def _find_late(self, state: CoreState, now: float) -> Held | None:
+    def _find_late(self, state: CoreState, waits: Sequence[Held], now: float) -> Held | None:
         takes = self._behaviour(state).takes
-        for held in _waits(state):
+        for held in waits:
             if held.reply_by is not None and now > held.reply_by and takes(state.memory, Late(held.conversation.id)):
                 return held
         return None
@@ -269,11 +274,11 @@ class Core(Generic[M]):
         turn = Turn(state, self.wiring, out, event, now)
         state.memory = self._behaviour(state).transition(state.memory, turn)
 
-    def _check_owed(self, state: CoreState) -> None:
+    def _check_owed(self, before: CoreState, state: CoreState) -> None:
         """What a protocol wants said in the very step that took something must have been said."""
         for held in (*state.conversations.values(), *state.soft.conversations.values()):
             talk = held.conversation
-            if talk.owes:
+            if before.held(talk.id) is not held and talk.owes:
                 wanted = ", ".join(row.word for row in talk.table.allowed(talk.state, SEND))
                 what = f"took a message in {talk.id} ({talk.protocol}, {talk.state}) and owes its answer"
                 raise BehaviourError(self.agent.name, state.state, what, f"say {wanted} in the same step")
@@ -287,15 +292,17 @@ class Core(Generic[M]):
             after.kept = kept
         return out.durable or before.state != after.state
 
-    def _wake_at(self, state: CoreState, now: float) -> float | None:
+    def _wake_at(self, state: CoreState, waits: Sequence[Held] | None, now: float) -> float | None:
         """When the next Tick is wanted; what is past already waits for a behaviour that takes it, or for room."""
         times: list[float] = []
         if state.soft.up:
-            times += [at for at, _ in state.soft.resend.values()] + [one.at for one in state.soft.asks.values()]
-        if streams.blocked(state) is None:
+            times += [at for at, _ in state.soft.resend.values()]
+            times += [one.at for one in state.soft.asks.values()]
+        if waits is not None:
             times += state.wakes.values()
-            ends = [held.reply_by for held in _waits(state) if held.reply_by is not None]
-            times += [end + LATE_AFTER for end in ends if end + LATE_AFTER > now]
+            for held in waits:
+                if held.reply_by is not None and held.reply_by + LATE_AFTER > now:
+                    times.append(held.reply_by + LATE_AFTER)
         return min(times, default=None)
 
 
@@ -323,6 +330,8 @@ def _forget_unanswered(state: CoreState, now: float) -> None:
 
 
 def _due_wake(state: CoreState, now: float) -> str | None:
+    if not state.wakes:
+        return None
     due = [(at, name) for name, at in state.wakes.items() if at <= now]
     return min(due)[1] if due else None
 
@@ -330,4 +339,4 @@ def _due_wake(state: CoreState, now: float) -> str | None:
 def _waits(state: CoreState) -> list[Held]:
     """Conversations in which this agent waits for an end whose time was not told yet."""
     both = (*state.conversations.values(), *state.soft.conversations.values())
-    return [held for held in both if held.conversation.role is Role.INITIATOR and not held.late]
+    return [held for held in both if not held.late and held.conversation.role is Role.INITIATOR]

@@ -69,6 +69,8 @@ class Effects(msgspec.Struct, frozen=True):
 class Out:
     """Collects the effects while a step runs."""
 
+    __slots__ = ("about", "durable", "handled", "logs", "receipts", "said", "sends", "tells", "took")
+
     def __init__(self) -> None:
         self.durable = False
         self.receipts: list[Receipt] = []

@@ -98,8 +98,9 @@ def _admit_observation(state: CoreState, out: Out, wiring: Wiring, link: Link, c
 
 
 def _admit_volatile(state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate) -> None:
-    waiting = [one for one in state.soft.inbox if isinstance(one.event, Arrived) and not one.number]
-    if any(_same(one.event.communicate, communicate) for one in waiting):
+    inbox = state.soft.inbox
+    waiting = [one for one in inbox if isinstance(one.event, Arrived) and not one.number] if inbox else []
+    if waiting and any(_same(one.event.communicate, communicate) for one in waiting):
         state.count("waiting already")
     elif len(waiting) >= HELD_VOLATILE:
         reject(state, out, communicate, "inbox full", f"{HELD_VOLATILE} volatile messages wait already")

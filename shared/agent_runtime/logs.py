@@ -6,8 +6,9 @@ Each line has time, agent and event; lines about a conversation have its id.
 import logging
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -42,28 +43,40 @@ class Log:
         """Raises ValueError for an unknown level."""
         if level not in LEVELS:
             raise ValueError(f"log level {level!r} is none of {', '.join(LEVELS)}")
+        self._agent = agent
         self._least = LEVELS[level]
-        self._file: TextIO | None = None
-        self._json: Any = None
+        self._file: FileIO | None = None
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
-            self._file = file.open("a", encoding="utf-8", buffering=1)
-            self._json = _wrapped(self._file, structlog.processors.JSONRenderer(serializer=_json), agent)
+            self._file = FileIO(file, "a")
         self._short = _wrapped(console or sys.stdout, _short, agent)
 
     def write(self, event: str, level: str = "info", **fields: Any) -> None:
         """One line."""
+        self.write_all([(event, level, fields)])
+
+    def write_all(self, lines: Sequence[tuple[str, str, dict[str, Any]]]) -> None:
+        """Some lines, each an event with its level and fields, at once. A step writes several, and this waits."""
         at = time.time()
-        if self._json is not None:
-            self._json.msg(event, t=at, level=level, **fields)
-        if LEVELS.get(level, logging.ERROR) >= self._least:
-            self._short.msg(event, t=at, level=level, **fields)
+        if self._file is not None:
+            self._file.write(
+                b"".join(
+                    _encoder.encode({"agent": self._agent, "t": at, "level": level, **fields, "event": event}) + b"\n"
+                    for event, level, fields in lines
+                )
+            )
+        for event, level, fields in lines:
+            if LEVELS.get(level, logging.ERROR) >= self._least:
+                self._short.msg(event, t=at, level=level, **fields)
 
     def close(self) -> None:
         """Close the file."""
         if self._file is not None:
             self._file.close()
-            self._file = self._json = None
+            self._file = None
+
+
+_encoder = msgspec.json.Encoder(enc_hook=str)
 
 
 def _wrapped(out: TextIO, renderer: Any, agent: str) -> Any:
@@ -71,10 +84,6 @@ def _wrapped(out: TextIO, renderer: Any, agent: str) -> Any:
         structlog.WriteLogger(out), processors=[renderer], wrapper_class=structlog.BoundLogger, context_class=dict
     )
     return logger.bind(agent=agent)
-
-
-def _json(line: dict[str, Any], **_: Any) -> str:
-    return msgspec.json.encode(line, enc_hook=str).decode()
 
 
 def _short(_: Any, __: str, line: dict[str, Any]) -> str:

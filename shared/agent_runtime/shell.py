@@ -233,36 +233,36 @@ class Shell:
             following = Next() if effects.more else None
 
     def _carry_out(self, effects: Effects) -> None:
-        """In this order: see the module's text."""
+        """In this order: see the module's text. What is only for people to read comes last: nobody waits for it."""
         assert self._wire is not None
         if effects.record is not None:
             self._journal.append(effects.record)
         for receipt in effects.receipts:
             self._wire.send_receipt(receipt)
-        if isinstance(effects.handled, Received):
-            self._log_communicate("received", effects.handled.communicate, 0)
-        for communicate in effects.sends:
-            self._log_communicate("sent", communicate, self._wire.send(communicate))
+        sizes = [self._wire.send(communicate) for communicate in effects.sends]
         for content in effects.tells:
             self._device.tell(content)
-        for line in effects.logs:
-            self.log.write(line.event, line.level, **line.fields)
+        lines = [(line.event, line.level, line.fields) for line in effects.logs]
+        lines += [self._sent_line("sent", one, size) for one, size in zip(effects.sends, sizes, strict=True)]
+        if isinstance(effects.handled, Received):
+            lines.insert(0, self._sent_line("received", effects.handled.communicate, 0))
+        if lines:
+            self.log.write_all(lines)
 
-    def _log_communicate(self, event: str, communicate: Communicate, size: int) -> None:
+    def _sent_line(self, event: str, communicate: Communicate, size: int) -> tuple[str, str, dict[str, Any]]:
         peer = communicate.receiver if event == "sent" else communicate.sender
         link = self._core.wiring.link(peer, communicate.protocol)
         durable = link is not None and link.delivery is Delivery.DURABLE
-        self.log.write(
-            event,
-            level="info" if durable else "debug",
-            performative=str(communicate.performative),
-            peer=peer,
-            protocol=communicate.protocol,
-            language=communicate.language,
-            id=communicate.id,
-            bytes=size or None,
-            conversation=communicate.conversation,
-        )
+        fields = {
+            "performative": str(communicate.performative),
+            "peer": peer,
+            "protocol": communicate.protocol,
+            "language": communicate.language,
+            "id": communicate.id,
+            "bytes": size or None,
+            "conversation": communicate.conversation,
+        }
+        return event, "info" if durable else "debug", fields
 
     # --- readiness and life -------------------------------------------------------------------------------------------
 

@@ -4,6 +4,8 @@ The journal record is the whole durable state. Soft: the inbox (unreceipted, so 
 the conversations of queries and subscriptions, who is alive, when to send again.
 """
 
+from copy import copy
+from functools import cache
 from typing import Any
 
 import msgspec
@@ -125,11 +127,14 @@ class CoreState(Record, kw_only=True):
 
     def fork(self) -> "CoreState":
         """A copy that a step may change; dictionaries are copied, what they hold is frozen."""
-        copy = msgspec.structs.replace(self, soft=msgspec.structs.replace(self.soft))
-        for part, names in ((copy, _DICTS), (copy.soft, _SOFT_DICTS)):
-            for name in names:
-                setattr(part, name, dict(getattr(part, name)))
-        return copy
+        after, soft = copy(self), copy(self.soft)
+        after.soft = soft
+        after.conversations, after.taken, after.issued = {**self.conversations}, {**self.taken}, {**self.issued}
+        after.outbox, after.versions, after.due = {**self.outbox}, {**self.versions}, {**self.due}
+        after.wakes, after.counts = {**self.wakes}, {**self.counts}
+        soft.asks, soft.conversations = {**soft.asks}, {**soft.conversations}
+        soft.peers, soft.resend = {**soft.peers}, {**soft.resend}
+        return after
 
     def holder(self, delivery: Delivery) -> dict[str, Held]:
         """Where conversations of this delivery are kept."""
@@ -166,15 +171,18 @@ def age(name: str) -> Version | None:
     return int(parts[1]), int(parts[2])
 
 
-_DICTS = ("conversations", "taken", "issued", "outbox", "versions", "due", "wakes", "counts")
-_SOFT_DICTS = ("asks", "conversations", "peers", "resend")
 _encoder = msgspec.msgpack.Encoder()
 _decoder = msgspec.msgpack.Decoder(Record)
 
 
 def hard_fields(memory: Any) -> tuple[str, ...]:
     """The fields of a memory that the journal keeps."""
-    return tuple(name for name in memory.__struct_fields__ if name != "soft")
+    return _hard_fields(type(memory))
+
+
+@cache
+def _hard_fields(kind: Any) -> tuple[str, ...]:
+    return tuple(name for name in kind.__struct_fields__ if name != "soft")
 
 
 def encode_memory(memory: Any) -> bytes:
@@ -184,9 +192,9 @@ def encode_memory(memory: Any) -> bytes:
 
 def same_memory(old: Any, new: Any) -> bool:
     """Whether nothing durable was touched: the same objects in all hard fields."""
-    return old is new or (
-        type(old) is type(new) and all(getattr(old, name) is getattr(new, name) for name in hard_fields(old))
-    )
+    if old is new:
+        return True
+    return type(old) is type(new) and all(getattr(old, name) is getattr(new, name) for name in hard_fields(old))
 
 
 def encode_record(state: CoreState) -> bytes:

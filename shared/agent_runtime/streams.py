@@ -43,7 +43,10 @@ def next_number(state: CoreState, peer: str) -> int:
 
 def blocked(state: CoreState) -> str | None:
     """The peer whose outbox is full; as long as there is one, the agent takes nothing."""
-    return next((peer for peer, sent in state.outbox.items() if len(sent) >= OUTBOX_BOUND), None)
+    for peer, sent in state.outbox.items():
+        if len(sent) >= OUTBOX_BOUND:
+            return peer
+    return None
 
 
 def observed(state: CoreState, out: Out, peer: str, subject: str, due: Due, now: float) -> None:

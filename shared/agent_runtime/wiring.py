@@ -52,13 +52,13 @@ class Link(msgspec.Struct, frozen=True):
 
     def require_said(self, performative: Performative, content: str) -> None:
         """LocalProtocolError where the interface has no such act, or not with this content (LANGUAGE.Class or "")."""
-        wrong = _misfit(self.says, performative, content)
+        wrong = None if content in self.says.get(performative, ()) else _misfit(self.says, performative, content)
         if wrong is not None:
             raise LocalProtocolError(wrong[0], f"{self.protocol} with {self.peer!r} on {self.channel}: {wrong[1]}")
 
     def require_heard(self, performative: Performative, content: str) -> None:
         """ContentError likewise, for what the peer says."""
-        wrong = _misfit(self.hears, performative, content)
+        wrong = None if content in self.hears.get(performative, ()) else _misfit(self.hears, performative, content)
         if wrong is not None:
             raise ContentError(wrong[0], f"{self.protocol} of {self.peer!r} on {self.channel}: {wrong[1]}")
 

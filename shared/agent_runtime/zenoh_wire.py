@@ -124,6 +124,7 @@ class ZenohWire:
     def __init__(self, session: zenoh.Session, wiring: Wiring, incarnation: int, inbox: Inbox) -> None:
         """Declare what the agent listens to, then its token."""
         self._session, self._wiring, self._inbox = session, wiring, inbox
+        self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any]] = {}
         system, me = wiring.system, wiring.agent
         # References are kept: a dropped declaration is undeclared.
         self._declared: list[Any] = [
@@ -144,15 +145,22 @@ class ZenohWire:
     def send(self, communicate: Communicate) -> int:
         """Put a communicate; its size in bytes."""
         data = encode(communicate)
-        link = self._wiring.required(communicate.receiver, communicate.protocol)
-        priority = zenoh.Priority.DATA
-        if link.delivery is Delivery.DURABLE:
-            # One priority for a whole stream: an overtaking message would only be dropped as a gap.
-            priority = zenoh.Priority.INTERACTIVE_HIGH
-        elif len(data) >= BULK_BYTES:
+        act = (communicate.receiver, communicate.protocol, communicate.performative)
+        route = self._routes.get(act)
+        if route is None:
+            route = self._routes[act] = self._route(communicate)
+        key, priority = route
+        if len(data) >= BULK_BYTES and priority == zenoh.Priority.DATA:
             priority = zenoh.Priority.DATA_LOW
-        self._put(self._wiring.key(communicate), data, priority)
+        self._put(key, data, priority)
         return len(data)
+
+    def _route(self, communicate: Communicate) -> tuple[zenoh.KeyExpr, Any]:
+        """Key and priority. One priority for a whole stream: an overtaking message would only be dropped as a gap."""
+        link = self._wiring.required(communicate.receiver, communicate.protocol)
+        durable = link.delivery is Delivery.DURABLE
+        priority = zenoh.Priority.INTERACTIVE_HIGH if durable else zenoh.Priority.DATA
+        return zenoh.KeyExpr(self._wiring.key(communicate)), priority
 
     def send_receipt(self, receipt: Receipt) -> None:
         """Put a receipt."""
@@ -175,7 +183,7 @@ class ZenohWire:
         self._session.close()  # type: ignore[no-untyped-call]
         self._declared.clear()
 
-    def _put(self, key: str, data: bytes, priority: Any) -> None:
+    def _put(self, key: zenoh.KeyExpr | str, data: bytes, priority: Any) -> None:
         self._session.put(key, data, priority=priority, congestion_control=zenoh.CongestionControl.BLOCK)
 
     # --- in: on Zenoh's threads ---------------------------------------------------------------------------------------

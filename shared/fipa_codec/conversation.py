@@ -55,9 +55,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         It is for openings, and for a cancel that came too late (`request`: answer failure; `coordinate`: drop it).
         RemoteProtocolError if m_c, sender or a known protocol is missing.
         """
-        for field in ("conversation", "sender", "protocol"):
-            if not getattr(communicate, field):
-                raise RemoteProtocolError(field, f"is absent, so {me!r} cannot take part in a conversation")
+        if not (communicate.conversation and communicate.sender and communicate.protocol):
+            fields = ("conversation", "sender", "protocol")
+            field = next(field for field in fields if not getattr(communicate, field))
+            raise RemoteProtocolError(field, f"is absent, so {me!r} cannot take part in a conversation")
         try:
             name = named(communicate.protocol).name
         except LocalProtocolError as error:
@@ -189,6 +190,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     def _require_mine(self, communicate: Communicate) -> None:
         """Sender, receiver, m_c and protocol stay the same throughout."""
+        same_talk = communicate.conversation == self.id and communicate.protocol == self.protocol
+        if same_talk and communicate.sender == self.peer and communicate.receiver == self.me:
+            return  # as nearly always; else it is said what is wrong, or the protocol goes by another of its names
         names = (named(self.protocol).name, *named(self.protocol).aliases)
         checks = (
             ("conversation", communicate.conversation, (self.id,)),
@@ -211,8 +215,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                 raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was said before, this is a copy")
         elif performative in protocol.openings and self.state != START and reply_with != self.asked:
             raise LocalProtocolError("reply_with", f"{self._here}: asked again with {reply_with!r}, not {self.asked!r}")
-        known = ("", self.asked, self.cancel, *(label for label, _ in self.unconfirmed))
-        if reply_to not in known:
+        if reply_to in ("", self.asked, self.cancel):
+            return
+        if all(reply_to != label for label, _ in self.unconfirmed):
             raise LocalProtocolError("in_reply_to", f"{self._here}: {reply_to!r} was never asked here")
 
     def _label(self, performative: Performative, id: str) -> str:
@@ -228,7 +233,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     def _default_reply(self, performative: Performative, kind: Kind) -> str:
         """m_t: the paper leaves it empty in request, inform and cancel of coordinate, and sets it in confirm."""
-        if kind is Kind.CANCEL or self._only_cancel(performative, kind):
+        if kind is Kind.CANCEL or (self.cancel and self._only_cancel(performative, kind)):
             return self.cancel
         if performative is Performative.CONFIRM:
             return self.unconfirmed[0][0] if self.unconfirmed else ""
@@ -251,10 +256,14 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         elif performative is Performative.CONFIRM:
             unconfirmed = tuple(entry for entry in unconfirmed if entry[0] != communicate.in_reply_to)
         opens = performative in protocol.openings and (self.state == START or performative in protocol.rounds)
+        state, deadline = str(row.to), self._next_deadline(row, communicate.reply_by)
+        plain = row.kind is not Kind.CANCEL and performative is not Performative.CANCEL
+        if plain and not opens and unconfirmed is self.unconfirmed:
+            return msgspec.structs.replace(self, state=state, deadline=deadline)
         return msgspec.structs.replace(
             self,
-            state=str(row.to),
-            deadline=self._next_deadline(row, communicate.reply_by),
+            state=state,
+            deadline=deadline,
             asked=label if opens else self.asked,
             cancel=label if performative is Performative.CANCEL else self._cancel_after(row),
             unconfirmed=unconfirmed,

@@ -19,6 +19,7 @@ def register(protocol: Protocol) -> Protocol:
 
 def named(name: str) -> Protocol:
     """LocalProtocolError names the protocols there are; one of a system is there once its module is imported."""
-    if name not in _registered:
+    protocol = _registered.get(name)
+    if protocol is None:
         raise LocalProtocolError("protocol", f"{name!r} is unknown, known are {', '.join(sorted(_registered))}")
-    return _registered[name]
+    return protocol
