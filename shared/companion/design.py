@@ -81,6 +81,5 @@ def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
     return (
         *checks.check(design),
         *agreement.check_languages(design, classes),
-        *agreement.check_protocols(design, design.tables),
         *agreement.check_queries(design, QUERY_INTERFACES, "WM", queries),
     )

@@ -88,6 +88,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
 
     file: elements.DesignFile
     path: str = ""
+    text: str = ""
 
     @cached_property
     def decomposition(self) -> Decomposition:
@@ -279,7 +280,8 @@ class Design(msgspec.Struct, frozen=True, dict=True):
 
 def load(path: Path) -> Design:
     """The design in the file at `path`. Raises DesignError."""
-    return Design(loading.load(path), path.name)
+    text = path.read_text(encoding="utf-8")
+    return Design(loading.read(text, str(path)), path.name, text)
 
 
 def _joined(one: Rule, other: Rule) -> Rule:

@@ -106,11 +106,22 @@ def line_of(text: str, path: Path_) -> int | None:
         isolated = here + 1 >= len(path) or not isinstance(path[here + 1], int)
         at = _field(lines, part, begin, end) if prefix != part or not isolated else None
         if at is not None:
-            return at + 1
+            return _element(lines, at, path[here + 1 :]) + 1
         table = _headers(lines, prefix, begin, end)
         if isolated and table:
             line, begin = table[0] + 1, table[0] + 1
     return line
+
+
+def _element(lines: list[str], at: int, rest: Path_) -> int:
+    """Index of the line of an element of a list that is written one element a line, below the field at index `at`."""
+    if not rest or not isinstance(rest[0], int) or not lines[at].rstrip().endswith("["):
+        return at
+    opened = (index for index in range(at + 1, len(lines)) if lines[index].lstrip().startswith(("{", "[", '"')))
+    for count, index in enumerate(opened):
+        if count == rest[0]:
+            return index
+    return at
 
 
 def _headers(lines: list[str], name: str, begin: int, end: int | None) -> list[int]:

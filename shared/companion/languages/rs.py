@@ -28,4 +28,5 @@ class RobotState(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=Tr
     lateness_us: float
 
 
-Content = Seen | RobotState
+Content = RobotState
+"""A Seen is no sentence of its own: it is a part of RC's Done."""

@@ -1,0 +1,44 @@
+"""Is a design consistent in itself? Typed findings, none where all is well; topdown.agreement compares it with code.
+
+names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, waits -> claims. A fault is reported
+once: what only follows from it is left out. No I/O.
+"""
+
+from topdown.checks import (
+    channels,
+    claims,
+    forms,
+    interfaces,
+    machines,
+    names,
+    outcome,
+    protocols,
+    requirements,
+    sides,
+    steps,
+    waits,
+)
+from topdown.checks.machines import reachable as reachable
+from topdown.design import Design
+from topdown.findings import Finding, located
+
+PARTS = (
+    requirements.findings,
+    steps.findings,
+    outcome.findings,
+    channels.findings,
+    names.findings,
+    protocols.findings,
+    forms.findings,
+    sides.findings,
+    interfaces.findings,
+    machines.findings,
+    waits.findings,
+    claims.findings,
+)
+
+
+def check(design: Design) -> tuple[Finding, ...]:
+    """All findings of the file itself, none where it is consistent; with lines where the file's text is known."""
+    found = tuple(names.twice(design)) or tuple(finding for part in PARTS for finding in part(design))
+    return located(found, design.text)
