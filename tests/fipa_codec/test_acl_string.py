@@ -119,7 +119,7 @@ def test_printing_is_strict(message):
     time = r"\d{8}T\d{9}Z|[+-]\d{8}T\d{9}"
     for word in words:
         if not word.startswith(":"):
-            assert re.fullmatch(rf"[()S]|[A-Za-z][A-Za-z0-9_.@:/-]*|{time}", word, re.ASCII), word
+            assert re.fullmatch(rf"[()S]|[A-Za-z][A-Za-z0-9_.@:/?&=%~+-]*|{time}", word, re.ASCII), word
 
 
 BYTE_EXACT = [

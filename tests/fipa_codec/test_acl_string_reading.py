@@ -67,6 +67,7 @@ WELL_FORMED = [
     ("(inform :content hello)", inform(content="hello")),
     ("(inform :language a :language b)", inform(language="b")),
     ("(inform :X-a 1 :x-A 2)", inform(user={"x-A": "2"})),
+    ("(inform :X-a 1 :x-A 2 :X-a 3)", inform(user={"X-a": "3"})),
     ("(inform :X-JADE-Encoding Base64)", inform(user={"X-JADE-Encoding": "Base64"})),
     ("(inform :reply-by 20260101t120000000z)", inform(reply_by=NOON)),
     # Rock's habits
@@ -135,7 +136,7 @@ MALFORMED = [
     ('(inform :content "abc)', "content", (1, 18), "without end", "a quote"),
     ('(inform :content "ends in \\")', "content", (1, 18), "without end", "#<bytes>"),
     ("(inform :content (done a))", "content", (1, 18), "'('", "in quotes"),
-    ('(inform :content #9"abc)', "content", (1, 18), "9 bytes", "at most 4 bytes"),
+    ('(inform :content #5"abc)', "content", (1, 18), "5 bytes", "at most 4 bytes"),
     ('(inform :content #"abc")', "content", (1, 18), "#", "#<bytes>"),
     ('(inform :content #9999999999999"a)', "content", (1, 18), "#", "9 digits"),
     ('(inform :content #3"abcd)', "message", (1, 24), "'d'", "begins with :"),
@@ -190,6 +191,15 @@ def test_too_much_is_refused_before_it_is_read():
     """The size is bounded."""
     with pytest.raises(AclSyntaxError, match="at most"):
         parse(b"(inform :content " + b"(" * MAX_ACL_BYTES)
+
+
+def test_reading_takes_time_in_proportion_to_the_text():
+    """Many parameters, escapes or parentheses are no way to keep a reader busy: with squared time this timed out."""
+    many = "".join(f" :X-{number} b" for number in range(100_000))
+    assert len(parse(f"(inform {many})").user) == 100_000
+    assert parse(f'(inform :content "{chr(92)}"{many.replace(" ", chr(92) + chr(34))}")').content
+    with pytest.raises(AclSyntaxError):
+        parse(f'(inform :language ({"(a)" * 100_000} "')
 
 
 def test_the_excerpt_of_a_long_line_is_short_and_points_at_the_fault():

@@ -70,6 +70,7 @@ class _Reader(Scanner):
         whole = self.field
         fields: dict[str, Any] = {}
         user: dict[str, str] = {}
+        spelt: dict[str, str] = {}
         while True:
             self.field = whole
             if self.next() == b")":
@@ -83,11 +84,9 @@ class _Reader(Scanner):
                 field, read = known[name.lower()]
                 fields[field] = read(self)
             else:
-                same = [given for given in user if given.lower() == name.lower()]
+                user.pop(spelt.get(name.lower(), name), None)
                 user[name] = self.expression()
-                for given in same:
-                    if given != name:
-                        del user[given]
+                spelt[name.lower()] = name
 
     def parameter(self, known: Mapping[str, Any], start: int) -> str:
         """Take the name of a parameter; of one that runs into its word or time only its own letters."""
