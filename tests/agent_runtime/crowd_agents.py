@@ -7,7 +7,7 @@ reply-by and is rejected for it.
 import msgspec
 
 from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import Late, Received, Started, Woken
+from agent_runtime.events import Late, PeerChanged, Received, Started, Woken
 from agent_runtime.turn import Turn
 from agent_runtime.wiring import Delivery, Link, Wiring
 from fipa_codec.acts import EXPRESSIONS, Content, speak
@@ -18,8 +18,8 @@ from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 
 CROWD = ("eager", "modest", "slow", "unwilling")
-REPLY_BY_S = 1.0
-TOO_SLOW_S = 1.5
+REPLY_BY_S = 4.0
+TOO_SLOW_S = 5.0
 LANGUAGES = Languages([EXPRESSIONS])
 
 CARRY = Action("anybody", "carry", ("jar",))
@@ -44,9 +44,9 @@ class Calling(msgspec.Struct, frozen=True):
 
 
 def call(memory: Calling, turn: Turn) -> Calling:
-    """The caller's only behaviour."""
+    """The caller's only behaviour: it calls when all are there, since reply-by runs from the call."""
     match turn.event:
-        case Started() if memory.group is None:
+        case Started() | PeerChanged() if memory.group is None and turn.peers.keys() >= set(CROWD):
             group = turn.open_all(CROWD, "icfp", P.CFP, CONTENTS[P.CFP], reply_by_s=REPLY_BY_S)
             return Calling(group, rounds=1)
         case Received(talk=talk) if talk is not None and memory.group is not None:

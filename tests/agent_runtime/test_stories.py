@@ -103,7 +103,7 @@ def test_garbage_of_one_participant_ends_its_conversation_only() -> None:
     """not-understood and Broken concern one of the crowd, named as peer."""
     wires = Wires()
     wires.add(crowd.caller(), crowd.wiring("caller"))
-    for name in crowd.CROWD[1:]:
+    for name in crowd.CROWD:
         wires.add(crowd.worker(name), crowd.wiring(name))
     wires.run(lambda: any(c.receiver == "eager" for c in wires.traffic))
     call = next(c for c in wires.traffic if c.receiver == "eager")

@@ -28,15 +28,15 @@ def wait_for(condition: Callable[[], object], what: str, deadline_s: float = DEA
 class Fleet:
     """Processes of one run folder by name."""
 
-    def __init__(self, run: Path) -> None:
-        self.run = run
+    def __init__(self, run: Path, script: Path = TOY) -> None:
+        self.run, self.script = run, script
         self.endpoint = free_endpoint()
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, *names: str) -> None:
-        """Start processes (router, asker, server) side by side, each with its output in a log."""
+        """Start processes (router, agents of the script) side by side, each with its output in a log."""
         for name in names:
-            command = [sys.executable, str(TOY), name, self.endpoint, str(self.run)]
+            command = [sys.executable, str(self.script), name, self.endpoint, str(self.run)]
             if name == "router":
                 command = [sys.executable, "-m", "services.router"]
             environment = os.environ | {"ROCO_LISTEN": self.endpoint, "ROCO_RUN_DIR": str(self.run)}

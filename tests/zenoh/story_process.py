@@ -1,0 +1,28 @@
+"""An agent of the stories, or of the crowd, as a process: `python story_process.py <agent> <connect> <run folder>`."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "agent_runtime"))
+
+import crowd_agents as crowd
+import story_agents as stories
+
+from agent_runtime import shell
+from agent_runtime.options import Options
+from agent_runtime.wiring import Delivery
+
+
+def main(name: str, connect: str, run: Path) -> int:
+    """Serve until a signal comes."""
+    options = Options(connect=connect, run_dir=run)
+    if name in ("alice", "bob"):
+        agent = stories.alice() if name == "alice" else stories.bob()
+        return shell.run(agent, stories.wiring(name, query=Delivery.VOLATILE), options)
+    if name == "caller":
+        return shell.run(crowd.caller(), crowd.wiring(name), options)
+    return shell.run(crowd.worker(name), crowd.wiring(name), options)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], sys.argv[2], Path(sys.argv[3])))
