@@ -1,0 +1,191 @@
+"""The book about a design: as a page, as text, as files; complete, self-contained, the same every time."""
+
+import os
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from topdown import loading
+from topdown.design import Design, load
+from topdown.drawing import book, text
+from topdown.drawing.channels import seconds, size
+from topdown.drawing.parts import Figure, Grid
+from topdown.drawing.steps import natural
+from topdown.errors import NoSuchEntry
+
+HERE = Path(__file__).parent
+LAMP = load(HERE / "lamp.toml")
+VOID = {"meta", "rect", "polyline", "polygon", "circle"}
+
+
+class Reader(HTMLParser):
+    """Collects what a page has, and checks that every element ends where it should."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.tags: set[str] = set()
+        self.words: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """An element begins."""
+        self.tags.add(tag)
+        found = dict(attrs)
+        assert not found.keys() & {"src", "onclick", "onload"}
+        if found.get("id"):
+            self.ids.append(found["id"] or "")
+        if found.get("href"):
+            self.links.append(found["href"] or "")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        """An element ends: the one that began last."""
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        """Words."""
+        self.words.append(data)
+
+
+def page_of(design: Design) -> str:
+    """The page of all sections."""
+    return book.page_of(design, book.sections(design))
+
+
+def test_the_page_stands_alone() -> None:
+    """Elements close, ids are unique, every link leads somewhere in it, and nothing is fetched or run."""
+    page = page_of(LAMP)
+    reader = Reader(page)
+    assert not reader.open
+    assert len(reader.ids) == len(set(reader.ids))
+    assert reader.links
+    assert {link.removeprefix("#") for link in reader.links} <= set(reader.ids)
+    assert not reader.tags & {"script", "link", "img", "iframe", "object"}
+    assert not [word for word in ("http:", "https:", "url(", "@import") if word in page]
+    assert "prefers-color-scheme: dark" in page
+    assert "@media print" in page
+
+
+def test_the_page_has_every_section_and_figure() -> None:
+    """One heading for each section, one drawing for each figure."""
+    sections = book.sections(LAMP)
+    assert [section.what for section in sections] == [what for what in book.What if what is not book.What.ALL]
+    figures = [part for section in sections for part in section.parts if isinstance(part, Figure)]
+    assert page_of(LAMP).count("<svg") == len(figures) == len(book.figures(sections))
+
+
+def test_markup_in_a_design_is_shown_as_it_is_written() -> None:
+    """A name like <b> is no element of the page."""
+    words = (HERE / "lamp.toml").read_text().replace('"switch a lamp"', "'switch <b id=\"x\">&amp; a lamp'")
+    reader = Reader(page_of(Design(loading.read(words))))
+    assert "b" not in reader.tags
+    assert any('<b id="x">&amp; a lamp' in word for word in reader.words)
+
+
+def test_the_same_design_gives_the_same_bytes() -> None:
+    """Also in another process with another seed of hashes."""
+    code = (
+        "import sys; from pathlib import Path; from topdown.design import load; from topdown.drawing import book;"
+        "d = load(Path(sys.argv[1])); sys.stdout.write(book.page_of(d, book.sections(d)))"
+    )
+    pages = {
+        subprocess.run(
+            [sys.executable, "-c", code, str(HERE / "lamp.toml")],
+            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONIOENCODING": "utf-8"},
+            capture_output=True,
+            check=True,
+            encoding="utf-8",
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert pages == {page_of(LAMP)}
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_text_keeps_to_the_width(width: int) -> None:
+    """No line is longer than the terminal is wide."""
+    words = text.written(book.sections(LAMP, book.Choice(width=width)), width, long=True)
+    assert max(map(len, words.splitlines())) <= width
+
+
+def test_details_are_left_out_unless_wanted() -> None:
+    """The rows behind a diagram are counted only; at length they are there."""
+    sections = book.sections(LAMP, book.Choice((book.What.PROTOCOLS,)))
+    assert "rows, not shown here" in text.written(sections)
+    assert "takes request" in text.written(sections, long=True)
+    assert "takes request" not in text.written(sections)
+
+
+def test_a_step_is_summarized_as_in_the_papers_table_1() -> None:
+    """Requirements, division, tasks, reallocation, new channels, and what they transmit."""
+    (section,) = book.sections(LAMP, book.Choice((book.What.STEPS,), step=1))
+    table = section.parts[0]
+    assert isinstance(table, Grid)
+    assert dict(table.rows) == {
+        "Requirements": "R1 switch a lamp",
+        "Division": "all := <hand, lamp>",
+        "Tasks of hand": "asks",
+        "Tasks of lamp": "shines",
+        "Channel reallocation": "-",
+        "New channels": "C1 hand-lamp",
+        "C1 transmits": "on and off",
+        "Groups after it": "hand, lamp",
+        "Channels after it": "C1 hand-lamp",
+    }
+
+
+def test_a_channel_is_four_buffers() -> None:
+    """An input and an output buffer at both ends, each with what it holds."""
+    (section,) = book.sections(LAMP, book.Choice((book.What.BUFFERS,)))
+    (table,) = section.parts
+    assert isinstance(table, Grid)
+    assert [row[2:4] for row in table.rows] == [
+        ("T_x c_hand", "from lamp"),
+        ("T_y c_hand", "to lamp"),
+        ("T_x c_lamp", "from hand"),
+        ("T_y c_lamp", "to hand"),
+    ]
+    assert table.rows[0][4] == table.rows[3][4] == "request: inform, not-understood"
+    assert table.rows[1][4] == table.rows[2][4] == "request: not-understood, request"
+
+
+def test_a_protocol_that_the_design_does_not_use_is_drawn_by_its_table() -> None:
+    """Between its roles; an unknown one is an error that lists those there are."""
+    (section,) = book.sections(LAMP, book.Choice((book.What.PROTOCOLS,), protocol="subscribe"))
+    figure = section.parts[0]
+    assert isinstance(figure, Figure)
+    assert "initiator" in figure.text
+    assert "subscribe" in figure.text
+    with pytest.raises(NoSuchEntry) as caught:
+        book.sections(LAMP, book.Choice((book.What.PROTOCOLS,), protocol="nonsense"))
+    assert "switch" in caught.value.known
+
+
+@pytest.mark.parametrize("choice", [{"step": 2}, {"step": -1}, {"agent": "foot"}])
+def test_what_is_not_there_is_said(choice: dict[str, int | str]) -> None:
+    """A step or an agent the design does not have."""
+    with pytest.raises(NoSuchEntry):
+        book.sections(LAMP, book.Choice(**choice))  # type: ignore[arg-type]
+
+
+def test_numbers_are_written_for_people() -> None:
+    """Sizes are exact; C2 stands before C10; no budget is a dash."""
+    assert [size(n) for n in (0, 250, 1000, 4096, 65536, 1_000_000, 1_048_576, 1234)] == [
+        "-", "250 B", "1 kB", "4 KiB", "64 KiB", "1 MB", "1 MiB", "1234 B",
+    ]  # fmt: skip
+    assert [seconds(t) for t in (0, 0.005, 0.5, 15)] == ["-", "5 ms", "500 ms", "15 s"]
+    assert sorted(["C10", "C2", "C1a"], key=natural) == ["C1a", "C2", "C10"]
+
+
+def test_a_word_too_long_is_broken_behind_a_mark() -> None:
+    """In columns that are too narrow; other words stay whole."""
+    assert text.cell("one LANGUAGE.VeryLongClass_name", 14) == ["one LANGUAGE.", "VeryLongClass_", "name"]
+    assert text.cell("", 5) == [""]

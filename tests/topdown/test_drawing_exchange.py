@@ -1,0 +1,185 @@
+"""A sequence diagram says what the tables allow when nothing crosses: no message more, none less, for any table."""
+
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fipa_codec import protocols
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
+from topdown.drawing import sequence
+from topdown.drawing.exchange import Frame, Part, Remark, Said, exchange
+from topdown.drawing.meeting import Place, meet, name_of
+
+FIPA = [value for value in vars(protocols).values() if isinstance(value, Protocol)]
+Word = tuple[Role, str]
+
+
+class Reader:
+    """Reads a diagram as people do, into a machine: states, steps without a word, steps with one, and named places."""
+
+    def __init__(self, parts: tuple[Part, ...]) -> None:
+        self.silent: dict[int, list[int]] = {}
+        self.spoken: dict[int, list[tuple[Word, int]]] = {}
+        self.places: dict[str, int] = {}
+        self.jumps: list[tuple[int, str]] = []
+        self.options = [part for part in parts if isinstance(part, Frame) and part.title]
+        main = tuple(part for part in parts if part not in self.options)
+        self.entry = self.read(main, self.state())
+        self.entries = [(option, self.read(option.branches[0], self.state())) for option in self.options]
+        for state, name in self.jumps:
+            self.silent[state].append(self.places[name])
+
+    def state(self) -> int:
+        """A new state."""
+        number = len(self.silent)
+        self.silent[number], self.spoken[number] = [], []
+        return number
+
+    def read(self, parts: tuple[Part, ...], after: int) -> int:
+        """The state before these parts, if this one is behind them."""
+        for part in reversed(parts):
+            here = self.state()
+            if isinstance(part, Said):
+                self.spoken[here] = [((part.sender, word), after) for word in part.words]
+            elif isinstance(part, Remark):
+                self.remark(part.text, here, after)
+            elif part.kind == "loop":
+                self.silent[here] = [after, self.read(part.branches[0], here)]
+            else:
+                ways = [self.read(branch, after) for branch in part.branches]
+                self.silent[here] = [*ways, *([after] if part.kind == "opt" else [])]
+            after = here
+        return after
+
+    def remark(self, text: str, here: int, after: int) -> None:
+        """A named place is passed; elsewhere the reader goes on at one, or stops."""
+        if text.startswith("("):
+            self.places[text] = here
+            self.silent[here] = [after]
+        elif text.startswith("goes on as at "):
+            self.jumps.append((here, text.removeprefix("goes on as at ")))
+
+    def closed(self, states: frozenset[int]) -> frozenset[int]:
+        """All states that are reached without a word."""
+        found, ahead = set(states), list(states)
+        while ahead:
+            for there in self.silent[ahead.pop()]:
+                if there not in found:
+                    found.add(there)
+                    ahead.append(there)
+        return frozenset(found)
+
+    def words(self, states: frozenset[int]) -> dict[Word, frozenset[int]]:
+        """What may be said, and where that leads."""
+        found: dict[Word, frozenset[int]] = {}
+        for state in self.closed(states):
+            for word, there in self.spoken[state]:
+                found[word] = found.get(word, frozenset()) | {there}
+        return found
+
+
+def compare(protocol: Protocol) -> None:
+    """Walk tables and diagram together: in every pair of places the same may be said."""
+    meeting = meet(protocol)
+    main = {place: {e.said: e.to for e in edges if not e.interrupts} for place, edges in meeting.items()}
+    reader = Reader(exchange(protocol).parts)
+    waiting: list[tuple[frozenset[int], Place]] = [(frozenset({reader.entry}), (START, START))]
+    optional: set[tuple[str, Word]] = set()
+    for option, entry in reader.entries:
+        for while_ in option.title.removeprefix("while ").split(" or "):
+            place = next(place for place in meeting if name_of(place) == while_)
+            interrupts = {e.said: e.to for e in meeting[place] if e.interrupts}
+            for word, there in reader.words(frozenset({entry})).items():
+                optional.add((while_, word))
+                waiting.append((there, interrupts[word]))
+            assert f"({while_})" in reader.places
+    assert optional == {(name_of(place), e.said) for place, es in meeting.items() for e in es if e.interrupts}
+    seen = set(waiting)
+    while waiting:
+        states, place = waiting.pop()
+        sayable = reader.words(states)
+        assert set(sayable) == set(main[place]), (protocol, place)
+        new = {(there, main[place][word]) for word, there in sayable.items()} - seen
+        seen |= new
+        waiting += new
+
+
+@pytest.mark.parametrize("protocol", FIPA, ids=lambda protocol: protocol.name)
+def test_a_diagram_says_what_the_tables_allow(protocol: Protocol) -> None:
+    """For each of FIPA's protocols."""
+    compare(protocol)
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> Protocol:
+    """Any two tables that mirror each other, with loops, choices and cancels."""
+    states = [START, "a", "b", "c", "d"]
+    rows: dict[tuple[str, P, Kind], tuple[Role, str]] = {}
+    for number in range(draw(st.integers(2, 9))):
+        state = START if not number else draw(st.sampled_from(states[1:]))
+        act = draw(st.sampled_from([P.REQUEST, P.INFORM, P.AGREE, P.REFUSE, P.CANCEL]))
+        kind = draw(st.sampled_from([Kind.PLAIN, Kind.FINAL]))
+        role = Role.INITIATOR if not number else draw(st.sampled_from(list(Role)))
+        rows.setdefault((state, act, kind), (role, draw(st.sampled_from(states[1:]))))
+    sides = {
+        role: Table(
+            [
+                Row(state, SEND if role is speaker else RECEIVE, act, kind, to)
+                for (state, act, kind), (speaker, to) in rows.items()
+            ],
+            ended={to for _, to in rows.values()} - {state for state, _, _ in rows},
+        )
+        for role in Role
+    }
+    return Protocol("any", initiator=sides[Role.INITIATOR], participant=sides[Role.PARTICIPANT])
+
+
+@given(tables())
+def test_any_diagram_says_what_its_tables_allow(protocol: Protocol) -> None:
+    """For tables nobody thought of."""
+    compare(protocol)
+
+
+def said(parts: tuple[Part, ...]) -> Iterator[str]:
+    """Every word in a diagram."""
+    for part in parts:
+        if isinstance(part, Said):
+            yield from part.words
+        elif isinstance(part, Frame):
+            for branch in part.branches:
+                yield from said(branch)
+
+
+def test_an_act_the_design_does_not_use_is_not_drawn() -> None:
+    """Of the query protocol only query-ref, inform-ref and refuse are used here."""
+    sayable = {Role.INITIATOR: {P.QUERY_REF}, Role.PARTICIPANT: {P.INFORM_REF, P.REFUSE}}
+    assert set(said(exchange(protocols.QUERY, sayable).parts)) == {"query-ref", "inform-ref", "refuse"}
+
+
+def test_rows_that_only_crossing_messages_need_are_told_apart() -> None:
+    """A request's participant takes a cancel in `done` only if it crossed the result."""
+    crossing = exchange(protocols.REQUEST).crossing
+    assert {row.state for role, row in crossing if row.performative is P.CANCEL} >= {"done", "failed", "refused"}
+    assert all(row.state not in ("asked", "agreed") for _, row in crossing)
+
+
+@given(tables(), st.integers(40, 120))
+def test_the_text_keeps_to_its_width(protocol: Protocol, width: int) -> None:
+    """Lifelines stand below each other in every line, inside the width."""
+    cast = sequence.Cast("one", "other", {(Role.INITIATOR, P.REQUEST): (("L", ("Word",)),)})
+    lines = sequence.plain(exchange(protocol).parts, cast, width).splitlines()[1:]
+    assert all(len(line) <= width for line in lines)
+    assert len({len(line) for line in lines}) == 1
+    assert all(line[-1] in "│┤" for line in lines)
+
+
+@given(tables())
+def test_frames_and_messages_do_not_run_into_each_other(protocol: Protocol) -> None:
+    """In the drawing no two words overlap."""
+    canvas = sequence.draw(exchange(protocol).parts, sequence.Cast("one", "other"), "any")
+    labels = canvas.labels
+    assert not [(a, b) for i, a in enumerate(labels) for b in labels[:i] if a.meets(b)]

@@ -1,0 +1,214 @@
+"""Layouts of systems, trees and state machines: nothing overlaps, nothing is lost, for designs of any kind."""
+
+import re
+from collections.abc import Callable
+from itertools import combinations, pairwise
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from topdown import elements
+from topdown.design import Design
+from topdown.drawing import machines, requirements, system, tree
+from topdown.drawing.canvas import Box, Canvas
+from topdown.drawing.tracks import tracks
+
+WORDS = st.text(st.sampled_from("abcdefgh iMW<&>\"'"), max_size=60)
+Segment = tuple[tuple[float, float], tuple[float, float]]
+
+
+def designed(count: int, joins: list[tuple[int, int]], texts: list[str], agents: int) -> Design:
+    """A design of so many groups g0, g1 ..., split off one after the other; the last step makes the channels."""
+    names = [f"g{number}" for number in range(count)]
+    rests = ["root", *(f"r{number}" for number in range(1, count - 1)), names[-1]]
+    steps = [
+        elements.Step(
+            requirements=(f"R{number}",),
+            divide=elements.Division(rests[number], (names[number], rests[number + 1])),
+            tasks=(elements.Task(names[number], texts[number]),),
+        )
+        for number in range(count - 1)
+    ]
+    channels = tuple(
+        elements.NewChannel(f"C{number}", (names[a], names[b]), texts[a])
+        for number, (a, b) in enumerate(joins, start=1)
+    )
+    return Design(
+        elements.DesignFile(
+            system=elements.System(name="any", root="root", key=""),
+            requirement=tuple(elements.Requirement(id=f"R{number}", text=texts[number]) for number in range(count)),
+            step=(*steps, elements.Step(requirements=(), channels=channels)),
+            language=(),
+            interface=(),
+            protocol=tuple(
+                elements.Protocol(
+                    name=f"p{number}",
+                    channel=c.id,
+                    follows="request",
+                    initiator=c.between[0],
+                    participant=c.between[1],
+                    durable=True,
+                    message=(),
+                )
+                for number, c in enumerate(channels)
+            ),
+            agent=tuple(elements.Agent(name=name) for name in names[:agents]),
+        )
+    )
+
+
+@st.composite
+def designs(draw: st.DrawFn) -> Design:
+    """3 to 8 agents (or groups that stay groups), joined in any way."""
+    count = draw(st.integers(3, 8))
+    pairs = list(combinations(range(count), 2))
+    joins = draw(st.lists(st.sampled_from(pairs), unique=True, max_size=12))
+    texts = draw(st.lists(WORDS, min_size=count, max_size=count))
+    return designed(count, joins, texts, draw(st.integers(0, count)))
+
+
+@st.composite
+def agents(draw: st.DrawFn) -> elements.Agent:
+    """Up to 9 states with any arcs between them."""
+    names = [f"state{number}" for number in range(draw(st.integers(1, 9)))]
+    name = st.sampled_from(names)
+    when = st.sampled_from(["", "ready", "something_quite_long_has_happened", "<x & y>"])
+    arcs = st.builds(lambda a, b, w: elements.Arc(source=a, target=b, when=w), name, name, when)
+    return elements.Agent(
+        name="any",
+        initial=draw(name),
+        state=tuple(elements.State(name=n, behaviour=f"do_{n}", terminal="over", error=draw(when)) for n in names),
+        arc=tuple(draw(st.lists(arcs, max_size=16, unique=True))),
+    )
+
+
+def overlapping(boxes: list[Box], gap: float = 0.0) -> list[tuple[Box, Box]]:
+    """Pairs that overlap, or come nearer than the gap."""
+    return [(a, b) for a, b in combinations(boxes, 2) if a.meets(b, gap)]
+
+
+def inside(canvas: Canvas) -> bool:
+    """Whether all words and boxes are in the picture."""
+    frame = canvas.frame
+    return all(
+        frame.x <= b.x and b.right <= frame.right and frame.y <= b.y and b.bottom <= frame.bottom
+        for b in (*canvas.labels, *canvas.boxes)
+    )
+
+
+def lines(canvas: Canvas, css: str) -> list[list[tuple[float, float]]]:
+    """The points of the lines of a class, read from the SVG."""
+    found = []
+    for element in ElementTree.fromstring(canvas.svg()).iter():
+        if element.tag.endswith("polyline") and css in element.get("class", "").split():
+            found.append([tuple(map(float, p.split(","))) for p in element.get("points", "").split()])
+    return found  # type: ignore[return-value]
+
+
+def through(line: list[tuple[float, float]], box: Box) -> bool:
+    """Whether a line comes more than 2 px into a box: what is left of it between the box's edges."""
+    for (x0, y0), (x1, y1) in pairwise(line):
+        first, last = 0.0, 1.0
+        for start, way, low, high in ((x0, x1 - x0, box.x, box.right), (y0, y1 - y0, box.y, box.bottom)):
+            if way:
+                ends = sorted(((low + 2 - start) / way, (high - 2 - start) / way))
+                first, last = max(first, ends[0]), min(last, ends[1])
+            elif not low + 2 < start < high - 2:
+                last = -1.0
+        if first < last:
+            return True
+    return False
+
+
+@given(designs())
+def test_agents_of_a_system_do_not_overlap(design: Design) -> None:
+    """Boxes are apart, words are in the picture, each channel is one line with its name, and passes no box."""
+    canvas = system.draw(design)
+    assert len(canvas.boxes) == len(design.decomposition.last.groups)
+    assert not overlapping(canvas.boxes, 20)
+    assert inside(canvas)
+    drawn = lines(canvas, "channel")
+    assert len(drawn) == len(design.channels)
+    assert not [line for line in drawn for box in canvas.boxes if through(line, box)]
+    assert all(f">{name}<" in canvas.svg() for name in design.channels)
+
+
+@given(designs())
+def test_words_of_a_system_do_not_overlap(design: Design) -> None:
+    """No label lies on another."""
+    assert not overlapping(system.draw(design).labels)
+
+
+@given(designs(), st.data())
+def test_a_tree_shows_every_group_and_channel_of_its_step(design: Design, data: st.DataObject) -> None:
+    """Divided groups and the fringe are boxes apart from each other; the channels of the step are there."""
+    step = data.draw(st.integers(0, len(design.file.step)))
+    stage = design.decomposition.stages[step]
+    canvas = tree.draw(design, step)
+    divided = sum(entry.divide is not None for entry in design.file.step[:step])
+    assert len(canvas.boxes) == divided + len(stage.groups)
+    assert not overlapping(canvas.boxes, 4)
+    assert inside(canvas)
+    assert len(lines(canvas, "channel")) == len(stage.channels)
+    assert not [line for line in lines(canvas, "channel") for box in canvas.boxes if through(line, box)]
+
+
+@given(agents())
+def test_a_machine_shows_every_state_and_arc(agent: elements.Agent) -> None:
+    """States are boxes apart from each other, each arc is one line that passes no state; words do not overlap."""
+    canvas = machines.draw(agent)
+    assert len(canvas.boxes) == len(agent.state)
+    assert not overlapping(canvas.boxes, 10)
+    assert inside(canvas)
+    drawn = lines(canvas, "edge")
+    assert len(drawn) == len(agent.arc) + 1  # and the one to the initial state
+    assert not [line for line in drawn for box in canvas.boxes if through(line, box)]
+    assert not overlapping(canvas.labels)
+
+
+@given(agents())
+def test_arcs_do_not_run_along_each_other(agent: elements.Agent) -> None:
+    """No two upright parts of arcs share a place."""
+    upright: list[Segment] = []
+    for line in lines(machines.draw(agent), "edge"):
+        upright += [(a, b) for a, b in pairwise(line) if a[0] == b[0] and a[1] != b[1]]
+    spans = [(a[0], *sorted((a[1], b[1]))) for a, b in upright]
+    shared = [(s, t) for s, t in combinations(spans, 2) if s[0] == t[0] and s[1] < t[2] and t[1] < s[2]]
+    assert not shared
+
+
+@given(st.lists(st.tuples(st.integers(0, 100), st.integers(0, 100))))
+def test_spans_of_one_track_are_apart(spans: list[tuple[int, int]]) -> None:
+    """Whatever has the same track keeps its distance."""
+    found = tracks(spans, 8)
+    ordered = [tuple(sorted(span)) for span in spans]
+    for i, j in combinations(range(len(spans)), 2):
+        if found[i] == found[j]:
+            assert ordered[i][1] + 8 <= ordered[j][0] or ordered[j][1] + 8 <= ordered[i][0]
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda design: system.draw(design),
+        lambda design: tree.draw(design, 2),
+        lambda design: requirements.section(design, 80).parts[0].canvas,
+    ],
+)
+def test_names_are_escaped(draw: Callable[[Design], Canvas]) -> None:
+    """What looks like markup is shown as it is written."""
+    evil = "</text><script>\"&'"
+    root = ElementTree.fromstring(draw(designed(3, [(0, 1)], [evil, "b", "c"], 3)).svg())
+    assert not [element for element in root.iter() if element.tag.endswith("script")]
+    assert "<script>" in "".join(root.itertext())
+
+
+@given(designs())
+def test_every_requirement_is_in_the_tree_once(design: Design) -> None:
+    """In the order of the tree, with the steps that handle it; what no step handles is told so."""
+    found = requirements.covered(design)
+    assert sorted(c.id for c in found) == sorted(entry.id for entry in design.file.requirement)
+    assert found[-1].by == "no step handles it"
+    assert all(re.match(r"step \d+", c.by) for c in found[:-1])
