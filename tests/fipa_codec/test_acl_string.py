@@ -33,41 +33,31 @@ def inform(**fields):
 
 # --- strategies -------------------------------------------------------------------------------------------------------
 
-TRICKY = st.text(st.sampled_from('"\\ab :()#@-1\n\0é本'), max_size=12)
-TEXTS = st.text(max_size=20) | TRICKY
-WORDS = st.from_regex(r"[A-Za-z][A-Za-z0-9_.@:/-]{0,12}", fullmatch=True)
-USER = st.dictionaries(st.from_regex(r"X-[a-z][a-z0-9_-]{0,6}", fullmatch=True), TEXTS, max_size=3)
-NAMES = WORDS | TEXTS.filter(bool)
-AIDS = st.recursive(
-    st.builds(Aid, name=NAMES, addresses=st.lists(WORDS | TEXTS, max_size=2).map(tuple), user=USER),
-    lambda inner: st.builds(Aid, name=NAMES, resolvers=st.lists(inner, max_size=2).map(tuple)),
-    max_leaves=4,
+# Words at the grammar's edges: names of JADE's agents, URLs, what looks like a number, a time or a parameter.
+EDGES = st.sampled_from(
+    [
+        *("km", "df@host:1099/JADE", "http://host:7778/acc?a=b&c", "a:sender", "r:content#1", "NaN", "9f-1", "12d"),
+        *("x:reply-by20260101T120000000Z", ":language", "-1", "+1", "@a", "20260101T120000000Z", "#2", "(a)", "é"),
+    ]
 )
-SETS = st.lists(AIDS, max_size=3).map(tuple)
+TEXTS = EDGES | st.text(st.sampled_from('"\\ab :()#@-1\n\0é本'), max_size=8) | st.text(max_size=8)
+USER = st.dictionaries(st.sampled_from(["X-id", "X-JADE-Encoding", "X-é", "x-b"]), TEXTS, max_size=2)
+LEAVES = st.builds(Aid, name=TEXTS.filter(bool), addresses=st.lists(TEXTS, max_size=2).map(tuple), user=USER)
+AIDS = LEAVES | st.builds(Aid, name=EDGES, resolvers=st.lists(LEAVES, max_size=2).map(tuple))
+SETS = st.lists(AIDS, max_size=2).map(tuple)
 TIMES = (
-    st.none()
-    | st.integers(MIN_MS, MAX_MS).map(At)
+    st.integers(MIN_MS, MAX_MS).map(At)
     | st.integers(-MAX_AFTER_MS, MAX_AFTER_MS).map(After)
     | st.sampled_from([At(MIN_MS), At(MAX_MS), After(MAX_AFTER_MS), After(-1), After(0), NOON])
 )
-OPTIONAL = st.none() | WORDS | TEXTS
-MESSAGES = st.builds(
-    AclMessage,
-    performative=st.sampled_from(Performative),
-    sender=st.none() | AIDS,
-    receiver=SETS,
-    reply_to=SETS,
-    content=OPTIONAL | st.binary(max_size=12),
-    language=OPTIONAL,
-    encoding=OPTIONAL,
-    ontology=OPTIONAL,
-    protocol=OPTIONAL,
-    conversation_id=OPTIONAL,
-    reply_with=OPTIONAL,
-    in_reply_to=OPTIONAL,
-    reply_by=TIMES,
-    user=USER,
-)
+EXPRESSIONS = ("language", "encoding", "ontology", "protocol", "conversation_id", "reply_with", "in_reply_to")
+MESSAGES = st.fixed_dictionaries(
+    {"performative": st.sampled_from(Performative)},
+    optional={
+        **{"sender": AIDS, "receiver": SETS, "reply_to": SETS, "reply_by": TIMES, "user": USER},
+        **{"content": TEXTS | st.binary(max_size=8), **dict.fromkeys(EXPRESSIONS, TEXTS)},
+    },
+).map(lambda fields: AclMessage(**fields))
 
 
 def typed_or_message(data):
