@@ -1,0 +1,146 @@
+"""What a project has once: the design and its reader, the process that runs them all, compose entries, a README."""
+
+from topdown.design import Design
+from topdown.scaffold.naming import docstring, sentence, wrapped
+
+
+def project_files(design: Design, design_text: str, package: str) -> dict[str, str]:
+    """Path -> text."""
+    return {
+        f"{package}/design.toml": design_text,
+        f"{package}/__init__.py": f"{docstring(_title(design))}\n",
+        f"{package}/py.typed": "",
+        f"{package}/design.py": _DESIGN.format(package=package),
+        f"{package}/__main__.py": _main(design, package),
+        "pyproject.toml": _PYPROJECT.format(package=package),
+        "compose.yaml": _compose(design, package),
+        "README.md": _readme(design, package),
+        ".gitignore": "__pycache__/\nruns/\n",
+    }
+
+
+def _title(design: Design) -> str:
+    return f"{design.file.system.name}: {design.file.system.text or 'a system designed top-down'}."
+
+
+_DESIGN = '''"""The design, read once from design.toml; whatever follows from it is asked of here."""
+
+from pathlib import Path
+
+from fipa_codec import protocols
+from topdown.design import Design, load
+from topdown.interfaces import interfaces
+
+from {package}.languages import LANGUAGES
+
+__all__ = ["DESIGN", "INTERFACES", "LANGUAGES"]
+
+DESIGN: Design = load(Path(__file__).with_name("design.toml"))
+for _table in DESIGN.own_tables.values():
+    protocols.register(_table)
+
+INTERFACES = interfaces(DESIGN, LANGUAGES)
+"""What can be asked in each use of a protocol, with Python's classes."""
+'''
+
+_PYPROJECT = """[project]
+name = "{package}"
+version = "0.1.0"
+requires-python = ">=3.11"
+dependencies = ["robot-companion"]
+
+[tool.ruff]
+line-length = 120
+
+[tool.ruff.lint]
+select = ["E", "W", "F", "I", "B", "UP", "SIM", "C4"]
+
+[tool.pytest.ini_options]
+testpaths = ["tests"]
+pythonpath = ["."]
+addopts = "--import-mode=importlib"
+"""
+
+
+def _main(design: Design, package: str) -> str:
+    agents = wrapped("AGENTS = (", [f'"{agent}"' for agent in design.agents], ")")
+    return f'''"""Router and agents as processes: `python -m {package}`; Ctrl-C ends them in order."""
+
+from services.supervisor import project
+
+from {package}.languages import LANGUAGES
+
+{agents}
+
+if __name__ == "__main__":
+    project.run("{package}", AGENTS, LANGUAGES)
+'''
+
+
+def _compose(design: Design, package: str) -> str:
+    image = f"${{{package.upper()}_IMAGE:-{package}}}"
+    services = "\n".join(_service(agent, f"{package}.{agent}") for agent in design.agents)
+    return f"""# One service for each agent of design.toml, and the router between them.
+# The image needs Python 3.11 and the package robot-companion; this folder is mounted at /app.
+name: {package}
+
+x-agent: &agent
+  image: {image}
+  working_dir: /app
+  volumes: [".:/app:ro", "runs:/runs"]
+  environment:
+    ROCO_SYSTEM: {package}
+    ROCO_CONNECT: tcp/router:7447
+    ROCO_RUN_DIR: /runs
+  depends_on: [router]
+  restart: on-failure
+
+services:
+  router:
+    image: {image}
+    command: [python, -m, services.router]
+    volumes: ["runs:/runs"]
+    environment:
+      ROCO_LISTEN: tcp/0.0.0.0:7447
+      ROCO_RUN_DIR: /runs
+    restart: on-failure
+
+{services}
+volumes:
+  runs:
+"""
+
+
+def _service(agent: str, module: str) -> str:
+    return f"  {agent}:\n    <<: *agent\n    command: [python, -m, {module}]\n"
+
+
+def _readme(design: Design, package: str) -> str:
+    rows = "\n".join(
+        f"| `{agent}` | {sentence(entry.text or design.decomposition.tasks.get(agent, ''), 'not said')} |"
+        for agent, entry in design.agents.items()
+    )
+    return f"""# {package}
+
+{sentence(design.file.system.text, "A system designed top-down")} Made by `roco design new` from
+[`{package}/design.toml`]({package}/design.toml); the design is what runs.
+
+| agent | what it is for |
+|---|---|
+{rows}
+
+```
+python -m {package}      # router and agents as processes; prints what they say; Ctrl-C ends them
+pytest                   # the design is consistent, every agent binds and answers, all meet over Zenoh
+roco design check {package}/design.toml
+```
+
+To fill in, marked `# to fill in`, until then an agent refuses what it is asked and stays in its state:
+
+- `{package}/languages/*.py`: the fields of each sentence
+- `{package}/<agent>/memory.py`: what it remembers, and the conditions that end its states and label its arcs
+- `{package}/<agent>/behaviours.py`: what it does in each state
+
+After a change of the design: `roco design new --from {package}/design.toml .` makes what is new. A file
+that you changed is kept, and the names it still lacks are told.
+"""

@@ -1,0 +1,82 @@
+"""Writes a project's files and never overwrites one that was changed since.
+
+`.scaffold.json` remembers what was written.
+The only files this touches are those it is given and that one.
+"""
+
+import ast
+import hashlib
+import re
+from pathlib import Path
+
+import msgspec
+
+MANIFEST = ".scaffold.json"
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """A file that somebody changed and that was not touched; `missing`: the design's names it does not mention."""
+
+    path: str
+    missing: tuple[str, ...] = ()
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """Paths relative to `folder`: `written` (new or made anew), `same` as they were, `kept`; `left`: no longer made."""
+
+    folder: str
+    written: tuple[str, ...]
+    same: tuple[str, ...]
+    kept: tuple[Kept, ...]
+    left: tuple[str, ...]
+
+
+def write(folder: Path, files: dict[str, str]) -> Outcome:
+    """Write what is new, rewrite what nobody touched, keep the rest. Raises OSError."""
+    known = _manifest(folder)
+    written, same, kept = [], [], []
+    for path, text in files.items():
+        target = folder / path
+        present = target.read_text(encoding="utf-8") if target.exists() else None
+        if present == text:
+            same.append(path)
+        elif present is None or known.get(path) == _sum(present):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text, encoding="utf-8")
+            written.append(path)
+        else:
+            kept.append(Kept(path, missing(text, present) if path.endswith(".py") else ()))
+            continue
+        known[path] = _sum(text)
+    left = tuple(path for path in known if path not in files and (folder / path).exists())
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / MANIFEST).write_bytes(msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
+    return Outcome(str(folder), tuple(written), tuple(same), tuple(kept), left)
+
+
+def missing(wanted: str, present: str) -> tuple[str, ...]:
+    """Functions, classes and tables that `wanted` defines and `present` does not so much as mention."""
+    words = set(re.findall(r"\w+", present))
+    return tuple(name for name in _defined(wanted) if name not in words)
+
+
+def _defined(text: str) -> list[str]:
+    names = []
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.append(node.name)
+        elif isinstance(node, ast.Assign):
+            names += [target.id for target in node.targets if isinstance(target, ast.Name)]
+    return names
+
+
+def _manifest(folder: Path) -> dict[str, str]:
+    """Path -> checksum of the text that was written last; empty where there is none, or it cannot be read."""
+    try:
+        return msgspec.json.decode((folder / MANIFEST).read_bytes(), type=dict[str, str])
+    except (OSError, msgspec.MsgspecError):
+        return {}
+
+
+def _sum(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
