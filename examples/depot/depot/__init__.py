@@ -1,0 +1,1 @@
+"""depot: a depot: people order transports, two mobile robots of different speed carry them."""

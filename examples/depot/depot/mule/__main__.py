@@ -1,0 +1,19 @@
+"""a_mule as a process: `python -m depot.mule --help`."""
+
+from agent_runtime import cli, shell
+from agent_runtime.binding import wiring
+from agent_runtime.options import Options
+
+from depot.carrier.wheels import wheels
+from depot.design import DESIGN, LANGUAGES
+from depot.mule.behaviours import agent
+
+
+def serve(options: Options) -> int:
+    """Until a signal comes."""
+    wired = wiring("mule", options.system, design=DESIGN, languages=LANGUAGES)
+    return shell.run(agent(), wired, options, wheels)
+
+
+if __name__ == "__main__":
+    cli.run("mule", "a_mule. The robot mule: offers to carry, drives and carries; a group that stays one: ...", serve)

@@ -1,0 +1,13 @@
+"""What a_mule may be asked (OFFERS) and asks others (ASKS), by the use of a protocol."""
+
+from fipa_codec.interfaces import ClassInterfaceInfo
+
+from depot.languages import job, way
+
+OFFERS = {
+    "tender_mule": ClassInterfaceInfo([("cfp", "job", [job.Call], job.Offer | job.Carried)]),
+}
+
+ASKS = {
+    "way_mule": ClassInterfaceInfo([("request", "enter", [way.Enter], None)]),
+}

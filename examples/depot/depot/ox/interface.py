@@ -1,0 +1,13 @@
+"""What a_ox may be asked (OFFERS) and asks others (ASKS), by the use of a protocol."""
+
+from fipa_codec.interfaces import ClassInterfaceInfo
+
+from depot.languages import job, way
+
+OFFERS = {
+    "tender_ox": ClassInterfaceInfo([("cfp", "job", [job.Call], job.Offer | job.Carried)]),
+}
+
+ASKS = {
+    "way_ox": ClassInterfaceInfo([("request", "enter", [way.Enter], None)]),
+}

@@ -1,0 +1,1 @@
+"""a_traffic. Lets one robot at a time into the aisle."""

@@ -1,0 +1,18 @@
+"""a_traffic as a process: `python -m depot.traffic --help`."""
+
+from agent_runtime import cli, shell
+from agent_runtime.binding import wiring
+from agent_runtime.options import Options
+
+from depot.design import DESIGN, LANGUAGES
+from depot.traffic.behaviours import agent
+
+
+def serve(options: Options) -> int:
+    """Until a signal comes; a device of the agent's own (agent_runtime.devices) would be the last argument of run."""
+    wired = wiring("traffic", options.system, design=DESIGN, languages=LANGUAGES)
+    return shell.run(agent(), wired, options)
+
+
+if __name__ == "__main__":
+    cli.run("traffic", "a_traffic. Lets one robot at a time into the aisle.", serve)
