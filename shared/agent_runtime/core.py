@@ -84,17 +84,26 @@ class Core(Generic[M]):
 
     def step(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Effects]:
         """One step; the given state stays as it was. Bugs of the agent raise BehaviourError or LocalProtocolError."""
+        after, out = self.begin(state, event, now)
+        return after, self.end(state, after, out, now)
+
+    def begin(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Out]:
+        """The part of a step after which its record is to be written and what it says may leave."""
         after, out = state.fork(), Out()
         after.soft.step += 1
         self._note(after, out, event, now)
         self._take_one(after, out, now)
         self._check_owed(state, after)
         durable = self._durable(state, after, out)
-        record = encode_record(after) if durable else None
+        out.record = encode_record(after) if durable else None
+        return after, out
+
+    def end(self, state: CoreState, after: CoreState, out: Out, now: float) -> Effects:
+        """The rest, which nobody waits for: whether it was a step of the design, and when to step again."""
         deed = out.deed(state.state, after.state, tuple(after.due))
         self._compare(after, out, deed)
         waits = None if streams.blocked(after) is not None else _waits(after)
-        return after, out.sealed(record, self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
+        return out.sealed(self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
 
     def _compare(self, state: CoreState, out: Out, deed: Deed | None) -> None:
         """Say it where a step is none of the design's: what was proven of the design does not hold for it."""

@@ -69,10 +69,11 @@ class Effects(msgspec.Struct, frozen=True):
 class Out:
     """Collects the effects while a step runs."""
 
-    __slots__ = ("about", "durable", "handled", "logs", "receipts", "said", "sends", "tells", "took")
+    __slots__ = ("about", "durable", "handled", "logs", "receipts", "record", "said", "sends", "tells", "took")
 
     def __init__(self) -> None:
         self.durable = False
+        self.record: bytes | None = None
         self.receipts: list[Receipt] = []
         self.sends: list[Communicate] = []
         self.tells: list[Any] = []
@@ -93,10 +94,10 @@ class Out:
         event = f"{type(self.handled).__name__} {self.about}".strip()
         return Deed(before, event, self.took, tuple(self.said), after, owed)
 
-    def sealed(self, record: bytes | None, more: bool, wake_at: float | None, deed: Deed | None = None) -> Effects:
+    def sealed(self, more: bool, wake_at: float | None, deed: Deed | None = None) -> Effects:
         """The effects, closed."""
         return Effects(
-            record,
+            self.record,
             tuple(self.receipts),
             tuple(self.sends),
             tuple(self.tells),

@@ -53,11 +53,10 @@ class Log:
 
     def write(self, event: str, level: str = "info", **fields: Any) -> None:
         """One line."""
-        self.write_all([(event, level, fields)])
+        self.write_all([(event, level, fields)], time.time())
 
-    def write_all(self, lines: Sequence[tuple[str, str, dict[str, Any]]]) -> None:
-        """Some lines, each an event with its level and fields, at once. A step writes several, and this waits."""
-        at = time.time()
+    def write_all(self, lines: Sequence[tuple[str, str, dict[str, Any]]], at: float) -> None:
+        """Lines of what happened at one time [unix s], each an event with its level and fields, in one go."""
         if self._file is not None:
             self._file.write(
                 b"".join(

@@ -1,9 +1,10 @@
 """The shell around the core: one loop thread that owns session, clock, journal and signals.
 
 Callbacks and devices only put into the inbox; the loop takes one entry at a time, steps the core, and carries the
-effects out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. SIGTERM and
-SIGINT stop it between steps. An exception of the agent's own code ends the process with status 1: the journal is as
-before the step, whoever supervises starts it again.
+effects out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. Logs and step
+log, which nobody waits for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of
+the agent's own code ends the process with status 1: the journal is as before the step, whoever supervises starts it
+again.
 """
 
 import heapq
@@ -20,7 +21,7 @@ import msgspec
 from agent_runtime.agent import Agent
 from agent_runtime.core import Core
 from agent_runtime.devices import Device, DeviceMaker, NoDevice
-from agent_runtime.effects import Effects, Receipt
+from agent_runtime.effects import Effects, Out, Receipt
 from agent_runtime.errors import RuntimeFault
 from agent_runtime.events import (
     AnyEvent,
@@ -47,6 +48,10 @@ from agent_runtime.zenoh_wire import Bytes, Ping, ReceiptBytes, RouterSeen, Toke
 from fipa_codec.communicate import Communicate, decode
 from fipa_codec.errors import MalformedError
 
+QUIET_S = 0.005
+"""Without anything new, after which logs are written; some ten round trips. A kill -9 takes what was not (estimate)."""
+MOST_UNWRITTEN = 16
+"""Steps after which logs are written though there is no pause; the largest answer 16 times over is 14 MB (estimate)."""
 HEARTBEAT_S = 1.0
 """Of the heartbeat file and of pings until they are answered; estimate: people look once a second."""
 
@@ -93,6 +98,8 @@ class Shell:
         self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links}
         self._state: CoreState = self._boot()
         self._wire: ZenohWire | None = None
+        self._serving = False
+        self._unwritten: list[_Done] = []
         self._wake_at: float | None = None
         self._beat_at = 0.0
 
@@ -118,6 +125,7 @@ class Shell:
         try:
             self._serve()
         except Exception:
+            self._write_down()
             self.log.write("died", level="error", why=traceback.format_exc())
             return 1
         finally:
@@ -126,6 +134,7 @@ class Shell:
 
     def _serve(self) -> None:
         stopping: list[Stop] = []
+        self._serving = True
         self.log.write("waiting for the router", at=self._options.connect)
         session = open_client(self._options.connect, lambda: self._stop_came(stopping))
         if session is None:
@@ -139,6 +148,8 @@ class Shell:
         self._happen(Started(first))
         while True:
             item = self._inbox.get(self._wait_s())
+            if item is None:
+                self._write_down()
             if isinstance(item, Stop):
                 self.log.write("stopping", signal=item.signal)
                 return
@@ -155,7 +166,8 @@ class Shell:
 
     def _wait_s(self) -> float:
         times = [self._beat_at, self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None]
-        return min(at for at in times if at is not None) - time.time()
+        wait = min(at for at in times if at is not None) - time.time()
+        return min(wait, QUIET_S) if self._unwritten else wait
 
     def _on_time(self) -> None:
         now = time.time()
@@ -171,6 +183,8 @@ class Shell:
             self._beat()
 
     def _close(self) -> None:
+        self._serving = False
+        self._write_down()
         self._device.close()
         if self._wire is not None:
             self._wire.close()
@@ -222,32 +236,43 @@ class Shell:
         """Step, and again while more can be taken."""
         following: AnyEvent | None = event
         while following is not None:
-            now = time.time()
-            before = self._state.state
-            self._state, effects = self._core.step(self._state, following, now)
-            self._carry_out(effects)
-            self._steps.step(self._state.incarnation, self._state.soft.step, now, following, effects)
+            now, before = time.time(), self._state
+            after, out = self._core.begin(before, following, now)
+            sizes = self._carry_out(out)
+            effects = self._core.end(before, after, out, now)
+            self._state = after
+            self._unwritten.append(_Done(following, now, after.incarnation, after.soft.step, effects, sizes))
             self._wake_at = effects.wake_at
-            if self._state.state != before:
+            if after.state != before.state:
                 self._beat()
             following = Next() if effects.more else None
+        if len(self._unwritten) >= MOST_UNWRITTEN or not self._serving:
+            self._write_down()
 
-    def _carry_out(self, effects: Effects) -> None:
-        """In this order: see the module's text. What is only for people to read comes last: nobody waits for it."""
+    def _carry_out(self, out: Out) -> list[int]:
+        """In this order: see the module's text. The bytes of each communicate sent."""
         assert self._wire is not None
-        if effects.record is not None:
-            self._journal.append(effects.record)
-        for receipt in effects.receipts:
+        if out.record is not None:
+            self._journal.append(out.record)
+        for receipt in out.receipts:
             self._wire.send_receipt(receipt)
-        sizes = [self._wire.send(communicate) for communicate in effects.sends]
-        for content in effects.tells:
+        sizes = [self._wire.send(communicate) for communicate in out.sends]
+        for content in out.tells:
             self._device.tell(content)
-        lines = [(line.event, line.level, line.fields) for line in effects.logs]
-        lines += [self._sent_line("sent", one, size) for one, size in zip(effects.sends, sizes, strict=True)]
-        if isinstance(effects.handled, Received):
-            lines.insert(0, self._sent_line("received", effects.handled.communicate, 0))
-        if lines:
-            self.log.write_all(lines)
+        return sizes
+
+    def _write_down(self) -> None:
+        """Logs and step log, for people and for replaying: once nothing has come for a moment."""
+        done, self._unwritten = self._unwritten, []
+        for one in done:
+            effects = one.effects
+            lines = [(line.event, line.level, line.fields) for line in effects.logs]
+            lines += [self._sent_line("sent", *sent) for sent in zip(effects.sends, one.sizes, strict=True)]
+            if isinstance(effects.handled, Received):
+                lines.insert(0, self._sent_line("received", effects.handled.communicate, 0))
+            if lines:
+                self.log.write_all(lines, one.at)
+            self._steps.step(one.incarnation, one.step, one.at, one.event, effects)
 
     def _sent_line(self, event: str, communicate: Communicate, size: int) -> tuple[str, str, dict[str, Any]]:
         peer = communicate.receiver if event == "sent" else communicate.sender
@@ -312,6 +337,17 @@ class _Posted(msgspec.Struct, frozen=True):
 
     content: Any
     at: float
+
+
+class _Done(msgspec.Struct, frozen=True):
+    """A step that is carried out and not written down yet; `sizes`: bytes of each communicate sent."""
+
+    event: AnyEvent
+    at: float
+    incarnation: int
+    step: int
+    effects: Effects
+    sizes: list[int]
 
 
 class _Desk:

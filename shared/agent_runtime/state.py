@@ -177,7 +177,8 @@ _decoder = msgspec.msgpack.Decoder(Record)
 
 def hard_fields(memory: Any) -> tuple[str, ...]:
     """The fields of a memory that the journal keeps."""
-    return _hard_fields(type(memory))
+    kind: Any = type(memory)
+    return _hard_fields(kind)
 
 
 @cache
