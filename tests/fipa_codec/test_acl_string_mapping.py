@@ -1,6 +1,8 @@
 """Communicate <-> ACL: exact for every communicate, in FIPA's words for others, typed errors for what does not fit."""
 
 import math
+import re
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -332,3 +334,13 @@ def test_what_is_no_communicate_does_not_go_out(bad):
     """Our own mistakes raise here and not at the peer."""
     with pytest.raises(LocalProtocolError):
         to_acl(bad)
+
+
+def test_the_examples_of_the_page_are_read_and_written():
+    """docs/acl.md shows text as it is: the first as written here, the second as one may send it."""
+    page = (Path(__file__).parents[2] / "docs" / "acl.md").read_text()
+    written, sent = re.findall(r"```acl\n(.*?)\n```", page, re.DOTALL)
+    assert render(to_acl(from_acl(parse(written), RECEIVED))) == written.encode()
+    asked = from_acl(parse(sent), RECEIVED)
+    assert (asked.performative, asked.sender, asked.protocol) == (P.QUERY_REF, "me", "query")
+    assert asked.content == packed({"type": "WhereIs", "object": "jar"})

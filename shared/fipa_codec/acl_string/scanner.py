@@ -14,6 +14,8 @@ from fipa_codec.acl_string.message import MAX_DEPTH
 _BLANK = re.compile(rb"[\x00-\x20]*")
 _RUN = re.compile(rb"[^\x00-\x20()]+")
 _NAME = re.compile(rb'[^\x00-\x20()":#]*')
+# Possessive: a quote behind a backslash never ends the string, not even where none follows.
+_STRING = re.compile(rb'"((?:[^"\\]++|\\"?+)*+)"')
 _COUNT = re.compile(rb'#(\d{1,9})"')
 _END = re.compile(rb"[\x00-\x20():]|\Z")
 # JADE leaves bare what Java takes for a double, its suffixes d and f too.
@@ -113,18 +115,13 @@ class Scanner:
         """Take a string: its bytes, and where they begin."""
         if self.next() == b"#":
             return self._counted()
-        start = self.at
-        self.take(b'"', "a string in quotes")
-        begin = self.at
-        end = self.data.find(b'"', begin)
-        while end > begin and self.data[end - 1 : end] == b"\\":
-            end = self.data.find(b'"', end + 1)
-        if end < 0:
-            escaped = self.data.rfind(b'\\"') >= begin
+        match = _STRING.match(self.data, self.at)
+        if not match:
+            escaped = self.data.rfind(b'\\"') >= self.at
             why = '; the last one is escaped: write content that ends in \\ as #<bytes>"' if escaped else ""
-            raise self.wrong(f"a quote that ends the string{why}", start, "a string without end")
-        self.at = end + 1
-        return self.data[begin:end].replace(b'\\"', b'"'), begin
+            raise self.wrong(f"a quote that ends the string{why}", found="a string without end")
+        self.at = match.end()
+        return match[1].replace(b'\\"', b'"'), match.start(1)
 
     def _counted(self) -> tuple[bytes, int]:
         match = _COUNT.match(self.data, self.at)
