@@ -54,7 +54,7 @@ def drive(memory: Memory, turn: Turn) -> Memory:
             return _go(memory, turn)
         case Local(content=At(here=here)):
             return replace(memory, here=here)
-        case Local(content=Arrived(station=station)):
+        case Local(content=Arrived(station=station)) if memory.driving and station == memory.trips[0]:
             return _arrived(memory, turn, station)
     return memory
 

@@ -28,11 +28,11 @@ def await_order(memory: Memory, turn: Turn) -> Memory:
     """Behaviour of `idle`: agrees to an order between stations, refuses any other."""
     match turn.event:
         case Received(content=Carry() as wanted) as received:
-            if {wanted.source, wanted.target} <= STATIONS.keys():
+            if {wanted.source, wanted.target} <= STATIONS.keys() and wanted.source != wanted.target:
                 turn.say(received.conversation, P.AGREE)
                 order = Order(received.conversation, wanted.item, wanted.source, wanted.target)
                 return replace(memory, order=order, rounds=0)
-            why = f"from {wanted.source!r} to {wanted.target!r}; stations are {', '.join(STATIONS)}"
+            why = f"from {wanted.source!r} to {wanted.target!r}; two of {', '.join(STATIONS)} are wanted"
             turn.say(received.conversation, P.REFUSE, NotDelivered(why))
     return _hear(memory, turn)
 

@@ -1,0 +1,143 @@
+"""The second worked example runs as its design says: every order is carried once, whatever is lost or dies."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from depot import world
+from depot.design import DESIGN, LANGUAGES
+from depot.desk.people import ORDERS, read
+from depot_in_memory import Depot, wishes
+
+from agent_runtime.wires import Faults
+from fipa_codec.exploration import explore
+from topdown import agreement
+from topdown.checks import check
+from topdown.scaffold import scaffold
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
+NORTH, SOUTH = ("receiving", "press"), ("store", "shipping")
+
+
+def test_the_design_is_consistent():
+    """In itself, and with the languages."""
+    names = [entry.name for entry in DESIGN.file.language]
+    classes = {name: [kind.__name__ for kind in LANGUAGES.named(name).classes] for name in names}
+    assert check(DESIGN) == ()
+    assert agreement.check_languages(DESIGN, classes) == ()
+
+
+def test_its_own_protocol_has_no_hole():
+    """Both roles of `passage` over two channels: every reception has a row, nothing is stuck."""
+    explored = explore(DESIGN.own_tables["passage"])
+    assert (explored.unspecified, explored.stuck) == ((), ())
+
+
+def test_the_method_is_shown_in_full():
+    """A split, a complement, a protocol of its own, a contract net, a group that stays one."""
+    steps = DESIGN.file.step
+    assert any(step.split for step in steps)
+    assert any(step.complement for step in steps)
+    assert {use.follows for use in DESIGN.file.protocol} == {"request", "subscribe", "cfp", "passage"}
+    assert 3 <= len(DESIGN.agents) <= 5
+
+
+def test_the_nearest_robot_carries_and_everything_is_delivered():
+    """The orders of the example's file: the quick robot in its own hall, the other while that one drives home."""
+    depot = Depot(*read(ORDERS))
+    depot.run(3)
+    memory = depot.wires.memory("dispatcher")
+    assert (memory.delivered, memory.failed) == (3, 0)
+    assert depot.assigned == ["mule", "ox", "mule"]
+    assert (depot.outside, depot.together) == ([], False)
+
+
+def test_robots_wait_for_each_other_at_the_aisle():
+    """The quick one drives home through the aisle while the strong one wants to come through: one has to wait."""
+    depot = Depot(*wishes(("receiving", "store"), ("store", "press")))
+    waited: list[bool] = []
+    depot.wires.run(
+        lambda: waited.append(bool(depot.wires.memory("traffic").waiting)) or len(depot.said("inform", "ox")) > 1
+    )
+    assert any(waited)
+    assert (depot.outside, depot.together) == ([], False)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_whatever_is_lost_doubled_delayed_or_dies_every_order_is_carried_once(seed):
+    """Faults of every kind: one award and one delivery each, one robot in the aisle, no step outside the design."""
+    faults = Faults(loss=0.1, duplication=0.1, delay=0.2, crash=0.01)
+    depot = Depot(
+        *wishes(("receiving", "shipping"), ("store", "press"), ("press", "receiving")), seed=seed, faults=faults
+    )
+    depot.run(3, limit_s=3600.0)
+    memory = depot.wires.memory("dispatcher")
+    assert (memory.delivered, memory.failed) == (3, 0)
+    assert len(depot.said("accept-proposal")) == 3
+    assert (depot.outside, depot.together) == ([], False)
+
+
+@pytest.mark.parametrize("away", ["mule", "ox"])
+def test_one_robot_carries_alone_while_the_other_is_away(away):
+    """The call to the other passes its reply-by, and it is not called again before it has answered."""
+    depot = Depot(*wishes(NORTH, SOUTH), without=(away,))
+    depot.run(2)
+    assert depot.wires.memory("dispatcher").delivered == 2
+    assert len(depot.said("cfp")) == 2 + 1 + (depot.wires.memory("dispatcher").rounds - 1)
+    assert depot.outside == []
+
+
+def test_an_order_that_nobody_can_carry_is_given_up():
+    """Both robots are away: after some calls the desk is told that it failed, and why."""
+    depot = Depot(*wishes(NORTH), without=("mule", "ox"))
+    depot.run(1)
+    memory = depot.wires.memory("dispatcher")
+    assert (memory.delivered, memory.failed, len(depot.said("failure"))) == (0, 1, 1)
+    assert depot.outside == []
+
+
+@pytest.mark.parametrize("way", [("receiving", "moon"), ("press", "press")])
+def test_an_order_between_no_two_stations_is_refused(way):
+    """At once, and no robot hears of it."""
+    depot = Depot(*wishes(way))
+    depot.run(1)
+    assert (len(depot.said("refuse")), depot.said("cfp")) == (1, [])
+
+
+def test_a_late_proposal_is_rejected():
+    """A robot that was frozen at the call offers afterwards: the job is another's, its offer is rejected."""
+    depot = Depot(*wishes(NORTH))
+    depot.wires.run(lambda: bool(depot.said("cfp")))
+    depot.wires.crash("mule", restart_s=6.0)
+    depot.run(1)
+    depot.wires.run(lambda: bool(depot.said("reject-proposal")))
+    assert len(depot.said("accept-proposal")) == 1
+    assert depot.outside == []
+
+
+def test_a_way_through_the_aisle_is_longer_than_the_straight_line():
+    """The small world: ways are as long as their legs, and one is everywhere on them once."""
+    start = world.STATIONS["press"]
+    points = world.way(start, "shipping")
+    assert points[1:-1] == world.AISLE
+    assert world.length(points) > world.length((start, world.STATIONS["shipping"]))
+    assert world.along(points, 0.0) == start
+    assert world.along(points, world.length(points) + 1.0) == points[-1]
+    assert world.duration(start, ("shipping",), 2.0) == pytest.approx(world.length(points) / 2.0)
+
+
+def test_making_the_project_again_keeps_what_was_filled_in(tmp_path):
+    """Nothing of the example is written anew: its design and its files belong together."""
+    copy = tmp_path / "depot"
+    subprocess.run(["cp", "-r", str(EXAMPLE), str(copy)], check=True)
+    outcome = scaffold((EXAMPLE / "depot" / "design.toml").read_text(), copy)
+    assert outcome.written == ()
+    assert outcome.left == ()
+
+
+def test_its_own_tests_pass():
+    """As its user runs them, but for the one that opens a router."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--ignore", "tests/test_run.py"]
+    done = subprocess.run(command, cwd=EXAMPLE, capture_output=True, text=True, timeout=55)
+    assert done.returncode == 0, done.stdout + done.stderr

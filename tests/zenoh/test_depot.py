@@ -1,0 +1,62 @@
+"""The second worked example as processes over a real router: a robot that is killed drives on."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from toy_fleet import wait_for
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
+pytestmark = pytest.mark.zenoh
+ORDERS = """
+[[order]]
+item = "sheet"
+source = "receiving"
+target = "press"
+
+[[order]]
+item = "crate"
+source = "store"
+target = "shipping"
+"""
+
+
+@pytest.fixture
+def depot(tmp_path: Path) -> Iterator[Path]:
+    """The depot, running; its run folder. What it printed is in `out` there."""
+    (tmp_path / "orders.toml").write_text(ORDERS)
+    command = [sys.executable, "-m", "depot", "--run-dir", str(tmp_path), "--scene", str(tmp_path / "orders.toml")]
+    with (tmp_path / "out").open("wb") as out:
+        process = subprocess.Popen(command, cwd=EXAMPLE, stdout=out, stderr=subprocess.STDOUT)
+    yield tmp_path
+    process.send_signal(signal.SIGINT)
+    assert process.wait(30.0) == 0
+    left = [pid for pid in tmp_path.glob("*.pid") if pid.exists()]
+    assert left == [], "all processes have ended"
+
+
+def said(run: Path, *words: str) -> list[str]:
+    """Lines of what was said that have all these words."""
+    return [line for line in (run / "out").read_text().splitlines() if all(word in line for word in words)]
+
+
+def outside(run: Path) -> list[str]:
+    """Steps that no row of the design allows, as the agents logged them."""
+    logs = [log.read_text() for log in (run / "logs").glob("*.jsonl")]
+    return [line for text in logs for line in text.splitlines() if "outside the design" in line]
+
+
+def test_both_orders_are_delivered_though_the_robot_is_killed_on_its_way(depot: Path) -> None:
+    """kill -9 while it drives: it comes back, drives on from where it was, and each thing is delivered once."""
+    wait_for(lambda: said(depot, "mule -> dispatcher", "Carried(item='sheet')"), "the first is delivered")
+    wait_for(lambda: said(depot, "dispatcher -> ox", "accept-proposal"), "the second is under way")
+    os.kill(int((depot / "ox.pid").read_text()), signal.SIGKILL)
+    wait_for(lambda: said(depot, "Delivered(item='crate')"), f"the second is delivered\n{(depot / 'out').read_text()}")
+    assert len(said(depot, "-> desk", "Delivered(")) == 2
+    assert len(said(depot, "accept-proposal")) == 2
+    assert said(depot, "ox: backing-off")
+    assert outside(depot) == []
