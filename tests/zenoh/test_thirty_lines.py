@@ -1,0 +1,258 @@
+"""A new agent in the example: a step more in the design, `new`, at most 30 lines, and it answers over Zenoh."""
+
+import difflib
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+from toy_fleet import wait_for
+
+from agent_runtime.zenoh_wire import client_config, free_endpoint
+from fipa_codec.communicate import Communicate, encode
+from fipa_codec.languages import Language
+from fipa_codec.performatives import Performative as P
+from topdown import loading
+from topdown.checks import check
+from topdown.design import Design
+from topdown.scaffold import scaffold
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
+pytestmark = pytest.mark.zenoh
+MOST_LINES = 30
+
+REQUIREMENT = """
+[[requirement]]
+id = "R7"
+parent = "R2"
+text = "say what a transport costs"
+
+# --- the steps"""
+STEP = """
+[[step]]
+requirements = ["R7"]
+divide = { group = "office", into = ["bureau", "tariff"] }
+tasks = [
+  { group = "bureau", text = "orders and their transport" },
+  { group = "tariff", text = "knows what a transport costs" },
+]
+reallocate = [{ channel = "C1", to = "bureau" }]
+channels = [{ id = "C8", between = ["bureau", "tariff"], transmits = "questions about prices" }]
+
+[[step]]
+requirements = ["R2", "R3"]
+divide = { group = "bureau", into = ["desk", "dispatcher"] }"""
+MOVED = 'reallocate = [{ channel = "C1", to = "dispatcher" }, { channel = "C8", to = "desk" }]'
+USE = """
+[[language]]
+name = "PRICE"
+text = "what transports cost"
+
+[[interface]]
+name = "prices"
+entries = [["query-ref", "price", ["PRICE.PriceOf"], ["PRICE.Price"]]]
+
+[[protocol]]
+name = "price"
+channel = "C8"
+follows = "query"
+initiator = "desk"
+participant = "tariff"
+interface = ["prices"]
+durable = false
+latency_s = 0.5
+
+[[protocol.message]]
+sender = "desk"
+performative = "query-ref"
+language = "PRICE"
+content = ["PriceOf"]
+bytes = 250
+
+[[protocol.message]]
+sender = "tariff"
+performative = "inform"
+language = "PRICE"
+content = ["Price"]
+bytes = 250
+
+[[protocol.message]]
+sender = "tariff"
+performative = "refuse"
+language = "PRICE"
+bytes = 250
+"""
+ASKING = """
+[[agent.row]]
+in = ["listening", "waiting"]
+on = "person question"
+say = ["price query-ref"]
+
+[[agent.row]]
+in = ["listening", "waiting"]
+on = "price inform"
+
+[[agent.row]]
+in = ["listening", "waiting"]
+on = "price refuse"
+"""
+TARIFF = """
+[[agent]]
+name = "tariff"
+text = "says what a transport costs"
+initial = "open"
+
+[[agent.state]]
+name = "open"
+behaviour = "quote"
+terminal = "closed"
+talks = ["price"]
+text = "waits for a question"
+
+[[agent.arc]]
+source = "open"
+target = "open"
+
+[[agent.row]]
+in = ["open"]
+on = "price query-ref"
+say = ["price inform"]
+
+[[agent.row]]
+in = ["open"]
+on = "price query-ref"
+say = ["price refuse"]
+"""
+DESIGNED = (
+    ("\n# --- the steps", REQUIREMENT),
+    ('\n[[step]]\nrequirements = ["R2", "R3"]\ndivide = { group = "office", into = ["desk", "dispatcher"] }', STEP),
+    ('reallocate = [{ channel = "C1", to = "dispatcher" }]', MOVED),
+    ("\n# --- agents: states", USE + "\n# --- agents: states"),
+    ('\n[[agent]]\nname = "dispatcher"', ASKING + '\n[[agent]]\nname = "dispatcher"'),
+    ('\n[[agent]]\nname = "traffic"', TARIFF + '\n[[agent]]\nname = "traffic"'),
+    ('["desk", "dispatcher", "traffic", "mule", "ox"]', '["desk", "dispatcher", "traffic", "mule", "ox", "tariff"]'),
+    ('talks = ["watch"]', 'talks = ["watch", "price"]'),
+)
+
+FILLED = {
+    "languages/price.py": (
+        (
+            'class PriceOf(Sentence, frozen=True):\n    """Query-ref of desk in price."""\n',
+            "\n    source: str\n    target: str\n",
+        ),
+        ('class Price(Sentence, frozen=True):\n    """Inform of tariff in price."""\n', "\n    euro: float\n"),
+    ),
+    "tariff/behaviours.py": (
+        (
+            "from agent_runtime.turn import Turn\n",
+            "from agent_runtime.events import Received\nfrom fipa_codec.performatives import Performative as P\n",
+        ),
+        (
+            "from depot.design import DESIGN\n",
+            "from depot.languages.price import Price, PriceOf\nfrom depot.world import STATIONS, length, way\n",
+        ),
+        (
+            '    - on price query-ref: say price refuse\n    """\n',
+            """    match turn.event:
+        case Received(content=PriceOf(source=source, target=target)) as asked:
+            if not {source, target} <= STATIONS.keys():
+                turn.say(asked.conversation, P.REFUSE)
+            else:
+                euro = round(5.0 + 0.5 * length(way(STATIONS[source], target)), 2)
+                turn.say(asked.conversation, P.INFORM, Price(euro))
+    return memory
+""",
+        ),
+    ),
+}
+STUB = '    return unfilled(memory, turn, "quote")  # to fill in\n'
+
+
+def designed() -> str:
+    """The example's design with one agent more."""
+    text = (EXAMPLE / "depot" / "design.toml").read_text()
+    for old, new in DESIGNED:
+        assert old in text, old
+        text = text.replace(old, new)
+    return text
+
+
+def filled(folder: Path) -> int:
+    """Fill in the new agent; how many lines that took."""
+    lines = 0
+    for path, parts in FILLED.items():
+        target = folder / "depot" / path
+        before = after = target.read_text()
+        for behind, more in parts:
+            assert behind in after, behind
+            after = after.replace(behind, behind + more)
+        after = after.replace(STUB, "").replace("from agent_runtime.declining import unfilled\n", "")
+        lines += sum(line.startswith("+ ") for line in difflib.ndiff(before.splitlines(), after.splitlines()))
+        target.write_text(after)
+    return lines
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """The example, with the new agent made and filled in."""
+    folder = tmp_path / "depot"
+    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
+    outcome = scaffold(designed(), folder)
+    assert "depot/tariff/behaviours.py" in outcome.written
+    assert all(kept.path.partition("/")[2].partition("/")[0] != "tariff" for kept in outcome.kept)
+    return folder
+
+
+@pytest.fixture
+def running(copy: Path, tmp_path: Path) -> Iterator[tuple[Path, str]]:
+    """All six agents over a router; the file with what they say, the router's address."""
+    assert filled(copy) <= MOST_LINES
+    endpoint, out = free_endpoint(), tmp_path / "out"
+    (tmp_path / "none.toml").write_text("")
+    command = [sys.executable, "-m", "depot", "--run-dir", str(tmp_path / "run"), "--connect", endpoint]
+    with out.open("wb") as file:
+        process = subprocess.Popen(
+            [*command, "--scene", str(tmp_path / "none.toml")], cwd=copy, stdout=file, stderr=subprocess.STDOUT
+        )
+    yield out, endpoint
+    process.send_signal(signal.SIGINT)
+    assert process.wait(30.0) == 0
+
+
+def test_the_grown_design_is_consistent() -> None:
+    """The step is one of the method: nothing is found."""
+    assert check(Design(loading.read(designed()))) == ()
+
+
+def test_the_new_agents_own_tests_pass(copy: Path) -> None:
+    """Before it is filled in and after: it binds, and answers what it is asked."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/test_tariff.py"]
+    for step in (lambda: 0, lambda: filled(copy)):
+        assert step() <= MOST_LINES
+        done = subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=30)
+        assert done.returncode == 0, done.stdout
+
+
+def test_a_new_agent_answers_after_at_most_thirty_lines(running: tuple[Path, str]) -> None:
+    """Asked as its peer would ask, over the router, the tariff says a price by the length of the way."""
+    out, endpoint = running
+    wait_for(lambda: "all ready" in out.read_text(), "six agents are ready")
+    content = Language("PRICE", dict).encode({"type": "PriceOf", "source": "receiving", "target": "press"})
+    question = Communicate(
+        performative=P.QUERY_REF,
+        content=content,
+        language="PRICE",
+        protocol="query",
+        reply_with="q1",
+        conversation="desk-9-1",
+        sender="desk",
+        receiver="tariff",
+        id="q1",
+    )
+    with zenoh.open(client_config(endpoint)) as session:
+        session.put("roco/depot/C8/desk/tariff/query/query-ref", encode(question))
+        wait_for(lambda: "tariff -> desk  inform  Price(euro=8.04)" in out.read_text(), "a price")
