@@ -305,14 +305,16 @@ class Core(Generic[M]):
         """When the next Tick is wanted; what is past already waits for a behaviour that takes it, or for room."""
         times: list[float] = []
         if state.soft.up:
-            times += [at for at, _ in state.soft.resend.values()]
-            times += [one.at for one in state.soft.asks.values()]
+            for at, _ in state.soft.resend.values():
+                times.append(at)
+            for one in state.soft.asks.values():
+                times.append(one.at)
         if waits is not None:
             times += state.wakes.values()
             for held in waits:
                 if held.reply_by is not None and held.reply_by + LATE_AFTER > now:
                     times.append(held.reply_by + LATE_AFTER)
-        return min(times, default=None)
+        return min(times) if times else None
 
 
 def _note_taken(out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict) -> None:

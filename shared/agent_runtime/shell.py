@@ -241,7 +241,7 @@ class Shell:
             sizes = self._carry_out(out)
             effects = self._core.end(before, after, out, now)
             self._state = after
-            self._unwritten.append(_Done(following, now, after.incarnation, after.soft.step, effects, sizes))
+            self._unwritten.append(_done(following, now, after, effects, sizes))
             self._wake_at = effects.wake_at
             if after.state != before.state:
                 self._beat()
@@ -268,8 +268,8 @@ class Shell:
             effects = one.effects
             lines = [(line.event, line.level, line.fields) for line in effects.logs]
             lines += [self._sent_line("sent", *sent) for sent in zip(effects.sends, one.sizes, strict=True)]
-            if isinstance(effects.handled, Received):
-                lines.insert(0, self._sent_line("received", effects.handled.communicate, 0))
+            if one.received is not None:
+                lines.insert(0, self._sent_line("received", one.received, 0))
             if lines:
                 self.log.write_all(lines, one.at)
             self._steps.step(one.incarnation, one.step, one.at, one.event, effects)
@@ -340,7 +340,10 @@ class _Posted(msgspec.Struct, frozen=True):
 
 
 class _Done(msgspec.Struct, frozen=True):
-    """A step that is carried out and not written down yet; `sizes`: bytes of each communicate sent."""
+    """A step that is carried out and not written down yet; `sizes`: bytes of each communicate sent.
+
+    It holds no decoded content: that may be as large as the message and is free for the next one at once.
+    """
 
     event: AnyEvent
     at: float
@@ -348,6 +351,13 @@ class _Done(msgspec.Struct, frozen=True):
     step: int
     effects: Effects
     sizes: list[int]
+    received: Communicate | None
+
+
+def _done(event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]) -> _Done:
+    received = effects.handled.communicate if isinstance(effects.handled, Received) else None
+    rest = msgspec.structs.replace(effects, handled=None, deed=None)
+    return _Done(event, at, after.incarnation, after.soft.step, rest, sizes, received)
 
 
 class _Desk:
@@ -369,10 +379,10 @@ def _opened(item: Bytes) -> AnyEvent:
         communicate = decode(item.data)
     except MalformedError as error:
         return Garbled(item.key, str(error))
-    told = (communicate.sender, communicate.receiver, communicate.protocol, str(communicate.performative))
-    chunks = tuple(item.key.split("/")[3:])
-    if told != chunks:
-        return Garbled(item.key, f"the communicate says {'/'.join(told)}")
+    one = communicate
+    told = f"{one.sender}/{one.receiver}/{one.protocol}/{one.performative}"
+    if item.told != told:
+        return Garbled(item.key, f"the communicate says {told}")
     return Arrived(communicate)
 
 

@@ -46,6 +46,11 @@ class Bytes(msgspec.Struct, frozen=True):
     key: str
     data: bytes
 
+    @property
+    def told(self) -> str:
+        """What the key says of it: sender/receiver/protocol/performative."""
+        return self.key.split("/", 3)[-1]
+
 
 class ReceiptBytes(msgspec.Struct, frozen=True):
     """A receipt of `peer` as it came."""

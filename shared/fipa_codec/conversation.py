@@ -258,8 +258,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         opens = performative in protocol.openings and (self.state == START or performative in protocol.rounds)
         state, deadline = str(row.to), self._next_deadline(row, communicate.reply_by)
         plain = row.kind is not Kind.CANCEL and performative is not Performative.CANCEL
-        if plain and not opens and unconfirmed is self.unconfirmed:
-            return msgspec.structs.replace(self, state=state, deadline=deadline)
+        if plain and unconfirmed is self.unconfirmed and not (opens and self.asked):
+            asked = label if opens else self.asked
+            return msgspec.structs.replace(self, state=state, deadline=deadline, asked=asked)
         return msgspec.structs.replace(
             self,
             state=state,
