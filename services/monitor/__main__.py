@@ -1,5 +1,5 @@
 """`python -m services.monitor` records a fleet until SIGTERM; `python -m services.monitor report RUN_DIR` makes the
-report of a run folder again, without any fleet.
+report of a run folder again, without any fleet; `python -m services.monitor observations RUN_DIR` prints what was said.
 """
 
 import sys
@@ -25,10 +25,41 @@ def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traff
     raise typer.Exit(0 if make.everything(run_dir, Log("monitor").write) else 1)
 
 
+def observations(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=True, file_okay=False)]) -> None:
+    """Print what was said in a run folder, as JSON: who to whom, which act, how large, when."""
+    from services.monitor import observations as told
+
+    told.main(run_dir)
+
+
+def judge(
+    file: Annotated[Path, typer.Argument(help="A run folder, a traffic.mcap or a live.jsonl.")],
+    design: Annotated[Path | None, typer.Option(help="Another system's design file.")] = None,
+    languages: Annotated[
+        str, typer.Option(help="Its Languages: package.module:NAME; else contents are not read.")
+    ] = "",
+) -> None:
+    """Print the verdict about each communicate of a recording. Exits with 2 where there is nothing to judge."""
+    from services.monitor import judged, rejudge
+
+    try:
+        lines = rejudge.judge(file, design, languages)
+    except rejudge.CannotJudge as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from error
+    sys.stdout.buffer.writelines(map(judged.encoded, lines))
+
+
+VERBS = {"report": report, "judge": judge}
+
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["report"]:
+    if sys.argv[1:2] and sys.argv[1] in VERBS:
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        app.command()(report)
-        app(sys.argv[2:], prog_name="python -m services.monitor report")
+        app.command()(VERBS[sys.argv[1]])
+        app(sys.argv[2:], prog_name=f"python -m services.monitor {sys.argv[1]}")
+    elif sys.argv[1:2] == ["observations"]:
+        app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        app.command()(observations)
+        app(sys.argv[2:], prog_name="python -m services.monitor observations")
     else:
         cli.run("monitor", TEXT, serve)

@@ -89,6 +89,11 @@ def explore(protocol: Protocol, capacity: int = CAPACITY) -> Exploration:
     )
 
 
+def edges(protocol: Protocol, capacity: int = CAPACITY) -> dict[Configuration, list[tuple[Step, Configuration]]]:
+    """Every reachable configuration, the start first, with the steps from there and where they lead."""
+    return _Walk(protocol, capacity).edges
+
+
 def with_not_understood(protocol: Protocol) -> Protocol:
     """The protocol with the rule outside its tables written into them, so that it can be explored too.
 

@@ -1,10 +1,12 @@
 """Is a design consistent in itself? Typed findings, none where all is well; topdown.agreement compares it with code.
 
-names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, waits -> claims. A fault is reported
+names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, waits -> claims,
+adding_up; recorded: a run against the design. A fault is reported
 once: what only follows from it is left out. No I/O.
 """
 
 from topdown.checks import (
+    adding_up,
     channels,
     claims,
     forms,
@@ -35,6 +37,7 @@ PARTS = (
     machines.findings,
     waits.findings,
     claims.findings,
+    adding_up.findings,
 )
 
 
