@@ -3,9 +3,10 @@
 Nothing here adds or takes away a row: a model made of these is the running conversation's own tables.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
+from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
 from topdown.proving.net import Effect, Guard, Set, Variable, is_
@@ -62,8 +63,9 @@ class Pair:
 
     def takes(self, role: Role) -> Iterator[tuple[Row, frozenset[str]]]:
         """Rows that take something, and the states in which they apply: remembered or forgotten, if it has ended."""
+        said = self.words(role.other)
         for row in self.tables[role]:
-            if row.way is RECEIVE:
+            if row.way is RECEIVE and row.word in said:
                 yield row, frozenset({str(row.state)})
                 forgotten = self.over(role) - {str(row.state)}
                 if row.state == START and forgotten:
@@ -125,14 +127,20 @@ def reachable(table: Table) -> Table:
     return Table(rows, ended=table.ended & known, urgent=table.urgent & known, resting=table.resting & known)
 
 
-def restricted(protocol: Protocol, says: dict[Role, frozenset[Performative]]) -> Protocol:
-    """The protocol as a use of it has it: each role says only these acts, and what needs others is out of reach."""
+def restricted(protocol: Protocol, says: Mapping[Role, Collection[str]]) -> Protocol:
+    """The protocol as a use of it has it: each role says only these words, and what needs others is out of reach.
+
+    Answers to a cancel stay: the runtime gives them by itself where the cancel came too late.
+    """
+
+    def kept(row: Row, speaker: Role) -> bool:
+        return row.word in says[speaker] or row.kind is Kind.CANCEL
 
     def table(role: Role) -> Table:
         old = protocol.tables[role]
-        kept = [row for row in old if row.performative in says[role if row.way is SEND else role.other]]
-        states = {state for row in kept for state in (row.state, row.to)}
-        whole = Table(kept, ended=old.ended & states, urgent=old.urgent & states, resting=old.resting & states)
+        rows = [row for row in old if kept(row, role if row.way is SEND else role.other)]
+        states = {state for row in rows for state in (row.state, row.to)}
+        whole = Table(rows, ended=old.ended & states, urgent=old.urgent & states, resting=old.resting & states)
         return reachable(whole)
 
     return protocol.varied(initiator=table(Role.INITIATOR), participant=table(Role.PARTICIPANT))
