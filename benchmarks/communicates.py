@@ -1,0 +1,264 @@
+"""What our layers cost: the codec, a step of a conversation, a question and its answer through the router.
+
+    python benchmarks/communicates.py [--quick] [--only codec|conversation|trip] [--out results file]
+
+Each row sets ours against the bare thing in the same process, by turns in blocks, so that noise hits both alike; the
+ratio is that of the medians. A row is appended to the results file with the commit and the machine's load; rows of this
+commit that stand there are skipped (--again measures them once more). A full run takes two to three minutes.
+"""
+
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+from round_trip import WM, Plan, Times
+
+from agent_runtime.zenoh_wire import free_endpoint
+from companion.languages import wm
+from fipa_codec.communicate import _LETTERS, Communicate, _exact, decode, encode
+from fipa_codec.conversation import Conversation
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
+
+HERE = Path(__file__).parent
+START_S, RUN_S = 30.0, 600.0  # estimates: the processes are up in 2 s, the longest plan takes a minute
+STEP_LIMIT_US, CODEC_LIMIT = 10.0, 1.3
+TRIPS = {"654 B": (1.4, Plan("654 B", 100, 40, 300)), "98 kB": (None, Plan("98 kB", 50, 20, 100))} | {
+    "852 kB": (1.5, Plan("852 kB", 20, 25, 60)),
+    "852 kB of grasps": (None, Plan("852 kB of grasps", 5, 8, 10)),
+}
+"""Answer -> limit of the ratio (None: none was set), how it is measured."""
+SIZES = {"231 B": 231, "654 B": 654, "98 kB": 98_000, "852 kB": 852_000}
+"""Smallest, mean and largest of C4 and largest of all communicates (paper, section 5.7)."""
+
+
+class Result(msgspec.Struct, omit_defaults=True):
+    """One row: p50 and p99 [us] of ours and of the bare thing; `spread`: quartiles of the blocks' ratios."""
+
+    run: str
+    what: str
+    ours_us: tuple[float, float]
+    bare_us: tuple[float, float] | None = None
+    ratio: float | None = None
+    limit: float | None = None
+    spread: tuple[float, ...] = ()
+    n: int = 0
+    load: tuple[float, ...] = ()
+    at: float = 0.0
+
+
+def plain() -> Any:
+    """The same fields with the same names on the wire, and no check but of types."""
+    text = {"language", "ontology", "protocol", "reply_with", "in_reply_to", "conversation", "sender", "receiver", "id"}
+    fields = msgspec.structs.fields(Communicate)
+    kinds = {"reply_by": float | None, "sent": float}
+    parts = [(f.name, str if f.name in text else kinds.get(f.name, f.type), f.default) for f in fields]
+    return msgspec.defstruct("Plain", parts, kw_only=True, omit_defaults=True, frozen=True, rename=_LETTERS)
+
+
+def many(size: int) -> list[Communicate]:
+    """Answers as they come one after the other: each with ids of its own, `size` bytes long."""
+    made = []
+    for number in range(1000, 1200):
+        usual = Communicate(
+            performative=Performative.INFORM_REF,
+            language="WM",
+            ontology="RoCo",
+            protocol="query",
+            in_reply_to=f"pl-1-{number}",
+            conversation=f"pl-1-{number - 1}",
+            sender="km",
+            receiver="pl",
+            id=f"km-1-{number}",
+            sent=1.76e9 + number,
+        )
+        text = "x" * max(0, size - len(encode(usual)) - 40)
+        made.append(msgspec.structs.replace(usual, content=WM.encode(wm.Unknown(text))))
+    return made if size < 10_000 else made[:8]
+
+
+def codec(quick: bool) -> list[Result]:
+    """encode + decode against msgspec alone: without checks, and with the same checks left to msgspec."""
+    rows, bare = [], plain()
+    pack = msgspec.msgpack.Encoder().encode
+    for name, size in SIZES.items():
+        ours = many(size)
+        others = [msgspec.convert(msgspec.to_builtins(one, builtin_types=(msgspec.Raw,)), bare) for one in ours]
+        for label, kind in (("unchecked", bare), ("its own patterns", _exact())):
+            read = msgspec.msgpack.Decoder(kind).decode
+            rounds = 20 if quick else 200
+            mine, its = by_turns(
+                lambda one: decode(encode(one)), ours, lambda one, read=read: read(pack(one)), others, rounds
+            )
+            limit = CODEC_LIMIT if label == "unchecked" else None
+            rows.append(result(f"encode + decode of {name} against msgspec, {label}", mine, its, limit))
+    return rows
+
+
+def by_turns(
+    ours: Callable[[Any], Any], mine: list[Any], bare: Callable[[Any], Any], its: list[Any], rounds: int
+) -> tuple[list[list[float]], list[list[float]]]:
+    """Time of a call [us], the mean over one pass of the list, by turns."""
+    taken: tuple[list[list[float]], list[list[float]]] = ([], [])
+    for _ in range(rounds):
+        for place, work, given in ((0, ours, mine), (1, bare, its)):
+            begin = time.perf_counter_ns()
+            for one in given:
+                work(one)
+            taken[place].append([(time.perf_counter_ns() - begin) / 1000 / len(given)])
+    return taken
+
+
+def conversation(quick: bool) -> list[Result]:
+    """A step of a conversation: what it takes, and what it says."""
+    said: list[tuple[str, Callable[[], Any]]] = []
+
+    def exchange(protocol: str, *acts: Performative) -> None:
+        asking = Conversation.open(protocol, Role.INITIATOR, id="pl-1-1", me="pl", peer="km")
+        answering: Conversation | None = None
+        for number, act in enumerate(acts):
+            sender = asking if number == 0 or answering is None else answering
+            say = lambda sender=sender, act=act, number=number: sender.send(act, id=f"x-1-{number}", now=1.0)  # noqa: E731
+            after, message = say()
+            hears = asking if number else Conversation.answering(message, "km")
+            take = lambda hears=hears, message=message: hears.receive(message)  # noqa: E731
+            said.append((f"{protocol}: send {act}", say))
+            said.append((f"{protocol}: receive {act}", take))
+            asking, answering = (take(), after) if number else (after, take())
+
+    exchange("query", Performative.QUERY_REF, Performative.INFORM_REF)
+    exchange("request", Performative.REQUEST, Performative.AGREE, Performative.INFORM)
+    exchange("subscribe", Performative.SUBSCRIBE, Performative.AGREE, Performative.INFORM)
+    rows = []
+    for what, step in said:
+        times = [[timed(step)] for _ in range(2_000 if quick else 20_000)]
+        rows.append(result(what, times, None, STEP_LIMIT_US))
+    return rows
+
+
+def timed(work: Callable[[], Any]) -> float:
+    """Of one call [us]."""
+    begin = time.perf_counter_ns()
+    work()
+    return (time.perf_counter_ns() - begin) / 1000
+
+
+def trip(quick: bool, wanted: list[str]) -> list[Result]:
+    """query-ref -> inform-ref between two agents against a bare get, both over one router; see round_trip.py."""
+    with tempfile.TemporaryDirectory(prefix="communicates-") as folder:
+        run, endpoint = Path(folder), free_endpoint()
+        plans = [TRIPS[name][1] for name in wanted]
+        if quick:
+            plans = [msgspec.structs.replace(p, blocks=max(3, p.blocks // 5), warm=p.warm // 3) for p in plans]
+        environment = os.environ | {"ROCO_LISTEN": endpoint, "ROCO_RUN_DIR": str(run)}
+        started = [subprocess.Popen([sys.executable, "-m", "services.router"], env=environment, stdout=sys.stderr)]
+        try:
+            wait_for(run / "router.ready")
+            command = [sys.executable, str(HERE / "round_trip.py")]
+            started.append(subprocess.Popen([*command, "km", endpoint, str(run)]))
+            asked = msgspec.json.encode(plans).decode()
+            subprocess.run([*command, "pl", endpoint, str(run), asked], check=True, timeout=RUN_S)
+        finally:
+            for process in reversed(started):
+                process.send_signal(signal.SIGTERM)
+                process.wait(timeout=START_S)
+        times = msgspec.json.decode((run / "times.json").read_bytes(), type=list[Times])
+    return [result(f"question and answer of {one.answer}", one.agents, one.bare, TRIPS[one.answer][0]) for one in times]
+
+
+def wait_for(path: Path) -> None:
+    """Until the file is there."""
+    end = time.monotonic() + START_S
+    while not path.exists():
+        if time.monotonic() > end:
+            raise typer.BadParameter(f"{path.name} is not there after {START_S:g} s: the router did not start")
+        time.sleep(0.02)
+
+
+def result(what: str, ours: list[list[float]], bare: list[list[float]] | None, limit: float | None) -> Result:
+    """A row from blocks of times [us]."""
+    mine = sorted(one for block in ours for one in block)
+    row = Result(RUN, what, middle_and_end(mine), limit=limit, n=len(mine), load=os.getloadavg(), at=time.time())
+    if bare is not None:
+        its = sorted(one for block in bare for one in block)
+        ratios = [statistics.median(a) / statistics.median(b) for a, b in zip(ours, bare, strict=True)]
+        row.bare_us = middle_and_end(its)
+        row.ratio = round(row.ours_us[0] / row.bare_us[0], 3)
+        row.spread = tuple(round(x, 3) for x in statistics.quantiles(ratios, n=4))
+    return row
+
+
+def middle_and_end(times: list[float]) -> tuple[float, float]:
+    """p50 and p99 of sorted times."""
+    return round(times[len(times) // 2], 2), round(times[min(len(times) - 1, len(times) * 99 // 100)], 2)
+
+
+def shown(row: Result) -> str:
+    """A row as people read it."""
+    measure = row.ours_us[0] if row.ratio is None else row.ratio
+    limit = "" if row.limit is None else f"at most {row.limit:g}: {'yes' if measure <= row.limit else 'NO'}"
+    ours = f"{row.ours_us[0]:9.1f} {row.ours_us[1]:9.1f}"
+    bare = f"{row.bare_us[0]:9.1f} {row.bare_us[1]:9.1f}" if row.bare_us else " " * 19
+    ratio = f"{row.ratio:6.2f} ({row.spread[0]:.2f}-{row.spread[-1]:.2f})" if row.ratio else " " * 18
+    return f"{row.what:62} {ours} {bare}  {ratio:18}  {limit}"
+
+
+def commit() -> str:
+    """Short hash of what is measured, with a + where files differ from it."""
+    found = subprocess.run(
+        ["git", "describe", "--always", "--dirty=+", "--abbrev=7"],
+        cwd=HERE,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return found.stdout.strip() or "unknown"
+
+
+RUN = commit()
+
+
+def main(
+    quick: Annotated[bool, typer.Option("--quick", help="a tenth of the calls; nothing is written down")] = False,
+    only: Annotated[str, typer.Option(help="codec, conversation or trip")] = "",
+    again: Annotated[
+        bool, typer.Option("--again", help="also what stands in the results file for this commit")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = HERE / "results" / "communicates.jsonl",
+) -> None:
+    """Measure, print a table (us: p50 p99 ours, p50 p99 bare, ratio with the middle half of the blocks), append."""
+    lines = out.read_bytes().splitlines() if out.exists() and not (again or quick) else []
+    known = {row.what for row in (msgspec.json.decode(line, type=Result) for line in lines) if row.run == RUN}
+    wanted = [name for name in TRIPS if f"question and answer of {name}" not in known]
+    parts: dict[str, Callable[[], list[Result]]] = {
+        "codec": lambda: codec(quick),
+        "conversation": lambda: conversation(quick),
+        "trip": lambda: trip(quick, wanted) if wanted else [],
+    }
+    if only and only not in parts:
+        raise typer.BadParameter(f"--only {only}: there are {', '.join(parts)}")
+    typer.echo(f"{'commit ' + RUN:62} {'ours p50':>9} {'p99 us':>9} {'bare p50':>9} {'p99 us':>9}  ratio (middle half)")
+    for part in [only] if only else list(parts):
+        typer.echo(f"{part} ...", err=True)
+        for row in parts[part]():
+            if row.what in known:
+                continue
+            typer.echo(shown(row))
+            if not quick:
+                out.parent.mkdir(parents=True, exist_ok=True)
+                with out.open("ab") as file:
+                    file.write(msgspec.json.encode(row) + b"\n")
+    typer.echo(f"load of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+
+
+if __name__ == "__main__":
+    typer.run(main)
