@@ -18,7 +18,7 @@ from rich.console import Console
 
 from companion.run_folder import Fleet, ProcessState, TaskLine
 from services.console import demo as main_job
-from services.console import draw, fleet, runs
+from services.console import design, design_new, design_show, draw, fleet, runs
 from services.console.errors import ConsoleError
 from services.console.hi import Hi
 
@@ -53,6 +53,10 @@ Out = Annotated[Path | None, typer.Option("--out", help="Where everything is wri
 app = typer.Typer(
     no_args_is_help=True, add_completion=False, help="The operator's command line of the Robot Companion."
 )
+
+app.add_typer(design.app, name="design")
+DESIGN_VERBS = (design_new, design_show)
+"""The modules whose import registers the verbs of `roco design`."""
 
 
 class Reply(msgspec.Struct, frozen=True):

@@ -47,7 +47,7 @@ def _words(outcome: Outcome) -> list[str]:
     lines = [f"{outcome.folder}: {len(outcome.written)} files written, {len(outcome.same)} as they were"]
     lines += [f"  {path}" for path in outcome.written]
     for kept in outcome.kept:
-        lacks = f"; it does not mention {', '.join(kept.missing)}" if kept.missing else ""
+        lacks = f"; nothing of yours mentions {', '.join(kept.missing)} yet" if kept.missing else ""
         lines.append(f"  kept {kept.path}, which you changed{lacks}")
     lines += [f"  left {path}, which the design no longer makes" for path in outcome.left]
     return lines

@@ -134,6 +134,7 @@ def test_making_the_project_again_keeps_what_was_filled_in(tmp_path):
     outcome = scaffold((EXAMPLE / "depot" / "design.toml").read_text(), copy)
     assert outcome.written == ()
     assert outcome.left == ()
+    assert [kept for kept in outcome.kept if kept.missing] == []
 
 
 def test_its_own_tests_pass():

@@ -7,6 +7,7 @@ The only files this touches are those it is given and that one.
 import ast
 import hashlib
 import re
+from collections.abc import Set
 from pathlib import Path
 
 import msgspec
@@ -15,7 +16,7 @@ MANIFEST = ".scaffold.json"
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """A file that somebody changed and that was not touched; `missing`: the design's names it does not mention."""
+    """A file that somebody changed and that was not touched; `missing`: names that no own file mentions."""
 
     path: str
     missing: tuple[str, ...] = ()
@@ -34,7 +35,9 @@ class Outcome(msgspec.Struct, frozen=True):
 def write(folder: Path, files: dict[str, str]) -> Outcome:
     """Write what is new, rewrite what nobody touched, keep the rest. Raises OSError."""
     known = _manifest(folder)
-    written, same, kept = [], [], []
+    written: list[str] = []
+    same: list[str] = []
+    kept: list[str] = []
     for path, text in files.items():
         target = folder / path
         present = target.read_text(encoding="utf-8") if target.exists() else None
@@ -45,19 +48,27 @@ def write(folder: Path, files: dict[str, str]) -> Outcome:
             target.write_text(text, encoding="utf-8")
             written.append(path)
         else:
-            kept.append(Kept(path, missing(text, present) if path.endswith(".py") else ()))
+            kept.append(path)
             continue
         known[path] = _sum(text)
     left = tuple(path for path in known if path not in files and (folder / path).exists())
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MANIFEST).write_bytes(msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
-    return Outcome(str(folder), tuple(written), tuple(same), tuple(kept), left)
+    own = _own_text(folder, files.keys() - kept) if kept else ""
+    changed = tuple(Kept(path, missing(files[path], own) if path.endswith(".py") else ()) for path in kept)
+    return Outcome(str(folder), tuple(written), tuple(same), changed, left)
 
 
 def missing(wanted: str, present: str) -> tuple[str, ...]:
     """Functions, classes and tables that `wanted` defines and `present` does not so much as mention."""
     words = set(re.findall(r"\w+", present))
     return tuple(name for name in _defined(wanted) if name not in words)
+
+
+def _own_text(folder: Path, made: Set[str]) -> str:
+    """All Python that a user wrote: what is bound in one of these files may be defined in another."""
+    paths = (path for path in folder.rglob("*.py") if path.relative_to(folder).as_posix() not in made)
+    return "\n".join(path.read_text(encoding="utf-8", errors="replace") for path in paths)
 
 
 def _defined(text: str) -> list[str]:
