@@ -128,7 +128,8 @@ def carry_out(
     held = verdict.held
     match verdict.what:
         case What.TAKE if held is not None:
-            state.soft.asks.pop(communicate.conversation, None)
+            if held.conversation.ended or not held.conversation.cancel:  # what crosses a cancel is no answer to it
+                state.soft.asks.pop(communicate.conversation, None)
             _supersede(state, held, communicate)
             state.keep(held)
             return Received(communicate, waiting.content, held.conversation)
