@@ -3,6 +3,7 @@ report of a run folder again, without any fleet; `python -m services.monitor obs
 """
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -50,7 +51,7 @@ def judge(
     sys.stdout.buffer.writelines(map(judged.encoded, lines))
 
 
-VERBS = {"report": report, "judge": judge}
+VERBS: dict[str, Callable[..., None]] = {"report": report, "judge": judge}
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in VERBS:

@@ -16,16 +16,16 @@ import msgspec
 from agent_runtime import steplog
 from agent_runtime.effects import Receipt
 from agent_runtime.events import Arrived
+from companion.run_folder import Judged
 from companion.telemetry import RobotState, TrueState
 from fipa_codec.communicate import encode
 from fipa_codec.errors import FipaError
 from services.monitor import recording
-from services.monitor.records import Garbage, House, Origin, Record, Resumed, Spoken, Token, spoken
+from services.monitor.judged import of_records
+from services.monitor.records import SETTING, Garbage, House, Origin, Record, Resumed, Spoken, Token, spoken
 
 T = TypeVar("T")
 STEPS = "steps"
-SETTING = "setting"
-"""Kind of the recorder's own first record."""
 
 
 class Hole(msgspec.Struct, frozen=True):
@@ -66,8 +66,8 @@ class Setting(msgspec.Struct, frozen=True):
 class History(msgspec.Struct, frozen=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
 
-    `robot` and `truth`: when heard, and what. `houses`: how many of each kind of what is no communicate. `setting`: as
-    the recorder was told it, None in a recording without.
+    `robot` and `truth`: when heard, and what. `judged`: what the judge says of what was recorded. `houses`: how many of
+    each kind of what is no communicate. `setting`: as the recorder was told it, None in a recording without.
     """
 
     said: tuple[Spoken, ...] = ()
@@ -79,6 +79,7 @@ class History(msgspec.Struct, frozen=True):
     garbage: tuple[Garbage, ...] = ()
     houses: dict[str, int] = {}
     holes: tuple[Hole, ...] = ()
+    judged: tuple[Judged, ...] = ()
     setting: Setting | None = None
 
     @property
@@ -128,6 +129,7 @@ def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, wh
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
         holes=holes,
+        judged=of_records(records),
         setting=next(_settings(records), None),
     )
 

@@ -8,18 +8,16 @@ from collections.abc import Iterator
 
 import msgspec
 
-from companion.languages import cmd, hfsm, sw, wm
-from companion.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from companion.languages import hfsm, sw, wm
+from companion.run_folder import Again, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
 from companion.telemetry import RobotState
-from companion.words import plain, spaced
 from services.monitor.events import events
 from services.monitor.history import History
 from services.monitor.plans import states_of
 from services.monitor.records import House, Record, Spoken, Token
+from services.monitor.wording import words
 
-TEXT_LENGTH = 80
 LOOP = "loop"
-_TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state", "at", "reason", "text")
 _LATER = ("km hears of the first thing", "km knows the surroundings")
 """What can be said of the past only: the last observation before a plan."""
 
@@ -51,9 +49,12 @@ class Live:
                 if not record.id or record.identity not in self._known:
                     self._known.add(record.identity)
                     yield from self._spoken(record)
+                else:
+                    yield Again(t=record.received, sender=record.sender, receiver=record.receiver, id=record.id)
             case Token(agent=agent, alive=alive, received=t):
                 state = self._states[agent].state if agent in self._states else ""
-                yield from self._entered(AgentIn(t=t, agent=agent, state=state, alive=alive))
+                born = record.incarnation if alive else 0
+                yield from self._entered(AgentIn(t=t, agent=agent, state=state, alive=alive, incarnation=born))
             case House(kind="state" | "telemetry"):
                 yield from self._house(record)
 
@@ -69,6 +70,14 @@ class Live:
             language=one.language,
             conversation=one.conversation,
             text=words(one.content),
+            id=one.id,
+            reply_with=one.communicate.reply_with,
+            in_reply_to=one.communicate.in_reply_to,
+            reply_by=one.communicate.reply_by,
+            sent=one.sent,
+            ontology=one.communicate.ontology,
+            content="" if one.content is None else f"{one.language}.{type(one.content).__name__}",
+            use=one.kind,
         )
         content = one.content
         if isinstance(content, hfsm.HierarchicalPlan) and one.channel == "C3":
@@ -104,16 +113,6 @@ class Live:
 
     def _entered(self, now: AgentIn) -> Iterator[AgentIn]:
         last = self._states.get(now.agent)
-        if last is None or (last.state, last.alive) != (now.state, now.alive):
+        if now.incarnation or last is None or (last.state, last.alive) != (now.state, now.alive):
             self._states[now.agent] = now
             yield now
-
-
-def words(content: object) -> str:
-    """A content in a few words: what it is and what it is about; a report is its own words."""
-    if content is None:
-        return ""
-    about = [one for one in (getattr(content, name, "") for name in _TELLING) if one and isinstance(one, str)]
-    kind = () if isinstance(content, cmd.TaskReport | sw.Report) else (spaced(type(content).__name__),)
-    text = plain(" ".join((*kind, *about)))
-    return text if len(text) <= TEXT_LENGTH else text[: TEXT_LENGTH - 1] + "…"

@@ -10,9 +10,12 @@ from services.monitor import counts, figures, plans, story
 from services.monitor.history import History
 from services.monitor.paper import PAPER, Paper
 from services.monitor.report import Report
+from topdown.verdicts import VIOLATIONS
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
 ABSENT = "–"
+MOST_VIOLATIONS = 50
+"""So many are shown on the page; beyond that nobody reads on (estimate)."""
 
 
 def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -> str:
@@ -40,6 +43,8 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
         heat=_heat(report),
         theirs_received={a: sum(row.get(a, 0) for row in paper.matrix.values()) for a in counts.AGENTS},
         houses=history.houses,
+        against=VIOLATIONS,
+        most_violations=MOST_VIOLATIONS,
     )
 
 

@@ -1,4 +1,4 @@
-"""The recorder: one tap, one queue, one thread that writes; then the report.
+"""The recorder: one tap, one queue, one thread that writes and judges; then the report.
 
 Callbacks only enqueue. Everything is with the operating system within FLUSH_S, so a kill costs no more than that; what
 is lost then, agents' own step logs have. SIGTERM ends the recording in order and makes report and pictures.
@@ -7,6 +7,7 @@ is lost then, agents' own step logs have. SIGTERM ends the recording in order an
 import queue
 import signal
 import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import msgspec
@@ -14,31 +15,40 @@ import msgspec
 from agent_runtime.logs import Log
 from agent_runtime.options import Options
 from agent_runtime.tap import Sample, Tap, open_tap
-from companion.run_folder import LIVE_FILE
-from services.monitor.history import SETTING, Setting
+from companion.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged
+from services.monitor.history import Setting
+from services.monitor.judged import Judging, encoded
 from services.monitor.live import Live
 from services.monitor.recording import FILE, Recording
-from services.monitor.records import House, understood
+from services.monitor.records import SETTING, House, understood
 
 NAME = "monitor"
 FLUSH_S = 0.1
+TOLD = ("verdict", "why", "channel", "sender", "receiver", "protocol", "performative", "conversation", "id", "key")
+"""What the log says of a communicate that is not as designed."""
 MOST_WAITING = 100_000
 """Samples that may wait to be written; beyond that they are dropped and counted. Estimate: minutes of traffic."""
 
 
-class Recorder:
-    """Writes what samples say: traffic.mcap and live.jsonl."""
+Say = Callable[..., None]
 
-    def __init__(self, run: Path) -> None:
+
+class Recorder:
+    """Writes what samples say: traffic.mcap, live.jsonl, verdicts.jsonl; `say` is told what is not as designed."""
+
+    def __init__(self, run: Path, say: Say = lambda event, **fields: None) -> None:
         run.mkdir(parents=True, exist_ok=True)
         self._recording = Recording(run / FILE)
         self._live_file = (run / LIVE_FILE).open("ab")
-        self._live = Live()
+        self._verdicts = (run / VERDICTS_FILE).open("ab")
+        self._live, self._judging, self._say = Live(), Judging(), say
         self.count = 0
 
     def begin(self, setting: Setting) -> None:
         """Record what the fleet was started with."""
-        self._recording.add(House(SETTING, NAME, "", time.time(), msgspec.json.encode(setting)))
+        record = House(SETTING, NAME, "", time.time(), msgspec.json.encode(setting))
+        self._recording.add(record)
+        self._judged(self._judging.lines(record))
 
     def take(self, sample: Sample) -> None:
         """Record a sample, whatever it is."""
@@ -46,17 +56,34 @@ class Recorder:
         self._recording.add(record)
         for line in self._live.lines(record):
             self._live_file.write(msgspec.json.encode(line) + b"\n")
+        self._judged(self._judging.lines(record))
         self.count += 1
 
     def flush(self) -> None:
         """Hand all of it to the operating system."""
         self._recording.flush()
         self._live_file.flush()
+        self._verdicts.flush()
+
+    def pass_time(self) -> None:
+        """Judge what waited in vain; while samples wait, the present has not been heard yet."""
+        self._judged(self._judging.pass_time(time.time()))
 
     def finish(self) -> None:
         """Close in order."""
+        self._judged(self._judging.finish(time.time()))
         self._recording.finish()
         self._live_file.close()
+        self._verdicts.close()
+
+    def _judged(self, lines: Iterable[Judged]) -> None:
+        for one in lines:
+            self._verdicts.write(encoded(one))
+            if one.violation:
+                against = Against(one.t, one.verdict, one.channel, one.sender, one.receiver, one.performative, one.why)
+                self._live_file.write(msgspec.json.encode(against) + b"\n")
+                told = {name: getattr(one, name) for name in TOLD if getattr(one, name)}
+                self._say("not as designed", level="warning", **told)
 
 
 class Waiting:
@@ -104,7 +131,7 @@ def serve(options: Options) -> int:
     waiting = Waiting()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, waiting.stop)
-    recorder, ready = Recorder(run), run / f"{NAME}.ready"
+    recorder, ready = Recorder(run, log.write), run / f"{NAME}.ready"
     tap = open_tap(options, waiting.put, lambda: waiting.stopped)
     if tap is not None:
         ready.write_text("taps")
@@ -126,7 +153,9 @@ def _record(recorder: Recorder, waiting: Waiting, tap: Tap) -> None:
     flushed = time.monotonic()
     while not waiting.stopped:
         sample = waiting.get(FLUSH_S)
-        if sample is not None:
+        if sample is None:
+            recorder.pass_time()
+        else:
             recorder.take(sample)
         if time.monotonic() - flushed > FLUSH_S:
             recorder.flush()

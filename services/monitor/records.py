@@ -15,10 +15,13 @@ from companion.design import DESIGN
 from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, decode
 from fipa_codec.errors import FipaError
+from fipa_codec.languages import Kind
 
 GARBAGE_BYTES = 64 * 1024
 """Of bytes that are no communicate so many are kept; estimate: enough to see what it was."""
 HOUSE = "_"
+SETTING = "setting"
+"""Kind of the recorder's own first record."""
 
 
 class Origin(StrEnum):
@@ -50,13 +53,22 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
         """All of its fields, with its content undecoded."""
         return decode(self.wire)
 
-    @cached_property
+    @property
     def content(self) -> Any:
         """What it says, an object of its language; None where it says nothing or nothing that can be read."""
+        return self._read[0]
+
+    @property
+    def kind(self) -> Kind:
+        """Which use of its performative its content makes."""
+        return self._read[1]
+
+    @cached_property
+    def _read(self) -> tuple[Any, Kind]:
         try:
-            return LANGUAGES.read(self.communicate)[0]
+            return LANGUAGES.read(self.communicate)
         except FipaError:
-            return None
+            return None, Kind.PLAIN
 
     @property
     def identity(self) -> tuple[str, str, str]:

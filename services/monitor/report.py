@@ -4,6 +4,7 @@ A figure that was not recorded is null, and `missing` says why; nothing is guess
 communicate [s of wall time].
 """
 
+from collections import Counter
 from pathlib import Path
 
 import msgspec
@@ -13,6 +14,7 @@ from companion.telemetry import Lateness
 from services.monitor import counts, events, plans, verdict
 from services.monitor.clock import Clock
 from services.monitor.history import History
+from topdown.verdicts import Verdict
 
 
 class Happened(msgspec.Struct, frozen=True):
@@ -81,6 +83,31 @@ class HoleAt(msgspec.Struct, frozen=True):
     text: str
 
 
+class NotAsDesigned(msgspec.Struct, frozen=True):
+    """A communicate that is against the design: `t` s after the first one; `verdict` and `why` are the judge's."""
+
+    t: float
+    verdict: str
+    channel: str
+    sender: str
+    receiver: str
+    protocol: str
+    performative: str
+    conversation: str
+    id: str
+    why: str
+
+
+class Judged(msgspec.Struct, frozen=True):
+    """What the judge says of the recording: how many communicates, copies too, how often each verdict, and each of
+    those that are against the design. Null in a report: nothing was recorded.
+    """
+
+    communicates: int
+    verdicts: dict[str, int]
+    violations: tuple[NotAsDesigned, ...]
+
+
 class Report(msgspec.Struct, frozen=True):
     """report.json. `wall_time_s`: from the person's command to its end; `sim_time_s`: of all acts; `energy_J`: work of
     the body's joints.
@@ -94,6 +121,7 @@ class Report(msgspec.Struct, frozen=True):
     wall_time_s: float | None
     energy_J: float | None
     communicates: counts.Communicates
+    judged: Judged | None
     plans: tuple[Plan, ...]
     events: tuple[Happened, ...]
     latency: tuple[counts.Latency, ...]
@@ -119,6 +147,7 @@ def build(history: History) -> Report:
         wall_time_s=_wall_time(history),
         energy_J=_energy(history),
         communicates=counts.communicates(history),
+        judged=_judged(history),
         plans=_plans(history),
         events=_events(history, clock),
         latency=counts.latencies(history),
@@ -143,6 +172,33 @@ def write(run: Path, report: Report) -> Path:
     beside.write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
     beside.replace(path)
     return path
+
+
+def _judged(history: History) -> Judged | None:
+    if not history.judged:
+        return None
+    against = tuple(
+        NotAsDesigned(
+            t=one.t - history.begin,
+            verdict=one.verdict,
+            channel=one.channel,
+            sender=one.sender,
+            receiver=one.receiver,
+            protocol=one.protocol,
+            performative=one.performative,
+            conversation=one.conversation,
+            id=one.id,
+            why=one.why,
+        )
+        for one in history.judged
+        if one.violation
+    )
+    counted = Counter(one.verdict for one in history.judged)
+    return Judged(
+        communicates=len({(one.t, one.sender, one.receiver, one.id) for one in history.judged}),
+        verdicts={verdict: counted[verdict] for verdict in Verdict if counted[verdict]},
+        violations=against,
+    )
 
 
 def _sim_time(history: History, clock: Clock) -> float | None:
@@ -226,5 +282,6 @@ def _missing(report: Report, history: History) -> tuple[str, ...]:
         "wall_time_s": "the command or its end was not heard",
         "energy_J": "neither telemetry nor truth was recorded",
         "loop": no_telemetry,
+        "judged": "the recorder heard nothing",
     }
     return tuple(f"{name}: {why}" for name, why in reasons.items() if getattr(report, name) is None)

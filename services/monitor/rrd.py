@@ -18,11 +18,11 @@ from companion.design import DESIGN
 from companion.languages.values import Pose
 from services.monitor import robot, things
 from services.monitor.history import History
-from services.monitor.live import words
 from services.monitor.placing import placed
 from services.monitor.plans import acts
 from services.monitor.records import Spoken
 from services.monitor.story import steps, word_of
+from services.monitor.wording import words
 
 NAME = "robot_companion"
 VELMA, THINGS, GRAINS = "world/velma", "world/things", "world/grains"

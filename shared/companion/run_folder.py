@@ -13,6 +13,8 @@ LATEST = "latest"  # runs/latest: symbolic link to the newest run folder
 FLEET_FILE = "fleet.json"
 HI_FILE = "hi.json"
 LIVE_FILE = "live.jsonl"
+VERDICTS_FILE = "verdicts.jsonl"
+TRAFFIC_FILE = "traffic.mcap"
 REPORT_FILE = "report.json"
 
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
@@ -29,7 +31,11 @@ class _Line(msgspec.Struct, frozen=True, tag_field="kind", tag=True, omit_defaul
 
 
 class Sent(_Line, frozen=True):
-    """A communicate went by; `bytes`: its whole size; `text`: its content in a few words, where that helps a person."""
+    """A communicate went by; `bytes`: its whole size; `text`: its content in a few words, where that helps a person.
+
+    `id` to `use` are what it can be judged by afterwards: m_w, m_t, t_b, LANGUAGE.Class of its content, and which use
+    of its performative that makes.
+    """
 
     channel: str
     sender: str
@@ -40,6 +46,33 @@ class Sent(_Line, frozen=True):
     language: str = ""
     conversation: str = ""
     text: str = ""
+    id: str = ""
+    reply_with: str = ""
+    in_reply_to: str = ""
+    reply_by: float | None = None
+    sent: float = 0.0
+    ontology: str = ""
+    content: str = ""
+    use: str = ""
+
+
+class Again(_Line, frozen=True):
+    """What this communicate said was said once more: a re-sent copy."""
+
+    sender: str
+    receiver: str
+    id: str
+
+
+class Against(_Line, frozen=True):
+    """A communicate that is not as designed: `verdict` (topdown.verdicts.Verdict), and why."""
+
+    verdict: str
+    channel: str
+    sender: str
+    receiver: str
+    performative: str
+    why: str
 
 
 class AgentIn(_Line, frozen=True):
@@ -48,6 +81,7 @@ class AgentIn(_Line, frozen=True):
     agent: str
     state: str
     alive: bool = True
+    incarnation: int = 0
 
 
 class PlanSeen(_Line, frozen=True):
@@ -72,7 +106,34 @@ class Happened(_Line, frozen=True):
     text: str = ""
 
 
-LiveLine = Sent | AgentIn | PlanSeen | PlanAt | Happened
+LiveLine = Sent | Again | Against | AgentIn | PlanSeen | PlanAt | Happened
+
+
+class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One line of verdicts.jsonl, written by the monitor: a communicate as it was judged (topdown.verdicts).
+
+    `t`: when it was heard [unix s]; a line may come later than others that were heard later. `initiator` and
+    `participant`: their states after it. `text`: its content in a few words. `key`: only where it is not the design's.
+    `violation`: the verdict is against the design.
+    """
+
+    t: float
+    verdict: str
+    bytes: int
+    channel: str = ""
+    sender: str = ""
+    receiver: str = ""
+    protocol: str = ""
+    performative: str = ""
+    conversation: str = ""
+    id: str = ""
+    language: str = ""
+    text: str = ""
+    initiator: str = ""
+    participant: str = ""
+    why: str = ""
+    key: str = ""
+    violation: bool = False
 
 
 class ProcessState(StrEnum):

@@ -82,6 +82,10 @@ class Streams(Generic[T]):
         held[number] = entry
         return self._in_order(pair)
 
+    def unheard(self, pair: Pair, label: str) -> bool:
+        """Whether a label is a number of this stream (m_w of a durable message is its number) not heard so far."""
+        return label.isascii() and label.isdigit() and int(label) >= self._next.get(pair, 0)
+
     def give_up(self, pair: Pair, number: int) -> tuple[tuple[int, int], list[T]] | None:
         """The numbers missing before this one, first and last, and what is in order without them.
 

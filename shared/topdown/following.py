@@ -108,7 +108,10 @@ def moves(protocol: Protocol, role: Role, durable: bool) -> Moves:
 
 
 class Side:
-    """Where one role may stand: `_at[i]` are its states if it has taken `i` of the messages `_ahead`."""
+    """Where one role may stand: `_at[i]` are its states if it has taken `i` of the messages `_ahead`.
+
+    `likely`: where it stands if nothing that was said to it is lost, and it takes it as soon as it can.
+    """
 
     def __init__(self, moves: Moves) -> None:
         self._moves = moves
@@ -116,21 +119,17 @@ class Side:
         self._at: list[States] = [BEGIN]
         self._taken = 0
         self._labels: dict[str, int] = {}
-
-    @property
-    def states(self) -> States:
-        """Where it stands once it has taken all it can."""
-        return next((states for states in reversed(self._at) if states), frozenset())
+        self.likely: States = BEGIN
 
     @property
     def ended(self) -> bool:
-        """Whether it stands at an end, whatever it has taken."""
-        return all(states <= self._moves.over for states in self._at)
+        """Whether it likely stands at an end."""
+        return self.likely <= self._moves.over
 
     @property
     def may_rest(self) -> bool:
-        """Whether it may stay where it is for ever."""
-        return bool(self.states & self._moves.table.resting)
+        """Whether it may stay where it likely is for ever."""
+        return bool(self.likely & self._moves.table.resting)
 
     def say(self, said: Said) -> bool:
         """It says this; False, and nothing changes, where it may not in any of its states.
@@ -143,17 +142,20 @@ class Side:
         if not any(found):
             return False
         self._settle(found)
+        self.likely = (not said.sure and saying(self.likely, said)) or self._last()
         return True
 
     def jump(self, said: Said) -> None:
         """It said this although it may not: from here on it may also stand wherever saying it leads."""
         jumped = self._moves.saying(self._moves.table.states, said)
         self._settle([states | jumped for states in self._at])
+        self.likely |= jumped
 
     def hear(self, said: Said) -> None:
         """The other role said this: it is on its way."""
         self._ahead.append(said)
         self._at.append(self._moves.taking(self._at[-1], said))
+        self.likely = self._moves.taking(self.likely, said._replace(sure=True)) or self._last()
         if said.label:
             self._labels.setdefault(said.label, self._taken + len(self._ahead))
         if len(self._ahead) > WINDOW and any(self._at[1:]):
@@ -167,6 +169,10 @@ class Side:
     def may_say(self) -> str:
         """What it may say, in words."""
         return self._moves.words(frozenset().union(*self._at))
+
+    def _last(self) -> States:
+        """Where it stands once it has taken all it can."""
+        return next((states for states in reversed(self._at) if states), NOWHERE)
 
     def _drop(self) -> None:
         del self._at[0], self._ahead[0]
@@ -192,8 +198,8 @@ class Followed:
 
     @property
     def states(self) -> tuple[str, str]:
-        """States of initiator and participant once both have taken all, in words."""
-        return _words(self.sides[Role.INITIATOR].states), _words(self.sides[Role.PARTICIPANT].states)
+        """States in which initiator and participant likely are, in words."""
+        return _words(self.sides[Role.INITIATOR].likely), _words(self.sides[Role.PARTICIPANT].likely)
 
     @property
     def ended(self) -> bool:

@@ -244,6 +244,11 @@ class Judge:
     def _expire(self, talk: Talk, entry: Entry) -> None:
         if not any(one is entry for one in talk.pending):
             return
+        one = entry.communicate
+        if entry.rule.durable and self._streams.unheard((one.receiver, one.sender), one.in_reply_to):
+            self._whole.difference_update(talk.agents)
+            self._lose([talk], [], f"number {one.in_reply_to} of {one.receiver}, which it answers, was not heard")
+            return
         if talk.followed is None:
             whole = self._whole.issuperset(talk.agents) and not entry.doubtful
             if whole:
@@ -256,6 +261,9 @@ class Judge:
         # Never None here: what is explained was taken by the last retry.
         self._judge(Verdict.OUT_OF_SEQUENCE, entry, talk.take(entry) or "", talk)
         talk.overlook(entry)
+        talk.waits.pop(
+            talk.role(entry.communicate.sender).other, None
+        )  # an answer, if a wrong one: one fault, one verdict
         self._retry(talk)
 
     def _unanswered(self, talk: Talk, entry: Entry) -> None:

@@ -54,8 +54,8 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
 class Judgement(msgspec.Struct, frozen=True):
     """A verdict about one communicate, and why.
 
-    `channel`: the one the design has it on, else what its key says. `states`: initiator and participant after it, once
-    both have taken all that was said, several with | between where that is not certain; "" where it is not followed.
+    `channel`: the one the design has it on, else what its key says. `states`: initiator and participant after it, if
+    nothing is lost on its way; several with | between where that is not certain; "" where it is not followed.
     """
 
     verdict: Verdict

@@ -175,4 +175,4 @@ def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is False
     assert told["poured_fraction"] is None
-    assert len(told["missing"]) == 6
+    assert len(told["missing"]) == 7

@@ -1,4 +1,4 @@
-"""Following from outside: whatever two roles that hold to their tables may do, in any crossing, is found in sequence."""
+"""Following from outside: what two roles that hold to their tables may do, in any crossing, is in sequence."""
 
 import random
 
