@@ -14,7 +14,7 @@ from fipa_codec.conversation import Conversation
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import State, named
-from fipa_codec.tables import SEND, Role
+from fipa_codec.tables import NOT_UNDERSTOOD, SEND, Role
 
 Told = tuple[tuple[str, P], ...]
 """What is to be said, to whom: (participant, performative)."""
@@ -62,6 +62,11 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
             late=late,
             awarded=(*self.awarded, talk.peer) if bound else self.awarded,
         )
+
+    def broken(self, peer: str) -> Self:
+        """After this agent could not take what a participant said, and told it not-understood: that one is out."""
+        gone = msgspec.structs.replace(self.talk(peer), state=NOT_UNDERSTOOD, deadline=None)
+        return msgspec.structs.replace(self, talks=tuple(gone if one.peer == peer else one for one in self.talks))
 
     # --- who ----------------------------------------------------------------------------------------------------------
 

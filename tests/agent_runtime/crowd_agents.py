@@ -7,7 +7,7 @@ reply-by and is rejected for it.
 import msgspec
 
 from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import Late, PeerChanged, Received, Started, Woken
+from agent_runtime.events import Broken, Late, PeerChanged, Received, Started, Woken
 from agent_runtime.turn import Turn
 from agent_runtime.wiring import Delivery, Link, Wiring
 from fipa_codec.acts import EXPRESSIONS, Content, speak
@@ -40,6 +40,7 @@ class Calling(msgspec.Struct, frozen=True):
 
     group: Multicast | None = None
     rounds: int = 0
+    late: tuple[str, ...] = ()
     outcomes: dict[str, str] = {}
 
 
@@ -51,8 +52,10 @@ def call(memory: Calling, turn: Turn) -> Calling:
             return Calling(group, rounds=1)
         case Received(talk=talk) if talk is not None and memory.group is not None:
             return decide(memory, memory.group.noted(talk, turn.now), turn)
-        case Late() if memory.group is not None:
-            return decide(memory, memory.group, turn)
+        case Late(peer=peer) if memory.group is not None:
+            return decide(msgspec.structs.replace(memory, late=(*memory.late, peer)), memory.group, turn)
+        case Broken(peer=peer) if memory.group is not None:
+            return decide(memory, memory.group.broken(peer), turn)
         case _:
             return memory
 
@@ -66,7 +69,7 @@ def decide(memory: Calling, group: Multicast, turn: Turn) -> Calling:
         else:
             group = tell(group, group.award(group.offers[0]), turn)
     outcomes = {peer: group.outcome(peer, turn.now) for peer in CROWD} if group.over else {}
-    return Calling(group, rounds, outcomes)
+    return msgspec.structs.replace(memory, group=group, rounds=rounds, outcomes=outcomes)
 
 
 def tell(group: Multicast, told: Told, turn: Turn) -> Multicast:

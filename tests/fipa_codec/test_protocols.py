@@ -255,10 +255,13 @@ def test_call_of_several_rounds_needs_a_label():
 
 def test_cancel_that_failed_may_be_tried_again():
     """The conversation goes on where it stands, its answers clear deadlines, and the first cancel is a copy now."""
-    dialogue = Dialogue("cfp")
-    for word in ("i:cfp", "i:cancel", "p:failure[cancel]"):
+    dialogue = Dialogue("cfp", reply_by=10.0)
+    for word in ("i:cfp", "i:cancel"):
         dialogue.word(word)
+    dialogue.reply_by = None
+    dialogue.word("p:failure[cancel]")
     assert dialogue.states == ("called", "called")
+    assert [side.deadline for side in dialogue.sides.values()] == [None, None]
     first = dialogue.heard[1][1]
     with pytest.raises(RemoteProtocolError, match="this is a copy"):
         dialogue.sides[PARTICIPANT].receive(first)
