@@ -186,7 +186,10 @@ class Row(Entry, frozen=True, rename={"in_": "in"}):
     conversation it gives up. `when`: "USE state|state" of its conversations after the event ("none": not open), or
     "USE settled" / "USE unsettled" (nothing / something is due to the subscriber). `owes`: uses in which it now owes
     an observation. `moves`: the use whose conversation this physical act serves; no act is begun twice in one.
-    `to`: the state it then waits in; none: the same.
+    `to`: the state it then waits in; none: the same. `then`: a choice of the agent, each part of which is a way to go
+    on: its words are said behind `say`, its `when` holds besides (after what is owed), its `to`, if any, counts.
+    `several`: only where more than one conversation of a use is open
+    at a time; such rows are compared with what runs, but are not explored.
     """
 
     in_: tuple[str, ...]
@@ -198,6 +201,24 @@ class Row(Entry, frozen=True, rename={"in_": "in"}):
     owes: tuple[str, ...] = ()
     moves: str = ""
     to: str = ""
+    then: str = ""
+    several: bool = False
+    text: str = ""
+
+
+class Onward(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A part of a choice."""
+
+    say: tuple[str, ...] = ()
+    when: tuple[str, ...] = ()
+    to: str = ""
+
+
+class Choice(Entry, frozen=True):
+    """Ways to go on that several rows share; which of them is taken is the agent's business."""
+
+    name: str
+    ways: tuple[Onward, ...]
     text: str = ""
 
 
@@ -227,6 +248,7 @@ class Agent(Entry, frozen=True):
     """An agent (a group of the same name that is divided no further) and the state machine of its control subsystem.
 
     `row`: its conversational behaviour, over the same states; `rest`: the states in which it is idle (none: `initial`).
+    `choice`: ways to go on that rows share.
     `sends`, `receives`: its interface as declared, to be compared with the messages; none: it is derived from them.
     """
 
@@ -235,6 +257,7 @@ class Agent(Entry, frozen=True):
     state: tuple[State, ...] = ()
     arc: tuple[Arc, ...] = ()
     row: tuple[Row, ...] = ()
+    choice: tuple[Choice, ...] = ()
     rest: tuple[str, ...] = ()
     sends: Ends | None = None
     receives: Ends | None = None

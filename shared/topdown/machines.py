@@ -6,6 +6,7 @@ the rows of all agents. Nothing here knows a particular system.
 """
 
 import re
+from collections.abc import Collection
 from enum import StrEnum
 from functools import cached_property
 from typing import NamedTuple
@@ -79,6 +80,7 @@ class Row(NamedTuple):
     owes: tuple[str, ...]
     moves: str
     to: str
+    several: bool
 
     def __str__(self) -> str:
         says = f" say {', '.join(map(str, self.say))}" if self.say else ""
@@ -108,7 +110,11 @@ class Machine:
             if agent in (use.initiator, use.participant) and use.follows in design.tables
         }
         read = _Reader(self, design.path)
-        self.rows = tuple(read.row(number, row) for number, row in enumerate(self.entry.row, start=1))
+        self.rows = tuple(
+            read.row(number, row, onward)
+            for number, row in enumerate(self.entry.row, start=1)
+            for onward in read.onwards(number, row)
+        )
 
     @property
     def rest(self) -> frozenset[str]:
@@ -169,10 +175,19 @@ class _Reader:
     def __init__(self, machine: Machine, file: str) -> None:
         self.machine, self.file, self.where = machine, file or "design.toml", ""
 
-    def row(self, number: int, row: elements.Row) -> Row:
+    def onwards(self, number: int, row: elements.Row) -> tuple[elements.Onward, ...]:
+        """The ways a row goes on; one that adds nothing where it names no choice."""
         self.where = f"agent {self.machine.agent}, row {number}"
-        states = {state.name for state in self.machine.entry.state}
-        for state in (*row.in_, *((row.to,) if row.to else ())):
+        if not row.then:
+            return (elements.Onward(),)
+        choices = {choice.name: choice.ways for choice in self.machine.entry.choice}
+        self._among("choice", row.then, choices.keys())
+        return choices[row.then]
+
+    def row(self, number: int, row: elements.Row, onward: elements.Onward) -> Row:
+        self.where = f"agent {self.machine.agent}, row {number}"
+        states, to = {state.name for state in self.machine.entry.state}, onward.to or row.to
+        for state in (*row.in_, *((to,) if to else ())):
             self._among("state", state, states)
         for use in (*row.drop, *row.owes, *((row.moves,) if row.moves else ())):
             self._among("protocol", use, self.machine.uses)
@@ -180,13 +195,14 @@ class _Reader:
             number,
             frozenset(row.in_),
             self.event(row.on),
-            tuple(map(self.said, row.say)),
+            tuple(map(self.said, (*row.say, *onward.say))),
             tuple(map(self.said, row.may)),
             row.drop,
-            tuple(map(self.guard, row.when)),
+            tuple(map(self.guard, (*row.when, *onward.when))),
             row.owes,
             row.moves,
-            row.to,
+            to,
+            row.several,
         )
 
     def event(self, text: str) -> Event:
@@ -214,7 +230,7 @@ class _Reader:
             self._among(f"state of {use}", word, known)
         return Guard(use, frozenset(words.split("|")))
 
-    def _among(self, kind: str, name: str, known: "set[str] | dict[str, Use]") -> None:
+    def _among(self, kind: str, name: str, known: Collection[str]) -> None:
         if name not in known:
             raise self._error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known))}")
 
