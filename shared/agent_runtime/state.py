@@ -4,7 +4,6 @@ The journal record is the whole durable state. Soft: the inbox (unreceipted, so 
 the conversations of queries and subscriptions, who is alive, when to send again.
 """
 
-from copy import copy
 from functools import cache
 from typing import Any
 
@@ -127,8 +126,8 @@ class CoreState(Record, kw_only=True):
 
     def fork(self) -> "CoreState":
         """A copy that a step may change; dictionaries are copied, what they hold is frozen."""
-        after, soft = copy(self), copy(self.soft)
-        after.soft = soft
+        soft = msgspec.structs.replace(self.soft)
+        after = msgspec.structs.replace(self, soft=soft)
         after.conversations, after.taken, after.issued = {**self.conversations}, {**self.taken}, {**self.issued}
         after.outbox, after.versions, after.due = {**self.outbox}, {**self.versions}, {**self.due}
         after.wakes, after.counts = {**self.wakes}, {**self.counts}

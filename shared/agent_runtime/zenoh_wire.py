@@ -183,7 +183,7 @@ class ZenohWire:
         link = self._wiring.required(communicate.receiver, communicate.protocol)
         durable = link.delivery is Delivery.DURABLE
         priority = zenoh.Priority.INTERACTIVE_HIGH if durable else zenoh.Priority.DATA
-        return zenoh.KeyExpr(self._wiring.key(communicate)), priority
+        return self._session.declare_keyexpr(self._wiring.key(communicate)), priority
 
     def send_receipt(self, receipt: Receipt) -> None:
         """Put a receipt."""

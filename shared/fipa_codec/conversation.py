@@ -108,16 +108,18 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         performative, reply_to = communicate.performative, communicate.in_reply_to
         if performative is Performative.NOT_UNDERSTOOD:
             return self._after_not_understood(RECEIVE, reply_to)
-        if self.owes:
+        protocol = named(self.protocol)
+        table = protocol.tables[self.role]
+        if self.state in table.urgent:
             raise LocalProtocolError(
                 "performative", f"{self._here} owes {', '.join(self.allowed(SEND))} before it takes"
             )
         try:
-            row = self._row(RECEIVE, performative, self.kind_of(performative, reply_to, kind))
-            self._require_answer(performative, communicate.reply_with, reply_to)
+            row = self._row(table, RECEIVE, performative, self.kind_of(performative, reply_to, kind))
+            self._require_answer(protocol, performative, communicate.reply_with, reply_to)
         except LocalProtocolError as error:
             raise RemoteProtocolError(error.field, error.reason) from None
-        return self._after(row, communicate)
+        return self._after(protocol, row, communicate)
 
     def send(
         self,
@@ -137,7 +139,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         `in_reply_to` None: what the protocol says (the opening; for a confirm the oldest unconfirmed message; the
         cancel where `kind` is CANCEL or nothing else can be answered here). LocalProtocolError if it is not allowed.
         """
-        reply_to = self._default_reply(performative, kind) if in_reply_to is None else in_reply_to
+        protocol = named(self.protocol)
+        reply_to = self._default_reply(protocol, performative, kind) if in_reply_to is None else in_reply_to
         communicate = Communicate(
             performative=performative,
             content=msgspec.UNSET if content is None else content,
@@ -145,7 +148,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             ontology=ontology,
             protocol=self.protocol,
             reply_by=reply_by,
-            reply_with=self._label(performative, id),
+            reply_with=self._label(protocol, performative, id),
             in_reply_to=reply_to,
             conversation=self.id,
             sender=self.me,
@@ -155,16 +158,16 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         )
         if performative is Performative.NOT_UNDERSTOOD:
             return self._after_not_understood(SEND, reply_to), communicate
-        row = self._row(SEND, performative, self.kind_of(performative, reply_to, kind))
-        self._require_answer(performative, communicate.reply_with, reply_to)
-        return self._after(row, communicate), communicate
+        row = self._row(protocol.tables[self.role], SEND, performative, self.kind_of(performative, reply_to, kind))
+        self._require_answer(protocol, performative, communicate.reply_with, reply_to)
+        return self._after(protocol, row, communicate), communicate
 
     @property
     def _here(self) -> str:
         return f"conversation {self.id} ({self.protocol}, {self.role} {self.me!r}, state {self.state})"
 
-    def _row(self, way: Way, performative: Performative, kind: Kind) -> Row:
-        row = self.table.find(self.state, way, performative, kind)
+    def _row(self, table: Table, way: Way, performative: Performative, kind: Kind) -> Row:
+        row = table.find(self.state, way, performative, kind)
         if row is None:
             verb = "got" if way is RECEIVE else "would send"
             word = f"{performative}[{kind}]" if kind else performative
@@ -204,9 +207,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             if value not in wanted:
                 raise RemoteProtocolError(field, f"{self._here} got {value!r} here, wants {wanted[0]!r}")
 
-    def _require_answer(self, performative: Performative, reply_with: str, reply_to: str) -> None:
+    def _require_answer(self, protocol: Protocol, performative: Performative, reply_with: str, reply_to: str) -> None:
         """What must be answerable has its m_w, what answers names something that was asked."""
-        protocol = named(self.protocol)
         numbered = performative is Performative.CANCEL or performative in protocol.rounds
         if (numbered or performative in protocol.confirmed) and not reply_with:
             raise LocalProtocolError("reply_with", f"{self._here}: a {performative} needs one, for its answer")
@@ -220,24 +222,23 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         if all(reply_to != label for label, _ in self.unconfirmed):
             raise LocalProtocolError("in_reply_to", f"{self._here}: {reply_to!r} was never asked here")
 
-    def _label(self, performative: Performative, id: str) -> str:
+    def _label(self, protocol: Protocol, performative: Performative, id: str) -> str:
         """m_w: set where an answer or a confirm is to name the message; asking again keeps the first one."""
         if not id:
             raise LocalProtocolError("id", f"{self._here}: a message needs an id")
-        protocol = named(self.protocol)
         if performative in protocol.openings and performative not in protocol.rounds:
             return self.asked or id
         if performative is Performative.CANCEL or performative in protocol.rounds:
             return id
         return id if performative in protocol.confirmed else ""
 
-    def _default_reply(self, performative: Performative, kind: Kind) -> str:
+    def _default_reply(self, protocol: Protocol, performative: Performative, kind: Kind) -> str:
         """m_t: the paper leaves it empty in request, inform and cancel of coordinate, and sets it in confirm."""
         if kind is Kind.CANCEL or (self.cancel and self._only_cancel(performative, kind)):
             return self.cancel
         if performative is Performative.CONFIRM:
             return self.unconfirmed[0][0] if self.unconfirmed else ""
-        if self.role is Role.INITIATOR or performative in named(self.protocol).confirmed:
+        if self.role is Role.INITIATOR or performative in protocol.confirmed:
             return ""
         return self.asked
 
@@ -247,9 +248,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             find(self.state, SEND, performative, Kind.CANCEL)
         )
 
-    def _after(self, row: Row, communicate: Communicate) -> Self:
+    def _after(self, protocol: Protocol, row: Row, communicate: Communicate) -> Self:
         performative, label = communicate.performative, communicate.reply_with
-        protocol = named(self.protocol)
         unconfirmed = self.unconfirmed
         if performative in protocol.confirmed:
             unconfirmed = (*unconfirmed, (label, row.kind))
