@@ -63,7 +63,9 @@ def foreground(
     folder.make(run_dir)
     processes = (ROUTER, *(Process(name, f"{package}.{name}", after=("router",)) for name in agents))
     shell = Shell(run_dir, processes, package, connect, _environment(package, run_dir, connect, scene))
-    print(f"{package}: {', '.join(process.name for process in processes)}; files in {run_dir}", flush=True)
+    names = ", ".join(process.name for process in processes)
+    here = run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
+    print(f"{package}: {names}; files in {here}", flush=True)
     watch = _Watch(shell, languages, Options(connect=connect, system=package, run_dir=run_dir), after_s)
     watch.start()
     shell.serve()
