@@ -16,6 +16,7 @@ class Kind(StrEnum):
     # requirements
     NO_TREE = "requirements are no tree"
     NOT_COVERED = "requirement not covered"
+    NO_EVIDENCE = "evidence that cannot be"
     COVERED_TWICE = "requirement covered twice"
     # steps
     DIVIDED_TWICE = "group divided twice"
