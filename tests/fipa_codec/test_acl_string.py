@@ -187,6 +187,9 @@ def test_nesting_is_bounded_alike_both_ways():
     assert parse(render(inform(sender=nested(MAX_DEPTH)))).sender == nested(MAX_DEPTH)
     with pytest.raises(LocalProtocolError):
         render(inform(sender=nested(MAX_DEPTH + 1)))
+    one_more = b"(agent-identifier :name r :resolvers (sequence " + render(inform(sender=nested(MAX_DEPTH)))[16:-2]
+    with pytest.raises(AclSyntaxError, match=f"level {MAX_DEPTH + 1}"):
+        parse(b"(inform :sender " + one_more + b")))")
     deep = b"(agent-identifier :name r :resolvers (sequence " * 5000
     with pytest.raises(AclSyntaxError, match="levels"):
         parse(b"(inform :sender " + deep)

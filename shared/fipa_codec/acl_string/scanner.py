@@ -19,7 +19,7 @@ _STRING = re.compile(rb'"((?:[^"\\]++|\\"?+)*+)"')
 _COUNT = re.compile(rb'#(\d{1,9})"')
 _END = re.compile(rb"[\x00-\x20():]|\Z")
 # JADE leaves bare what Java takes for a double, its suffixes d and f too.
-_NUMBER = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?[dDfF]?")
+_NUMBER = re.compile(rb"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?[dDfF]?")
 
 # The begin of a parameter inside a run of word characters.
 RUN_ON = re.compile(
