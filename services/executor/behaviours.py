@@ -9,7 +9,7 @@ skills' geometry.
 import numpy as np
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent, Taken
+from agent_runtime.agent import Agent
 from agent_runtime.events import Local, Received, Started, Woken
 from agent_runtime.turn import Turn
 from companion.binding import bind
@@ -38,14 +38,8 @@ def agent() -> Agent[Memory]:
             "report_act": report_act,
         },
         CONDITIONS,
-        takes={"recover_act": no_act},
         local=words.Local,
     )
-
-
-def no_act(memory: Memory, event: Taken) -> bool:
-    """Acts wait until it is known how the robot stands."""
-    return not (isinstance(event, Received) and isinstance(event.content, rc.Command))
 
 
 # --- recovering, idle -------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ where a plan is cancelled or an act is late. Must not know: pl, geometry.
 
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent, Taken
+from agent_runtime.agent import Agent
 from agent_runtime.events import Broken, Received, Settled, Started, Woken
 from agent_runtime.turn import Turn
 from companion.binding import bind
@@ -34,13 +34,7 @@ def agent() -> Agent[Memory]:
         "close_plan": close_plan,
         "await_acknowledgement": await_acknowledgement,
     }
-    busy = {name: no_new_plan for name in behaviours if name != "await_plan"}
-    return bind("ta", Memory(), behaviours, CONDITIONS, takes=busy)
-
-
-def no_new_plan(memory: Memory, event: Taken) -> bool:
-    """A plan waits in the inbox until the one before is confirmed; everything else is taken in every state."""
-    return not (isinstance(event, Received) and isinstance(event.content, hfsm.HierarchicalPlan))
+    return bind("ta", Memory(), behaviours, CONDITIONS)
 
 
 # --- idle and surveying -----------------------------------------------------------------------------------------------
@@ -79,12 +73,14 @@ def survey(memory: Memory, turn: Turn) -> Memory:
             return memory
     if acts.overdue(memory, turn):
         return acts.stop(memory, turn)
+    looked = memory.act is not None
     memory, outcome = acts.hear(memory, turn)
-    if memory.act is not None or outcome is None:
+    if memory.act is not None or not (looked or outcome):
         return memory
     if isinstance(outcome, rc.Done):
         return replace(memory, survey=0)
-    turn.log("survey failed", level="warning", kind=outcome.kind, reason=outcome.reason)
+    why = outcome.reason if outcome else "its end crossed the cancel"
+    turn.log("survey failed", level="warning", reason=why)
     if memory.survey > 1:
         turn.wake(AGAIN, turn.now + AGAIN_S)
     return replace(memory, survey=memory.survey - 1)

@@ -45,12 +45,19 @@ def partner(name: str, heard: list[tuple[int, str, Any]], *, confirms: bool = Tr
                 return Names((*memory.talks, turn.open(to, protocol, act, content)))
             case Local(content=Say(number=number, performative=act, content=content, kind=kind)):
                 turn.say(memory.talks[number], act, content, kind=kind)
+                _pay(turn, memory.talks[number])
             case Received(communicate=word, content=content, conversation=talk):
                 memory = memory if talk in memory.talks else Names((*memory.talks, talk))
                 heard.append((memory.talks.index(talk), str(word.performative), content))
-                if confirms and turn.holds(talk) and turn.conversation(talk).owes:
-                    rows = turn.conversation(talk).table.allowed(turn.conversation(talk).state, SEND)
-                    turn.say(talk, rows[0].performative)
+                if confirms:
+                    _pay(turn, talk)
         return memory
 
     return Agent(name=name, start="here", memory=Names(), behaviours={"here": Behaviour(serve)}, local=Open | Say)
+
+
+def _pay(turn: Turn, talk: str) -> None:
+    """Say what the protocol wants said in the same step."""
+    if turn.holds(talk) and turn.conversation(talk).owes:
+        row = turn.conversation(talk).table.allowed(turn.conversation(talk).state, SEND)[0]
+        turn.say(talk, row.performative, kind=row.kind if row.kind is Kind.CANCEL else None)

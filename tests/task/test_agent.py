@@ -86,3 +86,15 @@ def test_a_look_tells_what_was_seen() -> None:
     scene.hears("ex", 1)
     scene.ex(P.FAILURE, rc.NotDone("plan/1", "replan", "moved"))
     assert scene.hears("co", 2).state is sw.WorkerState.REPLAN
+
+
+def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
+    """ex answers late, so its end and ta's cancel cross; ta does not wait in `surveying` for ever."""
+    scene = Scene()
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    assert isinstance(scene.hears("ex", 1), rc.Look)
+    scene.ex(P.AGREE, rc.Accepted(rc.Look("", ()).key, 1.0))
+    scene.wires.run(lambda: len(scene.heard["ex"]) > 1, limit_s=acts.AGREE_WITHIN_S + 100.0)
+    assert scene.heard["ex"][1][1] == P.CANCEL
+    scene.ex(P.FAILURE, rc.NotDone("survey", "failed", "too late"))
+    assert isinstance(scene.hears("ex", 3), rc.Look)
