@@ -1,7 +1,7 @@
 """A documentation page as its reader walks it: files are written, commands are run, outputs compared.
 
-Blocks of the page, by the words behind their fence: `sh run` (commands, run together in one shell that goes on where the
-last one was), `text output` (what the commands before it print), `<kind> file=PATH`, `<kind> append=PATH`.
+Blocks of the page, by the words behind their fence: `sh run` (commands, run together in one shell that goes on where
+the last one was), `text output` (what the commands before it print), `<kind> file=PATH`, `<kind> append=PATH`.
 """
 
 import os
