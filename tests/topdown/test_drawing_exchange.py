@@ -26,6 +26,7 @@ class Reader:
         self.spoken: dict[int, list[tuple[Word, int]]] = {}
         self.places: dict[str, int] = {}
         self.jumps: list[tuple[int, str]] = []
+        self.final: set[int] = set()
         self.options = [part for part in parts if isinstance(part, Frame) and part.title]
         main = tuple(part for part in parts if part not in self.options)
         self.entry = self.read(main, self.state())
@@ -60,6 +61,8 @@ class Reader:
         if text.startswith("("):
             self.places[text] = here
             self.silent[here] = [after]
+        elif text.startswith(("ends: ", "may stay: ")):
+            self.final.add(here)
         elif text.startswith("goes on as at "):
             self.jumps.append((here, text.removeprefix("goes on as at ")))
 
@@ -73,6 +76,10 @@ class Reader:
                     ahead.append(there)
         return frozenset(found)
 
+    def may_stop(self, states: frozenset[int]) -> bool:
+        """Whether the conversation may be over, or rest, here."""
+        return bool(self.closed(states) & self.final)
+
     def words(self, states: frozenset[int]) -> dict[Word, frozenset[int]]:
         """What may be said, and where that leads."""
         found: dict[Word, frozenset[int]] = {}
@@ -80,6 +87,12 @@ class Reader:
             for word, there in self.spoken[state]:
                 found[word] = found.get(word, frozenset()) | {there}
         return found
+
+
+def rests(protocol: Protocol, place: Place) -> bool:
+    """Whether both roles have ended, or may stay as they are."""
+    tables = (protocol.tables[role] for role in (Role.INITIATOR, Role.PARTICIPANT))
+    return all(state in table.ended | table.resting for state, table in zip(place, tables, strict=True))
 
 
 def compare(protocol: Protocol) -> None:
@@ -103,6 +116,7 @@ def compare(protocol: Protocol) -> None:
         states, place = waiting.pop()
         sayable = reader.words(states)
         assert set(sayable) == set(main[place]), (protocol, place)
+        assert reader.may_stop(states) == rests(protocol, place)
         new = {(there, main[place][word]) for word, there in sayable.items()} - seen
         seen |= new
         waiting += new
@@ -125,13 +139,17 @@ def tables(draw: st.DrawFn) -> Protocol:
         kind = draw(st.sampled_from([Kind.PLAIN, Kind.FINAL]))
         role = Role.INITIATOR if not number else draw(st.sampled_from(list(Role)))
         rows.setdefault((state, act, kind), (role, draw(st.sampled_from(states[1:]))))
+    left = {to for _, to in rows.values()}
+    ended = left - {state for state, _, _ in rows}
+    resting = left & draw(st.sets(st.sampled_from(states[1:])))
     sides = {
         role: Table(
             [
                 Row(state, SEND if role is speaker else RECEIVE, act, kind, to)
                 for (state, act, kind), (speaker, to) in rows.items()
             ],
-            ended={to for _, to in rows.values()} - {state for state, _, _ in rows},
+            ended=ended,
+            resting=resting,
         )
         for role in Role
     }
@@ -142,6 +160,50 @@ def tables(draw: st.DrawFn) -> Protocol:
 def test_any_diagram_says_what_its_tables_allow(protocol: Protocol) -> None:
     """For tables nobody thought of."""
     compare(protocol)
+
+
+def mirrored(*rows: tuple[str, Role, P, str]) -> Protocol:
+    """A protocol whose roles are always in the same state."""
+    sides = {
+        role: Table(
+            [Row(state, SEND if role is who else RECEIVE, act, Kind.PLAIN, to) for state, who, act, to in rows],
+            ended={row[3] for row in rows} - {row[0] for row in rows},
+        )
+        for role in Role
+    }
+    return Protocol("mirrored", initiator=sides[Role.INITIATOR], participant=sides[Role.PARTICIPANT])
+
+
+def frames(parts: tuple[Part, ...]) -> Iterator[tuple[str, ...]]:
+    """The kinds of frames around each other, for each innermost one."""
+    for part in parts:
+        if isinstance(part, Frame):
+            inner = [kinds for branch in part.branches for kinds in frames(branch)]
+            yield from ((part.kind, *kinds) for kinds in inner or [()])
+
+
+def test_a_loop_in_a_loop_is_drawn_as_such() -> None:
+    """Without any reference to another place."""
+    one, other = Role.INITIATOR, Role.PARTICIPANT
+    parts = exchange(
+        mirrored(
+            (START, one, P.REQUEST, "outer"),
+            ("outer", one, P.CFP, "inner"),
+            ("inner", other, P.PROPOSE, "inner"),
+            ("inner", one, P.CONFIRM, "outer"),
+            ("outer", other, P.INFORM, "done"),
+        )
+    ).parts
+    assert list(frames(parts)) == [("loop", "loop")]
+    assert [part.text for part in parts if isinstance(part, Remark)] == ["ends: done"]
+
+
+def test_a_role_that_owes_a_word_takes_nothing() -> None:
+    """In an urgent state the peer's words wait, so they are not drawn there."""
+    rows = [Row(START, SEND, P.REQUEST, Kind.PLAIN, "a"), Row("a", SEND, P.INFORM, Kind.PLAIN, "a")]
+    takes = [Row(START, RECEIVE, P.REQUEST, Kind.PLAIN, "owes"), Row("owes", RECEIVE, P.INFORM, Kind.PLAIN, "owes")]
+    one, other = Table(rows, ended=["a"]), Table(takes, ended=[], urgent=["owes"])
+    assert set(said(exchange(Protocol("any", initiator=one, participant=other)).parts)) == {"request"}
 
 
 def said(parts: tuple[Part, ...]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from topdown import elements
 from topdown.design import Design
-from topdown.drawing import machines, requirements, system, tree
+from topdown.drawing import machines, placing, requirements, system, tree
 from topdown.drawing.canvas import Box, Canvas
 from topdown.drawing.tracks import tracks
 
@@ -179,6 +179,32 @@ def test_arcs_do_not_run_along_each_other(agent: elements.Agent) -> None:
     assert not shared
 
 
+def test_channels_between_neighbours_stay_short() -> None:
+    """Six agents in a ring of four with two tails need no line that crosses another or goes around."""
+    pairs = [("co", "ta"), ("co", "hi"), ("co", "pl"), ("pl", "km"), ("ex", "ta"), ("ta", "km")]
+    cells = placing.placed(["hi", "co", "pl", "km", "ex", "ta"], pairs)
+    assert cells["hi"] == (0, 0)
+    assert all(sum(abs(i - j) for i, j in zip(cells[a], cells[b], strict=True)) == 1 for a, b in pairs)
+
+
+def test_an_agent_with_many_channels_is_wide_enough() -> None:
+    """A star of fourteen: buffers and labels stand apart."""
+    canvas = system.draw(designed(14, [(0, other) for other in range(1, 14)], ["x"] * 14, 14))
+    assert not overlapping(canvas.labels)
+    assert not overlapping(canvas.boxes, 20)
+    hub = max(canvas.boxes, key=lambda box: box.width)
+    assert hub.width >= 7 * system.PAIR
+
+
+def test_crossings_are_avoided() -> None:
+    """Three pairs in two rows."""
+    pairs = [("a", "f"), ("b", "e"), ("c", "d")]
+    cells = placing.placed(list("abcdef"), pairs)
+    across = [sorted((cells[a], cells[b])) for a, b in pairs]
+    columns = [(one[1], other[1]) for one, other in across if one[0] != other[0]]
+    assert not [1 for (a, b), (c, d) in combinations(columns, 2) if (a - c) * (b - d) < 0]
+
+
 @given(st.lists(st.tuples(st.integers(0, 100), st.integers(0, 100))))
 def test_spans_of_one_track_are_apart(spans: list[tuple[int, int]]) -> None:
     """Whatever has the same track keeps its distance."""
@@ -203,6 +229,11 @@ def test_names_are_escaped(draw: Callable[[Design], Canvas]) -> None:
     root = ElementTree.fromstring(draw(designed(3, [(0, 1)], [evil, "b", "c"], 3)).svg())
     assert not [element for element in root.iter() if element.tag.endswith("script")]
     assert "<script>" in "".join(root.itertext())
+
+
+def test_a_title_is_escaped() -> None:
+    """It stands in an attribute."""
+    assert ElementTree.fromstring(Canvas('a "b" <c>&').svg()).get("aria-label") == 'a "b" <c>&'
 
 
 @given(designs())

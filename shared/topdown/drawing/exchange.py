@@ -99,8 +99,6 @@ class _Writer:
         if place in self.written:
             return self._short_line(place)
         first, place = self._before_the_choice(place, heads)
-        if place in self.written:
-            return [*first, self._reference(place)]
         self.written.add(place)
         parts: list[Part] = [*first, self._mark(place)]
         back = [e for e in self.main[place] if self._returns(e.to, place, heads)]
@@ -111,7 +109,7 @@ class _Writer:
             return [*parts, self._end(place)]
         onward = self._either(_grouped(out), heads)
         if self._rests(place):
-            return [*parts, Frame("opt", "", (tuple(onward),)), Remark(f"may stay: {name_of(place)}")]
+            onward = _or_else(onward, Remark(f"may stay: {name_of(place)}"))
         return [*parts, *onward]
 
     def _short_line(self, place: Place) -> list[Part]:
@@ -126,7 +124,7 @@ class _Writer:
         """Messages without a choice before a loop, and the place where the loop is entered or left."""
         first: list[Part] = []
         here, passed = place, {place}
-        while len(self.main[here]) == 1:
+        while len(self.main[here]) == 1 and not self._rests(here):
             first += _said(list(self.main[here]))
             here = self.main[here][0].to
             if here in passed or here in heads:
@@ -191,7 +189,7 @@ class _Writer:
             edges = self.main[place]
             if not edges:
                 return True
-            if len(edges) > 1 or edges[0].to == place:
+            if len(edges) > 1 or edges[0].to == place or self._rests(place):
                 return False
             place = edges[0].to
         return False
@@ -234,3 +232,11 @@ def _said(edges: list[Edge]) -> tuple[Said, ...]:
 
 def _alternatives(branches: list[list[Part]]) -> list[Part]:
     return branches[0] if len(branches) == 1 else [Frame("alt", "", tuple(tuple(branch) for branch in branches))]
+
+
+def _or_else(parts: list[Part], other: Part) -> list[Part]:
+    """One more alternative."""
+    match parts:
+        case [Frame("alt", title, branches)]:
+            return [Frame("alt", title, (*branches, (other,)))]
+    return _alternatives([parts, [other]])

@@ -35,7 +35,8 @@ def _parts(agent: Agent) -> tuple[Grid | Figure, ...]:
     caption = f"{agent.name}: {agent.text}" if agent.text else agent.name
     arcs = "\n".join(_arc_words(agent, arc) for arc in agent.arc)
     figure = Figure(f"machine-{agent.name}", caption, draw(agent), arcs, agent, rulings((agent.name, agent.ruling)))
-    return (figure, _states(agent), _sense(agent), *([_events(agent)] if agent.row else []))
+    rows = (*([_events(agent)] if agent.row else []), *([_choices(agent)] if agent.choice else []))
+    return (figure, _states(agent), _sense(agent), *rows)
 
 
 def _states(agent: Agent) -> Grid:
@@ -67,13 +68,26 @@ def _events(agent: Agent) -> Grid:
             listed(row.in_),
             row.on,
             "; ".join(row.when) or "-",
-            "; ".join((*row.say, *(f"perhaps {said}" for said in row.may))) or "-",
+            "; ".join((*row.say, *(f"perhaps {said}" for said in row.may), *([f"then {row.then}"] if row.then else [])))
+            or "-",
             row.to or "the same",
         )
         for row in agent.row
     )
     head = ("in", "at", "if then", "says", "waits next in")
     return Grid(f"{agent.name}: what it says at which event", head, rows, detail=True)
+
+
+def _choices(agent: Agent) -> Grid:
+    """The ways to go on that rows share."""
+    rows = tuple(
+        (choice.name, "; ".join(way.when) or "-", "; ".join(way.say) or "-", way.to or "as the row says")
+        for choice in agent.choice
+        for way in choice.ways
+    )
+    notes = tuple(f"{choice.name}: {choice.text}" for choice in agent.choice if choice.text)
+    head = ("then", "one of: if then", "says", "waits next in")
+    return Grid(f"{agent.name}: ways to go on", head, rows, notes, detail=True)
 
 
 def _arc_words(agent: Agent, arc: Arc) -> str:

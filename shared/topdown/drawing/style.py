@@ -112,7 +112,8 @@ h3,caption,figcaption{break-after:avoid}
 figure,tr{break-inside:avoid}
 figure{overflow:visible;border:0;padding:0}
 .wide{overflow:visible}
-figure svg{max-height:23cm;min-width:0!important}
+figure svg{max-height:23cm;width:auto;min-width:0!important}
+.pair figure svg{max-height:8cm}
 nav a{text-decoration:none}
 }
 """
