@@ -1,0 +1,172 @@
+"""`roco conversation`: list the conversations of a run, and show one as a sequence diagram in the terminal."""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from companion.design import DESIGN
+from companion.run_folder import Judged
+from fipa_codec.tables import NOT_UNDERSTOOD, Role
+from services.console import runs, sequence
+from services.console.errors import ConsoleError
+from services.console.verdicts import told
+from topdown.verdicts import Verdict
+
+app = typer.Typer(no_args_is_help=True, help="The conversations of a run.")
+
+
+class Format(StrEnum):
+    """How things are printed."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+class Conversation(msgspec.Struct, frozen=True):
+    """A conversation: who opened it with whom, where it stands, all that was said in it; times in unix seconds."""
+
+    id: str
+    channel: str
+    protocol: str
+    initiator: str
+    participant: str
+    since: float
+    until: float
+    ended: bool
+    states: tuple[str, str]
+    violations: int
+    said: tuple[Judged, ...]
+
+
+RunDir = Annotated[Path | None, typer.Option("--run-dir", help="A run's folder; else ROCO_RUN_DIR, else runs/latest.")]
+Form = Annotated[Format, typer.Option("--format", help="text for people, json for programs.")]
+
+
+@app.callback()
+def conversation() -> None:
+    """The conversations of a run."""
+
+
+@app.command("list")
+def list_(
+    channel: Annotated[str, typer.Option(help="Only of this channel.")] = "",
+    agent: Annotated[str, typer.Option(help="Only with this agent.")] = "",
+    protocol: Annotated[str, typer.Option(help="Only of this protocol.")] = "",
+    open_: Annotated[bool | None, typer.Option("--open/--ended", help="Only those that go on, or that ended.")] = None,
+    wrong: Annotated[bool, typer.Option("--wrong", help="Only those with something against the design.")] = False,
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """List conversations, oldest first."""
+    kept = [
+        one
+        for one in _conversations(run_dir, form)
+        if channel in ("", one.channel)
+        and agent in ("", one.initiator, one.participant)
+        and protocol in ("", one.protocol)
+        and open_ in (None, not one.ended)
+        and (one.violations or not wrong)
+    ]
+    if form is Format.JSON:
+        print(msgspec.json.encode([msgspec.structs.replace(one, said=()) for one in kept]).decode())
+        return
+    console = Console()
+    console.print(table(kept))
+    console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
+
+
+@app.command()
+def show(
+    id: Annotated[str, typer.Argument(help="A conversation, as `roco conversation list` names it.")],
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Show a conversation as a sequence diagram: what was said when, the states after it, and what the judge says."""
+    found = [one for one in _conversations(run_dir, form) if one.id == id]
+    if not found:
+        _stop(f"no conversation {id!r} in this run; `roco conversation list` shows them", form)
+    if form is Format.JSON:
+        print(msgspec.json.encode(found).decode())
+        return
+    console = Console()
+    for one in found:
+        console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
+        console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
+
+
+def conversations(lines: list[Judged]) -> list[Conversation]:
+    """What was said, by conversation and pair of agents, oldest first."""
+    grouped: dict[tuple[str, str, frozenset[str]], list[Judged]] = {}
+    for one in lines:
+        if one.sender and one.verdict != Verdict.NOT_ENTITLED:
+            grouped.setdefault((one.conversation, one.protocol, frozenset((one.sender, one.receiver))), []).append(one)
+    return sorted((_made(said) for said in grouped.values()), key=lambda one: one.since)
+
+
+def table(found: list[Conversation]) -> Table:
+    """One line for each."""
+    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("conversation", "channel", "protocol", "between"):
+        drawn.add_column(name, no_wrap=True)
+    drawn.add_column("said", justify="right")
+    drawn.add_column("took", justify="right", no_wrap=True)
+    drawn.add_column("state", overflow="fold")
+    for one in found:
+        state = Text(" / ".join(dict.fromkeys(one.states)), "dim" if one.ended else "cyan")
+        if one.violations:
+            state.append(f"  {one.violations} wrong", "red")
+        between = f"{one.initiator} > {one.participant}"
+        took = sequence.seconds(one.until - one.since)
+        drawn.add_row(one.id, one.channel, one.protocol, between, str(len(one.said)), took, state)
+    return drawn
+
+
+def _made(said: list[Judged]) -> Conversation:
+    first = said[0]
+    pair = {(use.initiator, use.participant) for use in DESIGN.file.protocol if use.follows == first.protocol}
+    forth = (first.sender, first.receiver) in pair or (first.receiver, first.sender) not in pair
+    initiator, participant = (first.sender, first.receiver) if forth else (first.receiver, first.sender)
+    states = next(((one.initiator, one.participant) for one in reversed(said) if one.initiator), ("", ""))
+    return Conversation(
+        id=first.conversation,
+        channel=first.channel,
+        protocol=first.protocol,
+        initiator=initiator,
+        participant=participant,
+        since=first.t,
+        until=said[-1].t,
+        ended=_ended(first.protocol, states),
+        states=states,
+        violations=sum(one.violation for one in said),
+        said=tuple(said),
+    )
+
+
+def _ended(protocol: str, states: tuple[str, str]) -> bool:
+    """Whether both roles stand at an end of their tables."""
+    tables = DESIGN.tables.get(protocol)
+    if tables is None or not all(states):
+        return False
+    roles = (Role.INITIATOR, Role.PARTICIPANT)
+    ends = [tables.tables[role].ended | {NOT_UNDERSTOOD} for role in roles]
+    return all(set(words.split("|")) <= end for words, end in zip(states, ends, strict=True))
+
+
+def _conversations(run_dir: Path | None, form: Format) -> list[Conversation]:
+    try:
+        return conversations(told(runs.find(run_dir)))
+    except ConsoleError as error:
+        _stop(str(error), form)
+        return []
+
+
+def _stop(text: str, form: Format) -> None:
+    print(msgspec.json.encode({"error": text}).decode() if form is Format.JSON else f"roco: {text}", file=sys.stderr)
+    raise typer.Exit(1)
