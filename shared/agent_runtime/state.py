@@ -140,9 +140,16 @@ class CoreState(Record, kw_only=True):
         return self.conversations if delivery is Delivery.DURABLE else self.soft.conversations
 
     def held(self, conversation: str, peer: str = "") -> Held | None:
-        """The open conversation of that id; of several, which are durable, that with the peer."""
+        """The open conversation of that id; of several, which are durable, that with the peer.
+
+        One that waits for anybody becomes, for each who answers, a conversation with that peer.
+        """
         one = self.conversations.get(conversation) or self.soft.conversations.get(conversation)
-        return one or self.conversations.get(f"{conversation} {peer}")
+        one = one or self.conversations.get(f"{conversation} {peer}")
+        anybody = None if one or not peer else self.conversations.get(anybodys(conversation))
+        if anybody is None:
+            return one
+        return msgspec.structs.replace(anybody, conversation=msgspec.structs.replace(anybody.conversation, peer=peer))
 
     def keep(self, held: Held) -> None:
         """Put a conversation back after it went on; an ended one is forgotten."""
@@ -160,6 +167,11 @@ class CoreState(Record, kw_only=True):
         """A fresh id: agent, incarnation, counter; unique over all lives of the agent."""
         self.counter += 1
         return f"{self.agent}-{self.incarnation}-{self.counter}"
+
+
+def anybodys(conversation: str) -> str:
+    """What a conversation with whoever answers is kept under (Held.key with no peer)."""
+    return f"{conversation} "
 
 
 def age(name: str) -> Version | None:

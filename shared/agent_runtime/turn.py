@@ -13,7 +13,7 @@ from agent_runtime import streams
 from agent_runtime.effects import Out
 from agent_runtime.errors import BehaviourError
 from agent_runtime.events import Broken, Late, Local, PeerChanged, Received, Settled, Started, Woken
-from agent_runtime.state import CoreState, Due, Held
+from agent_runtime.state import CoreState, Due, Held, anybodys
 from agent_runtime.wiring import Delivery, Link, Wiring, class_name
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
@@ -76,6 +76,27 @@ class Turn:
         return Multicast.opened(
             [self._open(name, peer, protocol, performative, content, reply_by_s, several=True) for peer in to]
         )
+
+    def join(self, talk: Conversation) -> None:
+        """Take part in a conversation that was opened for this agent by another (recruiting: fipa_codec.proxying).
+
+        A target joins what it has taken up; who wants the answers joins what it awaits, best before it asks, with peer
+        "": then whoever answers has a conversation of its own, till `leave`, and no Late comes. LocalProtocolError
+        where the design has no durable link for it, in that role.
+        """
+        link = self._wiring.required(talk.peer, talk.protocol) if talk.peer else None
+        if link and (link.role is not talk.role or link.delivery is not Delivery.DURABLE):
+            wanted = f"a durable link as {talk.role} of {talk.protocol} with {talk.peer!r}"
+            raise LocalProtocolError("protocol", f"{self.me!r} has no {wanted}, but {link.delivery} as {link.role}")
+        initiates = talk.role is Role.INITIATOR
+        reply_by = talk.deadline if initiates and talk.peer else None
+        self._state.keep(Held(talk, Delivery.DURABLE, reply_by=reply_by, several=initiates))
+        self._out.durable = True
+
+    def leave(self, conversation: str) -> None:
+        """Wait no longer for anybody to answer in a conversation that was joined so; those under way go on."""
+        self._state.conversations.pop(anybodys(conversation), None)
+        self._out.durable = True
 
     def say(
         self,
