@@ -7,9 +7,11 @@ from msgspec.structs import replace
 from toy_agents import Double, Doubled, Want, wirings
 
 from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import Broken, Late, Local, Received, Started, Woken
+from agent_runtime.core import Core
+from agent_runtime.events import Arrived, Broken, Late, Local, Received, Started, Tick, Woken
 from agent_runtime.turn import Turn
 from agent_runtime.wires import Faults, Wires
+from agent_runtime.wiring import Delivery
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 
@@ -134,3 +136,18 @@ def test_every_cancel_ends(numbers: list[int], seed: int, loss: float, delay: fl
             assert {"inform", "failure[cancel]"} <= set(heard)
         else:
             assert heard[-1] == "inform"
+
+
+def test_a_volatile_cancel_is_asked_again_though_an_agree_crossed_it() -> None:
+    """What crosses a cancel is no answer to it: else one lost cancel would leave its sender waiting for ever."""
+    ours, theirs = wirings(Delivery.VOLATILE)
+    client = Core(Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), ours)
+    worker = Core(Agent("server", "s", Server(), {"s": Behaviour(work)}), theirs)
+    asking, asked = client.step(client.boot(None), Local(Want(1)), 0.0)
+    cancelling, cancelled = client.step(asking, Tick(), 0.15)
+    assert [one.performative for one in cancelled.sends] == [P.CANCEL]
+    _, agreed = worker.step(worker.boot(None), Arrived(asked.sends[0]), 0.0)
+    crossed, _ = client.step(cancelling, Arrived(agreed.sends[0]), 0.16)
+    assert crossed.memory.heard[-1][1] == "agree"
+    _, again = client.step(crossed, Tick(), 1.0)
+    assert P.CANCEL in [one.performative for one in again.sends]
