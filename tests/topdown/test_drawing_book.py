@@ -6,9 +6,10 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from topdown import loading
+from topdown import elements, loading
 from topdown.design import Design, load
 from topdown.drawing import book, text
 from topdown.drawing.channels import seconds, size
@@ -140,6 +141,21 @@ def test_a_step_is_summarized_as_in_the_papers_table_1() -> None:
         "Groups after it": "hand, lamp",
         "Channels after it": "C1 hand-lamp",
     }
+
+
+def test_a_leaf_without_evidence_is_told() -> None:
+    """Where the design names evidence at all."""
+    file = LAMP.file
+    two = (
+        elements.Requirement(id="R1", text="switch a lamp"),
+        elements.Requirement(id="R1a", text="on", parent="R1", evidence=("test:one", "event:two")),
+        elements.Requirement(id="R1b", text="off", parent="R1"),
+    )
+    design = Design(msgspec.structs.replace(file, requirement=two))
+    (section,) = book.sections(design, book.Choice((book.What.REQUIREMENTS,)))
+    table = section.parts[-1]
+    assert isinstance(table, Grid)
+    assert table.rows == (("R1a", "test:one"), ("R1a", "event:two"), ("R1b", "none"))
 
 
 def test_a_channel_is_four_buffers() -> None:

@@ -47,19 +47,29 @@ def section(design: Design, width: int) -> Section:
             listed(c.groups),
             listed(c.agents),
             listed(c.channels),
-            listed(c.evidence),
         )
         for c in tree
     )
     notes = rulings(*((entry.id, entry.ruling) for entry in design.file.requirement))
     grid = Grid(
         "What covers each requirement",
-        ("id", "requirement", "steps", "groups", "agents within", "channels", "evidence"),
+        ("id", "requirement", "steps", "groups", "agents within", "channels"),
         rows,
     )
     figure = Figure("requirements", "The requirement tree", _draw(design, tree), _plain(tree, width), tree, notes)
     lead = "What the system is for, from the general to the detailed, and the steps that see to it."
-    return Section("requirements", "Requirements", lead, (figure, grid))
+    return Section("requirements", "Requirements", lead, (figure, grid, *_evidence(tree)))
+
+
+def _evidence(tree: tuple[Covered, ...]) -> tuple[Grid, ...]:
+    """What shows that the requirements are met, if the design names any such thing; a leaf without it is told."""
+    if not any(entry.evidence for entry in tree):
+        return ()
+    rows = []
+    for entry, after in zip(tree, [*tree[1:], None], strict=True):
+        is_leaf = after is None or after.depth <= entry.depth
+        rows += [(entry.id, shown) for shown in entry.evidence or (["none"] if is_leaf else [])]
+    return (Grid("What shows that they are met", ("id", "event, test or message"), tuple(rows)),)
 
 
 def covered(design: Design) -> tuple[Covered, ...]:

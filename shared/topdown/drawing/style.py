@@ -89,7 +89,7 @@ caption{{text-align:left;padding:4px 0;font-weight:bold}}
 th,td{{text-align:left;vertical-align:top;padding:4px 18px 4px 0;border-bottom:1px solid}}
 thead th{{font-size:12px;white-space:nowrap}}
 tbody th{{white-space:nowrap}}
-td{{min-width:3em;max-width:52ch}}
+td{{min-width:3em;max-width:52ch;overflow-wrap:anywhere}}
 figure{{width:fit-content;max-width:100%;box-sizing:border-box;margin:14px 0;padding:12px;
 border:1px solid;border-radius:6px;overflow-x:auto}}
 figure svg{{display:block;max-width:100%;height:auto}}
