@@ -252,7 +252,7 @@ class Turn:
             performative,
             id=str(streams.next_number(self._state, link.peer)) if durable else self._state.name(),
             now=self.now,
-            content=None if language is None else language.encode(content),
+            content=None if language is None else language.encode(content, performative),
             language=link.silent if language is None else language.name,
             ontology=link.ontology,
             kind=kind,

@@ -61,10 +61,18 @@ class Language:
     def __repr__(self) -> str:
         return f"Language({self.name!r}, {len(self.classes)} classes)"
 
-    def encode(self, content: object) -> msgspec.Raw:
-        """A sentence as content of a communicate. LocalProtocolError if its class is not of this language."""
+    def encode(self, content: object, performative: Performative | None = None) -> msgspec.Raw:
+        """A sentence as content of a communicate.
+
+        LocalProtocolError if its class is not of this language, or if `performative`, where given, does not carry it.
+        """
         if type(content) not in self.classes:
             raise LocalProtocolError("content", f"{type(content).__name__} is no class of {self.name}: {self._known()}")
+        if performative is not None:
+            try:
+                self.check(performative, content)
+            except ContentError as error:
+                raise LocalProtocolError(error.field, error.reason) from error
         try:
             return msgspec.Raw(_encoder.encode(content))
         except Exception as error:

@@ -15,6 +15,7 @@ from agent_runtime.wires import Faults, Wires
 from agent_runtime.wiring import Delivery, Link, Wiring
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import LocalProtocolError
+from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 
@@ -123,6 +124,19 @@ def test_garbage_of_one_participant_ends_its_conversation_only() -> None:
     assert wires.memory("caller").outcomes == crowd.OUTCOMES | changed
     wires.run_for(10.0)
     assert {name: wires.memory(name).state for name in crowd.CROWD} == crowd.ENDS | changed
+
+
+def test_content_that_the_act_does_not_carry_is_the_speakers_fault() -> None:
+    """The step fails before anything leaves."""
+
+    def go(memory: stories.Played, turn: Turn) -> stories.Played:
+        turn.open("bob", "request", P.REQUEST, stories.content(P.INFORM, Kind.PLAIN))
+        return memory
+
+    agent = Agent(name="alice", start="one", memory=stories.Played(), behaviours={"one": Behaviour(go)})
+    core = Core(agent, stories.wiring("alice"))
+    with pytest.raises(LocalProtocolError, match="is a proposition; request carries an action expression"):
+        core.step(core.boot(None), Started(), 0.0)
 
 
 @pytest.mark.parametrize(

@@ -111,6 +111,8 @@ def test_all_other_classes_are_refused_by_name(act):
                 continue
             with pytest.raises(LocalProtocolError, match=f"{act} carries"):
                 speak(act, *expressions)
+            with pytest.raises(LocalProtocolError, match=f"{act} carries"):
+                EXPRESSIONS.encode(Content(expressions), act)
             message = Communicate(
                 performative=act, content=EXPRESSIONS.encode(Content(expressions)), language=EXPRESSIONS.name
             )

@@ -1,4 +1,4 @@
-"""An agent of the stories, or of the crowd, as a process: `python story_process.py <agent> <connect> <run folder>`."""
+"""An agent of the stories, the crowd or the brokers as a process: `python story_process.py <agent> <connect> <run>`."""
 
 import sys
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "agent_runtime"))
 
 import crowd_agents as crowd
+import recruiting_agents as cast
 import story_agents as stories
 
 from agent_runtime import shell
@@ -19,6 +20,9 @@ def main(name: str, connect: str, run: Path) -> int:
     if name in ("alice", "bob"):
         agent = stories.alice() if name == "alice" else stories.bob()
         return shell.run(agent, stories.wiring(name, query=Delivery.VOLATILE), options)
+    if name in ("asker", "broker", *cast.SCALES):
+        made = {"asker": cast.asker, "broker": cast.broker}.get(name, lambda: cast.scale(name))
+        return shell.run(made(), cast.wiring(name), options)
     if name == "caller":
         return shell.run(crowd.caller(), crowd.wiring(name), options)
     return shell.run(crowd.worker(name), crowd.wiring(name), options)

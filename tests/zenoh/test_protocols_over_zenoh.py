@@ -1,4 +1,4 @@
-"""Each protocol of FIPA, with its cancels, between two real agents over a real router; and a call to a crowd."""
+"""Each protocol of FIPA, with its cancels, between two real agents over a real router; a crowd; a broker's targets."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any
 
 import crowd_agents as crowd
 import pytest
+import recruiting_agents as cast
 import story_agents as stories
 from toy_fleet import Fleet, wait_for
 
@@ -84,3 +85,21 @@ def test_a_crowd_is_called_twice_and_one_is_awarded(tmp_path: Path) -> None:
         wait_for(lambda: stands(tmp_path) == crowd.ENDS, f"the crowd has heard it\n{fleet.logs()}")
     finally:
         closed(fleet)
+
+
+def test_targets_of_a_broker_answer_through_it_or_directly(tmp_path: Path) -> None:
+    """Brokering, then recruiting, each with conversations inside: four agents, every answer once."""
+    fleet = opened(tmp_path, "asker", "broker", *cast.SCALES)
+    try:
+        wait_for(lambda: answered(tmp_path) == list(cast.WEIGHTS.items()), f"all is answered\n{fleet.logs()}")
+        wait_for(lambda: len(journalled(tmp_path, cast.asker()).ends) == 2, f"both are over\n{fleet.logs()}")
+        memory = journalled(tmp_path, cast.asker())
+        assert memory.ends == ("brokering done", "recruiting done")
+        assert sorted(memory.relayed) == list(cast.WEIGHTS.items())
+    finally:
+        closed(fleet)
+
+
+def answered(run: Path) -> list[tuple[str, float]]:
+    """What the targets themselves told the asker."""
+    return sorted(journalled(run, cast.asker()).answered)
