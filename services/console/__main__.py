@@ -18,7 +18,18 @@ from rich.console import Console
 
 from companion.run_folder import Fleet, ProcessState, TaskLine
 from services.console import demo as main_job
-from services.console import design, design_new, design_show, draw, fleet, runs
+from services.console import (
+    design,
+    design_check,
+    design_diff,
+    design_estimate,
+    design_new,
+    design_show,
+    design_trace,
+    draw,
+    fleet,
+    runs,
+)
 from services.console.errors import ConsoleError
 from services.console.hi import Hi
 
@@ -55,7 +66,7 @@ app = typer.Typer(
 )
 
 app.add_typer(design.app, name="design")
-DESIGN_VERBS = (design_new, design_show)
+DESIGN_VERBS = (design_check, design_diff, design_estimate, design_new, design_show, design_trace)
 """The modules whose import registers the verbs of `roco design`."""
 
 

@@ -51,16 +51,12 @@ def judge(
     sys.stdout.buffer.writelines(map(judged.encoded, lines))
 
 
-VERBS: dict[str, Callable[..., None]] = {"report": report, "judge": judge}
+VERBS: dict[str, Callable[..., None]] = {"report": report, "judge": judge, "observations": observations}
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in VERBS:
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         app.command()(VERBS[sys.argv[1]])
         app(sys.argv[2:], prog_name=f"python -m services.monitor {sys.argv[1]}")
-    elif sys.argv[1:2] == ["observations"]:
-        app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        app.command()(observations)
-        app(sys.argv[2:], prog_name="python -m services.monitor observations")
     else:
         cli.run("monitor", TEXT, serve)

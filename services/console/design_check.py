@@ -1,0 +1,67 @@
+"""`roco design check`: every fault of a design by name, with its place; with a recording also what the run shows.
+
+Exit codes: 0 no findings, 1 findings, 2 a file cannot be read.
+"""
+
+import textwrap
+from collections import Counter
+
+import typer
+
+from companion.design import FILE
+from services.console import design_files as files
+from services.console.design import app
+from topdown.checks import recorded
+from topdown.design import Design, load
+from topdown.findings import Finding
+
+
+@app.command()
+def check(file: files.File = FILE, run: files.Recording = None, form: files.Format = files.Form.TEXT) -> None:
+    """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1 on a finding."""
+    with files.problems(form):
+        design, heard = load(file), files.observed(run)
+        found = files.findings(design, file)
+        if heard is not None:
+            found += recorded.findings(design, heard)
+    if form is files.Form.JSON:
+        files.tell_json({"file": str(file), "findings": found})
+    else:
+        print(written(found, files.shown(file), design, files.width()))
+    if found:
+        raise typer.Exit(1)
+
+
+def written(found: tuple[Finding, ...], file: str, design: Design, width: int) -> str:
+    """The findings as people read them, then how many there are of each kind; of a sound design what it has."""
+    if not found:
+        return "\n".join(textwrap.wrap(f"{file}: no findings in {inventory(design)}", width, subsequent_indent="  "))
+    lines = [line for finding in found for line in _lines(finding, file, width)]
+    counted = Counter(finding.kind for finding in found).most_common()
+    summary = f"{len(found)} findings: " + ", ".join(f"{count} {kind}" for kind, count in counted)
+    return "\n".join([*lines, *textwrap.wrap(summary, width, subsequent_indent="  ")])
+
+
+def inventory(design: Design) -> str:
+    """What a design has, in numbers."""
+    file = design.file
+    states = sum(len(agent.state) for agent in file.agent)
+    messages = sum(len(use.message) for use in file.protocol)
+    return (
+        f"{len(file.requirement)} requirements, {len(file.step)} steps, {len(design.channels)} channels, "
+        f"{len(file.protocol)} protocols, {messages} messages, {len(file.agent)} agents, {states} states"
+    )
+
+
+def _lines(finding: Finding, file: str, width: int) -> list[str]:
+    place = f"{file}:{finding.line}" if finding.line else file
+    return [
+        f"{place}: {finding.kind}",
+        *_wrapped(f"{finding.where}: {finding.wrong}", width, "  "),
+        *_wrapped(finding.right, width, "  -> "),
+        "",
+    ]
+
+
+def _wrapped(text: str, width: int, first: str) -> list[str]:
+    return textwrap.wrap(text, width, initial_indent=first, subsequent_indent=" " * (len(first) + 2))

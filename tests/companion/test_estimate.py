@@ -1,0 +1,80 @@
+"""The companion's estimate, made of one recorded pour, is right beside others; every run shows its requirements.
+
+`pours/`: what was said in two pours of other seeds (`python -m services.monitor observations`), the first on a free
+machine, the second while others worked on it, so that planning took twice as long.
+"""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from companion.design import DESIGN
+from topdown.checks import recorded
+from topdown.estimating import estimate
+from topdown.findings import Kind
+from topdown.measuring import Measured, measure
+from topdown.observing import Observed
+from topdown.tracing import Shown, trace
+
+RUNS = Path(__file__).with_name("pours")
+WITHIN = 0.3
+COUNTED = ("communicates", "bytes")
+
+
+def heard(name: str) -> Observed:
+    """What was said in a run."""
+    return msgspec.json.decode((RUNS / name).read_bytes(), type=Observed)
+
+
+def compared(name: str) -> tuple[Measured, ...]:
+    """Every figure of the estimate beside that of the run."""
+    return measure(DESIGN, estimate(DESIGN), heard(name))
+
+
+@pytest.mark.parametrize("run", ["pour_seed_3.json", "pour_seed_11.json"])
+def test_counts_and_bytes_of_every_channel_are_within_the_error(run: str) -> None:
+    """On any machine."""
+    figures = [one for one in compared(run) if one.what in COUNTED]
+    assert {one.where for one in figures} == set(DESIGN.channels)
+    assert all(one.error is not None and abs(one.error) <= WITHIN for one in figures), figures
+
+
+def test_time_and_bandwidth_are_within_the_error_on_a_free_machine() -> None:
+    """Latencies of milliseconds are the machine's and not the design's: they are told, and not promised."""
+    figures = [one for one in compared("pour_seed_3.json") if one.what in ("time", "mean bandwidth", "busy bandwidth")]
+    assert len(figures) == 1 + 2 * len(DESIGN.channels)
+    assert all(one.error is not None and abs(one.error) <= WITHIN for one in figures), figures
+
+
+def test_the_narrow_place_of_the_estimate_is_that_of_the_run() -> None:
+    """C4 while it plans, as in the paper (section 5.7)."""
+    figures = [one for one in compared("pour_seed_3.json") if one.what == "busy bandwidth"]
+    assert estimate(DESIGN).narrowest == max(figures, key=lambda one: one.recorded).where == "C4"
+    assert estimate(DESIGN).slowest == "act"
+
+
+@pytest.mark.parametrize("run", ["pour_seed_3.json", "pour_seed_11.json"])
+def test_a_pour_shows_every_requirement_that_a_run_can_show(run: str) -> None:
+    """No event or communicate that is named as evidence is missing."""
+    found = trace(DESIGN, heard(run), lambda path, name: True)
+    assert [one for leaf in found for one in leaf.evidence if one.shown is not Shown.SEEN] == []
+    assert all(leaf.evidence for leaf in found)
+
+
+def test_every_test_named_as_evidence_is_there() -> None:
+    """By file and name."""
+    root = Path(__file__).resolve().parents[2]
+
+    def exists(path: str, name: str) -> bool:
+        return (root / path).is_file() and f"def {name}(" in (root / path).read_text(encoding="utf-8")
+
+    tests = [one for leaf in trace(DESIGN, None, exists) for one in leaf.evidence if one.kind == "test"]
+    assert tests
+    assert all(one.shown is Shown.SEEN for one in tests), tests
+
+
+@pytest.mark.parametrize("run", ["pour_seed_3.json", "pour_seed_11.json"])
+def test_a_pour_breaks_nothing_but_latencies(run: str) -> None:
+    """Every communicate is the design's, within its size; what came late is the machine's."""
+    assert {finding.kind for finding in recorded.findings(DESIGN, heard(run))} <= {Kind.TOO_LATE}
