@@ -1,6 +1,6 @@
 """What our layers cost: the codec, a step of a conversation, a question and its answer through the router.
 
-    python benchmarks/communicates.py [--quick] [--only codec|conversation|trip] [--out results file]
+    python benchmarks/communicates.py [--quick] [--only codec|conversation|trip|stages] [--out results file]
 
 Each row sets ours against the bare thing in the same process, by turns in blocks, so that noise hits both alike; the
 ratio is that of the medians. A row is appended to the results file with the commit and the machine's load; rows of this
@@ -21,6 +21,7 @@ from typing import Annotated, Any
 import msgspec
 import typer
 from round_trip import WM, Plan, Times
+from stages import stage_times
 
 from agent_runtime.zenoh_wire import free_endpoint
 from companion.languages import wm
@@ -155,24 +156,41 @@ def timed(work: Callable[[], Any]) -> float:
 def trip(quick: bool, wanted: list[str]) -> list[Result]:
     """query-ref -> inform-ref between two agents against a bare get, both over one router; see round_trip.py."""
     with tempfile.TemporaryDirectory(prefix="communicates-") as folder:
-        run, endpoint = Path(folder), free_endpoint()
+        run = Path(folder)
         plans = [TRIPS[name][1] for name in wanted]
         if quick:
             plans = [msgspec.structs.replace(p, blocks=max(3, p.blocks // 5), warm=p.warm // 3) for p in plans]
-        environment = os.environ | {"ROCO_LISTEN": endpoint, "ROCO_RUN_DIR": str(run)}
-        started = [subprocess.Popen([sys.executable, "-m", "services.router"], env=environment, stdout=sys.stderr)]
-        try:
-            wait_for(run / "router.ready")
-            command = [sys.executable, str(HERE / "round_trip.py")]
-            started.append(subprocess.Popen([*command, "km", endpoint, str(run)]))
-            asked = msgspec.json.encode(plans).decode()
-            subprocess.run([*command, "pl", endpoint, str(run), asked], check=True, timeout=RUN_S)
-        finally:
-            for process in reversed(started):
-                process.send_signal(signal.SIGTERM)
-                process.wait(timeout=START_S)
+        together(run, "round_trip.py", plans)
         times = msgspec.json.decode((run / "times.json").read_bytes(), type=list[Times])
     return [result(f"question and answer of {one.answer}", one.agents, one.bare, TRIPS[one.answer][0]) for one in times]
+
+
+def together(run: Path, script: str, plans: list[Plan]) -> None:
+    """Router, km and pl as processes, until pl has done its plans."""
+    endpoint = free_endpoint()
+    environment = os.environ | {"ROCO_LISTEN": endpoint, "ROCO_RUN_DIR": str(run)}
+    started = [subprocess.Popen([sys.executable, "-m", "services.router"], env=environment, stdout=sys.stderr)]
+    try:
+        wait_for(run / "router.ready")
+        command = [sys.executable, str(HERE / script)]
+        started.append(subprocess.Popen([*command, "km", endpoint, str(run)], stdout=sys.stderr))
+        asked = msgspec.json.encode(plans).decode()
+        subprocess.run([*command, "pl", endpoint, str(run), asked], check=True, timeout=RUN_S, stdout=sys.stderr)
+    finally:
+        for process in reversed(started):
+            process.send_signal(signal.SIGTERM)
+            process.wait(timeout=START_S)
+
+
+def stages(quick: bool) -> None:
+    """Where the time of a question goes: medians between stamps in both processes; the stamps themselves cost 5 us."""
+    for name in ("654 B", "852 kB"):
+        with tempfile.TemporaryDirectory(prefix="communicates-") as folder:
+            plan = msgspec.structs.replace(TRIPS[name][1], blocks=6 if quick else 20)
+            together(Path(folder), "stages.py", [plan])
+            typer.echo(f"{name}, from the own side's word to the answer's, us at p50:")
+            for what, middle in stage_times(Path(folder)):
+                typer.echo(f"  {what:58} {middle:8.0f}")
 
 
 def wait_for(path: Path) -> None:
@@ -229,7 +247,7 @@ RUN = commit()
 
 def main(
     quick: Annotated[bool, typer.Option("--quick", help="a tenth of the calls; nothing is written down")] = False,
-    only: Annotated[str, typer.Option(help="codec, conversation or trip")] = "",
+    only: Annotated[str, typer.Option(help="codec, conversation, trip, or stages: where a trip's time goes")] = "",
     again: Annotated[
         bool, typer.Option("--again", help="also what stands in the results file for this commit")
     ] = False,
@@ -244,8 +262,11 @@ def main(
         "conversation": lambda: conversation(quick),
         "trip": lambda: trip(quick, wanted) if wanted else [],
     }
+    if only == "stages":
+        stages(quick)
+        return
     if only and only not in parts:
-        raise typer.BadParameter(f"--only {only}: there are {', '.join(parts)}")
+        raise typer.BadParameter(f"--only {only}: there are {', '.join(parts)}, stages")
     typer.echo(f"{'commit ' + RUN:62} {'ours p50':>9} {'p99 us':>9} {'bare p50':>9} {'p99 us':>9}  ratio (middle half)")
     for part in [only] if only else list(parts):
         typer.echo(f"{part} ...", err=True)

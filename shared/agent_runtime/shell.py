@@ -7,6 +7,7 @@ the agent's own code ends the process with status 1: the journal is as before th
 again.
 """
 
+import gc
 import heapq
 import os
 import signal
@@ -146,6 +147,9 @@ class Shell:
         first = self._state.incarnation == 1
         self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
         self._happen(Started(first))
+        # What is there now stays: no collection need look at it again (34 ms each in km, at times amid an answer).
+        gc.collect()
+        gc.freeze()
         while True:
             item = self._inbox.get(self._wait_s())
             if item is None:
