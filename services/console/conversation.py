@@ -113,18 +113,20 @@ def conversations(lines: list[Judged]) -> list[Conversation]:
 def table(found: list[Conversation]) -> Table:
     """One line for each."""
     drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("conversation", "channel", "protocol", "between"):
+    drawn.add_column("conversation", no_wrap=True, overflow="ellipsis")
+    for name in ("on", "protocol", "between"):
         drawn.add_column(name, no_wrap=True)
-    drawn.add_column("said", justify="right")
+    drawn.add_column("said", justify="right", no_wrap=True)
     drawn.add_column("took", justify="right", no_wrap=True)
-    drawn.add_column("state", overflow="fold")
+    drawn.add_column("states", no_wrap=True, overflow="ellipsis")
+    if any(one.violations for one in found):
+        drawn.add_column("wrong", justify="right", no_wrap=True)
     for one in found:
-        state = Text(" / ".join(dict.fromkeys(one.states)), "dim" if one.ended else "cyan")
-        if one.violations:
-            state.append(f"  {one.violations} wrong", "red")
+        state = Text(" / ".join(dict.fromkeys(filter(None, one.states))), "dim" if one.ended else "cyan")
         between = f"{one.initiator} > {one.participant}"
-        took = sequence.seconds(one.until - one.since)
-        drawn.add_row(one.id, one.channel, one.protocol, between, str(len(one.said)), took, state)
+        row = (one.id, one.channel, one.protocol, between, str(len(one.said)), sequence.seconds(one.until - one.since))
+        wrong = Text(str(one.violations or ""), "red")
+        drawn.add_row(*row, state, *([wrong] if len(drawn.columns) > len(row) + 1 else []))
     return drawn
 
 

@@ -75,7 +75,7 @@ def summary(lines: list[Judged]) -> Judgements:
     for one in lines:
         counted.setdefault(one.channel or "none", Counter())[one.verdict] += 1
     heard = {(one.t, one.sender, one.receiver, one.id) for one in lines}
-    channels = {name: {v: counted[name][v] for v in Verdict if counted[name][v]} for name in sorted(counted)}
+    channels = {name: {str(v): row[v] for v in Verdict if row[v]} for name, row in sorted(counted.items())}
     since = min((one.t for one in lines), default=0.0)
     return Judgements(len(heard), since, channels, tuple(one for one in lines if one.violation))
 

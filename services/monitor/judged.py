@@ -22,6 +22,8 @@ from topdown.verdicts import Judgement, Verdict
 
 HISTORY_S = 0.5
 """A token heard sooner after the recorder began may be of an agent that lived before; estimate: they come in ms."""
+OF_KEYS = (Verdict.WRONG_CHANNEL, Verdict.NOT_ENTITLED)
+"""Verdicts about what a communicate was put on, beside MALFORMED."""
 SYSTEM = "recorded"
 """Stands in the keys of records, which do not keep the system's name."""
 
@@ -142,7 +144,7 @@ def line(judgement: Judgement, languages: Languages | None) -> Judged:
         initiator=judgement.states[0],
         participant=judgement.states[1],
         why=judgement.why,
-        key=heard.key if judgement.violation else "",
+        key=heard.key if judgement.verdict in OF_KEYS else "",
         violation=judgement.violation,
     )
 

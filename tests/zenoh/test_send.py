@@ -1,0 +1,122 @@
+"""`roco send` over Zenoh: a person in the place of an agent that does not run, and beside one that does."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+import typer
+from toy_fleet import Fleet as Processes
+from toy_fleet import wait_for
+from typer.testing import CliRunner
+
+from companion.run_folder import FLEET_FILE, Fleet
+from services.console import runs
+from services.console.hi import Hi
+from services.console.saying import Sending
+from services.console.send import send
+
+pytestmark = pytest.mark.zenoh
+
+LOOK = ("--content", '{"type":"LookAround"}')
+COMMAND = ("--as", "hi", "--to", "co", "--protocol", "request", "--performative", "request")
+
+
+@pytest.fixture
+def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Processes]:
+    """A router and co, alone."""
+    made = Processes(tmp_path)
+    for name in ("LISTEN", "CONNECT", "RUN_DIR"):
+        monkeypatch.setenv(f"ROCO_{name}", str(tmp_path) if name == "RUN_DIR" else made.endpoint)
+    told = Fleet(system="roco", connect=made.endpoint, supervisor=0, started=0.0, processes=())
+    (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
+    made.start("router")
+    made.ready("router")
+    made.script = _service(tmp_path, "services.coordinator")
+    made.start("co")
+    wait_for(lambda: (tmp_path / "co.heartbeat.json").exists(), "co lives")
+    yield made
+    for name in list(made.processes):
+        made.kill(name)
+
+
+def _service(folder: Path, module: str) -> Path:
+    """A script that runs a service, whatever it is called with."""
+    path = folder / f"{module}.py"
+    path.write_text(f"import runpy, sys\nsys.argv = ['{module}']\nrunpy.run_module('{module}', run_name='__main__')\n")
+    return path
+
+
+def roco(run: Path, *words: str, code: int = 0) -> str:
+    """`roco send`; its exit code must be `code`."""
+    app = typer.Typer()
+    app.command()(send)
+    done = CliRunner().invoke(app, [*words, "--run-dir", str(run)], env={"COLUMNS": "100"})
+    assert done.exit_code == code, done.output
+    return done.stdout + done.stderr
+
+
+def sent(run: Path, *words: str) -> Sending:
+    """The same, for programs."""
+    return msgspec.json.decode(roco(run, *words, "--format", "json"), type=Sending)
+
+
+def test_a_person_is_hi_and_then_hi_is_itself(fleet: Processes) -> None:
+    """Two lives of a stand-in number on, and so does hi after them: co takes every number once."""
+    first = sent(fleet.run, *COMMAND, *LOOK, "--wait", "2")
+    assert (first.sent["id"], first.sent["conversation"], first.receipted) == ("1", "hi-1-1", True)
+    assert first.heard[0]["performative"] == "agree"
+    assert first.heard[0]["in_reply_to"] == "1"
+    second = sent(fleet.run, *COMMAND, *LOOK, "--wait", "2")
+    assert (second.sent["id"], second.sent["conversation"], second.receipted) == ("2", "hi-2-2", True)
+    assert {one["performative"] for one in second.heard if one["conversation"] == "hi-2-2"} == {"agree"}
+    fleet.script = _service(fleet.run, "services.human_interface")
+    fleet.start("hi")
+    fleet.ready("hi")
+    assert fleet.beat("hi").incarnation == 3
+    hi = Hi(runs.hi_address(fleet.run))
+    task = hi.say("look around").task
+    wait_for(lambda: _state(hi, task) != "asked", f"co answered\n{fleet.logs()}")
+    wait_for(lambda: fleet.beat("hi").unreceipted == {}, "co receipted number 3")
+    assert [word for word in ("gap", "taken before", "stray") if fleet.beat("co").counts.get(word)] == []
+
+
+def _state(hi: Hi, task: str) -> str:
+    return next(line.state for line in hi.tasks() if line.task == task)
+
+
+def test_beside_an_agent_that_lives_it_refuses(fleet: Processes) -> None:
+    """With the reason and what to do; by force it is a voice without a number, and the agent's streams stay whole."""
+    words = ("--as", "co", "--to", "pl", "--protocol", "request", "--performative", "cancel", "--wait", "0.2")
+    said = roco(fleet.run, *words, code=1)
+    assert "co runs" in said
+    assert "--force" in said
+    forced = sent(fleet.run, *words, "--force")
+    assert forced.sent["id"].startswith("forced-")
+    assert forced.receipted is None
+    assert fleet.beat("co").incarnation == 1
+
+
+def test_what_is_wrong_may_be_said_on_purpose(fleet: Processes) -> None:
+    """By force only; co says that it does not understand, and lives."""
+    nonsense = (*COMMAND, "--content", '{"type":"Nonsense"}')
+    assert "Nonsense" in roco(fleet.run, *nonsense, code=2)
+    done = sent(fleet.run, *nonsense, "--force", "--wait", "5")
+    assert done.ended
+    assert [one["performative"] for one in done.heard] == ["not-understood"]
+    assert fleet.processes["co"].poll() is None
+
+
+def test_nobody_there(fleet: Processes, tmp_path: Path) -> None:
+    """Said to an agent that does not run it waits in the journal, and the next life says it again."""
+    fleet.kill("co")
+    said = roco(fleet.run, *COMMAND, *LOOK, "--wait", "0.1")
+    assert "not receipted by co" in said
+    fleet.start("co")
+    wait_for(lambda: fleet.beat("co").incarnation == 2, "co lives again")
+    done = sent(fleet.run, *COMMAND, *LOOK, "--wait", "3")
+    assert done.receipted
+    assert [one["in_reply_to"] for one in done.heard if one["performative"] == "agree"] == ["1", "2"]
+    fleet.kill("router")
+    assert "no router" in roco(fleet.run, *COMMAND, *LOOK, code=1)
+    assert "no run" in roco(tmp_path / "none", *COMMAND, *LOOK, code=1)
