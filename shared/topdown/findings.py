@@ -59,6 +59,7 @@ class Kind(StrEnum):
     UNREACHABLE = "state unreachable"
     NO_WAY_OUT = "state without a way out"
     DEAD_ARC = "arc never taken"
+    BAD_ROW = "row that cannot be"
     NO_TALK = "protocol without a state"
     WAITS = "agents that wait for each other"
     # statements and recordings

@@ -1,6 +1,6 @@
 """Is a design consistent in itself? Typed findings, none where all is well; topdown.agreement compares it with code.
 
-names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, waits -> claims,
+names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, rows, waits -> claims,
 adding_up; recorded: a run against the design. A fault is reported
 once: what only follows from it is left out. No I/O.
 """
@@ -16,6 +16,7 @@ from topdown.checks import (
     outcome,
     protocols,
     requirements,
+    rows,
     sides,
     steps,
     waits,
@@ -35,6 +36,7 @@ PARTS = (
     sides.findings,
     interfaces.findings,
     machines.findings,
+    rows.findings,
     waits.findings,
     claims.findings,
     adding_up.findings,

@@ -77,9 +77,10 @@ def _talks(design: Design, agent: elements.Agent, at: Path_) -> Iterator[Finding
         yield Finding(Kind.NO_TALK, f"agent {agent.name}", f"no state talks in {name}", right, at)
 
 
-def reachable(agent: elements.Agent) -> frozenset[str]:
-    """States that a chain of arcs leads to from the initial one."""
-    found, ahead = {agent.initial}, [agent.initial]
+def reachable(agent: elements.Agent, start: str = "") -> frozenset[str]:
+    """States that a chain of arcs leads to from `start` (none: the initial one), that one included."""
+    first = start or agent.initial
+    found, ahead = {first}, [first]
     while ahead:
         here = ahead.pop()
         for arc in agent.arc:

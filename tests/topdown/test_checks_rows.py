@@ -1,0 +1,99 @@
+"""Rows of agents are compared with the messages, both ways, and with the arcs; a spoilt one is named."""
+
+import pytest
+from spoiling import Change, design
+
+from topdown.checks import check
+from topdown.findings import Kind
+
+DESK = """row = [
+  { in = ["idle"], on = "person order", say = ["order request"], to = "ordering" },
+  { in = ["ordering"], on = "person regret", say = ["order cancel"] },
+  { in = ["ordering"], on = "order agree" },
+  { in = ["ordering"], on = "order inform", to = "idle" },
+  { in = ["ordering"], on = "order inform[cancel]", to = "idle" },
+  { in = ["ordering"], on = "order failure", to = "idle" },
+]
+"""
+NAV = """row = [
+  { in = ["idle"], on = "order request", say = ["order agree", "ask query-ref"], to = "asking" },
+  { in = ["asking", "driving"], on = "order cancel", say = ["order inform[cancel]"], to = "idle" },
+  { in = ["asking"], on = "ask inform", say = ["drive request"], to = "driving" },
+  { in = ["asking"], on = "late ask", say = ["order failure"], to = "idle" },
+  { in = ["driving"], on = "drive agree" },
+  { in = ["driving"], on = "drive inform", then = "arrived" },
+  { in = ["idle"], on = "tell_place confirm" },
+]
+choice = [
+  { name = "arrived", ways = [{ say = ["order inform"], to = "idle" }, { say = ["tell_place inform", "order inform"], to = "idle" }] },
+]
+"""  # noqa: E501
+ATLAS = """row = [
+  { in = ["idle"], on = "ask query-ref", say = ["ask inform"] },
+  { in = ["idle"], on = "tell_place inform", say = ["tell_place confirm"] },
+]
+"""
+ROWS: list[Change] = [
+    ("[agent.sends]\nperformatives = [\"request\"", DESK + "\n[agent.sends]\nperformatives = [\"request\""),
+    ("[[agent]]\nname = \"atlas\"", NAV + "\n[[agent]]\nname = \"atlas\""),
+    ("[agent.sends]\nperformatives = [\"inform\"", ATLAS + "\n[agent.sends]\nperformatives = [\"inform\""),
+]  # fmt: skip
+
+
+def test_rows_that_fit_have_no_findings() -> None:
+    """Not a single one; words of a choice count."""
+    assert check(design(*ROWS)) == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "kind", "words"),
+    [
+        ('on = "order agree" }', 'on = "order agre" }', Kind.BAD_ROW, "'agre'"),
+        ('to = "ordering" }', 'to = "odering" }', Kind.BAD_ROW, "no state 'odering'"),
+        ('then = "arrived" }', 'then = "gone" }', Kind.BAD_ROW, "no choice 'gone'"),
+        ('on = "late ask"', 'on = "late aks"', Kind.BAD_ROW, "'aks'"),
+        (
+            '  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n',
+            "",
+            Kind.RECEIVED_NOT_SENT,
+            "says",
+        ),
+        ('  { in = ["driving"], on = "drive agree" },\n', "", Kind.SENT_NOT_RECEIVED, "no row of nav takes it"),
+        (
+            'say = ["order inform"], to',
+            'say = ["order inform", "order refuse"], to',
+            Kind.SENT_NOT_RECEIVED,
+            "says order",
+        ),
+        (
+            'on = "drive agree" }',
+            'on = "drive agree" }, { in = ["idle"], on = "drive refuse" }',
+            Kind.RECEIVED_NOT_SENT,
+            "",
+        ),
+    ],
+)
+def test_a_spoilt_row_is_found(old: str, new: str, kind: Kind, words: str) -> None:
+    """One finding of the right kind; it names the row or the message."""
+    found = check(design(*ROWS, (old, new)))
+    assert [one.kind for one in found] == [kind], [str(one) for one in found]
+    assert words in f"{found[0].where} {found[0].wrong}"
+    assert found[0].line is not None
+
+
+def test_a_row_leads_where_arcs_lead() -> None:
+    """nav's asking is left for driving by an arc; without it the row leads nowhere."""
+    arc: Change = ('  { source = "asking", target = "driving", when = "way_found" },\n', "")
+    found = check(design(*ROWS, arc))
+    assert Kind.BAD_ROW in {one.kind for one in found}
+    assert any(one.wrong == "no arcs lead from asking to driving" for one in found)
+
+
+def test_a_ruling_answers_for_a_message_without_a_row() -> None:
+    """It says why it is listed all the same."""
+    gone: Change = ('  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n', "")
+    ruled: Change = (
+        'performative = "cancel", language = "WAY", bytes = 100',
+        'performative = "cancel", language = "WAY", bytes = 100, ruling = "no hurry"',
+    )
+    assert check(design(*ROWS, gone, ruled)) == ()
