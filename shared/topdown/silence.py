@@ -1,4 +1,4 @@
-"""Words that change nothing: progress told and confirmed. They are proven to be so, and then left out of what is explored.
+"""Words that change nothing: progress told and confirmed. They are proven to be so, and then left out of the model.
 
 A word is silent where its receiver, in whatever state its table lets it come, stands as before after taking it, and
 answers with silent words only. The proof looks afterwards at every state that was reached (`Agent.take`), since rows

@@ -12,31 +12,41 @@ from typing import Any, NamedTuple
 
 from fipa_codec.tables import Role
 from topdown.design import Design
-from topdown.machines import Cause, Machine, Said, machines
-from topdown.proving.local import Agent, Effect, Local, Outcome
+from topdown.machines import Cause, Event, Machine, Said, machines
+from topdown.proving.local import GONE, Agent, Effect, Local, Outcome
 from topdown.proving.nets import Net
 from topdown.proving.nevers import Never, nevers
 from topdown.proving.soft import Soft
 from topdown.silence import silent_words
 
 QUEUE_BOUND = 5
-"""Longest durable queue. The outbox of a running agent holds 16, so this alarms long before back-pressure (estimate)."""
+"""Longest durable queue (estimate): the outbox of a running agent holds 16; this alarms long before back-pressure."""
 ANY = -1
 """Any number of faults."""
 
 
 class Faults(NamedTuple):
-    """How many faults may happen in all (ANY: no limit), and of which kinds."""
+    """How many faults may happen in all (ANY: no limit), and of which kinds.
+
+    `gone`: an agent that may die for good, at any time; rest then means that `waiting` is idle, and after that death
+    waits that are over count as what will happen.
+    """
 
     most: int = 0
     deaths: bool = True
     losses: bool = True
     copies: bool = True
     expiries: bool = True
+    gone: str = ""
+    waiting: str = ""
 
 
 Flat = tuple[Any, ...]
 """Numbers of the agents' local states, of the queues' contents, of the nets; last the faults that may still come."""
+
+
+Found = Any
+"""A plain tuple of engine.Move's five fields: quicker made than a Move."""
 
 
 class Numbered:
@@ -67,6 +77,7 @@ class Ready(NamedTuple):
     again: str
     rules: tuple[Never, ...]
     row: int
+    late: bool
 
 
 SAY, OPEN, CLOSE, ORPHAN, OWE, ANSWER, ADD = range(7)
@@ -95,7 +106,7 @@ class Fleet:
         self.known: dict[tuple[int, int, Any], Any] = {}
         self.net_steps: dict[tuple[int, int, Said | None], int] = {}
         self.used: set[tuple[str, int]] = set()
-        self.start: Flat = self._first_rest((0,) * first + (0,) * len(soft) + (0,))[:-1] + (self.faults.most,)
+        self.start: Flat = (*self._first_rest((0,) * (first + len(soft) + 1))[:-1], self.faults.most)
 
     def _first_rest(self, boot: Flat) -> Flat:
         """The first state at rest after all agents were started; the boot itself is what deaths at rest lead to."""
@@ -112,12 +123,13 @@ class Fleet:
 
     # --- for the engine -----------------------------------------------------------------------------------------------
 
-    def moves(self, state: Flat) -> Iterator[tuple[str, str, Flat, bool, bool]]:
+    def moves(self, state: Flat) -> Iterator[Found]:
         """All that can happen."""
         faulty = state[-1] != 0
+        alive = bool(self.faults.gone) and self.local(state, self.place[self.faults.gone]).state != GONE
         for number, name in enumerate(self.names):
             for ready in self._cached(number, state[number], "own"):
-                if faulty or not ready.fault:
+                if (faulty or not ready.fault) and not (ready.late and alive):
                     yield name, ready.label, self._after(state, number, ready), ready.fair, ready.fault
         for (_, receiver), slot in self.queue_of.items():
             if state[slot]:
@@ -126,10 +138,15 @@ class Fleet:
             yield from soft.moves(state, faulty)
         if faulty and self.faults.deaths:
             yield from self._deaths(state)
+        if self.faults.gone:
+            yield from self._for_good(state, self.place[self.faults.gone])
 
     def at_rest(self, state: Flat) -> bool:
         """Everybody idle, nothing on its way, subscriptions live, observations known."""
         count = len(self.names)
+        if self.faults.gone:
+            number = self.place[self.faults.waiting]
+            return self._resting(number, state[number])
         if any(state[count : count + len(self.queue_of)]):
             return False
         return all(self._resting(number, state[number]) for number in range(count)) and all(
@@ -156,6 +173,32 @@ class Fleet:
             name: _told(agent, self.local(state, number))
             for number, (name, agent) in enumerate(zip(self.names, self.agents, strict=True))
         }
+
+    # --- after the exploration ----------------------------------------------------------------------------------------
+
+    def not_silent(self) -> tuple[str, ...]:
+        """States reached in which a word that was left out would have changed something; none if all is well."""
+        return tuple(
+            f"{name} in {_told(agent, local)}: {said} is not without effect"
+            for name, agent, met in zip(self.names, self.agents, self.locals, strict=True)
+            for said in sorted(self.silent)
+            if said.use in agent.index
+            for local in met.values
+            if agent.would_change(local, said)
+        )
+
+    def unused(self) -> tuple[str, ...]:
+        """Rows that no path took: nobody needs them, or one needs more faults, or their guards are wrong."""
+        return tuple(
+            f"row never used: {name} {number} (in {'|'.join(row.in_)} on {row.on})"
+            for name, agent in zip(self.names, self.agents, strict=True)
+            for number, row in enumerate(agent.machine.entry.row, start=1)
+            if not row.several and (name, number) not in self.used and not self._is_about_silence(agent, number)
+        )
+
+    def _is_about_silence(self, agent: Agent, number: int) -> bool:
+        events = {row.event for row in agent.machine.rows if row.number == number}
+        return any(Event(Cause.TAKE, *said) in events for said in self.silent)
 
     # --- the parts of a state -----------------------------------------------------------------------------------------
 
@@ -192,9 +235,7 @@ class Fleet:
 
     # --- moves --------------------------------------------------------------------------------------------------------
 
-    def from_net(
-        self, state: Flat, slot: int, net: Net, number: int, ready: Ready, *, fault: bool = False
-    ) -> tuple[str, str, Flat, bool, bool]:
+    def from_net(self, state: Flat, slot: int, net: Net, number: int, ready: Ready, *, fault: bool = False) -> Found:
         """The move in which an agent takes a word of a volatile use, which then is `net`; a copy costs a fault."""
         there = self._after(self.with_net(state, slot, net, fault=fault), number, ready)
         return self.names[number], ready.label, there, not fault, fault
@@ -209,16 +250,16 @@ class Fleet:
         found: tuple[Ready, ...] | str | None = self._cached(number, state[number], said)
         return found
 
-    def _from_queue(self, state: Flat, slot: int, number: int) -> Iterator[tuple[str, str, Flat, bool, bool]]:
+    def _from_queue(self, state: Flat, slot: int, number: int) -> Iterator[Found]:
         words = self.queues.values[state[slot]]
         found = self._cached(number, state[number], words[0])
         if found is None or isinstance(found, str):
             return
-        rest = state[:slot] + (self.queues(words[1:]),) + state[slot + 1 :]
+        rest = (*state[:slot], self.queues(words[1:]), *state[slot + 1 :])
         for ready in found:
             yield self.names[number], ready.label, self._after(rest, number, ready), True, False
 
-    def _deaths(self, state: Flat) -> Iterator[tuple[str, str, Flat, bool, bool]]:
+    def _deaths(self, state: Flat) -> Iterator[Found]:
         for number, name in enumerate(self.names):
             for ready in self._cached(number, state[number], "restart"):
                 there = self._after(state, number, ready)
@@ -231,6 +272,13 @@ class Fleet:
                 if tuple(after) != state:
                     after[-1] -= after[-1] > 0
                     yield name, ready.label, tuple(after), False, True
+
+    def _for_good(self, state: Flat, number: int) -> Iterator[Found]:
+        """An agent dies and does not come back."""
+        if self.local(state, number).state != GONE:
+            agent = self.agents[number]
+            ready = self._ready(number, agent.gone(), fair=False, fault=False)
+            yield self.names[number], "dies for good", self._after(state, number, ready), False, True
 
     def _with_news(self, number: int, local: int, peer: str) -> int:
         key = (number, local, f"news {peer}")
@@ -283,7 +331,13 @@ class Fleet:
         agent = self.agents[number]
         if what == "own":
             return tuple(
-                self._ready(number, outcome, fair=event.cause is not Cause.PERSON, fault=event.cause is Cause.LATE)
+                self._ready(
+                    number,
+                    outcome,
+                    fair=event.cause is not Cause.PERSON,
+                    fault=event.cause is Cause.LATE and not self.faults.gone,
+                    late=event.cause is Cause.LATE,
+                )
                 for outcome, event in agent.spontaneous(local)
                 if self.faults.expiries or event.cause is not Cause.LATE
             )
@@ -294,13 +348,13 @@ class Fleet:
             return found
         return tuple(self._ready(number, one, fair=True, fault=False) for one in found)
 
-    def _ready(self, number: int, outcome: Outcome, *, fair: bool, fault: bool) -> Ready:
+    def _ready(self, number: int, outcome: Outcome, *, fair: bool, fault: bool, late: bool = False) -> Ready:
         agent = self.agents[number]
         effects = tuple(self._effect(agent, effect) for effect in outcome.effects)
         said = {effect.said for effect in outcome.effects}
         rules = tuple(rule for rule in self.rules if rule.agent == agent.machine.agent and rule.says & said)
         there = self.locals[number](outcome.there)
-        return Ready(there, effects, outcome.label, fair and not fault, fault, outcome.again, rules, outcome.row)
+        return Ready(there, effects, outcome.label, fair and not fault, fault, outcome.again, rules, outcome.row, late)
 
     def _effect(self, agent: Agent, effect: Effect) -> tuple[int, int, Said | None]:
         use = agent.machine.uses[effect.use]

@@ -12,6 +12,9 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role
 from topdown.machines import NONE, SETTLED, UNSETTLED, Cause, Event, Guard, Machine, Row, Said, Use
 
+GONE = "gone"
+"""State of an agent that died for good."""
+
 
 class Local(NamedTuple):
     """`talks`: state of the conversation of each use, "" where none is open; `owed`, `begun`: uses in which an
@@ -82,6 +85,8 @@ class Agent:
 
     def _take(self, local: Local, said: Said) -> "tuple[Outcome, ...] | str | None":
         """Outcomes of a message at the head of its queue; None: it waits; a text: nobody has thought of it."""
+        if local.state == GONE:
+            return None
         use = self.machine.uses[said.use]
         talk, table = self.talk(local, said.use), use.protocol.tables[use.role]
         if not talk and said.act is Performative.CANCEL and use.role is Role.PARTICIPANT:
@@ -95,7 +100,7 @@ class Agent:
         if found is None:
             return f"{self.machine.agent} in {local.state} has {said.use} in {talk or NONE} and got {said}"
         after = self._with_talk(local, said.use, str(found.to))
-        outcomes = tuple(self._apply(local, after, rows))
+        outcomes = tuple(self._apply(after, rows))
         if not outcomes:
             state = {u.name: t for u, t in zip(self.uses, after.talks, strict=True) if t}
             return f"no row of {self.machine.agent} in {local.state} applies to {said}; its conversations: {state}"
@@ -126,7 +131,7 @@ class Agent:
         gives_up = event.cause is Cause.LATE and not self.machine.uses[event.name].durable
         after = local._replace(news=local.news - {event.name}) if event.cause is Cause.BACK else local
         after = self._with_talk(after, event.name, "") if gives_up else after
-        for outcome in self._apply(local, after, [row]):
+        for outcome in self._apply(after, [row]):
             closed = (Effect("close", event.name),) if gives_up else ()
             yield outcome._replace(effects=(*closed, *outcome.effects))
 
@@ -144,16 +149,30 @@ class Agent:
         talks = tuple(talk if use.durable else "" for use, talk in zip(self.uses, local.talks, strict=True))
         after = local._replace(talks=talks, news=self.watched)
         rows = self.machine.by_event.get((local.state, Event(Cause.RESTART)), ())
-        outcomes = tuple(self._apply(local, after, [row for row in rows if not row.several]))
+        outcomes = tuple(self._apply(after, [row for row in rows if not row.several]))
         found = outcomes or (Outcome(after, (), "", 0),)
         return tuple(
             one._replace(effects=(*closed, *one.effects), label=f"dies and comes back{_and(one.label)}")
             for one in found
         )
 
+    def would_change(self, local: Local, said: Said) -> bool:
+        """Whether a silent word, where it may come, would change this state after all, or would not be taken."""
+        use = self.machine.uses[said.use]
+        talk = self.talk(local, said.use)
+        if not talk or use.protocol.tables[use.role].find(talk, RECEIVE, said.act, said.kind) is None:
+            return False
+        found = self.take(local, said)
+        return found is None or isinstance(found, str) or any(one.there != local or one.effects for one in found)
+
+    def gone(self) -> Outcome:
+        """Dead for good."""
+        closed = tuple(Effect("close", use.name) for use in self.uses if not use.durable)
+        return Outcome(Local(GONE, ("",) * len(self.uses)), closed, "dies for good", 0)
+
     # --- a row applied ------------------------------------------------------------------------------------------------
 
-    def _apply(self, before: Local, after: Local, rows: list[Row]) -> Iterator[Outcome]:
+    def _apply(self, after: Local, rows: list[Row]) -> Iterator[Outcome]:
         """Every row that applies to `after` (the event has happened to it)."""
         for row in rows:
             local, effects = after, []
@@ -175,7 +194,7 @@ class Agent:
                 local = local._replace(begun=local.begun | {row.moves})
             if row.to:
                 local = local._replace(state=row.to)
-            ended, closing = self._forget_ended(before, local)
+            ended, closing = self._forget_ended(local)
             if ended is not None:
                 label = f"{self._event_words(row.event)}{_and(', '.join(self._words(one) for one in row.say))}"
                 yield Outcome(ended, (*effects, *said, *closing), label, row.number, again)
@@ -200,10 +219,10 @@ class Agent:
                 effects.append(Effect("open" if opens else "say", said.use, said))
         return local, effects
 
-    def _forget_ended(self, before: Local, local: Local) -> "tuple[Local | None, list[Effect]]":
+    def _forget_ended(self, local: Local) -> "tuple[Local | None, list[Effect]]":
         """Ended conversations are not kept; None where one still owes a word, so that the row does not apply."""
         effects: list[Effect] = []
-        for use, old, talk in zip(self.uses, before.talks, local.talks, strict=True):
+        for use, talk in zip(self.uses, local.talks, strict=True):
             table = use.protocol.tables[use.role]
             if talk and talk in table.urgent:
                 return None, []

@@ -10,18 +10,21 @@ from topdown.machines import Said
 
 
 class Net(NamedTuple):
-    """`words` on the way. `current`: the participant's conversation is the initiator's present one."""
+    """`words` on the way. `current`: the participant's conversation is the initiator's present one. `stale`: there is
+    news the initiator does not have, as far as the participant was told.
+    """
 
     words: frozenset[Said] = frozenset()
     current: bool = False
+    stale: bool = False
 
     def opened(self, said: Said) -> "Net":
         """The initiator asks (anew): whatever else was on the way belongs to an older question."""
-        return Net(frozenset({said}))
+        return Net(frozenset({said}), False, self.stale)
 
     def closed(self) -> "Net":
         """The initiator has its answer, gave up, or died: nobody waits for what is on the way."""
-        return Net()
+        return Net(frozenset(), False, self.stale)
 
     def orphaned(self) -> "Net":
         """The participant's conversation is over, or gone with its death; what it said is still on the way."""
@@ -37,7 +40,11 @@ class Net(NamedTuple):
 
     def owed(self, news: Said) -> "Net":
         """Something new was observed: it is sent where somebody listens; older news are worth nothing."""
-        return self._replace(words=self.words | {news} if self.current else self.words - {news})
+        return Net(self.words | {news} if self.current else self.words - {news}, self.current, True)
+
+    def known(self, news: Said) -> "Net":
+        """The newest observation was taken, and its receipt came."""
+        return Net(self.words - {news}, self.current, False)
 
     def taken(self, said: Said, *, copy: bool = False) -> "Net":
         """A word was taken; of a copied one another is still on the way."""

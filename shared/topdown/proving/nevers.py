@@ -15,7 +15,7 @@ IN, OWES = "in", "owes"
 
 
 class While(NamedTuple):
-    """A condition on an agent: it is in one of the states, it owes in a use, or its conversation of `use` is in one."""
+    """A condition on an agent: it is in a state, owes news in a use, or has its conversation of a use in a state."""
 
     agent: int
     what: str
@@ -27,7 +27,7 @@ class While(NamedTuple):
         if self.what == IN:
             return local.state in self.words
         if self.what == OWES:
-            return bool(local.owed & self.words)
+            return any(fleet.net(state, fleet.net_of[use]).stale for use in self.words)
         return (fleet.agents[self.agent].talk(local, self.what) or NONE) in self.words
 
 

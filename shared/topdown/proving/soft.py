@@ -4,8 +4,9 @@ Asked again is only what nothing more is on the way of: other repetitions are co
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role
 from topdown import elements
@@ -15,7 +16,9 @@ from topdown.proving.nets import Net
 if TYPE_CHECKING:
     from topdown.proving.fleet import Flat, Fleet, Ready
 
-Found = "tuple[str, str, Flat, bool, bool]"
+
+Found = Any
+"""As in fleet.py: a plain tuple of engine.Move's five fields."""
 
 
 class Soft:
@@ -41,26 +44,22 @@ class Soft:
             for row in reversed(server.allowed(state, SEND))
         }
         self.news = self._said(Performative.INFORM)
-        self.lost = f"a word of {use.name} is lost"
 
-    def _said(self, *word: object) -> Said:
-        act, kind = (*word, "")[:2]
-        from fipa_codec.languages import Kind
-
-        return Said(self.use, act, Kind(kind))  # type: ignore[arg-type]
+    def _said(self, act: Performative, kind: Kind = Kind.PLAIN) -> Said:
+        return Said(self.use, act, kind)
 
     def at_rest(self, state: "Flat") -> bool:
         """Nothing on its way; a subscription is live, and its newest observation known."""
         net = self.fleet.net(state, self.slot)
         live = bool(self._talk(state, self.initiator)) and net.current
-        return not net.words and (live or not self.latest)
+        return not net.words and not net.stale and (live or not self.latest)
 
-    def moves(self, state: "Flat", faulty: bool) -> "Iterator[tuple[str, str, Flat, bool, bool]]":
+    def moves(self, state: "Flat", faulty: bool) -> Iterator[Found]:
         """All that can happen in this use."""
         net = self.fleet.net(state, self.slot)
         for said in net.words:
             yield from self._taken(state, net, said, faulty)
-        yield from self._by_itself(state, net)
+        yield from self.by_itself(state, net)
         if faulty and self.fleet.faults.losses:
             yield from self._losses(state, net)
 
@@ -72,9 +71,7 @@ class Soft:
 
     # --- taken --------------------------------------------------------------------------------------------------------
 
-    def _taken(
-        self, state: "Flat", net: Net, said: Said, faulty: bool
-    ) -> "Iterator[tuple[str, str, Flat, bool, bool]]":
+    def _taken(self, state: "Flat", net: Net, said: Said, faulty: bool) -> Iterator[Found]:
         number = self.participant if said in self.outward else self.initiator
         opening = said in self.openings.values()
         if opening and self._talk(state, number) and net.current:
@@ -99,22 +96,21 @@ class Soft:
 
     def _observed(
         self, state: "Flat", net: Net, found: "tuple[Ready, ...] | str | None", faulty: bool
-    ) -> "Iterator[tuple[str, str, Flat, bool, bool]]":
+    ) -> Iterator[Found]:
         """The newest observation is taken, and nothing more is owed; or (a fault) its receipt is lost."""
         if found is None or isinstance(found, str):
             return
         for lost in (False, True) if faulty and self.fleet.faults.losses else (False,):
             before = state if lost else self.fleet.without_debt(state, self.participant, self.use)
+            after = net.taken(self.news) if lost else net.known(self.news)
             for ready in found:
-                yield self.fleet.from_net(
-                    before, self.slot, net.taken(said=self.news), self.initiator, ready, fault=lost
-                )
+                yield self.fleet.from_net(before, self.slot, after, self.initiator, ready, fault=lost)
 
     def _without_talk(self, state: "Flat", number: int) -> "Flat":
         """An opening of a newer question takes the place of an older conversation."""
         return self.fleet.without_talk(state, number, self.use)
 
-    def _repeated(self, state: "Flat", net: Net, said: Said) -> "tuple[str, str, Flat, bool, bool]":
+    def _repeated(self, state: "Flat", net: Net, said: Said) -> Found:
         """The same question once more: the answer once more, if it was given."""
         answer = self.answers.get(self._talk(state, self.participant))
         after = net.taken(said)
@@ -129,7 +125,7 @@ class Soft:
 
     # --- by itself ----------------------------------------------------------------------------------------------------
 
-    def _by_itself(self, state: "Flat", net: Net) -> "Iterator[tuple[str, str, Flat, bool, bool]]":
+    def by_itself(self, state: "Flat", net: Net) -> Iterator[Found]:
         opening = self.openings.get(self._talk(state, self.initiator))
         served = self._talk(state, self.participant)
         if opening is not None and not net.words and not (net.current and served in self.unanswered):
@@ -148,7 +144,7 @@ class Soft:
                 False,
             )
 
-    def _losses(self, state: "Flat", net: Net) -> "Iterator[tuple[str, str, Flat, bool, bool]]":
+    def _losses(self, state: "Flat", net: Net) -> Iterator[Found]:
         for said in net.words:
             there = self.fleet.with_net(state, self.slot, net.taken(said), fault=True)
             yield "net", f"{said} is lost", there, False, True
