@@ -1,0 +1,204 @@
+"""The composed fleet: it holds under faults; every naive variant of a row fails, and by what."""
+
+from collections.abc import Callable
+
+import msgspec
+import pytest
+from msgspec.structs import replace
+
+from companion.design import DESIGN
+from topdown import elements
+from topdown.design import Design
+from topdown.proving.engine import DEADLOCK, UNREACHED, Exploration, explore
+from topdown.proving.fleet import Faults, Fleet
+from topdown.proving.local import Agent
+from topdown.proving.soft import Soft
+
+STUCK = f"{DEADLOCK}|{UNREACHED}"
+Rows = tuple[elements.Row, ...]
+
+
+def with_rows(agent: str, change: Callable[[Rows], Rows]) -> Design:
+    """The design with other rows of an agent."""
+    agents = tuple(replace(one, row=change(one.row)) if one.name == agent else one for one in DESIGN.file.agent)
+    return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
+
+
+def without(agent: str, **wanted: str) -> Design:
+    """The design less the rows of an agent whose fields hold these words; at least one must."""
+
+    def change(rows: Rows) -> Rows:
+        left = tuple(row for row in rows if not all(word in str(getattr(row, name)) for name, word in wanted.items()))
+        assert len(left) < len(rows), f"no row of {agent} has {wanted}"
+        return left
+
+    return with_rows(agent, change)
+
+
+def in_place(agent: str, event: str, /, **fields: object) -> Design:
+    """The design with fields of an agent's rows for an event changed."""
+
+    def change(rows: Rows) -> Rows:
+        assert any(row.on == event for row in rows), f"no row of {agent} is on {event}"
+        return tuple(replace(row, **fields) if row.on == event else row for row in rows)
+
+    return with_rows(agent, change)
+
+
+def found(design: Design, faults: Faults) -> Exploration:
+    """What is found first, within a bound that the right design does not need."""
+    return explore(Fleet(design, faults), most_states=400_000)
+
+
+# --- the design as it is ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("most", [0, 1])
+def test_the_fleet_holds(most: int) -> None:
+    """No deadlock, nothing unforeseen, rest in reach from everywhere, no act twice, no planning on a stale world."""
+    result = explore(Fleet(DESIGN, Faults(most)))
+    assert result.complete
+    assert result.findings == ()
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_the_fleet_holds_with_two_faults() -> None:
+    """Likewise."""
+    assert explore(Fleet(DESIGN, Faults(2))).holds
+
+
+@pytest.mark.parametrize("agent", ["ta", "pl", "km", "ex"])
+def test_who_waits_is_told_when_an_agent_dies_for_good(agent: str) -> None:
+    """Whatever else happens, the command of a person ends."""
+    result = explore(Fleet(DESIGN, Faults(0, gone=agent, waiting="hi")))
+    assert result.complete
+    assert result.findings == ()
+
+
+UNUSED = {
+    # said by nobody in this design, but allowed by the protocols' tables, and taken should it come
+    "co": {"generate_plan refuse"},
+    "pl": {"ask_for_planning refuse"},
+    "km": {"observe_world refuse", "observe_world failure"},
+    "ex": {"watch_robot subscribe"},
+    # the answer of which nobody waits (`may`)
+    "pl idle": {"ask_for_planning inform-ref", "ask_for_planning failure", "ask_for_planning refuse"},
+    # a look around takes one death, its end or wait that crosses a cancel needs a second fault
+    "ta surveying": {
+        "act inform",
+        "act failure",
+        "act refuse",
+        "act inform[cancel]",
+        "act failure[cancel]",
+        "late act",
+    },
+    "ta": {"ask_for_acting refuse"},
+    # a subscriber that is gone for good is not explored
+    "ta closing": {"late observe_world"},
+}
+"""Rows that one fault does not reach, by agent (and state), and why."""
+
+
+def test_every_row_is_used() -> None:
+    """A row that no path takes is one that nobody needs, or one whose guard is wrong."""
+    fleet = Fleet(DESIGN, Faults(1))
+    explore(fleet)
+    known = {(words.split()[0], event) for words, events in UNUSED.items() for event in events}
+    for note in fleet.unused():
+        agent, event = note.split()[3], note.rpartition(" on ")[2].rstrip(")")
+        assert (agent, event) in known, note
+
+
+# --- naive variants ---
+
+
+def no_barrier() -> Design:
+    """ta reports the end of its plan though km does not know yet what its acts changed."""
+    ta = DESIGN.agent("ta")
+    ways = tuple(replace(way, when=()) for way in ta.choice[0].ways if way.to != "closing")
+    agent = replace(ta, choice=(replace(ta.choice[0], ways=ways),))
+    agents = tuple(agent if one.name == "ta" else one for one in DESIGN.file.agent)
+    return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
+
+
+def co_forgets() -> Design:
+    """At reply-by co tells hi and takes the next command; the old plan runs on."""
+
+    def change(rows: Rows) -> Rows:
+        late = {"say": ("execute_command failure",), "when": ("execute_command agreed",)}
+        kept = (replace(row, **late) if row.on == "late execute_plan" else row for row in rows)
+        return tuple(replace(row, when=()) if row.on == "execute_command request" else row for row in kept)
+
+    return with_rows("co", change)
+
+
+NAIVE: dict[str, tuple[Callable[[], Design], int, str]] = {
+    "no barrier": (no_barrier, 0, "stale world"),
+    "ta takes no cancel in finished": (
+        lambda: in_place("ta", "execute_plan cancel", in_=("running", "stopping", "closing")),
+        0,
+        STUCK,
+    ),
+    "ta takes no cancel while an act goes on": (
+        lambda: without("ta", on="execute_plan cancel", say="act cancel"),
+        0,
+        "no row",
+    ),
+    "km does not renew its subscription": (
+        lambda: in_place("km", "back ta", on="own subscribe", when=("observe_world none",)),
+        1,
+        STUCK,
+    ),
+    "pl forgets the request it agreed to": (lambda: in_place("pl", "restart", say=(), to="idle"), 1, STUCK),
+    "ex forgets its act": (lambda: in_place("ex", "restart", to="idle"), 1, STUCK),
+    "ex begins its act again": (lambda: in_place("ex", "restart", to="acting", moves="act"), 1, "twice"),
+    "ta does not ask again after a death": (lambda: without("ta", on="restart", say="query-ref"), 1, STUCK),
+    "co gives up a late plan and forgets it": (co_forgets, 1, "no row"),
+    "ex takes no cancel once it has stopped to act": (
+        lambda: in_place("ex", "act cancel", in_=("preparing", "acting")),
+        0,
+        STUCK,
+    ),
+    "co drops a failure of pl": (lambda: in_place("co", "generate_plan failure", say=()), 0, "no row"),
+    "a command is taken though one is under way": (
+        lambda: in_place("ta", "execute_plan cancel", to="idle"),
+        0,
+        STUCK,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NAIVE)
+def test_naive(name: str) -> None:
+    """It fails, with so many faults and not with fewer, by what is said here."""
+    make, most, what = NAIVE[name]
+    design = make()
+    result = found(design, Faults(most))
+    assert result.findings, f"nothing is found in {result.states} states"
+    assert any(word in str(result.findings[0]) for word in what.split("|")), str(result.findings[0])
+    assert most == 0 or not found(design, Faults(most - 1)).findings
+
+
+def test_nobody_asks_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lost question is waited for, for ever."""
+    monkeypatch.setattr(Soft, "by_itself", lambda self, state, net: iter(()))
+    result = found(DESIGN, Faults(1))
+    assert result.findings[0].kind in (DEADLOCK, UNREACHED)
+
+
+def test_what_is_owed_stands_in_ram(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A death of ta between an act and its report makes pl plan on a stale world."""
+    right = Agent._restarted
+
+    def forgetful(self, local):
+        return tuple(one._replace(there=one.there._replace(owed=frozenset())) for one in right(self, local))
+
+    monkeypatch.setattr(Agent, "_restarted", forgetful)
+    result = found(DESIGN, Faults(1))
+    assert "planning on a stale world" in result.findings[0].text
+
+
+def test_a_design_is_not_changed_by_variants() -> None:
+    """The variants are copies."""
+    assert msgspec.json.encode(DESIGN.file) == msgspec.json.encode(Design(DESIGN.file).file)
