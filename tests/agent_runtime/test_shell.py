@@ -1,19 +1,27 @@
 """The shell carries a step's effects out in the promised order, and logs the step, whatever the step was."""
 
+import time
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
+import msgspec
 import pytest
+import zenoh
 from toy_observers import Seen, Topic, WhatOf, knower, watcher, wiring
 
 from agent_runtime import shell, steplog
 from agent_runtime.core import Core
 from agent_runtime.effects import Receipt
 from agent_runtime.events import AnyEvent, Arrived, Local, PeerChanged, Started
+from agent_runtime.inbox import Inbox
 from agent_runtime.options import Options
 from agent_runtime.peers import Peers
-from fipa_codec.communicate import Communicate
+from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.zenoh_wire import BULK_BYTES, ZenohWire
+from fipa_codec.communicate import Communicate, encode
 from fipa_codec.conversation import Conversation
+from fipa_codec.languages import Languages
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 
@@ -140,3 +148,66 @@ def test_every_step_is_in_the_log_and_replays(watching: Stepped, tmp_path: Path)
     again = list(steplog.replay(Core(watcher(), wiring("watcher")), iter(steps)))
     assert [step.step for step, _ in again] == list(range(1, 8))
     assert all(steplog.fingerprint(effects) == step.output for step, effects in again)
+
+
+def written(run: Path) -> int:
+    """Steps in the watcher's log."""
+    return len(list(steplog.read(run / "steps" / "watcher.steps")))
+
+
+def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Stepped, tmp_path: Path) -> None:
+    """Nobody who asks waits for the disk; of many steps without a pause only the last few are not written yet."""
+    before = written(tmp_path)
+    watching.shell._serving = True
+    watching.shell._beat_at = time.time() + 100.0
+    watching.happen(Local(Seen("jar", 0)))
+    assert written(tmp_path) == before
+    assert watching.shell._wait_s() <= shell.QUIET_S
+    watching.shell._write_down()
+    assert written(tmp_path) == before + 1
+    for value in range(1, 3 * shell.MOST_UNWRITTEN):
+        watching.happen(Local(Seen("jar", value)))
+        assert before + value + 1 - written(tmp_path) < shell.MOST_UNWRITTEN
+
+
+def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> None:
+    """An end in order loses no step and no line."""
+    one = Stepped(watcher(), tmp_path)
+    one.shell._serving = True
+    one.happen(Started(first=True))
+    one.happen(Local(Seen("jar", 1)))
+    one.shell._close()
+    assert [step.kind for step in steplog.read(tmp_path / "steps" / "watcher.steps")] == ["boot", "Started", "Local"]
+
+
+def test_what_a_step_says_leaves_before_the_step_is_compared_and_written(watching: Stepped) -> None:
+    """Whoever waits for an answer waits for what it needs only."""
+    end = watching.shell._core.end
+    watching.shell._core.end = lambda *given: watching.order.done.append("end") or end(*given)
+    watching.happen(Arrived(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")))
+    assert watching.happen(Local(Seen("jar", 1))) == ["record", "inform", "end"]
+
+
+@pytest.mark.parametrize(
+    ("delivery", "size", "priority"),
+    [
+        (Delivery.VOLATILE, 10, zenoh.Priority.DATA),
+        (Delivery.VOLATILE, BULK_BYTES, zenoh.Priority.DATA_LOW),
+        (Delivery.DURABLE, 10, zenoh.Priority.INTERACTIVE_HIGH),
+        (Delivery.DURABLE, BULK_BYTES, zenoh.Priority.INTERACTIVE_HIGH),
+    ],
+)
+def test_much_that_may_wait_goes_behind_the_rest(delivery: Delivery, size: int, priority: object) -> None:
+    """A large answer delays nobody; a stream keeps one priority, so that nothing in it overtakes."""
+    session = MagicMock()
+    session.declare_keyexpr.side_effect = lambda key: key
+    link = Link("b", "C1", "query", Role.INITIATOR, delivery)
+    wire = ZenohWire(session, Wiring("toy", "a", (link,), Languages()), 1, Inbox())
+    content = msgspec.Raw(msgspec.msgpack.encode("x" * size))
+    asked = Conversation.open("query", Role.INITIATOR, id="a-1-1", me="a", peer="b")
+    communicate = asked.send(P.QUERY_REF, id="a-1-2", now=1.0, content=content, language="X")[1]
+    for _ in range(2):
+        assert wire.send(communicate) == len(encode(communicate))
+        (key, data), how = session.put.call_args
+        assert (key, data) == ("roco/toy/C1/a/b/query/query-ref", encode(communicate))
+        assert how["priority"] == priority
