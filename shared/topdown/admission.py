@@ -5,6 +5,7 @@ was said before.
 """
 
 import re
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ from topdown.design import Design, Rule
 from topdown.verdicts import Verdict
 
 KEYS = 4096
-"""Keys whose parts are remembered; estimate: a design has some tens."""
+"""Keys, and combinations of words that are right, that are remembered; estimate: a design has some hundred."""
 UNKNOWN_KINDS = (Kind.PLAIN, Kind.PROGRESS, Kind.FINAL)
 """What an inform may be whose content cannot be read."""
 
@@ -46,6 +47,7 @@ class Admission:
     def __init__(self, design: Design, languages: Languages | None) -> None:
         self._rules, self._agents = design.rules, frozenset(design.agents)
         self._languages = languages
+        self._fine: dict[tuple[object, ...], tuple[Rule, int]] = {}
         template = re.escape(design.file.system.key).replace(r"\{", "{").replace(r"\}", "}")
         pattern = re.compile(re.sub(r"\{(\w+)\}", r"(?P<\1>[^/]+)", template))
 
@@ -58,23 +60,35 @@ class Admission:
 
     def check(self, key: str, one: Communicate, size: int, read: tuple[str, Kind] | None = None) -> Admitted:
         """`read`: LANGUAGE.Class ("" for none) and kind of the content, where it was read before and is not there."""
+        name, kind, unread = self._read(one) if read is None else (*read, None)
+        words = (key, one.sender, one.receiver, one.protocol, one.performative, one.language, one.ontology, name)
+        known = self._fine.get(words)
+        if known is not None and unread is None and kind is not None and not 0 < known[1] < size:
+            return Admitted(known[0], known[0].channel, (kind,), ())
         rule = self._rules.get((one.sender, one.receiver, one.protocol, one.performative))
         if rule is None:
             fault = Fault(Verdict.NOT_ENTITLED, self._no_rule(one))
             return Admitted(None, (self.parts(key) or {}).get("channel", ""), (), (fault,))
-        wrong = self._wrong_key(key, one, rule)
-        name, kind, unread = self._read(one) if read is None else (*read, None)
-        faults = [] if wrong is None else [Fault(Verdict.WRONG_CHANNEL, wrong)]
-        wrong = unread or self._wrong_words(one, rule, name)
-        if wrong is not None:
-            faults.append(Fault(Verdict.WRONG_LANGUAGE, wrong))
-            kind = None
+        faults = [*self._wrong(key, one, rule, name, unread)]
         most = rule.sizes.get(name or "", rule.bytes)
+        if not faults and len(self._fine) < KEYS:
+            self._fine[words] = (rule, most)
+        if any(fault.verdict is Verdict.WRONG_LANGUAGE for fault in faults):
+            kind = None
         if size > most > 0:
             what = f" with {name}" if name else ""
             why = f"{size} B; the design allows {one.performative}{what} {most} B"
             faults.append(Fault(Verdict.OVER_BUDGET, why))
         return Admitted(rule, rule.channel, UNKNOWN_KINDS if kind is None else (kind,), tuple(faults))
+
+    def _wrong(self, key: str, one: Communicate, rule: Rule, name: str | None, unread: str | None) -> Iterator[Fault]:
+        """What is wrong with its key and its words."""
+        wrong = self._wrong_key(key, one, rule)
+        if wrong is not None:
+            yield Fault(Verdict.WRONG_CHANNEL, wrong)
+        wrong = unread or self._wrong_words(one, rule, name)
+        if wrong is not None:
+            yield Fault(Verdict.WRONG_LANGUAGE, wrong)
 
     def _no_rule(self, one: Communicate) -> str:
         for agent in (one.sender, one.receiver):

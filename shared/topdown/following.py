@@ -57,13 +57,13 @@ class Moves:
             found = self._known[key] = self._saying(states, said)
         return found
 
-    def taking(self, states: States, said: Said) -> States:
-        """Where it may stand after this came to it; none: it cannot take it in any of these states."""
-        key = (states, said.performative, said.kinds, said.sure)
+    def taking(self, states: States, said: Said, *, sure: bool) -> States:
+        """Where it may stand after this came to it (`sure`: and it took it); none: in none of these it can."""
+        key = (states, said.performative, said.kinds, sure)
         found = self._known.get(key)
         if found is None:
             taken = frozenset(one for state in states for one in self._taking(state, said))
-            found = self._known[key] = taken if said.sure else taken | states
+            found = self._known[key] = taken if sure else taken | states
         return found
 
     def words(self, states: States) -> str:
@@ -154,8 +154,8 @@ class Side:
     def hear(self, said: Said) -> None:
         """The other role said this: it is on its way."""
         self._ahead.append(said)
-        self._at.append(self._moves.taking(self._at[-1], said))
-        self.likely = self._moves.taking(self.likely, said._replace(sure=True)) or self._last()
+        self._at.append(self._moves.taking(self._at[-1], said, sure=said.sure))
+        self.likely = self._moves.taking(self.likely, said, sure=True) or self._last()
         if said.label:
             self._labels.setdefault(said.label, self._taken + len(self._ahead))
         if len(self._ahead) > WINDOW and any(self._at[1:]):
@@ -182,7 +182,7 @@ class Side:
         """Let it take what is on its way, as far as it can."""
         for n, said in enumerate(self._ahead):
             if found[n]:
-                found[n + 1] |= self._moves.taking(found[n], said)
+                found[n + 1] |= self._moves.taking(found[n], said, sure=said.sure)
         self._at = found
         while len(self._at) > 1 and not self._at[0]:
             self._drop()
