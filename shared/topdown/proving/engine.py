@@ -2,8 +2,8 @@
 
 Three things are looked for: a state the model calls wrong; a deadlock (nothing but faults can happen, and it is not at
 rest); and a state from which rest is out of reach by moves that are fair, that is, neither faults nor somebody's free
-choice. States are numbered as they are found, and edges are kept as numbers only, so that millions fit into memory.
-Must not know: what a model is about.
+choice. Nothing is explored beyond a wrong state or a deadlock. States are numbered as they are found, and edges are
+kept as numbers only, so that millions fit into memory. Must not know: what a model is about.
 """
 
 import time
@@ -50,7 +50,7 @@ class Model(Protocol):
         """Whether all may stay as it is for ever."""
 
     def wrong(self, state: State) -> str:
-        """What is wrong in this state by itself, in words; "" for nothing. Nothing is explored beyond a wrong state."""
+        """What is wrong in this state by itself, in words; "" for nothing. Nothing is explored beyond it."""
 
     def describe(self, state: State) -> dict[str, str]:
         """Agent -> its state in words, for drawing traces."""
@@ -173,26 +173,27 @@ class _Walk:
             self.good.append(here)
         if wrong:
             self._find(WRONG, wrong, here)
-        elif not self._go_on(here, state, waiting) and not rest:
-            self.dead.add(here)
-            self._find(DEADLOCK, "nothing can happen any more, and not all is at rest", here)
+        else:
+            moves = tuple(self.model.moves(state))
+            if rest or not all(move[4] for move in moves):
+                self._go_on(here, moves, waiting)
+            else:
+                self.dead.add(here)
+                self._find(DEADLOCK, "nothing can happen any more, and not all is at rest", here)
         self.begin.append(len(self.fair))
 
-    def _go_on(self, here: int, state: State, waiting: deque[State]) -> bool:
-        """Note every move; whether there was one that is no fault."""
-        numbers, fair_ones, moved = self.numbers, self.fair, False
-        for _, _, there, fair, fault in self.model.moves(state):
+    def _go_on(self, here: int, moves: tuple[Move, ...], waiting: deque[State]) -> None:
+        """Note every move."""
+        numbers, fair_ones = self.numbers, self.fair
+        for _, _, there, fair, fault in moves:
             self.edges += 1
             number = numbers.get(there)
             if number is None:
                 number = numbers[there] = len(numbers)
                 self.parents.append(here)
                 waiting.append(there)
-            if not fault:
-                moved = True
-                if fair:
-                    fair_ones.append(number)
-        return moved
+            if fair and not fault:
+                fair_ones.append(number)
 
     def _limited(self, waiting: int) -> bool:
         """Look at the clock and the count: whether to stop."""

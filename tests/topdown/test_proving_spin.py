@@ -1,0 +1,118 @@
+"""A second opinion: spin stores as many states as are explored here, and finds the same deadlocks and wrong states."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, State
+from fipa_codec.tables import RECEIVE, Role, Row
+from topdown.proving.durable import durable_pair
+from topdown.proving.engine import DEADLOCK, WRONG, explore
+from topdown.proving.net import Clear, Command, Copy, Empty, Full, Head, Net, Queue, Send, Set, Take, Variable, is_
+from topdown.proving.net import Wrong as Never
+from topdown.proving.net_model import NetModel
+from topdown.proving.promela import promela
+from topdown.proving.roles import restricted
+from topdown.proving.volatile import Rules, volatile_pair
+
+ASKER, SERVER = Role.INITIATOR, Role.PARTICIPANT
+SMALL = restricted(REQUEST, {ASKER: {"request", "cancel"}, SERVER: {"agree", "inform", "refuse"}})
+WATCH = restricted(SUBSCRIBE, {ASKER: {"subscribe"}, SERVER: {"agree", "inform"}})
+
+
+def spoilt_by_a_missing_row():
+    """The cancel that crosses the inform has no row."""
+    server = SMALL.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL)
+    return durable_pair(SMALL.varied(participant=server), faults=0)
+
+
+def spoilt_by_silence():
+    """The cancel that came too late is absorbed."""
+    server = SMALL.tables[SERVER]
+    for state in (State.START, State.DONE, State.REFUSED):
+        server = server.with_rows(Row(state, RECEIVE, P.CANCEL, Kind.PLAIN, State.DONE))
+    return durable_pair(SMALL.varied(participant=server), faults=0)
+
+
+def with_queues(room):
+    """Everything that a net may say: two who talk over queues, and never is B served twice."""
+    commands = (
+        Command("A", "asks", (is_("a", "idle"), Empty("to b")), (Send("to b", "ask"), Set("a", "busy"))),
+        Command("A", "asks again", (is_("a", "busy"),), (Send("to b", "ask"),)),
+        Command("A", "cancels", (is_("a", "busy"), Full("to b")), (Clear("to b"), Send("to b", "stop"))),
+        Command("B", "serves", (Head("to b", frozenset({"ask"})),), (Take("to b"), Copy("last", "b"), Set("b", "on"))),
+        Command("B", "stops", (Head("to b", frozenset({"stop", "halt"})),), (Take("to b"), Set("b", "off"))),
+        Command("A", "rests", (is_("a", "busy"), is_("b", "off"), Empty("to b")), (Set("a", "idle"),)),
+    )
+    variables = (Variable("a", ("idle", "busy")), Variable("b", ("off", "on")), Variable("last", ("off", "on")))
+    queues = (Queue("to b", ("ask", "stop", "halt"), room),)
+    never = (Never("twice", (is_("last", "on"), is_("a", "idle"))),)
+    return Net("queues", variables, queues, commands, ((is_("a", "idle"), Empty("to b")),), never)
+
+
+MODELS = {
+    "query": lambda: durable_pair(restricted(QUERY, {ASKER: {"query-ref"}, SERVER: {"inform", "refuse"}}), faults=1),
+    "request": lambda: durable_pair(SMALL, faults=0),
+    "request, a fault": lambda: durable_pair(SMALL, faults=1),
+    "question": lambda: volatile_pair(QUERY, faults=1),
+    "observations": lambda: volatile_pair(WATCH, faults=2, latest=True),
+    "queues": lambda: with_queues(2),
+    "long queues": lambda: with_queues(4),
+    "spoilt: a row is missing": spoilt_by_a_missing_row,
+    "spoilt: silence": spoilt_by_silence,
+    "spoilt: not asked again": lambda: volatile_pair(QUERY, faults=1, rules=Rules(asks_again=False)),
+    "spoilt: due in RAM": lambda: volatile_pair(WATCH, faults=1, latest=True, rules=Rules(keeps_due=False)),
+}
+
+
+def verified(text, folder):
+    """(states stored, whether anything is wrong, whether there is a deadlock) in spin's words."""
+
+    def run(*words):
+        result = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result.stdout
+
+    (folder / "net.pml").write_text(text)
+    run("spin", "-a", "-o1", "-o2", "net.pml")
+    run("gcc", "-O0", "-w", "-DSAFETY", "-DNOREDUCE", "-o", "pan", "pan.c")
+    said = run("./pan", "-m1000000", "-c0", "-n")
+    stored = re.search(r"(\d+) states, stored", said)
+    assert stored is not None, said
+    assert "max search depth too small" not in said
+    return (
+        int(stored[1]),
+        bool(re.search(r"pan:\d+: assertion violated", said)),
+        bool(re.search(r"pan:\d+: invalid end state", said)),
+    )
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not (shutil.which("spin") and shutil.which("gcc")), reason="spin and gcc give the second opinion")
+@pytest.mark.parametrize("name", MODELS)
+def test_spin_agrees(name, tmp_path):
+    """States and verdict; in nets with faults a deadlock is an assertion as well."""
+    net = MODELS[name]()
+    stored, violated, ended = verified(promela(net), tmp_path)
+    found = explore(NetModel(net), first=False)
+    kinds = {finding.kind for finding in found.findings}
+    assert stored == found.states
+    if any(command.fault for command in net.commands):
+        assert violated == bool(kinds & {WRONG, DEADLOCK})
+        assert not ended
+    else:
+        assert violated == (WRONG in kinds)
+        assert ended == (DEADLOCK in kinds)
+    assert name.startswith("spoilt") == bool(kinds & {WRONG, DEADLOCK}) or "queue" in name
+
+
+def test_the_text_says_what_its_numbers_mean():
+    """Names, values and the words of each command."""
+    text = promela(MODELS["request"]())
+    assert "0 start" in text
+    assert "participant: agree -> initiator" in text
+    assert text.count("d_step") > len(MODELS["request"]().commands)
