@@ -9,11 +9,16 @@ from depot import world
 from depot.design import DESIGN, LANGUAGES
 from depot.desk.people import ORDERS, read
 from depot_in_memory import Depot, wishes
+from msgspec.structs import replace
 
 from agent_runtime.wires import Faults
 from fipa_codec.exploration import explore
-from topdown import agreement
+from topdown import agreement, elements
 from topdown.checks import check
+from topdown.design import Design
+from topdown.proving.engine import explore as explore_model
+from topdown.proving.fleet import Faults as FleetFaults
+from topdown.proving.fleet import Fleet
 from topdown.scaffold import scaffold
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
@@ -88,6 +93,18 @@ def test_one_robot_carries_alone_while_the_other_is_away(away):
     assert depot.outside == []
 
 
+def test_a_robot_that_dies_for_good_with_the_job_fails_the_order_only():
+    """The desk is told when the patience is over; the next order goes to the other robot."""
+    depot = Depot(*wishes(NORTH, SOUTH))
+    depot.wires.run(lambda: bool(depot.said("accept-proposal")))
+    depot.wires.crash("mule", restart_s=1e6)
+    depot.run(2)
+    memory = depot.wires.memory("dispatcher")
+    assert (memory.delivered, memory.failed) == (1, 1)
+    assert depot.assigned == ["mule", "ox"]
+    assert depot.outside == []
+
+
 def test_an_order_that_nobody_can_carry_is_given_up():
     """Both robots are away: after some calls the desk is told that it failed, and why."""
     depot = Depot(*wishes(NORTH), without=("mule", "ox"))
@@ -142,3 +159,64 @@ def test_its_own_tests_pass():
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--ignore", "tests/test_run.py"]
     done = subprocess.run(command, cwd=EXAMPLE, capture_output=True, text=True, timeout=55)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+# --- proven ---
+
+
+def changed(agent: str, rows: tuple[elements.Row, ...]) -> Design:
+    """The design with other rows of an agent."""
+    agents = tuple(replace(one, row=rows) if one.name == agent else one for one in DESIGN.file.agent)
+    return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
+
+
+def test_the_composed_agents_always_come_to_rest():
+    """All five, without faults: no message that no row takes, nobody stuck, rest in reach from everywhere."""
+    explored = explore_model(Fleet(DESIGN))
+    assert explored.findings == ()
+    assert explored.complete
+
+
+@pytest.mark.long
+def test_the_composed_agents_bear_a_fault():
+    """One loss, copy, death or expiry, anywhere."""
+    explored = explore_model(Fleet(DESIGN, FleetFaults(1)))
+    assert explored.findings == ()
+    assert explored.complete
+
+
+def test_a_careless_traffic_is_found():
+    """It lets a second robot into the aisle: the design says that this must never happen, and it would."""
+    careless = tuple(
+        replace(row, say=(row.on.replace("request", "agree"),)) if row.text == "it waits" else row
+        for row in DESIGN.agent("traffic").row
+    )
+    (finding,) = explore_model(Fleet(changed("traffic", careless))).findings
+    assert "two in the aisle" in finding.text
+
+
+@pytest.mark.parametrize("gone", ["mule", "ox"])
+def test_the_desk_comes_to_rest_though_a_robot_dies_for_good(gone):
+    """At any time, also with a job: every order then ends all the same."""
+    explored = explore_model(Fleet(DESIGN, FleetFaults(gone=gone, waiting="desk")))
+    assert explored.findings == ()
+    assert explored.complete
+
+
+@pytest.mark.parametrize(
+    ("agent", "on", "gone"),
+    [
+        ("mule", "tender_mule reject-proposal", ""),
+        ("mule", "way_mule agree", ""),
+        ("ox", "tender_ox accept-proposal", ""),
+        ("traffic", "way_ox inform", ""),
+        ("dispatcher", "tender_mule inform", ""),
+        ("dispatcher", "late tender_ox", "ox"),
+        ("desk", "order failure", "ox"),
+    ],
+)
+def test_an_event_forgotten_is_found(agent, on, gone):
+    """Without its rows somebody is stuck; what answers a silence is missed only where somebody is silent."""
+    rows = tuple(row for row in DESIGN.agent(agent).row if row.on != on)
+    assert len(rows) < len(DESIGN.agent(agent).row)
+    assert explore_model(Fleet(changed(agent, rows), FleetFaults(gone=gone, waiting="desk" if gone else ""))).findings

@@ -1,7 +1,8 @@
 """a_dispatcher. Puts each order out to tender among the robots, awards it to the one that has delivered soonest.
 
 A call has a reply-by: a robot that does not answer in time is passed over, and what it offers later is rejected. Until
-it has answered it is not called again, so there is one open tender for each robot at most. Must not know: clocks.
+its tender has ended it is not called again, so there is one open tender for each robot at most. A robot that has the
+job and is not heard of any more fails the order, and its last word is noted when it comes. Must not know: clocks.
 """
 
 from agent_runtime.agent import Agent
@@ -19,6 +20,7 @@ from depot.world import STATIONS
 
 ROBOTS = ("mule", "ox")
 REPLY_BY_S = 2.0  # a robot that is there answers within milliseconds (estimate)
+PATIENCE_S = 10.0  # with a robot that has the job, beyond five times what it offered (estimate)
 PAUSE_S = 1.0  # before robots are called again (estimate)
 ROUNDS = 20  # calls of one order before it is given up; a robot is home after some seconds (estimate)
 PAUSE = "pause"
@@ -54,7 +56,7 @@ def award(memory: Memory, turn: Turn) -> Memory:
     if memory.order is None or not memory.offers:
         return memory
     robot = min(memory.offers, key=lambda name: (memory.offers[name], name))
-    turn.say(memory.calls[robot], P.ACCEPT_PROPOSAL)
+    turn.say(memory.calls[robot], P.ACCEPT_PROPOSAL, reply_by_s=5.0 * memory.offers[robot] + PATIENCE_S)
     calls = {robot: memory.calls[robot]}
     for name, call in memory.calls.items():
         if name in memory.offers and name != robot:
@@ -66,12 +68,15 @@ def award(memory: Memory, turn: Turn) -> Memory:
 
 
 def await_delivery(memory: Memory, turn: Turn) -> Memory:
-    """Behaviour of `carrying`: passes the robot's last word on."""
+    """Behaviour of `carrying`: passes the robot's last word on, or says that it is not heard of any more."""
+    order, robot = memory.order, memory.robot
     match turn.event:
-        case Received(content=Carried(item=item)) as received if memory.order is not None:
-            turn.say(memory.order.conversation, P.INFORM, Delivered(item))
-            memory = replace(_closed(memory, received.communicate.sender), delivered=memory.delivered + 1)
-            return _ended(memory, turn)
+        case Received(content=Carried(item=item), communicate=said) if said.sender == robot and order is not None:
+            turn.say(order.conversation, P.INFORM, Delivered(item))
+            return _ended(replace(_closed(memory, robot), delivered=memory.delivered + 1), turn)
+        case Late(conversation=name) if name == memory.calls[robot] and order is not None:
+            turn.say(order.conversation, P.FAILURE, NotDelivered(f"{robot} is not heard of any more"))
+            return _ended(replace(memory, failed=memory.failed + 1), turn)
     return _hear(memory, turn)
 
 
