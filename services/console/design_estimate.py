@@ -64,7 +64,8 @@ def show(found: Estimate, compared: tuple[Measured, ...], within: float, console
     if any(0 < one.budget_s < one.latency_s for one in found.uses):
         console.print("! over the budget of the design")
     console.print()
-    console.print(f"the whole takes {found.seconds:.3g} s")
+    if found.seconds:
+        console.print(f"the whole takes {found.seconds:.3g} s")
     if found.narrowest:
         busy = bits(found.channels[found.narrowest].busy_bit_s)
         console.print(f"narrowest: channel {found.narrowest}, {busy} while it is busy")
@@ -72,7 +73,8 @@ def show(found: Estimate, compared: tuple[Measured, ...], within: float, console
         share = max(one.share for one in found.uses)
         console.print(f"slowest: {found.slowest}, in which {share:.0%} of the time passes")
     if found.missing:
-        console.print(f"without figures, so not counted: {', '.join(found.missing)}")
+        names = ", ".join(found.missing)
+        console.print(f"without figures, so counted once, shortest, as large as the budgets allow: {names}")
     if compared:
         console.print()
         console.print(beside(compared, within))
@@ -158,8 +160,8 @@ def size(value: float) -> str:
 
 
 def bits(value: float) -> str:
-    """Bit per second."""
-    return _scaled(value, "bit/s")
+    """Bit per second; nothing for 0."""
+    return _scaled(value, "bit/s") if value else ""
 
 
 def _scaled(value: float, unit: str) -> str:

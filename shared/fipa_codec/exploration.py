@@ -94,6 +94,14 @@ def edges(protocol: Protocol, capacity: int = CAPACITY) -> dict[Configuration, l
     return _Walk(protocol, capacity).edges
 
 
+def shortest(protocol: Protocol) -> tuple[Step, ...]:
+    """The steps of a shortest complete conversation: to where both have ended or rest, and nothing is on its way."""
+    walk = _Walk(protocol, 1)
+    first = next(iter(walk.parents))
+    end = next((here for here in walk.parents if here != first and walk._at_rest(here)), None)
+    return () if end is None else walk._way_to(end)
+
+
 def with_not_understood(protocol: Protocol) -> Protocol:
     """The protocol with the rule outside its tables written into them, so that it can be explored too.
 

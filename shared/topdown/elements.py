@@ -84,7 +84,8 @@ class Message(Entry, frozen=True):
     none = no content.
 
     `bytes`: the largest size of the whole communicate; 0: no budget is stated. For estimates: `typical_bytes`, and
-    `count`, how often it is said per conversation of its use, or of the use `each`.
+    `count`, how often it is said per conversation of its use, or of the use `each`; none of a use has one: as often as
+    in its shortest conversation.
     """
 
     sender: str
@@ -93,7 +94,7 @@ class Message(Entry, frozen=True):
     bytes: int = 0
     content: tuple[str, ...] = ()
     typical_bytes: int = 0
-    count: float = 0.0
+    count: float | None = None
     each: str = ""
 
 
@@ -128,7 +129,7 @@ class Protocol(Entry, frozen=True):
     journalled, re-sent. `latest`: of informs only the newest value of a subject counts. `latency_s`: what an answer
     should need at most; 0: no budget is stated. `answer`: the acts that answer in this sense; none: whatever comes
     first. For estimates: `within`, the use in whose conversations this one's are opened (none: a person or the start
-    opens them), `per`, how many in each; `typical_s`, what one takes besides those opened within it;
+    opens them), `per`, how many in each (none: one); `typical_s`, what one takes besides those opened within it;
     `typical_latency_s`, what its answer takes; `alongside`: it goes on beside the others, nobody waits for its end.
     """
 
@@ -145,7 +146,7 @@ class Protocol(Entry, frozen=True):
     ontology: str = ""
     latest: bool = False
     within: str = ""
-    per: float = 0.0
+    per: float | None = None
     typical_s: float = 0.0
     typical_latency_s: float = 0.0
     alongside: bool = False

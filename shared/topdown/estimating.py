@@ -4,12 +4,19 @@ A small model of typical figures that the designer states. Conversations of a us
 (`within`, `per`); the roots are opened by a person or the start. A message is said `count` times in a conversation of
 its use, or of the use `each`, and has `typical_bytes`. A conversation takes `typical_s` and, one after the other,
 whatever is opened within it, but for what goes on `alongside`. Beside the typical figures stand the most that the
-budgets allow. Left out: what is said in parallel, waiting in queues, faults and what is said again because of them.
+budgets allow. Where figures are missing, there is one conversation of a use, the shortest that its table allows with
+the listed acts, and each communicate is as large as its budget. Left out: what is said in parallel, waiting in queues,
+faults and what is said again because of them.
 """
+
+from collections import Counter
 
 import msgspec
 
+from fipa_codec.exploration import shortest
+from fipa_codec.tables import Role, Way
 from topdown import elements
+from topdown.checks.protocols import listed, restricted
 from topdown.design import Design
 
 
@@ -43,7 +50,9 @@ class UseEstimate(msgspec.Struct, frozen=True):
 
 
 class Estimate(msgspec.Struct, frozen=True):
-    """`seconds`: from the first opening to the end of the roots; `missing`: uses that lack the figures."""
+    """`seconds`: from the first opening to the end of the roots; `missing`: uses that lack figures, in whose place one
+    shortest conversation with the sizes of the budgets is counted.
+    """
 
     seconds: float
     channels: dict[str, Load]
@@ -53,12 +62,14 @@ class Estimate(msgspec.Struct, frozen=True):
     @property
     def narrowest(self) -> str:
         """The channel that carries most while it is busy; "" where nothing is known."""
-        return max(self.channels, key=lambda name: self.channels[name].busy_bit_s, default="")
+        busy = {name: load.busy_bit_s for name, load in self.channels.items() if load.busy_bit_s > 0}
+        return max(busy, key=lambda name: busy[name], default="")
 
     @property
     def slowest(self) -> str:
         """The use in which most of the time passes."""
-        return max(self.uses, key=lambda one: one.share).use if self.uses else ""
+        shares = {one.use: one.share for one in self.uses if one.share > 0}
+        return max(shares, key=lambda name: shares[name], default="")
 
 
 def estimate(design: Design) -> Estimate:
@@ -79,29 +90,40 @@ class _Model:
 
     def estimate(self) -> Estimate:
         uses = tuple(self._use(use) for use in self.uses.values())
-        missing = tuple(use.name for use in self.uses.values() if use.per <= 0)
+        missing = tuple(use.name for use in self.uses.values() if _lacks(use))
         return Estimate(self.seconds, {name: self._channel(name, uses) for name in self.design.channels}, uses, missing)
 
     def _conversations(self, name: str, below: tuple[str, ...]) -> float:
         use = self.uses.get(name)
         if use is None or name in below:
             return 0.0
-        return use.per * (self._conversations(use.within, (*below, name)) if use.within else 1.0)
+        return _per(use) * (self._conversations(use.within, (*below, name)) if use.within else 1.0)
 
     def _seconds(self, name: str, above: tuple[str, ...]) -> float:
         """What one conversation takes, with all that is opened within it."""
         if name in above:
             return 0.0
         children = [use for use in self.uses.values() if use.within == name and not use.alongside]
-        return self.uses[name].typical_s + sum(use.per * self._seconds(use.name, (*above, name)) for use in children)
+        return self.uses[name].typical_s + sum(_per(use) * self._seconds(use.name, (*above, name)) for use in children)
 
-    def _said(self, use: elements.Protocol, message: elements.Message) -> float:
-        return message.count * self.opened.get(message.each or use.name, 0.0)
+    def _said(self, use: elements.Protocol) -> list[tuple[elements.Message, float]]:
+        """Each message and how often it is said in all."""
+        counts = [message.count or 0.0 for message in use.message] if _has_counts(use) else self._shortest(use)
+        opened = [self.opened.get(message.each or use.name, 0.0) for message in use.message]
+        return [(message, count * times) for message, count, times in zip(use.message, counts, opened, strict=True)]
+
+    def _shortest(self, use: elements.Protocol) -> list[float]:
+        """How often each message stands in the shortest conversation; an act that is listed twice counts once."""
+        table = self.design.tables.get(use.follows)
+        steps = shortest(restricted(table, listed(use))) if table else ()
+        ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
+        said = Counter((ends[step.role], step.row.performative) for step in steps if step.row.way is Way.SEND)
+        return [float(said.pop((message.sender, message.performative), 0)) for message in use.message]
 
     def _use(self, use: elements.Protocol) -> UseEstimate:
-        said = [(message, self._said(use, message)) for message in use.message]
+        said = self._said(use)
         count = sum(times for _, times in said)
-        size = sum(times * message.typical_bytes for message, times in said)
+        size = sum(times * (message.typical_bytes or message.bytes) for message, times in said)
         most = sum(times * message.bytes for message, times in said)
         return UseEstimate(
             use=use.name,
@@ -136,6 +158,19 @@ class _Model:
             mean_bit_s=_rate(size, self.seconds),
             busy_bit_s=max((load.busy_bit_s for load in loads), default=0.0),
         )
+
+
+def _per(use: elements.Protocol) -> float:
+    return 1.0 if use.per is None else use.per
+
+
+def _has_counts(use: elements.Protocol) -> bool:
+    return any(message.count is not None for message in use.message)
+
+
+def _lacks(use: elements.Protocol) -> bool:
+    """Whether figures are missing; `per = 0` says that nobody opens it."""
+    return use.per is None or (use.per > 0 and not _has_counts(use))
 
 
 def _rate(size: float, seconds: float) -> float:

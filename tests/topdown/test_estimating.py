@@ -8,6 +8,8 @@ from topdown.estimating import estimate
 from topdown.measuring import measure, recorded_as_estimate, typical
 from topdown.observing import Observation, Observed
 
+AGREE = '"base", performative = "agree", language = "WAY", bytes = 100'
+
 
 def test_conversations_multiply_down_the_uses() -> None:
     """2 orders, 3 drives and 10 questions in each."""
@@ -56,10 +58,29 @@ def test_an_answer_that_is_the_result_takes_as_long_as_the_conversation() -> Non
     assert found["ask"].latency_s == 0.05
 
 
-def test_uses_without_figures_are_named() -> None:
-    """They count nothing."""
+def test_uses_without_figures_are_named_and_counted_once() -> None:
+    """One conversation within each order."""
     found = estimate(design(("per = 10\n", "")))
     assert found.missing == ("ask",)
+    assert {one.use: one.conversations for one in found.uses}["ask"] == 2
+
+
+def test_without_counts_the_shortest_conversation_is_counted_with_its_budgets() -> None:
+    """A drive is a request (200 B) and an inform (100 B); the agree may be left out. Sizes unstated are the budgets."""
+    silent = [
+        ('typical_bytes = 200, count = 1 },\n  { sender = "base"', 'typical_bytes = 200 },\n  { sender = "base"'),
+        ('"base", performative = "agree", language = "WAY", bytes = 100, typical_bytes = 50, count = 1', AGREE),
+        ('content = ["Driven"], bytes = 300, typical_bytes = 100, count = 1', 'content = ["Driven"], bytes = 300'),
+    ]  # fmt: skip
+    drive = {one.use: one for one in estimate(design(*silent)).uses}["drive"]
+    assert estimate(design(*silent)).missing == ("drive",)
+    assert (drive.load.communicates, drive.load.bytes) == (6 * 2, 6 * (200 + 300))
+
+
+def test_what_nobody_opens_counts_nothing() -> None:
+    """`per = 0` is a figure."""
+    found = estimate(design(("per = 10\n", "per = 0\n")))
+    assert found.missing == ()
     assert {one.use: one.load.bytes for one in found.uses}["ask"] == 0
 
 
