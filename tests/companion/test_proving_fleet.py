@@ -182,7 +182,7 @@ def test_naive(name: str) -> None:
 
 def test_nobody_asks_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lost question is waited for, for ever."""
-    monkeypatch.setattr(Soft, "by_itself", lambda self, state, net: iter(()))
+    monkeypatch.setattr(Soft, "by_itself", lambda self, ends: iter(()))
     result = found(DESIGN, Faults(1))
     assert result.findings[0].kind in (DEADLOCK, UNREACHED)
 

@@ -99,7 +99,7 @@ class Agent:
         found = table.find(talk or START, RECEIVE, said.act, said.kind)
         if found is None:
             return f"{self.machine.agent} in {local.state} has {said.use} in {talk or NONE} and got {said}"
-        after = self._with_talk(local, said.use, str(found.to))
+        after = self.with_talk(local, said.use, str(found.to))
         outcomes = tuple(self._apply(after, rows))
         if not outcomes:
             state = {u.name: t for u, t in zip(self.uses, after.talks, strict=True) if t}
@@ -130,7 +130,7 @@ class Agent:
         """Outcomes of an event that is no message; a volatile conversation whose wait is over is given up by it."""
         gives_up = event.cause is Cause.LATE and not self.machine.uses[event.name].durable
         after = local._replace(news=local.news - {event.name}) if event.cause is Cause.BACK else local
-        after = self._with_talk(after, event.name, "") if gives_up else after
+        after = self.with_talk(after, event.name, "") if gives_up else after
         for outcome in self._apply(after, [row]):
             closed = (Effect("close", event.name),) if gives_up else ()
             yield outcome._replace(effects=(*closed, *outcome.effects))
@@ -183,7 +183,7 @@ class Agent:
                 continue
             for name in row.drop:
                 if self.talk(local, name):
-                    local = self._with_talk(local, name, "")
+                    local = self.with_talk(local, name, "")
                     effects.append(Effect("close", name))
             spoken = self._spoken(local, row.say)
             if spoken is None:
@@ -214,7 +214,7 @@ class Agent:
             found = table.find(START if opens and not use.durable else talk or START, SEND, said.act, said.kind)
             if found is None:
                 return None
-            local = self._with_talk(local, said.use, str(found.to))
+            local = self.with_talk(local, said.use, str(found.to))
             if said not in self.silent:
                 effects.append(Effect("open" if opens else "say", said.use, said))
         return local, effects
@@ -227,12 +227,13 @@ class Agent:
             if talk and talk in table.urgent:
                 return None, []
             if talk and talk in table.ended:
-                local = self._with_talk(local, use.name, "")._replace(begun=local.begun - {use.name})
+                local = self.with_talk(local, use.name, "")._replace(begun=local.begun - {use.name})
                 if not use.durable:
                     effects.append(Effect("close", use.name))
         return local, effects
 
-    def _with_talk(self, local: Local, use: str, state: str) -> Local:
+    def with_talk(self, local: Local, use: str, state: str) -> Local:
+        """The same with another state of the conversation of a use."""
         number = self.index[use]
         return local._replace(talks=(*local.talks[:number], state, *local.talks[number + 1 :]))
 

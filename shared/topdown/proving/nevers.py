@@ -9,7 +9,7 @@ from topdown.machines import NONE, Machine, Said
 from topdown.own_tables import act_word
 
 if TYPE_CHECKING:
-    from topdown.proving.fleet import Flat, Fleet
+    from topdown.proving.parts import Parts
 
 IN, OWES = "in", "owes"
 
@@ -21,14 +21,14 @@ class While(NamedTuple):
     what: str
     words: frozenset[str]
 
-    def holds(self, fleet: "Fleet", state: "Flat") -> bool:
+    def holds(self, parts: "Parts", state: tuple[int, ...]) -> bool:
         """Whether it holds in a state of the composed model."""
-        local = fleet.local(state, self.agent)
+        local = parts.local(self.agent, state[self.agent])
         if self.what == IN:
             return local.state in self.words
         if self.what == OWES:
-            return any(fleet.net(state, fleet.net_of[use]).stale for use in self.words)
-        return (fleet.agents[self.agent].talk(local, self.what) or NONE) in self.words
+            return any(parts.net(state[parts.net_of[use]]).stale for use in self.words)
+        return (parts.agents[self.agent].talk(local, self.what) or NONE) in self.words
 
 
 class Never(NamedTuple):
@@ -40,9 +40,9 @@ class Never(NamedTuple):
     says: frozenset[Said]
     whiles: tuple[While, ...]
 
-    def broken(self, fleet: "Fleet", state: "Flat") -> bool:
+    def broken(self, parts: "Parts", state: tuple[int, ...]) -> bool:
         """Whether saying it in this state breaks the rule."""
-        return all(condition.holds(fleet, state) for condition in self.whiles)
+        return all(condition.holds(parts, state) for condition in self.whiles)
 
 
 def nevers(design: Design, place: Mapping[str, int], machines: Mapping[str, Machine]) -> tuple[Never, ...]:

@@ -1,10 +1,11 @@
 """A volatile use in the composed model: what of it may happen by itself, and to words on their way.
 
-Asked again is only what nothing more is on the way of: other repetitions are copies, which count as faults.
+What may happen depends on the two ends and on what is on the way; it is worked out once and kept. Asked again is only
+what nothing more is on the way of: other repetitions are copies, which count as faults.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import NamedTuple
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
@@ -12,139 +13,129 @@ from fipa_codec.tables import RECEIVE, SEND, START, Role
 from topdown import elements
 from topdown.machines import Said
 from topdown.proving.nets import Net
-
-if TYPE_CHECKING:
-    from topdown.proving.fleet import Flat, Fleet, Ready
+from topdown.proving.parts import Parts, Ready
 
 
-Found = Any
-"""As in fleet.py: a plain tuple of engine.Move's five fields."""
+class Ends(NamedTuple):
+    """The two ends' local states and the net, by number."""
+
+    asker: int
+    server: int
+    net: int
+
+
+class Turn(NamedTuple):
+    """Something that may happen: the parts change to `ends`; then agent `number` does `ready`, if there is one."""
+
+    who: str
+    what: str
+    ends: Ends
+    number: int = -1
+    ready: Ready | None = None
+    fault: bool = False
 
 
 class Soft:
-    """One volatile use; `slot` is its place in a state."""
+    """One volatile use; `slot` is its net's place in a state."""
 
-    def __init__(self, fleet: "Fleet", slot: int, use: elements.Protocol) -> None:
-        self.fleet, self.slot, self.use, self.latest = fleet, slot, use.name, use.latest
-        self.initiator, self.participant = fleet.place[use.initiator], fleet.place[use.participant]
-        tables = fleet.agents[self.initiator].machine.uses[use.name].protocol.tables
+    def __init__(self, parts: Parts, use: elements.Protocol) -> None:
+        self.parts, self.use, self.latest = parts, use.name, use.latest
+        self.slot = parts.net_of[use.name]
+        self.asker, self.server = parts.place[use.initiator], parts.place[use.participant]
+        tables = parts.agents[self.asker].machine.uses[use.name].protocol.tables
         asker, server = tables[Role.INITIATOR], tables[Role.PARTICIPANT]
         said = {message.performative for message in use.message}
-        self.openings = {
-            str(row.to): self._said(row.performative, row.kind)
-            for row in asker.allowed(START, SEND)
-            if row.performative in said
-        }
-        self.outward = {self._said(row.performative, row.kind) for row in asker if row.way is SEND}
+        opening = [row for row in asker.allowed(START, SEND) if row.performative in said]
+        self.openings = {str(row.to): Said(use.name, row.performative, row.kind) for row in opening}
+        self.outward = {Said(use.name, row.performative, row.kind) for row in asker if row.way is SEND}
         self.unanswered = {str(row.to) for row in server.allowed(START, RECEIVE)}
         self.resting = server.resting
         self.answers = {
-            str(row.to): self._said(row.performative, row.kind)
+            str(row.to): Said(use.name, row.performative, row.kind)
             for state in self.unanswered
             for row in reversed(server.allowed(state, SEND))
         }
-        self.news = self._said(Performative.INFORM)
+        self.news = Said(use.name, Performative.INFORM, Kind.PLAIN)
+        self._turns: dict[Ends, tuple[Turn, ...]] = {}
 
-    def _said(self, act: Performative, kind: Kind = Kind.PLAIN) -> Said:
-        return Said(self.use, act, kind)
-
-    def at_rest(self, state: "Flat") -> bool:
+    def at_rest(self, ends: Ends) -> bool:
         """Nothing on its way; a subscription is live, and its newest observation known."""
-        net = self.fleet.net(state, self.slot)
-        live = bool(self._talk(state, self.initiator)) and net.current
+        net = self.parts.net(ends.net)
+        live = bool(self.parts.talk(self.asker, ends.asker, self.use)) and net.current
         return not net.words and not net.stale and (live or not self.latest)
 
-    def moves(self, state: "Flat", faulty: bool) -> Iterator[Found]:
-        """All that can happen in this use."""
-        net = self.fleet.net(state, self.slot)
-        for said in net.words:
-            yield from self._taken(state, net, said, faulty)
-        yield from self.by_itself(state, net)
-        if faulty and self.fleet.faults.losses:
-            yield from self._losses(state, net)
+    def turns(self, ends: Ends) -> tuple[Turn, ...]:
+        """All that may happen in this use, faults as well."""
+        found = self._turns.get(ends)
+        if found is None:
+            found = self._turns[ends] = (*self._taken(ends), *self.by_itself(ends), *self._lost(ends))
+        return found
 
-    def _talk(self, state: "Flat", number: int) -> str:
-        return self.fleet.agents[number].talk(self.fleet.local(state, number), self.use)
-
-    def _name(self, number: int) -> str:
-        return self.fleet.names[number]
+    def _with(self, ends: Ends, net: Net) -> Ends:
+        return ends._replace(net=self.parts.nets(net))
 
     # --- taken --------------------------------------------------------------------------------------------------------
 
-    def _taken(self, state: "Flat", net: Net, said: Said, faulty: bool) -> Iterator[Found]:
-        number = self.participant if said in self.outward else self.initiator
-        opening = said in self.openings.values()
-        if opening and self._talk(state, number) and net.current:
-            yield self._repeated(state, net, said)
+    def _taken(self, ends: Ends) -> Iterator[Turn]:
+        net = self.parts.net(ends.net)
+        for said in net.words:
+            if said in self.openings.values():
+                yield from self._asked(ends, net, said)
+            elif said in self.outward:
+                yield from self._heard(ends, net, said, self.server, ends.server)
+            elif self.latest and said == self.news:
+                yield from self._observed(ends, net)
+            else:
+                yield from self._heard(ends, net, said, self.asker, ends.asker)
+
+    def _asked(self, ends: Ends, net: Net, said: Said) -> Iterator[Turn]:
+        """An opening: of the present question once more, or of a newer one, whose conversation replaces the older."""
+        talk = self.parts.talk(self.server, ends.server, self.use)
+        if talk and net.current:
+            answer, after = self.answers.get(talk), net.taken(said)
+            after = after if answer is None else after.added(answer)
+            yield Turn(self.parts.names[self.server], f"{said}: asked again", self._with(ends, after))
             return
-        asked = self._without_talk(state, number) if opening else state
-        found = self.fleet.heard(asked, number, said)
-        if self.latest and said == self.news:
-            yield from self._observed(state, net, found, faulty)
-            return
-        if found is None:
-            return
+        local = self.parts.without_talk(self.server, ends.server, self.use)
+        forgot = ends._replace(server=local)
+        for turn in self._heard(forgot, net, said, self.server, local):
+            accepted = self.parts.net(turn.ends.net).accepted() if turn.ready else self.parts.net(turn.ends.net)
+            yield turn._replace(ends=self._with(turn.ends, accepted))
+
+    def _heard(self, ends: Ends, net: Net, said: Said, number: int, local: int) -> Iterator[Turn]:
+        """An agent takes a word, or a copy of it; what nobody waits for is dropped."""
+        found, name = self.parts.outcomes(number, local, said), self.parts.names[number]
         if isinstance(found, str):
-            there = self.fleet.with_net(state, self.slot, net.taken(said))
-            yield self._name(number), f"{said} is dropped", there, True, False
-            return
-        for copy in (False, True) if faulty and self.fleet.faults.copies else (False,):
-            after = net.taken(said, copy=copy)
-            after = after.accepted() if opening else after
-            for ready in found:
-                yield self.fleet.from_net(asked, self.slot, after, number, ready, fault=copy)
+            yield Turn(name, f"{said} is dropped", self._with(ends, net.taken(said)))
+        for ready in found if isinstance(found, tuple) else ():
+            yield Turn(name, ready.label, self._with(ends, net.taken(said)), number, ready)
+            yield Turn(name, f"{ready.label} (a copy)", ends, number, ready, fault=True)
 
-    def _observed(
-        self, state: "Flat", net: Net, found: "tuple[Ready, ...] | str | None", faulty: bool
-    ) -> Iterator[Found]:
+    def _observed(self, ends: Ends, net: Net) -> Iterator[Turn]:
         """The newest observation is taken, and nothing more is owed; or (a fault) its receipt is lost."""
-        if found is None or isinstance(found, str):
-            return
-        for lost in (False, True) if faulty and self.fleet.faults.losses else (False,):
-            before = state if lost else self.fleet.without_debt(state, self.participant, self.use)
-            after = net.taken(self.news) if lost else net.known(self.news)
-            for ready in found:
-                yield self.fleet.from_net(before, self.slot, after, self.initiator, ready, fault=lost)
-
-    def _without_talk(self, state: "Flat", number: int) -> "Flat":
-        """An opening of a newer question takes the place of an older conversation."""
-        return self.fleet.without_talk(state, number, self.use)
-
-    def _repeated(self, state: "Flat", net: Net, said: Said) -> Found:
-        """The same question once more: the answer once more, if it was given."""
-        answer = self.answers.get(self._talk(state, self.participant))
-        after = net.taken(said)
-        after = after.added(answer) if answer is not None else after
-        return (
-            self._name(self.participant),
-            f"{said}: asked again",
-            self.fleet.with_net(state, self.slot, after),
-            True,
-            False,
-        )
+        found, name = self.parts.outcomes(self.asker, ends.asker, self.news), self.parts.names[self.asker]
+        for ready in found if isinstance(found, tuple) else ():
+            paid = ends._replace(server=self.parts.without_debt(self.server, ends.server, self.use))
+            yield Turn(name, ready.label, self._with(paid, net.known(self.news)), self.asker, ready)
+            lost = f"{ready.label}; its receipt is lost"
+            yield Turn(name, lost, self._with(ends, net.taken(self.news)), self.asker, ready, fault=True)
 
     # --- by itself ----------------------------------------------------------------------------------------------------
 
-    def by_itself(self, state: "Flat", net: Net) -> Iterator[Found]:
-        opening = self.openings.get(self._talk(state, self.initiator))
-        served = self._talk(state, self.participant)
+    def by_itself(self, ends: Ends) -> Iterator[Turn]:
+        """What is said again when nothing of it is on the way."""
+        net, names = self.parts.net(ends.net), self.parts.names
+        opening = self.openings.get(self.parts.talk(self.asker, ends.asker, self.use))
+        served = self.parts.talk(self.server, ends.server, self.use)
         if opening is not None and not net.words and not (net.current and served in self.unanswered):
-            there = self.fleet.with_net(state, self.slot, net.added(opening))
-            yield self._name(self.initiator), f"{opening} -> {self._name(self.participant)}, again", there, True, False
-        if not self.latest:
-            return
-        owed = self.use in self.fleet.local(state, self.participant).owed
-        if owed and net.current and served in self.resting and self.news not in net.words:
-            there = self.fleet.with_net(state, self.slot, net.added(self.news))
-            yield (
-                self._name(self.participant),
-                f"{self.news} -> {self._name(self.initiator)}, again",
-                there,
-                True,
-                False,
-            )
+            what = f"{opening} -> {names[self.server]}, again"
+            yield Turn(names[self.asker], what, self._with(ends, net.added(opening)))
+        owed = self.use in self.parts.local(self.server, ends.server).owed
+        if self.latest and owed and net.current and served in self.resting and self.news not in net.words:
+            what = f"{self.news} -> {names[self.asker]}, again"
+            yield Turn(names[self.server], what, self._with(ends, net.added(self.news)))
 
-    def _losses(self, state: "Flat", net: Net) -> Iterator[Found]:
+    def _lost(self, ends: Ends) -> Iterator[Turn]:
+        net = self.parts.net(ends.net)
         for said in net.words:
-            there = self.fleet.with_net(state, self.slot, net.taken(said), fault=True)
-            yield "net", f"{said} is lost", there, False, True
+            yield Turn("net", f"{said} is lost", self._with(ends, net.taken(said)), fault=True)
