@@ -6,8 +6,6 @@ explains waits up to `patience_s` for what does. Time comes in as an argument; t
 beginning was not heard is not judged, and never an alarm.
 """
 
-import heapq
-from collections.abc import Callable
 from itertools import count
 
 from fipa_codec.communicate import Communicate, decode
@@ -17,7 +15,8 @@ from fipa_codec.tables import Role
 from topdown.admission import Admission
 from topdown.copies import Copies, Known, Pair, Streams
 from topdown.design import Design
-from topdown.talks import Entry, Talk, Talks
+from topdown.talks import ENDED_S, QUIET_S, Entry, Talk, Talks
+from topdown.timers import Timers
 from topdown.verdicts import Heard, Judgement, Verdict
 
 PATIENCE_S = 3.0
@@ -26,10 +25,6 @@ durable communicate (2 s, agent_runtime.streams), by which time a lost one was h
 SETTLED_S = 0.25
 """At the end of a recording, what was heard so long before it waits for nothing more: on one host the order differs by
 milliseconds (estimate)."""
-ENDED_S = 60.0
-"""An ended conversation is kept so long for its stragglers (estimate)."""
-QUIET_S = 3600.0
-"""One that neither ended nor may rest for ever is kept so long after its last word (estimate)."""
 
 
 class Judge:
@@ -43,12 +38,10 @@ class Judge:
         self._admission, self._talks = Admission(design, languages), Talks(design)
         self._copies, self._streams = Copies(), Streams[Entry]()
         self._patience = patience_s
-        self._numbers, self._order = count(1), count()
-        self._timers: list[tuple[float, int, Callable[[float], None]]] = []
+        self._numbers, self._timers = count(1), Timers()
         self._lives: dict[str, int] = {}
         self._whole: set[str] = set()
         self._found: list[Judgement] = []
-        self._ending = False
 
     # --- what comes in ------------------------------------------------------------------------------------------------
 
@@ -65,7 +58,7 @@ class Judge:
         `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before. Judgements of it,
         and of earlier ones that it explains.
         """
-        self._run_timers(at)
+        self._timers.run(at)
         one: Communicate | None = None
         why = ""
         if isinstance(said, Communicate):
@@ -85,7 +78,7 @@ class Judge:
 
     def pass_time(self, now: float) -> tuple[Judgement, ...]:
         """It is `now` [s]: what waited in vain is judged."""
-        self._run_timers(now)
+        self._timers.run(now)
         return self._told()
 
     def lived(self, agent: str, incarnation: int, at: float, *, fresh: bool = False) -> tuple[Judgement, ...]:
@@ -93,7 +86,7 @@ class Judge:
 
         Soft conversations (those no journal keeps) end with a life.
         """
-        self._run_timers(at)
+        self._timers.run(at)
         before = self._lives.get(agent)
         self._lives[agent] = incarnation
         if before is None and fresh and incarnation == 1:
@@ -107,16 +100,15 @@ class Judge:
 
     def deaf(self, at: float) -> tuple[Judgement, ...]:
         """Until now something may have been said that was not heard: open conversations are judged no more."""
-        self._run_timers(at)
+        self._timers.run(at)
         self._whole.clear()
         self._lose(list(self._talks), self._streams.forget())
         return self._told()
 
     def finish(self, at: float) -> tuple[Judgement, ...]:
         """Nothing more will be heard after `at` [s]: what still waits is judged."""
-        self._run_timers(at)
-        self._ending = True
-        self._run_timers(at - SETTLED_S + self._patience)
+        self._timers.run(at)
+        self._timers.run(at - SETTLED_S + self._patience)
         self._lose([talk for talk in self._talks if talk.pending], self._streams.forget())
         return self._told()
 
@@ -167,7 +159,7 @@ class Judge:
         if ready is None:
             self._judge(Verdict.NOT_JUDGED, entry, "said before anything of this stream was heard")
         elif not ready:
-            self._later(entry.heard.at + self._patience, lambda now: self._give_up(pair, number))
+            self._timers.later(entry.heard.at + self._patience, lambda now: self._give_up(pair, number))
         for each in ready or ():
             self._place(each)
 
@@ -196,7 +188,7 @@ class Judge:
             return
         if talk is None:
             talk = self._talks.begin(entry)
-            self._later(entry.heard.at + QUIET_S, lambda now: self._forget(talk, now))
+            self._timers.later(entry.heard.at + QUIET_S, lambda now: self._forget(talk, now))
         talk.at = entry.heard.at
         if talk.followed is None and not talk.lost and self._talks.opens(one):
             self._talks.open(talk, entry)
@@ -204,7 +196,7 @@ class Judge:
             self._judge(Verdict.NOT_JUDGED, entry, "the beginning of its conversation was not heard")
         elif talk.followed is None or self._behind(talk, entry) or not self._took(talk, entry):
             talk.pending.append(entry)
-            self._later(entry.heard.at + self._patience, lambda now: self._expire(talk, entry))
+            self._timers.later(entry.heard.at + self._patience, lambda now: self._expire(talk, entry))
         else:
             self._retry(talk)
 
@@ -220,11 +212,11 @@ class Judge:
         verdict, why = talk.timed(entry)
         wait = talk.waits.get(talk.role(entry.communicate.sender))
         if wait is not None and wait.entry is entry:
-            self._later(wait.reply_by + self._patience, lambda now: self._unanswered(talk, entry))
+            self._timers.later(wait.reply_by + self._patience, lambda now: self._unanswered(talk, entry))
         if verdict is Verdict.LATE or not entry.faulty:
             self._judge(verdict, entry, why, talk)
         if talk.followed is not None and talk.followed.ended:
-            self._later(entry.heard.at + ENDED_S, lambda now: self._forget(talk, now))
+            self._timers.later(entry.heard.at + ENDED_S, lambda now: self._forget(talk, now))
         return True
 
     def _retry(self, talk: Talk) -> None:
@@ -245,6 +237,10 @@ class Judge:
         if not any(one is entry for one in talk.pending):
             return
         one = entry.communicate
+        before = next(other for other in talk.pending if other.communicate.sender == one.sender)
+        if entry.rule.durable and before is not entry:  # it waits for that one, which was heard later
+            self._timers.later(before.heard.at + self._patience, lambda now: self._expire(talk, entry))
+            return
         if entry.rule.durable and self._streams.unheard((one.receiver, one.sender), one.in_reply_to):
             self._whole.difference_update(talk.agents)
             self._lose([talk], [], f"number {one.in_reply_to} of {one.receiver}, which it answers, was not heard")
@@ -291,14 +287,11 @@ class Judge:
 
     def _forget(self, talk: Talk, now: float) -> None:
         """Keep no conversation for ever, but one that may rest."""
-        followed = talk.followed
-        ended = followed is not None and followed.ended
-        if followed is not None and not talk.lost and any(side.may_rest for side in followed.sides.values()):
-            self._later(now + QUIET_S, lambda later: self._forget(talk, later))
-        elif now - talk.at >= (ENDED_S if ended else QUIET_S):
+        again = talk.kept_until(now)
+        if again is None:
             self._talks.drop(talk)
-        elif not ended:
-            self._later(talk.at + QUIET_S, lambda later: self._forget(talk, later))
+        else:
+            self._timers.later(again, lambda later: self._forget(talk, later))
 
     # --- verdicts and time --------------------------------------------------------------------------------------------
 
@@ -315,11 +308,3 @@ class Judge:
     def _told(self) -> tuple[Judgement, ...]:
         found, self._found = tuple(self._found), []
         return found
-
-    def _later(self, at: float, then: Callable[[float], None]) -> None:
-        heapq.heappush(self._timers, (at, next(self._order), then))
-
-    def _run_timers(self, now: float) -> None:
-        while self._timers and self._timers[0][0] <= now:
-            at, _, then = heapq.heappop(self._timers)
-            then(at)

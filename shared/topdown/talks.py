@@ -13,6 +13,10 @@ from topdown.design import Design, Rule
 from topdown.following import Followed, Said
 from topdown.verdicts import Heard, Verdict
 
+ENDED_S = 60.0
+"""An ended conversation is kept so long for its stragglers (estimate)."""
+QUIET_S = 3600.0
+"""One that neither ended nor may rest for ever is kept so long after its last word (estimate)."""
 OVER = 20_000
 """Ended conversations whose names are remembered, so that a straggler is no answer to nothing (estimate)."""
 
@@ -70,6 +74,15 @@ class Talk:
         left, self.pending, self.lost = self.pending, [], True
         self.waits.clear()
         return left
+
+    def kept_until(self, now: float) -> float | None:
+        """When to ask again whether it is to be kept; None: no longer."""
+        if self.followed is None or self.lost:
+            ended, rests = False, False
+        else:
+            ended, rests = self.followed.ended, any(side.may_rest for side in self.followed.sides.values())
+        kept = self.at + (ENDED_S if ended else QUIET_S)
+        return now + QUIET_S if rests else kept if now < kept else None
 
     def read(self, entry: Entry) -> Said | str:
         """The communicate as the tables see it, or what is wrong with its labels."""

@@ -1,0 +1,294 @@
+"""The judge on a system that is not the companion: a cart that is loaded at a dock, and asks it for its stock."""
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from fipa_codec.communicate import Communicate, encode
+from fipa_codec.languages import Language, Languages
+from fipa_codec.performatives import Performative as P
+from topdown.design import Design, load
+from topdown.judging import PATIENCE_S, Judge
+from topdown.verdicts import Judgement
+from topdown.verdicts import Verdict as V
+
+DESIGN = """
+[system]
+name = "yard"
+root = "Y"
+key = "yard/{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
+[[requirement]]
+id = "R1"
+text = "load"
+[[step]]
+requirements = ["R1"]
+divide = { group = "Y", into = ["cart", "dock"] }
+tasks = [{ group = "cart", text = "drives" }, { group = "dock", text = "loads" }]
+channels = [{ id = "K1", between = ["cart", "dock"], transmits = "loads" }]
+[[language]]
+name = "Y"
+[[interface]]
+name = "loads"
+entries = [["request", "load", ["Y.Load"], ["Y.Loaded"]]]
+[[interface]]
+name = "stock"
+entries = [["query-ref", "stock", ["Y.Stock"], ["Y.Loaded"]]]
+[[protocol]]
+name = "load"
+channel = "K1"
+follows = "request"
+initiator = "cart"
+participant = "dock"
+durable = true
+latency_s = 1.0
+answer = ["agree"]
+interface = ["loads"]
+message = [
+  { sender = "cart", performative = "request", language = "Y", content = ["Load"], bytes = 300 },
+  { sender = "cart", performative = "cancel", language = "Y", bytes = 300 },
+  { sender = "dock", performative = "agree", language = "Y", bytes = 300 },
+  { sender = "dock", performative = "inform", language = "Y", content = ["Loaded"], bytes = 300 },
+]
+[[protocol]]
+name = "ask"
+channel = "K1"
+follows = "query"
+initiator = "cart"
+participant = "dock"
+durable = false
+interface = ["stock"]
+message = [
+  { sender = "cart", performative = "query-ref", language = "Y", content = ["Stock"] },
+  { sender = "dock", performative = "inform-ref", language = "Y", content = ["Loaded"] },
+]
+[[agent]]
+name = "cart"
+[[agent]]
+name = "dock"
+"""
+
+
+class Load(msgspec.Struct, tag=True):
+    """Load so much."""
+
+    kg: int = 1
+
+
+class Stock(msgspec.Struct, tag=True):
+    """How much is there?"""
+
+
+class Loaded(msgspec.Struct, tag=True):
+    """So much."""
+
+    kg: int = 1
+
+
+LANGUAGE = Language("Y", Load | Stock | Loaded)
+CONTENT = {P.REQUEST: Load(), P.QUERY_REF: Stock(), P.INFORM: Loaded(), P.INFORM_REF: Loaded()}
+FORTH = (P.REQUEST, P.CANCEL, P.QUERY_REF)
+
+
+@pytest.fixture(scope="module")
+def design(tmp_path_factory: pytest.TempPathFactory) -> Design:
+    """The yard."""
+    path = tmp_path_factory.mktemp("yard") / "yard.toml"
+    path.write_text(DESIGN)
+    return load(path)
+
+
+class Yard:
+    """What is said in the yard, and what the judge says of it."""
+
+    def __init__(self, design: Design, *, read: bool = True, born: bool = True) -> None:
+        self.design = design
+        self.judge = Judge(design, Languages([LANGUAGE]) if read else None)
+        self.found: list[Judgement] = []
+        for agent in ("cart", "dock") if born else ():
+            self.judge.lived(agent, 1, 0.0, fresh=True)
+
+    def say(self, act: P, at: float, id: str, key: str = "", **fields: Any) -> list[V]:
+        """One of them says this in conversation c; the verdicts that brings."""
+        sender, receiver = ("cart", "dock") if act in FORTH else ("dock", "cart")
+        volatile = act in (P.QUERY_REF, P.INFORM_REF)
+        content = CONTENT.get(act)
+        given = {
+            "content": msgspec.UNSET if content is None else LANGUAGE.encode(content),
+            "language": "Y",
+            "protocol": "query" if volatile else "request",
+            "conversation": "c",
+            "sent": at,
+            "reply_with": id if act in FORTH else "",
+        } | fields
+        one = Communicate(performative=act, sender=sender, receiver=receiver, id=id, **given)
+        return self.heard(self.judge.hear(key or self.design.key("s", one), encode(one), at))
+
+    def heard(self, judgements: tuple[Judgement, ...]) -> list[V]:
+        """Keep them."""
+        self.found += judgements
+        return [one.verdict for one in judgements]
+
+    def wait(self, now: float) -> list[V]:
+        """Time passes."""
+        return self.heard(self.judge.pass_time(now))
+
+
+def test_a_conversation_is_followed_to_its_end(design: Design) -> None:
+    """Each communicate legal, with the states of both roles after it."""
+    yard = Yard(design)
+    assert yard.say(P.REQUEST, 1.0, "1") == [V.LEGAL]
+    assert yard.say(P.AGREE, 1.1, "1", in_reply_to="1") == [V.LEGAL]
+    assert yard.say(P.INFORM, 1.2, "2", in_reply_to="1") == [V.LEGAL]
+    assert [one.states for one in yard.found] == [("asked", "asked"), ("agreed", "agreed"), ("done", "done")]
+    assert [one.heard.n for one in yard.found] == [1, 2, 3]
+    assert yard.judge.finish(10.0) == ()
+
+
+def test_what_waits_for_its_explanation_is_judged_by_it(design: Design) -> None:
+    """An answer heard before its question is legal once that is heard; a number before a smaller one, too."""
+    yard = Yard(design)
+    assert yard.say(P.AGREE, 1.0, "1", in_reply_to="1") == []
+    assert yard.say(P.INFORM, 1.1, "3", in_reply_to="1") == []
+    assert yard.say(P.REQUEST, 1.2, "1") == [V.LEGAL, V.LEGAL]
+    assert yard.say(P.AGREE, 1.3, "2", in_reply_to="1") == []
+    # number 3 was heard earlier, and is in its place only behind number 2, which is out of sequence
+    assert yard.wait(1.3 + PATIENCE_S) == [V.OUT_OF_SEQUENCE, V.LEGAL]
+
+
+def test_what_nothing_explains_waits_no_longer_than_patience(design: Design) -> None:
+    """Then it is out of sequence; where the beginning may have been missed, it is not judged."""
+    for born, verdict in ((True, V.OUT_OF_SEQUENCE), (False, V.NOT_JUDGED)):
+        yard = Yard(design, born=born)
+        assert yard.say(P.INFORM_REF, 1.0, "d-1") == []
+        assert yard.wait(1.0 + PATIENCE_S - 0.01) == []
+        assert yard.wait(1.0 + PATIENCE_S) == [verdict]
+        assert yard.say(P.INFORM_REF, 9.0, "d-2") == [V.NOT_JUDGED]
+
+
+def test_copies_are_copies_word_for_word(design: Design) -> None:
+    """The same words again are a copy; other words under the same id are not."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1")
+    assert yard.say(P.REQUEST, 2.0, "1") == [V.COPY]
+    assert yard.say(P.REQUEST, 3.0, "1", content=LANGUAGE.encode(Load(5))) == [V.OUT_OF_SEQUENCE]
+    assert yard.say(P.REQUEST, 3.0, "1", conversation="d") == [V.OUT_OF_SEQUENCE]
+
+
+def test_a_question_asked_again_may_be_answered_again(design: Design) -> None:
+    """Once more for each copy, and no more."""
+    yard = Yard(design)
+    assert yard.say(P.QUERY_REF, 1.0, "q") == [V.LEGAL]
+    assert yard.say(P.QUERY_REF, 1.2, "q") == [V.COPY]
+    assert yard.say(P.INFORM_REF, 1.3, "d-1", in_reply_to="q") == [V.LEGAL]
+    assert yard.say(P.INFORM_REF, 1.3, "d-2", in_reply_to="q") == [V.LEGAL]
+    assert yard.say(P.INFORM_REF, 1.3, "d-3", in_reply_to="q") == []
+    assert yard.wait(9.0) == [V.OUT_OF_SEQUENCE]
+
+
+def test_equal_to_reply_by_is_in_time(design: Design) -> None:
+    """SC00061G; a moment later is late."""
+    for sent, verdict in ((2.0, V.LEGAL), (2.001, V.LATE)):
+        yard = Yard(design)
+        yard.say(P.QUERY_REF, 1.0, "q", reply_by=2.0)
+        assert yard.say(P.INFORM_REF, 2.1, "d", in_reply_to="q", sent=sent) == [verdict]
+
+
+def test_no_answer_is_told_once(design: Design) -> None:
+    """About the question, when reply-by has passed and what was said in time would have been heard."""
+    yard = Yard(design)
+    yard.say(P.QUERY_REF, 1.0, "q", reply_by=2.0)
+    assert yard.wait(2.0 + PATIENCE_S - 0.01) == []
+    assert yard.wait(99.0) == [V.UNANSWERED]
+    assert yard.found[-1].heard.communicate.performative is P.QUERY_REF  # type: ignore[union-attr]
+    assert yard.wait(200.0) == []
+
+
+def test_nobody_waits_for_the_answer_to_a_dead_agents_question(design: Design) -> None:
+    """A question that no journal keeps ends with the life of who asked."""
+    yard = Yard(design)
+    yard.say(P.QUERY_REF, 1.0, "q", reply_by=2.0)
+    yard.judge.lived("cart", 2, 1.5)
+    assert yard.wait(99.0) == []
+
+
+def test_slow_is_measured_to_the_act_that_answers(design: Design) -> None:
+    """The design says which; it is no violation."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1")
+    assert yard.say(P.AGREE, 2.1, "1", in_reply_to="1") == [V.SLOW]
+    assert yard.say(P.INFORM, 60.0, "2", in_reply_to="1") == [V.LEGAL]
+    assert not any(one.violation for one in yard.found)
+
+
+def test_a_lost_number_loses_its_conversation_and_no_other(design: Design) -> None:
+    """What is behind it is not judged where it was going on, and judged where it begins anew."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1")
+    assert yard.say(P.INFORM, 1.5, "2", in_reply_to="1") == []
+    assert yard.wait(1.5 + PATIENCE_S) == [V.NOT_JUDGED]
+    assert "was not heard" in yard.found[-1].why or yard.found[-1].why.startswith("the beginning")
+    assert yard.say(P.REQUEST, 9.0, "2", conversation="d") == [V.LEGAL]
+
+
+def test_after_deafness_only_what_begins_is_judged(design: Design) -> None:
+    """Open conversations are not."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1")
+    yard.heard(yard.judge.deaf(5.0))
+    assert yard.say(P.INFORM, 6.0, "7", in_reply_to="1") == [V.NOT_JUDGED]
+    assert yard.say(P.REQUEST, 7.0, "4", conversation="d") == [V.LEGAL]
+
+
+def test_an_agent_without_its_journal_numbers_from_one_again(design: Design) -> None:
+    """A life with a smaller number: no copy, no gap."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1")
+    yard.judge.lived("cart", 2, 2.0)
+    assert yard.say(P.REQUEST, 3.0, "2", conversation="d") == [V.LEGAL]
+    yard.heard(yard.judge.lived("cart", 1, 4.0))
+    assert yard.say(P.REQUEST, 5.0, "1", conversation="e") == [V.LEGAL]
+
+
+def test_without_languages_contents_are_not_read(design: Design) -> None:
+    """Anything may be said in a language that is named; names are judged all the same."""
+    yard = Yard(design, read=False)
+    assert yard.say(P.REQUEST, 1.0, "1", content=msgspec.Raw(b"\xc0")) == [V.LEGAL]
+    assert yard.say(P.REQUEST, 1.0, "2", conversation="d", language="Z") == [V.WRONG_LANGUAGE]
+    read = Yard(design)
+    assert read.say(P.REQUEST, 1.0, "1", content=msgspec.Raw(b"\xc0")) == [V.WRONG_LANGUAGE]
+
+
+def test_no_budget_means_any_size(design: Design) -> None:
+    """Zero bytes and zero seconds state no budget."""
+    yard = Yard(design)
+    assert yard.say(P.QUERY_REF, 1.0, "q" * 120) == [V.LEGAL]
+    assert yard.say(P.INFORM_REF, 60.0, "d", in_reply_to="q" * 120) == [V.LEGAL]
+    assert yard.say(P.REQUEST, 70.0, "1", reply_with="x" * 128, conversation="c" * 128) == [V.OVER_BUDGET]
+
+
+def test_what_is_wrong_is_told_by_what_would_be_right(design: Design) -> None:
+    """Each reason names the design's own words."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1", key="yard/s/K2/cart/dock/request/request")
+    yard.say(P.REQUEST, 1.0, "2", key="somewhere", conversation="d")
+    yard.say(P.PROPOSE, 1.0, "3", key="yard/s/K1/dock/cart/request/propose")
+    yard.heard(yard.judge.hear("yard/s/K1/cart/dock/request/request", b"\xc1", 1.0))
+    assert [one.verdict for one in yard.found] == [V.WRONG_CHANNEL, V.WRONG_CHANNEL, V.NOT_ENTITLED, V.MALFORMED]
+    reasons = [one.why for one in yard.found]
+    assert "the design has it on K1" in reasons[0]
+    assert "'somewhere' is none of a communicate" in reasons[1]
+    assert "it may say agree, inform, not-understood" in reasons[2]
+    assert yard.found[3].channel == "K1"
+
+
+def test_ended_conversations_are_forgotten(design: Design) -> None:
+    """What comes long after is not judged, and takes no memory until then."""
+    yard = Yard(design)
+    for n in range(50):
+        yard.say(P.QUERY_REF, 1.0, f"q{n}", conversation=f"c{n}")
+        yard.say(P.INFORM_REF, 1.1, f"d{n}", conversation=f"c{n}", in_reply_to=f"q{n}")
+    assert len(yard.judge._talks) == 50
+    yard.wait(100.0)
+    assert len(yard.judge._talks) == 0
+    assert yard.say(P.INFORM_REF, 100.0, "d", conversation="c7") == [V.NOT_JUDGED]
