@@ -14,6 +14,7 @@ from topdown.design import Design
 from topdown.machines import Machine
 from topdown.proving.durable import durable_pair
 from topdown.proving.engine import Exploration, explore
+from topdown.proving.ideal import ideal_pair
 from topdown.proving.net import Net
 from topdown.proving.net_model import NetModel
 from topdown.proving.roles import Players, reachable, restricted
@@ -67,12 +68,14 @@ def explore_use(
     return PairResult(use, entry.channel, delivery(entry), faults, found._replace(reached=()), unreached)
 
 
-def net_of(design: Design, use: str, faults: int | None = 1) -> Net:
-    """The net of one use. Raises NoSuchEntry."""
+def net_of(design: Design, use: str, faults: int | None = 1, *, ideal: bool = False) -> Net:
+    """The net of one use. `ideal`: a durable one over ideal queues, which need no faults. Raises NoSuchEntry."""
     entry = design.protocol(use)
     players = Players(entry.initiator, entry.participant)
     protocol = spoken(design, use)
-    if entry.durable:
+    if entry.durable and ideal:
+        net = ideal_pair(protocol, players)
+    elif entry.durable:
         net = durable_pair(protocol, players, faults=faults)
     else:
         net = volatile_pair(protocol, players, faults=faults, latest=entry.latest)
