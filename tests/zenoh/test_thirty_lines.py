@@ -42,6 +42,7 @@ tasks = [
 ]
 reallocate = [{ channel = "C1", to = "bureau" }]
 channels = [{ id = "C8", between = ["bureau", "tariff"], transmits = "questions about prices" }]
+stop = [{ group = "tariff", reason = "a price is one computation" }]
 
 [[step]]
 requirements = ["R2", "R3"]
