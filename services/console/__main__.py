@@ -17,19 +17,22 @@ import typer
 from rich.console import Console
 
 from companion.run_folder import Fleet, ProcessState, TaskLine
-from services.console import demo as main_job
 from services.console import (
+    acl,
     design,
     design_check,
     design_diff,
     design_estimate,
+    design_export,
     design_new,
     design_show,
     design_trace,
+    design_verify,
     draw,
     fleet,
     runs,
 )
+from services.console import demo as main_job
 from services.console.errors import ConsoleError
 from services.console.hi import Hi
 
@@ -66,7 +69,17 @@ app = typer.Typer(
 )
 
 app.add_typer(design.app, name="design")
-DESIGN_VERBS = (design_check, design_diff, design_estimate, design_new, design_show, design_trace)
+app.add_typer(acl.app, name="acl")
+DESIGN_VERBS = (
+    design_check,
+    design_diff,
+    design_estimate,
+    design_export,
+    design_new,
+    design_show,
+    design_trace,
+    design_verify,
+)
 """The modules whose import registers the verbs of `roco design`."""
 
 
