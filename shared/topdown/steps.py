@@ -54,12 +54,16 @@ class Steps(Machine):
         if deed.took is None and deed.after == deed.before and not deed.said:
             return ""
         rows = tuple(self._rows(deed))
-        if any(self._fits(row, deed) for row in rows):
+        if self.fitting(deed):
             return ""
         said = ", ".join(str(Said(*one)) for one in deed.said) or "nothing"
         what = str(Said(*deed.took)) if deed.took else deed.event
         known = "; ".join(map(str, rows)) or "none"
         return f"in {deed.before} on {what} said {said}, then {deed.after}; rows for it: {known}"
+
+    def fitting(self, deed: Done) -> tuple[Row, ...]:
+        """The rows that a step may have followed."""
+        return tuple(row for row in self._rows(deed) if self._fits(row, deed))
 
     def _rows(self, deed: Done) -> Iterable[Row]:
         if deed.took is not None:

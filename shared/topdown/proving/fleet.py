@@ -48,6 +48,7 @@ class Fleet:
         self.inbound = [(slot, self.parts.place[to]) for (_, to), slot in self.parts.queue_of.items()]
         self.soft = [Soft(self.parts, use) for use in self.parts.soft]
         self.used: set[tuple[str, int]] = set()
+        self.boot: Flat = ((0,) * (self.parts.size - 1)) + (self.faults.most,)
         self.start: Flat = (*self._first_rest((0,) * self.parts.size)[:-1], self.faults.most)
 
     def _first_rest(self, boot: Flat) -> Flat:

@@ -12,6 +12,7 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role
 from topdown.machines import NONE, SETTLED, UNSETTLED, Cause, Event, Guard, Machine, Row, Said, Use
 
+DIES = "dies and comes back"
 GONE = "gone"
 """State of an agent that died for good."""
 
@@ -152,7 +153,7 @@ class Agent:
         outcomes = tuple(self._apply(after, [row for row in rows if not row.several]))
         found = outcomes or (Outcome(after, (), "", 0),)
         return tuple(
-            one._replace(effects=(*closed, *one.effects), label=f"dies and comes back{_and(one.label)}")
+            one._replace(effects=(*closed, *one.effects), label=f"{DIES}{_and(one.label)}")
             for one in found
         )
 
@@ -196,8 +197,7 @@ class Agent:
                 local = local._replace(state=row.to)
             ended, closing = self._forget_ended(local)
             if ended is not None:
-                label = f"{self._event_words(row.event)}{_and(', '.join(self._words(one) for one in row.say))}"
-                yield Outcome(ended, (*effects, *said, *closing), label, row.number, again)
+                yield Outcome(ended, (*effects, *said, *closing), self.label(row), row.number, again)
 
     def _holds(self, local: Local, guard: Guard) -> bool:
         talk = self.talk(local, guard.use) or NONE
@@ -211,7 +211,8 @@ class Agent:
             use = self.machine.uses[said.use]
             table, talk = use.protocol.tables[use.role], self.talk(local, said.use)
             opens = use.role is Role.INITIATOR and said.act in use.protocol.openings
-            found = table.find(START if opens and not use.durable else talk or START, SEND, said.act, said.kind)
+            begins = opens and (not use.durable or talk in table.ended)
+            found = table.find(START if begins else talk or START, SEND, said.act, said.kind)
             if found is None:
                 return None
             local = self.with_talk(local, said.use, str(found.to))
@@ -236,6 +237,10 @@ class Agent:
         """The same with another state of the conversation of a use."""
         number = self.index[use]
         return local._replace(talks=(*local.talks[:number], state, *local.talks[number + 1 :]))
+
+    def label(self, row: Row) -> str:
+        """A row in words, as drawings of traces show it."""
+        return f"{self._event_words(row.event)}{_and(', '.join(self._words(one) for one in row.say))}"
 
     def _event_words(self, event: Event) -> str:
         if event.cause is Cause.TAKE:
