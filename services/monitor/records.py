@@ -106,7 +106,7 @@ class Garbage(msgspec.Struct, frozen=True):
 
 
 class Resumed(msgspec.Struct, frozen=True):
-    """A monitor took over the recording of one that died, whose last record was heard at `since`."""
+    """Nothing was heard from `since` on: the monitor took over from one that died, or had no router meanwhile."""
 
     since: float
     received: float
@@ -117,6 +117,8 @@ Record = Spoken | House | Token | Garbage | Resumed
 
 def understood(sample: Sample) -> Record:
     """What a sample is. Never raises: what cannot be read is garbage."""
+    if sample.deaf_since:
+        return Resumed(sample.deaf_since, sample.at)
     chunks = sample.key.split("/")
     if len(chunks) > 3 and chunks[2] == HOUSE:
         return _house(sample, chunks[3:])

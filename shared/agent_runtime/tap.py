@@ -16,13 +16,17 @@ from agent_runtime.zenoh_wire import open_client
 
 
 class Sample(msgspec.Struct, frozen=True):
-    """What came by on `key` at `at` [unix s]. `token`: a liveliness token, there or (`gone`) vanished; no data then."""
+    """What came by on `key` at `at` [unix s]. `token`: a liveliness token, there or (`gone`) vanished; no data then.
+
+    `deaf_since`: nothing came by (no key), but from then on [unix s] the tap had no router, and heard nothing.
+    """
 
     key: str
     data: bytes
     at: float
     token: bool = False
     gone: bool = False
+    deaf_since: float = 0.0
 
 
 class Tap:
@@ -38,11 +42,21 @@ class Tap:
             gone = sample.kind == zenoh.SampleKind.DELETE
             on_sample(Sample(str(sample.key_expr), b"", time.time(), token=True, gone=gone))
 
+        def linked(event: zenoh.TransportEvent) -> None:
+            now = time.time()
+            if event.kind == zenoh.SampleKind.DELETE:
+                self._deaf_since = now
+            elif self._deaf_since:
+                on_sample(Sample("", b"", now, deaf_since=self._deaf_since))
+                self._deaf_since = 0.0
+
+        self._deaf_since = 0.0
         tokens = service_key(system, "alive", "*", "*")
         # References are kept: a dropped declaration is undeclared.
         self._declared = (
             session.declare_subscriber(f"roco/{system}/**", heard),
             session.liveliness().declare_subscriber(tokens, lived, history=True),
+            session.info.declare_transport_events_listener(linked, history=True),
         )
 
     def close(self) -> None:

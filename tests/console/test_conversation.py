@@ -123,3 +123,10 @@ def test_a_run_without_verdicts_is_judged_now() -> None:
 def test_no_run_is_said(tmp_path: Path) -> None:
     """Exit code 1."""
     assert "no run at" in roco(tmp_path / "none", "list", code=1)
+
+
+def test_the_drawing_of_the_documents_is_this_one(run_dir: Path) -> None:
+    """docs/conversations.md shows what is really printed."""
+    page = (Path(__file__).parents[2] / "docs" / "conversations.md").read_text(encoding="utf-8")
+    lines = [line.rstrip() for line in roco(run_dir, "show", "ta-1-2").splitlines()]
+    assert "\n".join(f"    {line}".rstrip() for line in lines).strip() in page

@@ -15,7 +15,7 @@ from synthetic import Run
 from agent_runtime.tap import Sample
 from agent_runtime.zenoh_wire import client_config, free_endpoint
 from services.monitor import recording
-from services.monitor.records import Garbage, Spoken
+from services.monitor.records import Garbage, Resumed, Spoken
 
 zenoh = pytest.importorskip("zenoh")
 pytestmark = pytest.mark.zenoh
@@ -91,3 +91,17 @@ def test_a_recorder_hears_everything_dies_and_comes_back(processes: Processes, p
     assert told["communicates"]["garbage"] == 1
     assert any("away" in hole["text"] for hole in told["holes"])
     assert all((processes.run / name).stat().st_size for name in ("report.html", "run.rrd", "live.jsonl"))
+
+
+def test_a_recorder_tells_when_it_heard_nothing(processes: Processes, pouring: Run) -> None:
+    """While no router is there nothing is heard: the recording says since when, and what was open is not judged."""
+    said = [sample for sample in pouring.samples if "/_/" not in sample.key][:2]
+    processes.start("services.monitor", "monitor")
+    processes.running[0].kill()
+    processes.running[0].wait()
+    processes.start("services.router", "router")
+    wait_for(lambda: recorded(processes.run, Resumed) == 1, "the recorder is back")
+    session = zenoh.open(client_config(processes.endpoint))
+    session.put(said[0].key, said[0].data)
+    wait_for(lambda: recorded(processes.run, Spoken) == 1, "it hears again")
+    session.close()

@@ -107,8 +107,8 @@ def test_not_understood_ends_it_at_any_point() -> None:
     assert not followed.take(Role.INITIATOR, Said(Performative.CANCEL, label="2"))
 
 
-def test_a_participant_that_died_may_be_asked_anew() -> None:
-    """A conversation that no journal keeps begins again with the copy of its question."""
+def test_a_question_asked_again_may_be_answered_again() -> None:
+    """Each copy once: no journal numbers them."""
     query = Said(Performative.QUERY_REF, label="1")
     followed = Followed(protocols.QUERY, durable=False)
     assert followed.take(Role.INITIATOR, query)
@@ -116,6 +116,30 @@ def test_a_participant_that_died_may_be_asked_anew() -> None:
     assert not followed.take(Role.PARTICIPANT, Said(Performative.INFORM_REF, answers="1"))
     followed.repeat(Role.INITIATOR, query)
     assert followed.take(Role.PARTICIPANT, Said(Performative.INFORM_REF, answers="1"))
+
+
+def test_what_is_soft_is_forgotten_when_it_ends() -> None:
+    """A subscription that was refused and is asked for again may be agreed to: whoever refused has forgotten it."""
+    subscribe, agree = Said(Performative.SUBSCRIBE, label="1"), Said(Performative.AGREE, answers="1")
+    followed = Followed(protocols.SUBSCRIBE, durable=False)
+    assert followed.take(Role.INITIATOR, subscribe)
+    assert followed.take(Role.PARTICIPANT, Said(Performative.REFUSE, answers="1"))
+    assert not followed.take(Role.PARTICIPANT, agree)
+    followed.repeat(Role.INITIATOR, subscribe)
+    assert followed.take(Role.PARTICIPANT, agree)
+
+
+@pytest.mark.parametrize("dies", [True, False])
+def test_a_death_forgets_what_is_soft(dies: bool) -> None:
+    """Whoever lives says once more that it agreed; whoever died may also refuse, as one who never heard of it."""
+    subscribe = Said(Performative.SUBSCRIBE, label="1")
+    followed = Followed(protocols.SUBSCRIBE, durable=False)
+    assert followed.take(Role.INITIATOR, subscribe)
+    assert followed.take(Role.PARTICIPANT, Said(Performative.AGREE, answers="1"))
+    if dies:
+        followed.sides[Role.PARTICIPANT].forget()
+    followed.repeat(Role.INITIATOR, subscribe)
+    assert followed.take(Role.PARTICIPANT, Said(Performative.REFUSE, answers="1")) == dies
 
 
 def test_a_long_subscription_costs_no_more_than_a_short_one() -> None:
