@@ -5,6 +5,7 @@ Exit codes: 0 no findings, 1 findings, 2 a file cannot be read.
 
 import textwrap
 from collections import Counter
+from typing import Annotated
 
 import typer
 
@@ -14,19 +15,27 @@ from services.console.design import app
 from topdown.checks import recorded
 from topdown.design import Design, load
 from topdown.findings import Finding
+from topdown.rulings import Ruling, rulings
 
 
 @app.command()
-def check(file: files.File = FILE, run: files.Recording = None, form: files.Format = files.Form.TEXT) -> None:
+def check(
+    file: files.File = FILE,
+    run: files.Recording = None,
+    ruled: Annotated[bool, typer.Option("--rulings", help="Also what the design rules, entry by entry.")] = False,
+    form: files.Format = files.Form.TEXT,
+) -> None:
     """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1 on a finding."""
     with files.problems(form):
         design, heard = load(file), files.observed(run)
         found = files.findings(design, file)
         if heard is not None:
             found += recorded.findings(design, heard)
+        told = rulings(design) if ruled else ()
     if form is files.Form.JSON:
-        files.tell_json({"file": str(file), "findings": found})
+        files.tell_json({"file": str(file), "findings": found, "rulings": told})
     else:
+        print("".join(f"{line}\n" for one in told for line in _ruling(one, files.shown(file), files.width())), end="")
         print(written(found, files.shown(file), design, files.width()))
     if found:
         raise typer.Exit(1)
@@ -51,6 +60,11 @@ def inventory(design: Design) -> str:
         f"{len(file.requirement)} requirements, {len(file.step)} steps, {len(design.channels)} channels, "
         f"{len(file.protocol)} protocols, {messages} messages, {len(file.agent)} agents, {states} states"
     )
+
+
+def _ruling(one: Ruling, file: str, width: int) -> list[str]:
+    place = f"{file}:{one.line}" if one.line else file
+    return [f"{place}: ruling on {one.where}", *_wrapped(" ".join(one.text.split()), width, "  "), ""]
 
 
 def _lines(finding: Finding, file: str, width: int) -> list[str]:

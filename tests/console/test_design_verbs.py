@@ -34,7 +34,7 @@ def test_findings_exit_with_1_and_have_file_and_line() -> None:
     done = roco("check", PRINTED)
     assert done.exit_code == 1
     assert "paper_as_printed.toml:62: group never introduced" in done.output
-    assert "48 findings: " in done.output
+    assert "47 findings: " in done.output
 
 
 @pytest.mark.parametrize("columns", [80, 120])
@@ -78,6 +78,16 @@ def test_a_folder_without_a_recording_is_told(tmp_path: Path) -> None:
     done = roco("check", "--recording", tmp_path)
     assert done.exit_code == 2
     assert "no recorded communicates" in done.stderr
+
+
+def test_rulings_are_printed_where_they_are_wanted() -> None:
+    """With file and line; they are no findings."""
+    assert "ruling on" not in roco("check").output
+    done = roco("check", "--rulings")
+    assert done.exit_code == 0
+    assert "design.toml:" in done.output
+    assert "ruling on protocol execute_plan" in done.output
+    assert len(json.loads(roco("check", "--rulings", "--format", "json").stdout)["rulings"]) > 20
 
 
 def test_every_leaf_of_the_companion_has_evidence() -> None:

@@ -38,7 +38,6 @@ def test_whatever_else_is_found_is_a_gap_or_its_consequence(findings: tuple[Find
     rest = [found for found in findings if found not in named and found.kind not in GAPS]
     assert {(found.kind, found.where) for found in rest} == {
         (Kind.MACRO_ACT, "protocol I_ta_km_query, km inform-ref"),
-        (Kind.NO_WAY_TO_THE_END, "protocol I_co_ta_coordinate"),
         (Kind.NO_WAY_TO_THE_END, "protocol I_km_ta_subscribe"),
     }
 

@@ -44,6 +44,12 @@ def test_what_is_outside_the_design_is_found(barrow: Design, more: list[Observat
     assert bool(found.at) == (kind in (Kind.TOO_LARGE, Kind.TOO_LATE))
 
 
+def test_as_much_as_the_budget_is_allowed(barrow: Design) -> None:
+    """Neither a byte nor a moment less is asked for."""
+    full = said(9, "nav>atlas", "query", P.QUERY_REF, 200, "q2"), said(9.05, "atlas>nav", "query", P.INFORM, 900, "q2")
+    assert recorded.findings(barrow, run(*full)) == ()
+
+
 def test_the_budget_is_that_of_the_answer_the_design_names(barrow: Design) -> None:
     """`answer = ["inform"]`: the agree of a drive stops no clock."""
     (late,) = recorded.findings(barrow, run(slow=5.0))

@@ -120,7 +120,12 @@ def _never_said(
 def _no_end(
     where: str, protocol: Protocol, said: dict[Role, set[Performative]], walked: Exploration, at: Path_
 ) -> Iterator[Finding]:
-    """States in which a role must speak and everything it could say is not listed; the first of each role."""
+    """A message that nobody takes; else states in which a role must speak and nothing it could say is listed."""
+    if walked.unspecified:
+        first = walked.unspecified[0]
+        right = "give the table a row that takes it there"
+        yield Finding(Kind.SENT_NOT_RECEIVED, where, f"after {_way(first.steps)}: {first.text}", right, at)
+        return  # that the end is out of reach follows
     told: set[tuple[Role, str]] = set()
     for found in walked.stuck:
         for role in Role:
@@ -129,14 +134,10 @@ def _no_end(
             if missing and found.configuration.inbound(role) == () and (role, state) not in told:
                 told.add((role, state))
                 acts = ", ".join(sorted({row.word for row in missing}))
-                wrong = f"after {_way(found.steps)} the {role} is {state} and lists nothing to go on with"
+                wrong = f"after {_way(found.steps)}: the {role} is {state} and lists nothing to go on with"
                 yield Finding(Kind.NO_WAY_TO_THE_END, where, wrong, f"list one of {acts}", at)
     if walked.stuck and not told:
         yield Finding(Kind.NO_WAY_TO_THE_END, where, walked.stuck[0].text, "list what leads on from there", at)
-    if walked.unspecified:
-        first = walked.unspecified[0]
-        right = "give the table a row that takes it there"
-        yield Finding(Kind.SENT_NOT_RECEIVED, where, f"after {_way(first.steps)} {first.text}", right, at)
 
 
 def _unlisted(table: Table, state: str, said: set[Performative]) -> list[Row]:
