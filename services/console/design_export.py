@@ -101,10 +101,10 @@ def _pnml(design: Design, names: list[str], path: Path | None, faults: int) -> I
 
 
 def _places(names: list[str], path: Path | None, suffix: str) -> list[tuple[str, Path]]:
-    """Which file each use goes to: the path itself where there is one use, and the path is no folder."""
+    """Which file each use goes to: the path itself where there is one use and the path has an ending."""
     if path is None:
         return []
-    if len(names) == 1 and not path.is_dir():
+    if len(names) == 1 and path.suffix and not path.is_dir():
         return [(names[0], path)]
     return [(name, path / f"{name}{suffix}") for name in names]
 
