@@ -51,6 +51,18 @@ def test_a_half_takes_a_name_never_used() -> None:
     assert Kind.TWICE in {finding.kind for finding in check(design((last, last + spoilt)))}
 
 
+def test_a_ruling_answers_for_a_macro_act() -> None:
+    """The paper's habit of inform-ref may be kept, where the design says so."""
+    changes = [
+        (
+            'sender = "atlas", performative = "inform"',
+            'sender = "atlas", ruling = "its habit", performative = "inform-ref"',
+        ),
+        ('performatives = ["inform", "confirm"]', 'performatives = ["inform-ref", "confirm"]'),
+    ]
+    assert check(design(*changes)) == ()
+
+
 def test_a_finding_has_its_line() -> None:
     """Where the file is known, a finding names the line of the entry, also inside a list."""
     (found,) = check(design(WRONG_TYPE))
