@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from companion.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from companion.run_folder import Against, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
 from companion.words import plain
 
 LATEST_EVENTS = 20  # the picture shows as many of them as there is room for
@@ -80,6 +80,8 @@ def fold(view: View, line: LiveLine) -> View:
             return msgspec.structs.replace(view, plan=_moved(view.plan, at, outcome))
         case Happened(t=t, name=name, text=text) if not _begins(name):
             return view.with_event(Event(t, name, text))
+        case Against(t=t, verdict=verdict):
+            return view.with_event(Event(t, verdict, against(line)))
         case _:
             return view
 
@@ -105,8 +107,16 @@ def in_words(line: LiveLine) -> str:
             return f"{name}: {text}" if text else name
         case AgentIn(agent=agent, alive=False):
             return f"{agent}: gone"
+        case Against(verdict=verdict):
+            return f"not as designed, {verdict}: {against(line)}"
         case _:
             return ""
+
+
+def against(line: Against) -> str:
+    """What is not as designed, and why."""
+    what = f"{line.sender} > {line.receiver} {line.performative}: " if line.sender else ""
+    return f"{what}{line.why}"
 
 
 def _begins(name: str) -> bool:

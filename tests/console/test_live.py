@@ -11,6 +11,7 @@ from rich.console import Console
 
 from companion.design import DESIGN
 from companion.run_folder import (
+    Against,
     AgentIn,
     Fleet,
     Happened,
@@ -166,6 +167,17 @@ def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> 
     assert follow.new() == []
 
 
+AGAINST = Against(
+    t=1.0, verdict="late", channel="C4", sender="km", receiver="pl", performative="inform-ref", why="too late"
+)
+
+
+def test_what_is_not_as_designed_is_an_event() -> None:
+    """A person who watches sees it among what happened."""
+    [event] = live.fold(live.View(), AGAINST).events
+    assert (event.who, event.text) == ("late", "km > pl inform-ref: too late")
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [
@@ -177,6 +189,7 @@ def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> 
         (Happened(t=0, name="plan 1 begins"), ""),
         (AgentIn(t=0, agent="km", state="idle", alive=False), "km: gone"),
         (AgentIn(t=0, agent="km", state="idle"), ""),
+        (AGAINST, "not as designed, late: km > pl inform-ref: too late"),
     ],
 )
 def test_a_line_in_words(line: LiveLine, said: str) -> None:
