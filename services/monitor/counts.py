@@ -18,7 +18,7 @@ _TABLE_8 = ("co", "hi", "km", "pl", "ta", "ex")
 AGENTS = tuple(sorted(DESIGN.agents, key=lambda agent: _TABLE_8.index(agent) if agent in _TABLE_8 else len(_TABLE_8)))
 """In the order of the paper's Table 8."""
 OPENING = (Performative.REQUEST, Performative.QUERY_REF, Performative.SUBSCRIBE)
-RESULT = ("generate_plan",)
+RESULT = tuple(use.name for use in DESIGN.file.protocol if use.answer)
 """Uses whose budget in the design is that of the result; elsewhere it is that of the first word, an agree."""
 SMALL_BYTES = 500
 """The paper: 86 % of its communicates are smaller (section 5.7)."""

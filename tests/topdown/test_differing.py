@@ -44,6 +44,15 @@ def test_a_changed_figure_is_told_with_both_values() -> None:
     assert told == Told(Way.CHANGED, "protocol", "order", "latency_s", "1", "2")
 
 
+def test_a_field_that_was_not_there_is_told() -> None:
+    """And one that is gone."""
+    added: Change = ("latency_s = 1.0", 'latency_s = 1.0\nruling = "at once"')
+    (told,) = changes(added)
+    assert (told.field, told.old, told.new) == ("ruling", "", "at once")
+    (gone,) = diff(design(added), design())
+    assert (gone.field, gone.old, gone.new) == ("ruling", "at once", "")
+
+
 def test_a_message_that_is_gone_takes_its_rule_with_it() -> None:
     """The written change, and the derived one."""
     gone = '  { sender = "desk", performative = "cancel", language = "WAY", bytes = 100 },\n'
