@@ -4,6 +4,7 @@ import pytest
 import toy_agents as toy
 
 from agent_runtime.alone import Alone
+from agent_runtime.streams import OUTBOX_BOUND
 from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
 from fipa_codec.performatives import Performative as P
 
@@ -37,6 +38,15 @@ def test_a_message_that_waits_is_counted() -> None:
     one.post(toy.Want(1))
     one.post(toy.Want(2))
     assert one.waiting == 1
+
+
+def test_what_it_says_is_receipted_and_what_waits_is_taken() -> None:
+    """More messages than an outbox holds, one behind the other: none stops the agent."""
+    one = Alone(toy.server(), toy.wirings()[1])
+    for number in range(2 * OUTBOX_BOUND):
+        one.ask("asker", "request", P.REQUEST, toy.Double(number))
+    one.wait(1.0)
+    assert sorted(one.memory.done) == list(range(2 * OUTBOX_BOUND))
 
 
 def test_nothing_out_of_sequence_gets_through() -> None:

@@ -1,5 +1,7 @@
 """All agents of the depot on pretend wires, watched at every step: who is in the aisle, what fits no row."""
 
+from typing import Any
+
 from depot.carrier.wheels import wheels
 from depot.design import DESIGN, LANGUAGES
 from depot.desk import behaviours as desk
@@ -12,10 +14,29 @@ from depot.traffic import behaviours as traffic
 
 from agent_runtime.binding import wiring
 from agent_runtime.core import OUTSIDE
+from agent_runtime.devices import Device
 from agent_runtime.effects import Effects
 from agent_runtime.wires import Faults, Wires
 
 ROBOTS = ("mule", "ox")
+
+
+class Told:
+    """A device that notes what it is told, and hands it on."""
+
+    busy = False
+
+    def __init__(self, device: Device, told: list[Any]) -> None:
+        self._device, self._told = device, told
+
+    def tell(self, content: Any) -> None:
+        """Note it, hand it on."""
+        self._told.append(content)
+        self._device.tell(content)
+
+    def close(self) -> None:
+        """As the device does."""
+        self._device.close()
 
 
 class Depot:
@@ -51,9 +72,13 @@ class Depot:
     @property
     def assigned(self) -> list[str]:
         """The robots that got the jobs, in order."""
-        told = {one.id: one for one in self.wires.traffic if one.performative == "inform" and one.receiver == "desk"}
-        contents = [LANGUAGES.read(one)[0] for one in told.values()]
-        return [content.robot for content in contents if isinstance(content, Assigned)]
+        return [content.robot for content in self.told(Assigned)]
+
+    def told(self, kind: type) -> list[Any]:
+        """What the desk was informed of, of one class, each message once."""
+        informs = {one.id: one for one in self.wires.traffic if one.performative == "inform" and one.receiver == "desk"}
+        contents = [LANGUAGES.read(one)[0] for one in informs.values()]
+        return [content for content in contents if isinstance(content, kind)]
 
     def _watch(self, agent: str, effects: Effects) -> None:
         self.outside += [str(line.fields["why"]) for line in effects.logs if line.event == OUTSIDE]

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 from depot import world
+from depot.carrier.wheels import Drive, wheels
 from depot.design import DESIGN, LANGUAGES
 from depot.desk.people import ORDERS, read
-from depot_in_memory import Depot, wishes
+from depot.languages.order import Figures
+from depot.mule.memory import FIRST
+from depot_in_memory import Depot, Told, wishes
 from msgspec.structs import replace
 
 from agent_runtime.wires import Faults
@@ -55,6 +58,7 @@ def test_the_nearest_robot_carries_and_everything_is_delivered():
     memory = depot.wires.memory("dispatcher")
     assert (memory.delivered, memory.failed) == (3, 0)
     assert depot.assigned == ["mule", "ox", "mule"]
+    depot.wires.run(lambda: Figures(3, 0) in depot.told(Figures))
     assert (depot.outside, depot.together) == ([], False)
 
 
@@ -81,6 +85,29 @@ def test_whatever_is_lost_doubled_delayed_or_dies_every_order_is_carried_once(se
     assert (memory.delivered, memory.failed) == (3, 0)
     assert len(depot.said("accept-proposal")) == 3
     assert (depot.outside, depot.together) == ([], False)
+
+
+def test_a_robot_that_comes_back_drives_on_from_where_it_was():
+    """What the wheels were to report died with it, so they are told again, from the last point it knew."""
+    depot = Depot(*wishes(("receiving", "shipping")))
+    told: list[Drive] = []
+    depot.wires.nodes["mule"].maker = lambda post: Told(wheels(post), told)
+    depot.wires.run(lambda: depot.wires.memory("mule").here != FIRST.here)
+    here = depot.wires.memory("mule").here
+    depot.wires.crash("mule")
+    depot.wires.run(lambda: len(told) > 1)
+    assert (told[1].start, told[1].goal) == (here, told[0].goal)
+
+
+def test_people_who_say_everything_again_are_heard_once():
+    """The desk dies and comes back: what was ordered before is not ordered again."""
+    depot = Depot(*wishes(NORTH, SOUTH))
+    depot.wires.run(lambda: depot.wires.memory("desk").heard == 2)
+    depot.wires.crash("desk")
+    depot.run(2)
+    depot.wires.run_for(60.0)
+    assert depot.wires.memory("dispatcher").delivered == 2
+    assert depot.outside == []
 
 
 @pytest.mark.parametrize("away", ["mule", "ox"])
