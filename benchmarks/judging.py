@@ -3,9 +3,9 @@
     python benchmarks/judging.py [--rounds N] [RECORDING]
 
 Each round judges the whole recording with a new judge (a run folder or traffic.mcap; else the recorded pour of the
-tests). Prints the median and the 99th percentile in microseconds of processor time over all communicates of all rounds, per
-channel too, of: decode (bytes to communicate), read (its content too), judge (both of them included, bytes to verdict); their ratio
-in this run; and how many of each verdict. The aim is a median of at most 50 us.
+tests). Prints median and 99th percentile in microseconds of processor time over all communicates of all rounds, per
+channel too, of: decode (bytes to communicate), decode and read (its content too), judge (both of them included, bytes
+to verdict); the ratio of the last two in this run; and how many of each verdict. The aim is a median of at most 50 us.
 """
 
 import argparse
