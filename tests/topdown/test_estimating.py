@@ -36,6 +36,8 @@ def test_time_adds_up_but_for_what_goes_on_alongside() -> None:
     assert found.seconds == pytest.approx(2 * (3 * 8.0 + 10 * 0.05))
     waited_for = ("typical_latency_s = 0.05\nalongside = true", "typical_s = 1")
     assert estimate(design(waited_for)).seconds == pytest.approx(found.seconds + 2 * 1 * 1.0)
+    beside = (waited_for[0], "typical_s = 1\nalongside = true")
+    assert estimate(design(beside)).seconds == pytest.approx(found.seconds)
 
 
 def test_bandwidth_is_bytes_over_the_time_it_goes_on() -> None:
