@@ -16,7 +16,7 @@ import msgspec
 
 from agent_runtime import events
 from agent_runtime.core import Core
-from agent_runtime.effects import Effects
+from agent_runtime.effects import Deed, Effects
 
 HEAD = struct.Struct("<I")
 BULK = struct.Struct("<II")
@@ -25,7 +25,10 @@ BOOT = "boot"
 
 
 class Step(msgspec.Struct, frozen=True, array_like=True):
-    """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8 bytes of hash."""
+    """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8 bytes of hash.
+
+    `deed`: what was done, in the words of the design; None where no event reached the behaviour.
+    """
 
     incarnation: int
     step: int
@@ -33,6 +36,7 @@ class Step(msgspec.Struct, frozen=True, array_like=True):
     kind: str
     input: bytes
     output: bytes = b""
+    deed: Deed | None = None
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=repr)
@@ -64,7 +68,7 @@ class StepLog:
     def step(self, incarnation: int, step: int, now: float, event: events.AnyEvent, effects: Effects) -> None:
         """One step of the core."""
         kind = type(event).__name__
-        self._write(Step(incarnation, step, now, kind, _encoder.encode(event), fingerprint(effects)))
+        self._write(Step(incarnation, step, now, kind, _encoder.encode(event), fingerprint(effects), effects.deed))
 
     def close(self) -> None:
         """Close the file."""
@@ -85,6 +89,12 @@ def read(path: Path) -> Iterator[Step]:
             return
         yield _decoder.decode(body)
         at += HEAD.size + length
+
+
+def deeds(folder: Path) -> list[tuple[str, Deed]]:
+    """What all agents did whose logs AGENT.steps lie in a folder, as (agent, deed) in the order of time."""
+    found = [(step.at, path.stem, step.deed) for path in sorted(folder.glob("*.steps")) for step in read(path)]
+    return [(agent, deed) for _, agent, deed in sorted(found, key=lambda one: one[0]) if deed is not None]
 
 
 def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effects]]:

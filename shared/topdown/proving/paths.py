@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from fipa_codec.tables import Role
 from topdown.design import Design
 from topdown.machines import Cause, Event, Row, Said
 from topdown.proving.fleet import ANY, Faults, Flat, Fleet
@@ -37,6 +38,7 @@ class Follower:
         self.fleet = Fleet(design, Faults(ANY))
         self.steps = {name: Steps(design, name) for name in design.agents}
         self.states: set[Flat] = {self.fleet.boot}
+        self.news = tuple(f"{soft.news} <-" for soft in self.fleet.soft if soft.latest)
         self.count = self.most = 0
         self.aside: Counter[tuple[str, str]] = Counter()
 
@@ -55,7 +57,7 @@ class Follower:
         return None
 
     def _shows_nothing(self, agent: str, deed: Done) -> bool:
-        """A step that the model leaves out: silent words, one more observation, a complaint, nothing said or changed."""
+        """A step that the model leaves out: a silent word, a complaint, nothing said or changed."""
         if deed.took is None:
             return not deed.said and deed.before == deed.after and not deed.event.startswith(("Started", "PeerChanged"))
         return Said(*deed.took) in self.fleet.parts.silent or deed.took[1] == "not-understood"
@@ -73,11 +75,19 @@ class Follower:
         return set(self.states) if self._is_repeated(agent, deed) else set()
 
     def _note_aside(self, agent: str, deed: Done) -> None:
-        """Questions that a row may ask besides are not in the model: to be heard and answered once each."""
-        rows = self.steps[agent].fitting(deed)
-        for one in deed.said:
-            if rows and all(Said(*one) in row.may and Said(*one) not in row.say for row in rows):
-                self.aside[one[0], self.steps[agent].uses[one[0]].peer] += 1
+        """Questions that a row may ask besides, or that were given up, are not in the model: heard and answered once."""
+        steps = self.steps[agent]
+        rows = steps.fitting(deed)
+        asked = [use for use, *word in deed.said if rows and all(_is_besides(row, Said(use, *word)) for row in rows)]
+        for use in (*asked, *{use for row in rows for use in row.drop}, *self._given_up(steps, deed)):
+            if not steps.uses[use].durable:
+                self.aside[use, steps.uses[use].peer] += 1
+
+    def _given_up(self, steps: Steps, deed: Done) -> list[str]:
+        """Uses whose question nobody waits for any more: the wait is over, or who asked has died."""
+        asks = [use for use in steps.uses.values() if use.role is Role.INITIATOR and not use.durable]
+        word, _, about = deed.event.partition(" ")
+        return [use.name for use in asks if word == "Started" or (word == "Late" and about == use.name)]
 
     def _unasked(self, agent: str, deed: Done) -> set[Flat]:
         """Such a question is answered, or its answer taken: nothing else may change."""
@@ -97,9 +107,10 @@ class Follower:
                 yield there
 
     def _hidden(self, state: Flat) -> Iterator[Flat]:
-        """Moves that no agent shows as a step of its own."""
+        """Moves that no agent shows as a step of its own; of observations any may be the last one that is owed."""
         for who, what, there, _, _ in self.fleet.moves(state):
-            if not isinstance(there[0], str) and (who == "net" or what.endswith(("again", "too late", "is dropped"))):
+            hidden = who == "net" or what.endswith(("again", "too late", "is dropped")) or what.startswith(self.news)
+            if hidden and not isinstance(there[0], str):
                 yield there
 
     def _is_repeated(self, agent: str, deed: Done) -> bool:
@@ -118,6 +129,10 @@ class Follower:
 
     def _words(self, agent: str, row: Row) -> str:
         return self.fleet.parts.agents[self.fleet.parts.place[agent]].label(row)
+
+
+def _is_besides(row: Row, said: Said) -> bool:
+    return said in row.may and said not in row.say
 
 
 def _plain(what: str) -> str:
