@@ -75,10 +75,10 @@ class Follower:
         return set(self.states) if self._is_repeated(agent, deed) else set()
 
     def _note_aside(self, agent: str, deed: Done) -> None:
-        """Questions that a row may ask besides, or that were given up, are not in the model: heard and answered once."""
+        """Questions that a row may ask besides, or that were given up, are not in the model: answered once each."""
         steps = self.steps[agent]
         rows = steps.fitting(deed)
-        asked = [use for use, *word in deed.said if rows and all(_is_besides(row, Said(use, *word)) for row in rows)]
+        asked = [one[0] for one in deed.said if rows and all(_is_besides(row, Said(*one)) for row in rows)]
         for use in (*asked, *{use for row in rows for use in row.drop}, *self._given_up(steps, deed)):
             if not steps.uses[use].durable:
                 self.aside[use, steps.uses[use].peer] += 1
