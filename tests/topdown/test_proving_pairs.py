@@ -10,7 +10,7 @@ from fipa_codec.conversation import Conversation
 from fipa_codec.errors import RemoteProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, State
+from fipa_codec.protocols import CFP, FIPA, ICFP, QUERY, REQUEST, SUBSCRIBE, State
 from fipa_codec.tables import RECEIVE, SEND, Protocol, Role, Row
 from topdown.design import Design, load
 from topdown.proving.durable import durable_pair
@@ -35,7 +35,7 @@ def story(finding):
     return [f"{step.who} {step.what}" for step in finding.trace]
 
 
-@pytest.mark.parametrize("protocol", [REQUEST, QUERY, SUBSCRIBE], ids=lambda p: p.name)
+@pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
 @pytest.mark.parametrize("faults", [0, 1])
 def test_durable_pairs_hold(protocol, faults):
     """No deadlock, no reception without a row, every conversation ends or rests."""
@@ -44,7 +44,7 @@ def test_durable_pairs_hold(protocol, faults):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("protocol", [REQUEST, QUERY, SUBSCRIBE], ids=lambda p: p.name)
+@pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
 def test_durable_pairs_hold_with_two_faults(protocol):
     """Some hundred thousand states."""
     assert explored(durable_pair(protocol, faults=2)).holds
@@ -65,6 +65,17 @@ def subscription(*more):
 def test_subscriptions_hold_and_no_observation_is_lost(faults):
     """Renewed after every death; the newest observation comes in the end."""
     assert explored(volatile_pair(subscription(), faults=faults, latest=True)).holds
+
+
+def test_another_round_is_no_repetition():
+    """icfp calls again within its conversation; a participant without a row for that is found."""
+    rounds = explored(durable_pair(ICFP, faults=0))
+    assert rounds.holds
+    assert rounds.states > explored(durable_pair(CFP, faults=0)).states
+    deaf = ICFP.varied(participant=ICFP.tables[SERVER].without(State.OFFERED, RECEIVE, P.CFP))
+    finding = explored(durable_pair(deaf, faults=0)).findings[0]
+    assert finding.kind == UNREACHED
+    assert [step.split()[1] for step in story(finding)].count("cfp") >= 2
 
 
 # --- naive variants of tables -----------------------------------------------------------------------------------------

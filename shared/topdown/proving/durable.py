@@ -7,7 +7,7 @@ The net may do more than the streams, never less, but for what `ABSTRACTIONS` na
 
 from collections.abc import Iterator
 
-from fipa_codec.tables import SEND, Protocol, Role, Row
+from fipa_codec.tables import SEND, START, Protocol, Role, Row
 from topdown.proving.net import Command, Copy, Effect, Guard, Net, Variable, Wrong, is_
 from topdown.proving.roles import WRONG, Pair, Players, to
 
@@ -144,7 +144,7 @@ class _Streams:
             yield from self._deaths(role)
 
     def _send(self, role: Role, row: Row) -> Iterator[Command]:
-        me, stream, opens = self.pair.players.named(role), self.out[role], self.pair.opens(row)
+        me, stream, opens = self.pair.players.named(role), self.out[role], row.state == START
         here = is_(me, *self.pair.sources(role, row) if opens else (str(row.state),))
         waits: tuple[tuple[Guard, ...], ...] = tuple(self.out[role.other].all_taken()) if opens else ((),)
         news = row.to == row.state and not self.eager

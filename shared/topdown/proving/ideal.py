@@ -5,7 +5,7 @@ Small enough for Petri net tools; `durable` has the copies and receipts that are
 
 from collections.abc import Iterator
 
-from fipa_codec.tables import Protocol, Role
+from fipa_codec.tables import START, Protocol, Role
 from topdown.proving.net import Command, Empty, Guard, Head, Net, Queue, Send, Take, Variable, Wrong, is_
 from topdown.proving.roles import WRONG, Pair, Players, to
 
@@ -36,7 +36,7 @@ def _commands(pair: Pair, role: Role, texts: list[str]) -> Iterator[Command]:
     me, peer = pair.players.named(role), pair.players.named(role.other)
     out, into = _queue(pair, role), _queue(pair, role.other)
     for row in pair.sends(role):
-        opens = pair.opens(row)
+        opens = row.state == START
         here = is_(me, *pair.sources(role, row) if opens else (str(row.state),))
         guards: tuple[Guard, ...] = (here, Empty(into)) if opens else (here,)
         effects = to(me, row.to), Send(out, row.word)

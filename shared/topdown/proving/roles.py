@@ -48,13 +48,13 @@ class Pair:
         return frozenset({START, *map(str, self.tables[role].ended)})
 
     def opens(self, row: Row) -> bool:
-        """Whether a row is about an opening."""
+        """Whether a row is about an act that opens conversations; in a later state it is another round, or repeats."""
         return row.performative in self.protocol.openings
 
     def sends(self, role: Role) -> Iterator[Row]:
         """Rows that say something within a conversation, or begin one; asking again is the delivery's business."""
         for row in self.tables[role]:
-            if row.way is SEND and not (self.opens(row) and row.state != START):
+            if row.way is SEND and not (self.opens(row) and row.to == row.state):
                 yield row
 
     def sources(self, role: Role, row: Row) -> frozenset[str]:
