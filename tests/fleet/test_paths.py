@@ -12,7 +12,7 @@ from agent_runtime.wires import Point
 from companion.design import DESIGN
 from topdown.proving.paths import Follower
 
-HISTORY = Path(__file__).parents[1] / "histories" / "pour_seed_7"
+HISTORY = Path(__file__).parents[1] / "histories" / "deeds_seed_7"
 """The steps of six processes over Zenoh that poured (seed 7, speed max); what came in and went out was cut off."""
 
 
