@@ -360,7 +360,7 @@ class _Done(msgspec.Struct, frozen=True):
 
 def _done(event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]) -> _Done:
     received = effects.handled.communicate if isinstance(effects.handled, Received) else None
-    rest = msgspec.structs.replace(effects, handled=None, deed=None)
+    rest = msgspec.structs.replace(effects, handled=None)
     return _Done(event, at, after.incarnation, after.soft.step, rest, sizes, received)
 
 
