@@ -70,6 +70,7 @@ def test_a_person_is_hi_and_then_hi_is_itself(fleet: Processes) -> None:
     second = sent(fleet.run, *COMMAND, *LOOK, "--wait", "2")
     assert (second.sent["id"], second.sent["conversation"], second.receipted) == ("2", "hi-2-2", True)
     assert {one["performative"] for one in second.heard if one["conversation"] == "hi-2-2"} == {"agree"}
+    wait_for(lambda: "hi" not in fleet.beat("co").unreceipted, "co's answers are receipted")
     fleet.script = _service(fleet.run, "services.human_interface")
     fleet.start("hi")
     fleet.ready("hi")
