@@ -61,6 +61,11 @@ def test_the_fleet_holds(most: int) -> None:
     assert result.findings == ()
 
 
+def test_the_start_of_all_agents_holds() -> None:
+    """Commands may come while some agents have not even heard of each other."""
+    assert explore(Fleet(DESIGN, Faults(0, boot=True))).holds
+
+
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_the_fleet_holds_with_two_faults() -> None:

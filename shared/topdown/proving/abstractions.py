@@ -36,8 +36,8 @@ ABSTRACTIONS = (
         "layer 1, under any number of faults; layer 2 with copies and receipts explicit",
     ),
     Abstraction(
-        "a death and the coming back are one step, and all begins at rest",
-        "while an agent is down its queues only wait; the boot of all is what deaths at rest lead to",
+        "a death and the coming back are one step, and faults are explored from rest",
+        "while an agent is down its queues only wait; the start of all agents is explored by itself, without faults",
         "layers 1 and 2 let a side die between any two of its micro-steps",
     ),
     Abstraction(

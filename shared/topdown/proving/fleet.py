@@ -30,12 +30,13 @@ class Faults(NamedTuple):
     """How many faults may happen in all (ANY: no limit): deaths, losses, copies, waits that are over.
 
     `gone`: an agent that may die for good, at any time; rest then means that `waiting` is idle, and after that death
-    waits that are over count as what will happen.
+    waits that are over count as what will happen. `boot`: all begins with the start of all agents, not at rest.
     """
 
     most: int = 0
     gone: str = ""
     waiting: str = ""
+    boot: bool = False
 
 
 class Fleet:
@@ -49,7 +50,8 @@ class Fleet:
         self.soft = [Soft(self.parts, use) for use in self.parts.soft]
         self.used: set[tuple[str, int]] = set()
         self.boot: Flat = ((0,) * (self.parts.size - 1)) + (self.faults.most,)
-        self.start: Flat = (*self._first_rest((0,) * self.parts.size)[:-1], self.faults.most)
+        first = self.boot if self.faults.boot else self._first_rest((0,) * self.parts.size)
+        self.start: Flat = (*first[:-1], self.faults.most)
 
     def _first_rest(self, boot: Flat) -> Flat:
         """The first state at rest after all agents were started; the boot itself is what deaths at rest lead to."""

@@ -66,6 +66,8 @@ def tasks(
                 yield Task(2, f"{use.channel} {use.name}", _pair(design, use.name, faults, seconds))
     if 3 in layers and step is None:
         most = ANY if faults is None else faults
+        started = Faults(0, boot=True)
+        yield Task(3, "all agents, starting", _fleet(design, "all agents, starting", started, seconds))
         yield Task(3, "all agents", _fleet(design, "all agents", Faults(most), seconds))
         for name in gone:
             design.agent(name)
@@ -97,7 +99,7 @@ def _fleet(design: Design, what: str, faults: Faults, seconds: float | None) -> 
         fleet = Fleet(design, faults)
         found = explore(fleet, seconds=seconds, progress=progress)
         loud = fleet.not_silent() if not found.findings else ()
-        notes = () if faults.gone or found.findings else fleet.unused()
+        notes = () if faults.gone or faults.boot or found.findings else fleet.unused()
         most = None if faults.most == ANY else faults.most
         return Verdict(
             3, what, most, found.states, found.edges, found.seconds, found.findings, (*_open(found), *loud), notes
