@@ -15,6 +15,9 @@ _BLOCK = re.compile(r"^```(?P<words>[^\n]*)\n(?P<body>.*?)^```$", re.MULTILINE |
 _NORMAL = (
     (re.compile(r"^ *\d+\.\d\d s  ", re.MULTILINE), "TIME  "),
     (re.compile(r"\bin \d+\.\d+s\b"), "in TIME"),
+    (re.compile(r" +\d+\.\d s  (?=holds)"), "  TIME  "),
+    (re.compile(r" +[\d,]+ states"), " N states"),  # of a model that may become finer; that it holds is compared
+    (re.compile(r"^\d+ steps,", re.MULTILINE), "N steps,"),
     (re.compile(r"files in \S*runs/\S+"), "files in RUN"),
     (re.compile(r"^TIME  all ready\n", re.MULTILINE), ""),  # stands where it happens among what is said
 )
@@ -36,7 +39,7 @@ def blocks(page: Path) -> Iterator[Block]:
 
 
 def normal(text: str) -> str:
-    """A printed text without what differs from run to run: times, folders, and where `all ready` stands."""
+    """A printed text without what differs from run to run: times, folders, counts, where `all ready` stands."""
     for pattern, word in _NORMAL:
         text = pattern.sub(word, text)
     return text.rstrip()

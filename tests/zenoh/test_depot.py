@@ -10,6 +10,10 @@ from pathlib import Path
 import pytest
 from toy_fleet import wait_for
 
+from agent_runtime.steplog import deeds
+from topdown.design import load
+from topdown.proving.paths import Follower
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
 pytestmark = pytest.mark.zenoh
 ORDERS = """
@@ -51,7 +55,7 @@ def outside(run: Path) -> list[str]:
 
 
 def test_both_orders_are_delivered_though_the_robot_is_killed_on_its_way(depot: Path) -> None:
-    """kill -9 while it drives: it comes back, drives on from where it was, and each thing is delivered once."""
+    """kill -9 while it drives: it comes back and drives on; each thing is delivered once, each step is as proven."""
     wait_for(lambda: said(depot, "mule -> dispatcher", "Carried(item='sheet')"), "the first is delivered")
     wait_for(lambda: said(depot, "dispatcher -> ox", "accept-proposal"), "the second is under way")
     os.kill(int((depot / "ox.pid").read_text()), signal.SIGKILL)
@@ -60,3 +64,4 @@ def test_both_orders_are_delivered_though_the_robot_is_killed_on_its_way(depot: 
     assert len(said(depot, "accept-proposal")) == 2
     assert said(depot, "ox: backing-off")
     assert outside(depot) == []
+    assert Follower(load(EXAMPLE / "depot" / "design.toml")).follow(deeds(depot / "steps")) is None
