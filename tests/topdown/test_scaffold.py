@@ -130,6 +130,8 @@ def test_what_the_design_no_longer_makes_is_left_and_told(tmp_path):
     [
         ('name = "tiny"', 'name = "two words"', "no name in Python"),
         ('name = "tiny"', 'name = "json"', "installed package"),
+        ('name = "tiny"', 'name = "msgspec"', "installed package"),
+        ('name = "tiny"', 'name = "topdown"', "installed package"),
         ('name = "tiny"', 'name = "Tiny"', "write it small"),
         ("doer", "languages", "name of a module"),
         ('behaviour = "do"', 'behaviour = "do it"', "no name in Python"),

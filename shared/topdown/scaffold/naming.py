@@ -14,6 +14,8 @@ from topdown.scaffold.errors import ScaffoldError
 WIDTH = 120
 RESERVED = ("design", "languages", "tests")
 """Names inside a project's package that an agent's package may not take."""
+IMPORTED = ("agent_runtime", "fipa_codec", "services", "topdown")
+"""Packages that a project imports, so none of its own may hide them."""
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
@@ -44,13 +46,14 @@ def _package(name: str) -> None:
     _identifier("system", name)
     if name != name.lower():
         raise ScaffoldError("system", f"{name!r} is no name of a package", f"write it small: {name.lower()!r}")
-    known = importlib.util.find_spec(name)
-    if known is not None and known.origin is not None and ("site-packages" in known.origin or _standard(name)):
+    if name in IMPORTED or name in sys.stdlib_module_names or _installed(name):
         raise ScaffoldError("system", f"{name!r} is an installed package", "choose a name that is free")
 
 
-def _standard(name: str) -> bool:
-    return name in sys.stdlib_module_names
+def _installed(name: str) -> bool:
+    """Whether the name is a package from outside, and not the project itself, made before."""
+    known = importlib.util.find_spec(name)
+    return known is not None and known.origin is not None and "site-packages" in known.origin
 
 
 def _identifier(where: str, name: str, *, keywords: bool = False) -> None:
