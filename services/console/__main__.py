@@ -19,6 +19,7 @@ from rich.console import Console
 from companion.run_folder import Fleet, ProcessState, TaskLine
 from services.console import (
     acl,
+    conversation,
     design,
     design_check,
     design_diff,
@@ -32,6 +33,8 @@ from services.console import (
     draw,
     fleet,
     runs,
+    send,
+    traffic,
 )
 from services.console import demo as main_job
 from services.console.errors import ConsoleError
@@ -70,6 +73,8 @@ app = typer.Typer(
 )
 
 app.add_typer(design.app, name="design")
+app.add_typer(traffic.app, name="traffic")
+app.add_typer(conversation.app, name="conversation")
 app.add_typer(acl.app, name="acl")
 DESIGN_VERBS = (
     design_check,
@@ -270,6 +275,9 @@ def problems(form: Format) -> Iterator[None]:
     except KeyboardInterrupt as error:
         print("interrupted", file=sys.stderr)
         raise typer.Exit(130) from error
+
+
+app.command()(send.send)
 
 
 def main() -> None:
