@@ -64,4 +64,6 @@ def test_both_orders_are_delivered_though_the_robot_is_killed_on_its_way(depot: 
     assert len(said(depot, "accept-proposal")) == 2
     assert said(depot, "ox: backing-off")
     assert outside(depot) == []
-    assert Follower(load(EXAMPLE / "depot" / "design.toml")).follow(deeds(depot / "steps")) is None
+    done = deeds(depot / "steps")
+    assert {agent for agent, _ in done} == {"desk", "dispatcher", "traffic", "mule", "ox"}
+    assert Follower(load(EXAMPLE / "depot" / "design.toml")).follow(done) is None

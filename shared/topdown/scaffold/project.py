@@ -120,6 +120,14 @@ def _readme(design: Design, package: str) -> str:
         f"| `{agent}` | {sentence(entry.text or design.decomposition.tasks.get(agent, ''), 'not said')} |"
         for agent, entry in design.agents.items()
     )
+    told = {
+        f"python -m {package}": "router and agents as processes; prints what they say; Ctrl-C ends them",
+        "python -m pytest": "the design is consistent, every agent binds and answers, all meet over Zenoh",
+        f"roco design check {package}/design.toml": "what is wrong with the design, and where",
+        f"roco design verify {package}/design.toml": "whether it can go wrong, and how",
+    }
+    width = max(map(len, told))
+    commands = "\n".join(f"{command:<{width}}  # {what}" for command, what in told.items())
     return f"""# {package}
 
 {sentence(design.file.system.text, "A system designed top-down")} Made by `roco design new` from
@@ -130,9 +138,7 @@ def _readme(design: Design, package: str) -> str:
 {rows}
 
 ```
-python -m {package}      # router and agents as processes; prints what they say; Ctrl-C ends them
-pytest                   # the design is consistent, every agent binds and answers, all meet over Zenoh
-roco design check {package}/design.toml
+{commands}
 ```
 
 To fill in, marked `# to fill in`, until then an agent refuses what it is asked and stays in its state:
