@@ -13,6 +13,7 @@ from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import CFP, FIPA, ICFP, QUERY, REQUEST, SUBSCRIBE, State
 from fipa_codec.tables import RECEIVE, SEND, Protocol, Role, Row
 from topdown.design import Design, load
+from topdown.elements import Division, Split, Step
 from topdown.proving.durable import durable_pair
 from topdown.proving.engine import DEADLOCK, UNREACHED, WRONG, explore
 from topdown.proving.net_model import NetModel
@@ -223,6 +224,15 @@ def test_channels_of_a_step():
     assert changed_channels(LAMP, 1) == ("C1",)
     with pytest.raises(IndexError, match="steps 1 to 1"):
         changed_channels(LAMP, 2)
+
+
+def test_a_channel_that_is_split_later_is_verified_by_its_parts():
+    """Step 1 made it, step 2 split it: both steps touch both parts."""
+    step = Step(
+        requirements=("R1",), divide=Division("lamp", ("bulb", "base")), split=(Split("C1", ("C2", "C3")),), tasks=()
+    )
+    design = Design(msgspec.structs.replace(LAMP.file, step=(*LAMP.file.step, step)))
+    assert set(changed_channels(design, 1)) == set(changed_channels(design, 2)) == {"C2", "C3"}
 
 
 # --- the same table, not twins ----------------------------------------------------------------------------------------

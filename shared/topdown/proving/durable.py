@@ -54,12 +54,6 @@ class _Direction:
         """Whether the sender may add so many more: else it does nothing, as in the runtime."""
         return (is_(self.cells[-places], NONE),) if places else ()
 
-    def all_taken(self) -> Iterator[tuple[Guard, ...]]:
-        """Alternatives: no word that the receiver has still to take."""
-        for taken in range(self.bound + 1):
-            more = (is_(self.cells[taken], NONE),) if taken < self.bound else ()
-            yield (is_(self.taken, str(taken)), *more)
-
     def issue(self, word: str) -> Iterator[tuple[tuple[Guard, ...], tuple[Effect, ...]]]:
         """A word goes into the first free place, and one copy on its way."""
         for place, cell in enumerate(self.cells):
@@ -146,14 +140,12 @@ class _Streams:
     def _send(self, role: Role, row: Row) -> Iterator[Command]:
         me, stream, opens = self.pair.players.named(role), self.out[role], row.state == START
         here = is_(me, *self.pair.sources(role, row) if opens else (str(row.state),))
-        waits: tuple[tuple[Guard, ...], ...] = tuple(self.out[role.other].all_taken()) if opens else ((),)
         news = row.to == row.state and not self.eager
         room = stream.room(1 + self._owed(role, row.to)) if str(row.state) not in self.pair.tables[role].urgent else ()
+        what, fair = f"{row.word} -> {stream.peer}", not (row.free or opens)
         for place, (guards, effects) in enumerate(stream.issue(row.word)):
-            for nothing_untaken in waits if not (news and place) else ():
-                what = f"{row.word} -> {stream.peer}"
-                everything = (here, *room, *nothing_untaken, *guards)
-                yield Command(me, what, everything, (to(me, row.to), *effects), fair=not (row.free or opens))
+            if not (news and place):
+                yield Command(me, what, (here, *room, *guards), (to(me, row.to), *effects), fair)
 
     def _owed(self, role: Role, state: str, most: int = 2) -> int:
         """How many words a role owes at once in a state: no longer chain than `most` is looked at."""

@@ -6,7 +6,7 @@ Small enough for Petri net tools; `durable` has the copies and receipts that are
 from collections.abc import Iterator
 
 from fipa_codec.tables import START, Protocol, Role
-from topdown.proving.net import Command, Empty, Guard, Head, Net, Queue, Send, Take, Variable, Wrong, is_
+from topdown.proving.net import Command, Empty, Head, Net, Queue, Send, Take, Variable, Wrong, is_
 from topdown.proving.roles import WRONG, Pair, Players, to
 
 CAPACITY = 3
@@ -38,9 +38,8 @@ def _commands(pair: Pair, role: Role, texts: list[str]) -> Iterator[Command]:
     for row in pair.sends(role):
         opens = row.state == START
         here = is_(me, *pair.sources(role, row) if opens else (str(row.state),))
-        guards: tuple[Guard, ...] = (here, Empty(into)) if opens else (here,)
         effects = to(me, row.to), Send(out, row.word)
-        yield Command(me, f"{row.word} -> {peer}", guards, effects, fair=not (row.free or opens))
+        yield Command(me, f"{row.word} -> {peer}", (here,), effects, fair=not (row.free or opens))
     for row, states in pair.takes(role):
         heard = is_(me, *states), Head(into, frozenset({row.word}))
         yield Command(me, f"{row.word} <- {peer}", heard, (to(me, row.to), Take(into)))
