@@ -6,7 +6,6 @@ Companion is.
 
 import os
 import queue
-import sys
 import threading
 import time
 from datetime import datetime
@@ -74,17 +73,13 @@ def foreground(
 
 
 def _environment(package: str, run_dir: Path, connect: str, scene: str) -> dict[str, str]:
-    """What all processes share; the project's folder can be imported from wherever it is run."""
-    module = sys.modules.get(package)
-    home = Path(module.__file__).parents[1] if module is not None and module.__file__ else Path.cwd()
-    paths = [str(home.resolve()), *filter(None, [os.environ.get("PYTHONPATH", "")])]
+    """What all processes share, besides the folder they are run in."""
     return os.environ | {
         "ROCO_RUN_DIR": str(run_dir),
         "ROCO_SYSTEM": package,
         "ROCO_CONNECT": connect,
         "ROCO_LISTEN": connect,
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
-        "PYTHONPATH": os.pathsep.join(paths),
         "PYTHONUNBUFFERED": "1",
     }
 
