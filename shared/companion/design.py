@@ -5,10 +5,8 @@ Must not know: agents' code, Zenoh.
 """
 
 from enum import StrEnum
-from functools import reduce
-from operator import or_
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 from companion.languages import LANGUAGES, wm
 from fipa_codec import protocols
@@ -17,6 +15,7 @@ from fipa_codec.languages import REASON, Language
 from topdown import agreement, checks
 from topdown.design import Design, load
 from topdown.findings import Finding
+from topdown.interfaces import interfaces
 
 FILE = Path(__file__).with_name("design.toml")
 DESIGN: Design = load(FILE)
@@ -48,23 +47,8 @@ def language_of(content: object) -> Language:
     return _SPOKEN[type(content)]
 
 
-def class_named(name: str) -> type:
-    """The class written as LANGUAGE.Class in the design. Raises KeyError."""
-    language, _, word = name.partition(".")
-    return {kind.__name__: kind for kind in LANGUAGES.named(language).classes}[word]
-
-
-def _interface(use: str) -> ClassInterfaceInfo:
-    rows: list[tuple[str, str, list[type], Any]] = []
-    for entry in DESIGN.entries(use):
-        answers = [class_named(name) for name in entry.answers]
-        answer = reduce(or_, answers) if answers else None
-        rows.append((entry.performative, entry.name, [class_named(name) for name in entry.arguments], answer))
-    return ClassInterfaceInfo(rows)
-
-
 # What can be asked in each use of a protocol, in the paper's form (section 5.6).
-INTERFACES: dict[str, ClassInterfaceInfo] = {use: _interface(use) for use in DESIGN.protocols}
+INTERFACES: dict[str, ClassInterfaceInfo] = interfaces(DESIGN, LANGUAGES)
 
 # Interface sets whose argument classes are, together, exactly the query classes of WM.
 QUERY_INTERFACES = ("knowledge", "hypotheses")

@@ -5,12 +5,13 @@ from typing import get_args
 import pytest
 
 from agent_runtime.wiring import service_key
-from companion.design import DESIGN, INTERFACES, AgentName, class_named, findings, language_of
+from companion.design import DESIGN, INTERFACES, AgentName, findings, language_of
 from companion.languages import LANGUAGES, hfsm, sw, wm
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative as P
 from topdown.checks import reachable
 from topdown.errors import NoSuchEntry
+from topdown.interfaces import class_named
 
 # Section 5.2: channel -> the agents it joins in the end.
 CHANNELS = {
@@ -145,7 +146,7 @@ def test_every_query_kind_of_wm_can_be_asked() -> None:
 def test_every_content_class_has_one_language() -> None:
     """The language of a sentence follows from its class."""
     assert language_of(sw.Report(sw.WorkerState.RUNNING)).name == "SW"
-    assert class_named("WM.PoseOf") is wm.PoseOf
+    assert class_named(LANGUAGES, "WM.PoseOf") is wm.PoseOf
     classes = [kind for name in LANGUAGES.names for kind in LANGUAGES.named(name).classes]
     assert len(classes) == len(set(classes))
 
