@@ -14,6 +14,7 @@ from companion.design import FILE
 from services.console import design_files as files
 from services.console.design import app
 from topdown.design import load
+from topdown.proving import counterexample, durable, volatile
 from topdown.proving.abstractions import ABSTRACTIONS, NOT_PROVEN
 from topdown.proving.engine import Finding
 from topdown.proving.verify import LAYERS, Task, Verdict, tasks
@@ -99,8 +100,7 @@ def line(verdict: Verdict, width: int) -> str:
 
 
 def _counterexample(finding: Finding, width: int) -> str:
-    head = textwrap.wrap(f"{finding.kind}: {finding.text}", width, initial_indent="    ", subsequent_indent="      ")
-    return "\n".join([*head, "", str(finding), ""])
+    return f"\n{counterexample.as_text(finding, width)}\n"
 
 
 def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
@@ -117,6 +117,10 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
         lines += ["", "What the composed model leaves out, and why that is safe:"]
         for one in ABSTRACTIONS:
             lines += textwrap.wrap(f"- {one.what}: {one.why}. Shown by: {one.shown}.", width, subsequent_indent="  ")
+        for title, table in (("durable", durable.ABSTRACTIONS), ("volatile", volatile.ABSTRACTIONS)):
+            lines += ["", f"What the models of {title} uses leave out, and why that is safe:"]
+            for what, why in table:
+                lines += textwrap.wrap(f"- {what}: {why}.", width, subsequent_indent="  ")
     lines += ["", "Not proven by any layer:"]
     for text in NOT_PROVEN:
         lines += textwrap.wrap(f"- {text}", width, subsequent_indent="  ")

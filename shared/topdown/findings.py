@@ -41,6 +41,7 @@ class Kind(StrEnum):
     NO_OPENING = "conversation that nobody opens"
     NO_ROW = "act without a row"
     NEVER_SAID = "act that can never be said"
+    NOT_ASKED_AGAIN = "lost and not asked again"
     NO_WAY_TO_THE_END = "conversation that cannot end"
     SENT_NOT_RECEIVED = "sent but never received"
     RECEIVED_NOT_SENT = "received but never sent"

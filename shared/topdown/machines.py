@@ -109,7 +109,7 @@ class Machine:
             for use in design.file.protocol
             if agent in (use.initiator, use.participant) and use.follows in design.tables
         }
-        read = _Reader(self, design.path)
+        read = _Reader(self, design)
         self.rows = tuple(
             read.row(number, row, onward)
             for number, row in enumerate(self.entry.row, start=1)
@@ -172,8 +172,12 @@ _CAUSE = re.compile(r"(late|back|own|person) (\S+)|restart")
 class _Reader:
     """Reads the words of rows; every error names agent and row, and what there is."""
 
-    def __init__(self, machine: Machine, file: str) -> None:
-        self.machine, self.file, self.where = machine, file or "design.toml", ""
+    def __init__(self, machine: Machine, design: Design) -> None:
+        self.machine, self.file, self.where = machine, design.path or "design.toml", ""
+        uses = machine.uses.values()
+        self.agents = design.agents.keys()
+        self.volatile = {use.name for use in uses if not use.durable}
+        self.observed = {use.name for use in uses if use.latest and use.role is Role.PARTICIPANT}
 
     def onwards(self, number: int, row: elements.Row) -> tuple[elements.Onward, ...]:
         """The ways a row goes on; one that adds nothing where it names no choice."""
@@ -189,8 +193,12 @@ class _Reader:
         states, to = {state.name for state in self.machine.entry.state}, onward.to or row.to
         for state in (*row.in_, *((to,) if to else ())):
             self._among("state", state, states)
-        for use in (*row.drop, *row.owes, *((row.moves,) if row.moves else ())):
-            self._among("protocol", use, self.machine.uses)
+        for use in row.drop:
+            self._among("volatile protocol to drop", use, self.volatile)
+        for use in row.owes:
+            self._among("latest protocol with a subscriber", use, self.observed)
+        if row.moves:
+            self._among("protocol", row.moves, self.machine.uses)
         return Row(
             number,
             frozenset(row.in_),
@@ -211,6 +219,8 @@ class _Reader:
             return Event(Cause.TAKE, *self.said(text))
         if match[1] == Cause.LATE:
             self._among("protocol", match[2], self.machine.uses)
+        if match[1] == Cause.BACK:
+            self._among("agent", match[2], self.agents)
         return Event(Cause(match[1] or "restart"), match[2] or "")
 
     def said(self, text: str) -> Said:
@@ -232,7 +242,7 @@ class _Reader:
 
     def _among(self, kind: str, name: str, known: Collection[str]) -> None:
         if name not in known:
-            raise self._error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known))}")
+            raise self._error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}")
 
     def _error(self, wrong: str, right: str) -> DesignError:
         return DesignError(self.file, None, self.where, wrong, right)

@@ -35,6 +35,7 @@ def findings(design: Design) -> Iterator[Finding]:
             yield Finding(Kind.UNDEFINED, where, f"table {use.follows!r} is not there", right, (*at, "follows"))
         else:
             yield from _follows(use, protocol, at)
+            yield from _asked_again(use, protocol, at)
 
 
 def _own_table(name: str, protocol: Protocol, at: Path_) -> Iterator[Finding]:
@@ -64,6 +65,15 @@ def _follows(use: elements.Protocol, protocol: Protocol, at: Path_) -> Iterator[
         walked = explore(restricted(protocol, said))
         yield from _never_said(use, said, walked, protocol, at)
         yield from _no_end(where, protocol, said, walked, at)
+
+
+def _asked_again(use: elements.Protocol, protocol: Protocol, at: Path_) -> Iterator[Finding]:
+    """A conversation that is not durable lives on asking again: its table needs a row for that."""
+    opens = [row for row in protocol.tables[Role.INITIATOR] if row.performative in protocol.openings]
+    if not use.durable and not any(row.way is Way.SEND and row.state == row.to for row in opens):
+        wrong = f"is not durable, and {use.follows} has no row for asking again: one lost message ends it"
+        right = "set durable = true, or follow a protocol that asks again (query, subscribe)"
+        yield Finding(Kind.NOT_ASKED_AGAIN, f"protocol {use.name}", wrong, right, at)
 
 
 def listed(use: elements.Protocol) -> dict[Role, set[Performative]]:

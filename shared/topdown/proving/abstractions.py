@@ -73,5 +73,6 @@ NOT_PROVEN = (
     "durations, fairness of the scheduler, and loops of a plan (next act, new plan) that never end",
     "a journal that is lost or lies; a process that hangs and does not die",
     "waits for a subscriber that is gone for good (`late` of a latest use)",
+    "two agents whose outboxes are full towards each other, which only many reports that nobody asked for bring about",
 )
 """What no layer says anything about."""

@@ -152,10 +152,7 @@ class Agent:
         rows = self.machine.by_event.get((local.state, Event(Cause.RESTART)), ())
         outcomes = tuple(self._apply(after, [row for row in rows if not row.several]))
         found = outcomes or (Outcome(after, (), "", 0),)
-        return tuple(
-            one._replace(effects=(*closed, *one.effects), label=f"{DIES}{_and(one.label)}")
-            for one in found
-        )
+        return tuple(one._replace(effects=(*closed, *one.effects), label=f"{DIES}{_and(one.label)}") for one in found)
 
     def would_change(self, local: Local, said: Said) -> bool:
         """Whether a silent word, where it may come, would change this state after all, or would not be taken."""

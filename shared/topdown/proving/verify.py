@@ -92,15 +92,15 @@ def _pair(design: Design, use: str, faults: int | None, seconds: float | None) -
 
 def _fleet(design: Design, what: str, faults: Faults, seconds: float | None) -> Callable[[Progress | None], Verdict]:
     def run(progress: Progress | None) -> Verdict:
+        most = None if faults.most == ANY else faults.most
         silent = [name for name, machine in machines(design).items() if not machine.rows]
         if silent:
             missing = f"agents without rows cannot be composed: {', '.join(silent)}"
-            return Verdict(3, what, faults.most, 0, 0, 0.0, (), (missing,))
+            return Verdict(3, what, most, 0, 0, 0.0, (), (missing,))
         fleet = Fleet(design, faults)
         found = explore(fleet, seconds=seconds, progress=progress)
         loud = fleet.not_silent() if not found.findings else ()
         notes = () if faults.gone or faults.boot or found.findings else fleet.unused()
-        most = None if faults.most == ANY else faults.most
         return Verdict(
             3, what, most, found.states, found.edges, found.seconds, found.findings, (*_open(found), *loud), notes
         )
