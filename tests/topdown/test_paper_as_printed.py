@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 import contradictions
 
 KNOWN = contradictions.known()
-GAPS = {Kind.NO_BUDGET, Kind.NO_MACHINE, Kind.SILENT_CHANNEL, Kind.UNDEFINED, Kind.NO_TALK}
+GAPS = {Kind.NOT_ASKED_AGAIN, Kind.NO_BUDGET, Kind.NO_MACHINE, Kind.SILENT_CHANNEL, Kind.UNDEFINED, Kind.NO_TALK}
 
 
 @pytest.fixture(scope="module")
