@@ -21,7 +21,7 @@ from topdown.proving.verify import LAYERS, Task, Verdict, tasks
 
 ANY = "any"
 TITLES = {
-    1: "Layer 1: the durable stream, in micro-steps",
+    1: "Layer 1: the durable stream and physical acts, in micro-steps",
     2: "Layer 2: each use of a protocol, copies and receipts explicit",
     3: "Layer 3: all agents composed, on ideal queues",
 }

@@ -112,13 +112,15 @@ class RoleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Table(Entry, frozen=True):
     """An interaction protocol of the system's own, beside FIPA's: what `follows` may name.
 
-    `confirmed`: performatives whose every use is confirmed by name.
+    `confirmed`: performatives whose every use is confirmed by name. `rounds`: openings that may come again within a
+    conversation, as a new round of it.
     """
 
     name: str
     initiator: RoleTable
     participant: RoleTable
     confirmed: tuple[Performative, ...] = ()
+    rounds: tuple[Performative, ...] = ()
     text: str = ""
 
 

@@ -8,7 +8,7 @@ beginning was not heard is not judged, and never an alarm.
 
 from itertools import count
 
-from fipa_codec.communicate import Communicate, decode
+from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import MalformedError
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.tables import Role
@@ -66,7 +66,7 @@ class Judge:
         else:
             size = size or len(said)
             try:
-                one = decode(said)
+                one = decode_strictly(said)
             except MalformedError as error:
                 why = str(error)
         heard = Heard(next(self._numbers), at, key, size, one)

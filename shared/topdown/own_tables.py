@@ -44,6 +44,7 @@ def own_table(entry: elements.Table, file: str = "design.toml") -> Protocol:
             initiator=_role(entry.initiator),
             participant=_role(entry.participant),
             confirmed=entry.confirmed,
+            rounds=entry.rounds,
         )
     except (ValueError, LocalProtocolError) as error:
         right = "rows are [state, send or receive, act, next state], one for each state and act"

@@ -11,10 +11,12 @@ from fipa_codec.tables import RECEIVE, SEND, Table, Way
 from topdown.machines import Cause, Event, Machine, Row, Said
 
 
-def silent_words(machines: Iterable[Machine]) -> frozenset[Said]:
-    """The greatest set of words of durable uses that are silent if all of the set are."""
+def silent_words(machines: Iterable[Machine], forbidden: frozenset[Said] = frozenset()) -> frozenset[Said]:
+    """The greatest set of words of durable uses that are silent if all of the set are, but for those that a rule of the
+    design forbids at times.
+    """
     kept = tuple(machines)
-    found = {said for machine in kept for said in _heard(machine)}
+    found = {said for machine in kept for said in _heard(machine)} - forbidden
     while True:
         loud = {said for machine in kept for said in _heard(machine) & found if not _is_silent(machine, said, found)}
         if not loud:

@@ -51,9 +51,9 @@ class Steps(Machine):
             return ""
         if deed.took is not None and deed.took[1] is Performative.NOT_UNDERSTOOD:
             return ""
-        if deed.took is None and deed.after == deed.before and not deed.said:
-            return ""
         rows = tuple(self._rows(deed))
+        if deed.took is None and deed.after == deed.before and not deed.said and not self._is_due(rows, deed):
+            return ""
         if self.fitting(deed):
             return ""
         said = ", ".join(str(Said(*one)) for one in deed.said) or "nothing"
@@ -71,6 +71,19 @@ class Steps(Machine):
         word, _, about = deed.event.partition(" ")
         causes = _CAUSES.get(word, ())
         return [row for row in self.spontaneous[deed.before] if row.event.cause in causes and _about(row, about)]
+
+    def _is_due(self, rows: Iterable[Row], deed: Done) -> bool:
+        """Whether doing nothing is less than the rows promise: after a death, or a wait that is over, a row applies
+        whatever the conversations are. Other such events may have been for nothing.
+        """
+        word = deed.event.partition(" ")[0]
+        return word in ("Started", "Late") and any(self._applies_always(row) for row in rows)
+
+    def _applies_always(self, row: Row) -> bool:
+        volatile = all(
+            not self.uses[said.use].durable and said.act in self.uses[said.use].protocol.openings for said in row.say
+        )
+        return volatile and not row.when and not row.several
 
     def _fits(self, row: Row, deed: Done) -> bool:
         return (

@@ -185,6 +185,17 @@ def test_naive(name: str) -> None:
     assert most == 0 or not found(design, Faults(most - 1)).findings
 
 
+def test_co_waits_for_ever_for_a_robot_that_is_gone() -> None:
+    """Without the rows by which a wait of co is over, a person's wish never ends when ta dies for good."""
+
+    def change(rows: Rows) -> Rows:
+        return tuple(row for row in rows if not row.on.startswith("late "))
+
+    wish = Faults(0, gone="ta", waiting="hi")
+    result = explore(Fleet(with_rows("co", change), wish), most_states=400_000)
+    assert result.findings[0].kind in (DEADLOCK, UNREACHED)
+
+
 def test_nobody_asks_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lost question is waited for, for ever."""
     monkeypatch.setattr(Soft, "by_itself", lambda self, ends: iter(()))

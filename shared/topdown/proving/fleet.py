@@ -145,8 +145,10 @@ class Fleet:
                 yield self.names[number], ready.label, self._after(after, state, number, ready), True, False
 
     def _from_net(self, state: Flat, soft: Soft, faulty: bool) -> Iterator[Found]:
-        for who, what, ends, number, ready, fault in soft.turns(self._ends(state, soft)):
-            if fault and not faulty:
+        for who, what, ends, number, ready, fault, wrong in soft.turns(self._ends(state, soft)):
+            if wrong:
+                yield who, what, (wrong,), True, False
+            if wrong or (fault and not faulty):
                 continue
             after = list(state)
             after[soft.asker], after[soft.server], after[soft.slot] = ends
@@ -158,6 +160,8 @@ class Fleet:
 
     def _deaths(self, state: Flat) -> Iterator[Found]:
         for number, name in enumerate(self.names):
+            if self.parts.local(number, state[number]).state == GONE:
+                continue
             for ready in self.parts.unasked(number, state[number], RESTART):
                 there = self._after(list(state), state, number, ready)
                 if not isinstance(there[0], str):

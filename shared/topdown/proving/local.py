@@ -17,6 +17,10 @@ GONE = "gone"
 """State of an agent that died for good."""
 
 
+class Stray(str):
+    """Why a word is none of an open conversation: where copies and late answers are normal, it is dropped."""
+
+
 class Local(NamedTuple):
     """`talks`: state of the conversation of each use, "" where none is open; `owed`, `begun`: uses in which an
     observation is due, an act was begun; `news`: peers that came back and were not taken note of.
@@ -92,14 +96,14 @@ class Agent:
         talk, table = self.talk(local, said.use), use.protocol.tables[use.role]
         if not talk and said.act is Performative.CANCEL and use.role is Role.PARTICIPANT:
             return self._late_cancel(local, use, said)
-        rows = [
-            row for row in self.machine.by_event.get((local.state, Event(Cause.TAKE, *said)), ()) if not row.several
-        ]
+        named = self.machine.by_event.get((local.state, Event(Cause.TAKE, *said)), ())
+        rows = [row for row in named if not row.several]
         if not rows:
-            return None
+            several = f"only rows for several at a time of {self.machine.agent} in {local.state} take {said}"
+            return several if named else None
         found = table.find(talk or START, RECEIVE, said.act, said.kind)
         if found is None:
-            return f"{self.machine.agent} in {local.state} has {said.use} in {talk or NONE} and got {said}"
+            return Stray(f"{self.machine.agent} in {local.state} has {said.use} in {talk or NONE} and got {said}")
         after = self.with_talk(local, said.use, str(found.to))
         outcomes = tuple(self._apply(after, rows))
         if not outcomes:
@@ -109,13 +113,18 @@ class Agent:
 
     def _late_cancel(self, local: Local, use: Use, said: Said) -> "tuple[Outcome, ...] | str":
         """The runtime answers a cancel of what has ended as the table says."""
-        table = use.protocol.tables[use.role]
-        found = table.find(START, RECEIVE, said.act, said.kind)
-        if found is None:
+        if use.protocol.tables[use.role].find(START, RECEIVE, said.act, said.kind) is None:
             return f"{self.machine.agent} knows no conversation of {said.use} and got {said}"
-        answers = table.allowed(found.to, SEND) if found.to in table.urgent else ()
-        effects = tuple(Effect("say", use.name, Said(use.name, row.performative, row.kind)) for row in answers[:1])
+        effects = tuple(Effect("say", use.name, answer) for answer in self.late_answers(use.name))
         return (Outcome(local, effects, f"{said} <- {use.peer}, too late", 0),)
+
+    def late_answers(self, name: str) -> tuple[Said, ...]:
+        """What the runtime says to a cancel of what is not open: one word or, where the table owes none, nothing."""
+        use = self.machine.uses[name]
+        table = use.protocol.tables[use.role]
+        taken = table.find(START, RECEIVE, Performative.CANCEL)
+        owed = table.allowed(taken.to, SEND) if taken is not None and taken.to in table.urgent else ()
+        return tuple(Said(name, row.performative, row.kind) for row in owed[:1])
 
     def _spontaneous(self, local: Local) -> tuple[tuple[Outcome, Event], ...]:
         """What needs no message, but for restarts: own, person, back (with news of that peer), late."""
@@ -125,7 +134,13 @@ class Agent:
             if row.several or event.cause is Cause.RESTART or not self._happens(local, event):
                 continue
             found += [(outcome, event) for outcome in self._happened(local, event, row)]
-        return tuple(found)
+        answered = {event.name for _, event in found if event.cause is Cause.BACK}
+        return (*found, *(self._unheeded(local, peer) for peer in sorted(local.news - answered)))
+
+    def _unheeded(self, local: Local, peer: str) -> tuple[Outcome, Event]:
+        """News are told once: where no row answers them, they change nothing."""
+        after = local._replace(news=local.news - {peer})
+        return Outcome(after, (), f"news of {peer} is dropped", 0), Event(Cause.BACK, peer)
 
     def _happened(self, local: Local, event: Event, row: Row) -> Iterator[Outcome]:
         """Outcomes of an event that is no message; a volatile conversation whose wait is over is given up by it."""
@@ -141,7 +156,7 @@ class Agent:
             return event.name in local.news
         if event.cause is Cause.LATE:
             use = self.machine.uses[event.name]
-            return use.role is Role.INITIATOR and not use.latest and bool(self.talk(local, event.name))
+            return use.role is Role.INITIATOR and bool(self.talk(local, event.name))
         return True
 
     def _restarted(self, local: Local) -> tuple[Outcome, ...]:

@@ -1,8 +1,10 @@
 """Rules of a design that must never be broken: an agent says something while others are in a certain state."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
+from fipa_codec.tables import Role
+from topdown import elements
 from topdown.design import Design
 from topdown.errors import DesignError
 from topdown.machines import NONE, Machine, Said
@@ -47,29 +49,52 @@ class Never(NamedTuple):
 
 def nevers(design: Design, place: Mapping[str, int], machines: Mapping[str, Machine]) -> tuple[Never, ...]:
     """The rules of a design. Raises DesignError for one that cannot be read."""
-    return tuple(
-        Never(
-            rule.name,
-            rule.text,
-            rule.agent,
-            frozenset(_said(text) for text in rule.says),
-            tuple(_while(text, rule.name, place, machines, design.path) for text in rule.while_),
-        )
-        for rule in design.file.never
-    )
+    return tuple(_Reader(design, rule, place, machines).never() for rule in design.file.never)
 
 
-def _said(text: str) -> Said:
-    use, _, word = text.partition(" ")
-    return Said(use, *act_word(word))
+class _Reader:
+    """Reads one rule: a word that nothing answers to would make it hold for ever."""
 
+    def __init__(
+        self, design: Design, rule: elements.Never, place: Mapping[str, int], machines: Mapping[str, Machine]
+    ) -> None:
+        self.file, self.rule, self.place, self.machines = design.path or "design.toml", rule, place, machines
 
-def _while(text: str, name: str, place: Mapping[str, int], machines: Mapping[str, Machine], file: str) -> While:
-    agent, _, rest = text.partition(" ")
-    what, _, words = rest.partition(" ")
-    if agent not in place or not words or (what not in (IN, OWES) and what not in machines[agent].uses):
-        right = (
-            f'write "AGENT in STATE|STATE", "AGENT owes USE" or "AGENT USE STATE|STATE"; agents are {", ".join(place)}'
-        )
-        raise DesignError(file or "design.toml", None, f"never {name}", f"{text!r} is no condition", right)
-    return While(place[agent], what, frozenset(words.split("|")))
+    def never(self) -> Never:
+        rule = self.rule
+        self._among("agent", rule.agent, self.machines)
+        says = frozenset(map(self._said, rule.says))
+        return Never(rule.name, rule.text, rule.agent, says, tuple(map(self._while, rule.while_)))
+
+    def _said(self, text: str) -> Said:
+        use, _, word = text.partition(" ")
+        self._among(f"protocol of {self.rule.agent}", use, self.machines[self.rule.agent].uses)
+        try:
+            return Said(use, *act_word(word))
+        except ValueError as error:
+            raise self._error(f"{text!r}: {error}", 'write "USE act" or "USE act[kind]"') from error
+
+    def _while(self, text: str) -> While:
+        agent, _, rest = text.partition(" ")
+        what, _, words = rest.partition(" ")
+        if agent not in self.place or not words or what not in (IN, OWES, *self.machines[agent].uses):
+            right = 'write "AGENT in STATE|STATE", "AGENT owes USE" or "AGENT USE STATE|STATE"; agents are '
+            raise self._error(f"{text!r} is no condition", right + ", ".join(self.place))
+        for word in words.split("|"):
+            self._among(f"word in {text!r}:", word, self._known(self.machines[agent], what))
+        return While(self.place[agent], what, frozenset(words.split("|")))
+
+    def _known(self, machine: Machine, what: str) -> Collection[str]:
+        if what == IN:
+            return {state.name for state in machine.entry.state}
+        if what == OWES:
+            return {use.name for use in machine.uses.values() if use.latest and use.role is Role.PARTICIPANT}
+        use = machine.uses[what]
+        return {*map(str, use.protocol.tables[use.role].states), NONE}
+
+    def _among(self, kind: str, name: str, known: Collection[str]) -> None:
+        if name not in known:
+            raise self._error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}")
+
+    def _error(self, wrong: str, right: str) -> DesignError:
+        return DesignError(self.file, None, f"never {self.rule.name}", wrong, right)

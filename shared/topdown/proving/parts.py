@@ -54,10 +54,12 @@ class Parts:
     """`place` of each agent in a state, then the slots of queues (`queue_of`) and nets (`net_of`), last the faults."""
 
     def __init__(self, design: Design, machines: dict[str, Machine]) -> None:
-        self.silent = silent_words(machines.values())
-        self.agents = [Agent(machine, self.silent) for machine in machines.values()]
-        self.names = [agent.machine.agent for agent in self.agents]
+        self.names = list(machines)
         self.place = {name: number for number, name in enumerate(self.names)}
+        self.rules = nevers(design, self.place, machines)
+        forbidden = frozenset(said for rule in self.rules for said in rule.says)
+        self.silent = silent_words(machines.values(), forbidden)
+        self.agents = [Agent(machine, self.silent) for machine in machines.values()]
         self.locals = [Numbered(agent.start) for agent in self.agents]
         self.queues, self.nets = Numbered(()), Numbered(Net())
         count = len(self.agents)
@@ -67,7 +69,6 @@ class Parts:
         self.net_of = {use.name: first + number for number, use in enumerate(soft)}
         self.soft = soft
         self.size = first + len(soft) + 1
-        self.rules = nevers(design, self.place, machines)
         self._found: dict[tuple[int, int, Any], Any] = {}
         self._changes: dict[tuple[int, int, str, str], int] = {}
         self._nets: dict[tuple[int, int, Said | None], int] = {}

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import RECEIVE, SEND, START, Role
+from fipa_codec.tables import RECEIVE, SEND, START, Role, Table
 from topdown import elements
 from topdown.machines import Said
+from topdown.proving.local import Stray
 from topdown.proving.nets import Net
 from topdown.proving.parts import Parts, Ready
 
@@ -25,7 +26,10 @@ class Ends(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """Something that may happen: the parts change to `ends`; then agent `number` does `ready`, if there is one."""
+    """Something that may happen: the parts change to `ends`; then agent `number` does `ready`, if there is one.
+
+    `wrong`: nobody has thought of it, and why.
+    """
 
     who: str
     what: str
@@ -33,6 +37,7 @@ class Turn(NamedTuple):
     number: int = -1
     ready: Ready | None = None
     fault: bool = False
+    wrong: str = ""
 
 
 class Soft:
@@ -47,9 +52,11 @@ class Soft:
         said = {message.performative for message in use.message}
         opening = [row for row in asker.allowed(START, SEND) if row.performative in said]
         self.openings = {str(row.to): Said(use.name, row.performative, row.kind) for row in opening}
+        self.asks = {**_repeated(use.name, asker), **self.openings}
         self.outward = {Said(use.name, row.performative, row.kind) for row in asker if row.way is SEND}
         self.unanswered = {str(row.to) for row in server.allowed(START, RECEIVE)}
         self.resting = server.resting
+        self.late = parts.agents[self.server].late_answers(use.name)
         self.answers = {
             str(row.to): Said(use.name, row.performative, row.kind)
             for state in self.unanswered
@@ -81,6 +88,8 @@ class Soft:
         for said in net.words:
             if said in self.openings.values():
                 yield from self._asked(ends, net, said)
+            elif said in self.outward and not net.current:
+                yield self._unknown(ends, net, said)
             elif said in self.outward:
                 yield from self._heard(ends, net, said, self.server, ends.server)
             elif self.latest and said == self.news:
@@ -102,11 +111,22 @@ class Soft:
             accepted = self.parts.net(turn.ends.net).accepted() if turn.ready else self.parts.net(turn.ends.net)
             yield turn._replace(ends=self._with(turn.ends, accepted))
 
+    def _unknown(self, ends: Ends, net: Net, said: Said) -> Turn:
+        """A word in a conversation that the participant does not hold: a cancel is answered as the table says."""
+        name, after = self.parts.names[self.server], net.taken(said)
+        if said.act is not Performative.CANCEL:
+            return Turn(name, f"{said} is dropped", self._with(ends, after))
+        for answer in self.late:
+            after = after.added(answer)
+        return Turn(name, f"{said} <- {self.parts.names[self.asker]}, too late", self._with(ends, after))
+
     def _heard(self, ends: Ends, net: Net, said: Said, number: int, local: int) -> Iterator[Turn]:
         """An agent takes a word, or a copy of it; what nobody waits for is dropped."""
         found, name = self.parts.outcomes(number, local, said), self.parts.names[number]
-        if isinstance(found, str):
+        if isinstance(found, Stray):
             yield Turn(name, f"{said} is dropped", self._with(ends, net.taken(said)))
+        elif isinstance(found, str):
+            yield Turn(name, str(said), ends, wrong=found)
         for ready in found if isinstance(found, tuple) else ():
             yield Turn(name, ready.label, self._with(ends, net.taken(said)), number, ready)
             yield Turn(name, f"{ready.label} (a copy)", ends, number, ready, fault=True)
@@ -114,6 +134,10 @@ class Soft:
     def _observed(self, ends: Ends, net: Net) -> Iterator[Turn]:
         """The newest observation is taken, and nothing more is owed; or (a fault) its receipt is lost."""
         found, name = self.parts.outcomes(self.asker, ends.asker, self.news), self.parts.names[self.asker]
+        if isinstance(found, Stray):
+            yield Turn(name, f"{self.news} is dropped", self._with(ends, net.taken(self.news)))
+        elif isinstance(found, str):
+            yield Turn(name, str(self.news), ends, wrong=found)
         for ready in found if isinstance(found, tuple) else ():
             paid = ends._replace(server=self.parts.without_debt(self.server, ends.server, self.use))
             yield Turn(name, ready.label, self._with(paid, net.known(self.news)), self.asker, ready)
@@ -125,11 +149,11 @@ class Soft:
     def by_itself(self, ends: Ends) -> Iterator[Turn]:
         """What is said again when nothing of it is on the way."""
         net, names = self.parts.net(ends.net), self.parts.names
-        opening = self.openings.get(self.parts.talk(self.asker, ends.asker, self.use))
+        asked = self.asks.get(self.parts.talk(self.asker, ends.asker, self.use))
         served = self.parts.talk(self.server, ends.server, self.use)
-        if opening is not None and not net.words and not (net.current and served in self.unanswered):
-            what = f"{opening} -> {names[self.server]}, again"
-            yield Turn(names[self.asker], what, self._with(ends, net.added(opening)))
+        if asked is not None and not net.words and not (net.current and served in self.unanswered):
+            what = f"{asked} -> {names[self.server]}, again"
+            yield Turn(names[self.asker], what, self._with(ends, net.added(asked)))
         owed = self.use in self.parts.local(self.server, ends.server).owed
         if self.latest and owed and net.current and served in self.resting and self.news not in net.words:
             what = f"{self.news} -> {names[self.asker]}, again"
@@ -139,3 +163,18 @@ class Soft:
         net = self.parts.net(ends.net)
         for said in net.words:
             yield Turn("net", f"{said} is lost", self._with(ends, net.taken(said)), fault=True)
+
+
+def _repeated(use: str, asker: Table) -> dict[str, Said]:
+    """What is said again in each state: the newest word of the initiator until something is taken, or its cancel, which
+    what crosses it does not answer, until the conversation has ended.
+    """
+    found = {str(row.to): row for row in asker if row.way is SEND and row.to not in asker.ended}
+    waiting = [row for row in found.values() if row.performative is Performative.CANCEL]
+    while waiting:
+        cancel = waiting.pop()
+        for row in asker.allowed(cancel.to, RECEIVE):
+            if row.kind is not Kind.CANCEL and row.to not in asker.ended and row.to not in found:
+                found[str(row.to)] = cancel._replace(to=row.to)
+                waiting.append(found[str(row.to)])
+    return {state: Said(use, row.performative, row.kind) for state, row in found.items()}

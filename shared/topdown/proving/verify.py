@@ -1,6 +1,6 @@
 """All three layers of the proof of a design, one verdict after the other.
 
-Layer 1: the durable stream in micro-steps. Layer 2: each use of a protocol with copies and receipts explicit. Layer 3:
+Layer 1: the durable stream, and a physical act, in micro-steps. Layer 2: each use of a protocol with copies and receipts explicit. Layer 3:
 the composed system of all agents' rows. Must not know: how verdicts are printed, who waits for them.
 """
 
@@ -12,6 +12,7 @@ from topdown.machines import machines
 from topdown.proving.engine import Exploration, Finding, explore
 from topdown.proving.fleet import ANY, Faults, Fleet
 from topdown.proving.pairs import changed_channels, explore_use
+from topdown.proving.physical_act import explore_act
 from topdown.proving.stream import explore_stream
 
 LAYERS = (1, 2, 3)
@@ -59,7 +60,9 @@ def tasks(
     """
     channels = None if step is None else changed_channels(design, step)
     if 1 in layers and step is None and any(use.durable for use in design.file.protocol):
-        yield Task(1, "durable stream", lambda _: _stream())
+        yield Task(1, "durable stream", lambda _: _micro("durable stream", explore_stream()))
+    if 1 in layers and step is None and any(row.moves for agent in design.file.agent for row in agent.row):
+        yield Task(1, "physical act", lambda _: _micro("physical act", explore_act()))
     if 2 in layers:
         for use in design.file.protocol:
             if use.follows in design.tables and (channels is None or use.channel in channels):
@@ -75,9 +78,8 @@ def tasks(
             yield Task(3, f"{name} dies for good", _fleet(design, f"{name} dies for good", wish, seconds))
 
 
-def _stream() -> Verdict:
-    found = explore_stream()
-    return Verdict(1, "durable stream", None, found.states, found.edges, found.seconds, found.findings, _open(found))
+def _micro(what: str, found: Exploration) -> Verdict:
+    return Verdict(1, what, None, found.states, found.edges, found.seconds, found.findings, _open(found))
 
 
 def _pair(design: Design, use: str, faults: int | None, seconds: float | None) -> Callable[[Progress | None], Verdict]:
