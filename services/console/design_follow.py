@@ -42,6 +42,6 @@ def follow(run: Run, design: Design = FILE, form: files.Format = files.Form.TEXT
 
 def _words(follower: Follower, found: Deviation | None) -> str:
     if found is None:
-        return f"{follower.count} steps, each a move of the model, which had up to {follower.most} states to choose from"
+        return f"{follower.count} steps, each a move of the model (at most {follower.most} of its states at a time)"
     lines = [f"step {found.number} is no move of the model: {found.agent} {found.what}", "the model would be at"]
     return "\n".join(lines + [f"  {agent:<4} {words}" for agent, words in found.here.items()])

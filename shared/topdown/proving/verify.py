@@ -1,7 +1,8 @@
 """All three layers of the proof of a design, one verdict after the other.
 
-Layer 1: the durable stream, and a physical act, in micro-steps. Layer 2: each use of a protocol with copies and receipts explicit. Layer 3:
-the composed system of all agents' rows. Must not know: how verdicts are printed, who waits for them.
+Layer 1: the durable stream, and a physical act, in micro-steps. Layer 2: each use of a protocol with copies and
+receipts explicit. Layer 3: the composed system of all agents' rows. Must not know: how verdicts are printed, who waits
+for them.
 """
 
 from collections.abc import Callable, Collection, Iterator
