@@ -18,7 +18,7 @@ from rich.table import Table
 from agent_runtime.errors import RuntimeFault
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
-from fipa_codec.communicate import Communicate, encode
+from fipa_codec.communicate import Communicate, encode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.performatives import Performative
 from services.console import runs, saying
@@ -165,7 +165,7 @@ def _draft(chosen: tuple[str, ...], language: str, ontology: str | None, content
     except msgspec.DecodeError as error:
         raise Usage(f"--content is no JSON: {error}") from error
     if rule is not None and not force:
-        size = len(encode(draft))
+        size = len(encode_strictly(draft))
         faults = Admission(DESIGN, LANGUAGES).check(DESIGN.key("any", draft), draft, size).faults
         if faults:
             raise Usage("; ".join(fault.why for fault in faults) + "; --force says it all the same")

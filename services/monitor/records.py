@@ -13,7 +13,7 @@ import msgspec
 from agent_runtime.tap import Sample
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
-from fipa_codec.communicate import Communicate, decode
+from fipa_codec.communicate import Communicate, decode, decode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind
 
@@ -123,7 +123,7 @@ def understood(sample: Sample) -> Record:
     if len(chunks) > 3 and chunks[2] == HOUSE:
         return _house(sample, chunks[3:])
     try:
-        communicate = decode(sample.data)
+        communicate = decode_strictly(sample.data)
     except FipaError as error:
         return _garbage(sample, str(error))
     told = (communicate.sender, communicate.receiver, communicate.protocol, str(communicate.performative))

@@ -18,7 +18,7 @@ from agent_runtime.options import Options
 from agent_runtime.tap import Sample, Tap, open_tap
 from agent_runtime.zenoh_wire import free_endpoint
 from companion.run_folder import ProcessState
-from fipa_codec.communicate import Communicate, decode
+from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Languages
 from services.supervisor import folder
@@ -146,7 +146,7 @@ class _Watch(threading.Thread):
 
     def _communicate(self, channel: str, sample: Sample) -> None:
         try:
-            communicate = decode(sample.data)
+            communicate = decode_strictly(sample.data)
         except FipaError as error:
             self._print(f"{channel}  {error}")
             return

@@ -13,7 +13,7 @@ from agent_runtime.events import Arrived
 from agent_runtime.state import CoreState, Waiting
 from agent_runtime.streams import parse_observation, receipt_stream
 from agent_runtime.wiring import Delivery, Link, Wiring
-from fipa_codec.communicate import Communicate
+from fipa_codec.communicate import LONGEST_LABEL, Communicate
 from fipa_codec.errors import RemoteProtocolError
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
@@ -29,7 +29,9 @@ def admit(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) 
     """Put a communicate into the inbox, or do what its place demands instead."""
     link = wiring.link(communicate.sender, communicate.protocol)
     if communicate.receiver != state.agent or link is None:
-        reject(state, out, communicate, "not for us", f"no {communicate.protocol!r} with {communicate.sender!r}")
+        reject(
+            state, out, communicate, "not for us", f"no {communicate.protocol[:64]!r} with {communicate.sender[:64]!r}"
+        )
     elif link.delivery is Delivery.DURABLE:
         _admit_durable(state, out, wiring, link, communicate)
     elif _is_observation(link, communicate):
@@ -44,10 +46,10 @@ def reject(state: CoreState, out: Out, communicate: Communicate, what: str, why:
     out.log(
         what,
         level="warning",
-        conversation=communicate.conversation,
-        sender=communicate.sender,
+        conversation=communicate.conversation[:LONGEST_LABEL],
+        sender=communicate.sender[:LONGEST_LABEL],
         performative=str(communicate.performative),
-        id=communicate.id,
+        id=communicate.id[:LONGEST_LABEL],
         why=why,
     )
 

@@ -21,7 +21,7 @@ from agent_runtime.state import Outgoing, Record
 from agent_runtime.streams import RESEND_FIRST
 from agent_runtime.wiring import Delivery, Wiring, service_key
 from agent_runtime.zenoh_wire import Bytes, Ping, ReceiptBytes, ZenohWire, open_client
-from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
 from fipa_codec.errors import MalformedError
 
 FIRST_MEMORY = msgspec.Raw(b"\x80")
@@ -52,7 +52,7 @@ class Voice:
 
     def put(self, key: str, communicate: Communicate) -> int:
         """Say it; its size in bytes."""
-        data = encode(communicate)
+        data = encode_strictly(communicate)
         self._session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
         return len(data)
 
@@ -60,7 +60,7 @@ class Voice:
         """What is said, until then [unix s]."""
         while (left := until - time.time()) > 0:
             try:
-                yield decode(self._heard.get(timeout=left))
+                yield decode_strictly(self._heard.get(timeout=left))
             except (queue.Empty, MalformedError):
                 continue
 
@@ -112,7 +112,7 @@ class StandIn:
         id = str(number) if durable else self.name()
         label = communicate.reply_with or (id if labelled else "")
         one = msgspec.structs.replace(communicate, id=id, reply_with=label, sent=time.time())
-        encode(one)  # LocalProtocolError before anything is kept
+        encode_strictly(one)  # LocalProtocolError before anything is kept
         if durable:
             self._record.issued[peer] = number
             self._record.outbox[peer] = (*self._record.outbox.get(peer, ()), Outgoing(number, one))
@@ -153,7 +153,7 @@ class StandIn:
     def _taken(self, item: Bytes) -> Communicate | None:
         """A communicate of a volatile kind, or the next one of a durable stream, which is receipted."""
         try:
-            one = decode(item.data)
+            one = decode_strictly(item.data)
         except MalformedError:
             return None
         link = self._wiring.link(one.sender, one.protocol)

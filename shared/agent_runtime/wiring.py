@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from fipa_codec.communicate import Communicate
+from fipa_codec.communicate import WORD, Communicate, is_word
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative
@@ -75,12 +75,20 @@ def _misfit(table: dict[Performative, tuple[str, ...]], act: Performative, conte
 
 
 class Wiring(msgspec.Struct, frozen=True, dict=True):
-    """All links of `agent` in `system`, and the languages of the system."""
+    """All links of `agent` in `system`, and the languages of the system. LocalProtocolError for names that are none."""
 
     system: str
     agent: str
     links: tuple[Link, ...]
     languages: Languages
+
+    def __post_init__(self) -> None:
+        """Refuse names that could not stand in a communicate or an address."""
+        links = [("peer", link.peer) for link in self.links] + [("protocol", link.protocol) for link in self.links]
+        links += [("ontology", link.ontology) for link in self.links if link.ontology]
+        for field, name in [("agent", self.agent), *links]:
+            if not is_word(name):
+                raise LocalProtocolError(field, f"cannot be named {name!r}, must match {WORD}")
 
     @cached_property
     def _by_peer(self) -> dict[tuple[str, str], Link]:

@@ -3,15 +3,18 @@
 The wire form is a MessagePack map with the paper's letters as keys; what has its default is left out. The content stays
 undecoded (`msgspec.Raw`): only the language named in L may read it. Must not know: protocols, transport, clocks.
 
-Checking characters by patterns costs six times what the decoding itself does. So both ways first try a cheap proof
-(words seen to be right before, labels printable ASCII); what it does not prove is examined with the patterns, which
-decide and have the words for the error.
+`encode` and `decode` see to the form: what one gives the other takes, times are finite, content is one whole value.
+Which characters a word or a label may have is another rule, of `is_word`, `is_label` and `examine`. It is applied where
+text gets in: to own names where they are declared (languages, wirings), to ids and labels by `Conversation`, and to
+everything by whoever prints or translates what others said (`decode_strictly`, `encode_strictly`).
 """
 
-import math
-from typing import Annotated, Any, get_type_hints
+import re
+from functools import lru_cache
+from typing import Annotated
 
 import msgspec
+from msgspec import UNSET
 
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
@@ -24,10 +27,10 @@ KNOWN_BOUND = 4096
 """Combinations of words kept as right; estimate: a system has some hundred, and strangers may not fill the memory."""
 _FINITE = 1.7976931348623157e308
 
-# What msgspec checks in passing; the patterns below decide about the characters.
-Word = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
-Label = Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_LABEL)]
 Seconds = Annotated[float, msgspec.Meta(ge=-_FINITE, le=_FINITE)]
+WORD = r"[A-Za-z][A-Za-z0-9_.@-]{0,63}"
+"""FIPA's Word (SC00070I), made stricter: they go into addresses and file names, so no blanks and no separators."""
+LABEL = rf"[!-~]{{1,{LONGEST_LABEL}}}"
 
 _LETTERS = {
     "performative": "V",
@@ -49,44 +52,32 @@ _LETTERS = {
 class Communicate(
     msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, forbid_unknown_fields=True, gc=False, rename=_LETTERS
 ):
-    """One message. "" means: absent. Times in unix seconds; `reply_by` None: no limit; `content` UNSET: no content."""
+    """One message; fields have the types declared. "" means: absent. Times in unix seconds.
+
+    `reply_by` None: no limit; `content` UNSET: no content.
+    """
 
     performative: Performative
     content: msgspec.Raw | msgspec.UnsetType = msgspec.UNSET
-    language: Word = ""
-    ontology: Word = ""
-    protocol: Word = ""
+    language: str = ""
+    ontology: str = ""
+    protocol: str = ""
     reply_by: Seconds | None = None
-    reply_with: Label = ""
-    in_reply_to: Label = ""
-    conversation: Label = ""
-    sender: Word = ""
-    receiver: Word = ""
-    id: Label = ""
+    reply_with: str = ""
+    in_reply_to: str = ""
+    conversation: str = ""
+    sender: str = ""
+    receiver: str = ""
+    id: str = ""
     sent: Seconds = 0.0
-
-
-_PATTERNS: dict[Any, Any] = {
-    # Words go into addresses and file names of others: no blanks, no separators (FIPA's Word, SC00070I, made stricter).
-    Word: Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z][A-Za-z0-9_.@-]*\Z", max_length=64)],
-    Label: Annotated[str, msgspec.Meta(pattern=r"\A[!-~]+\Z", max_length=LONGEST_LABEL)],
-    Seconds: float,
-    Seconds | None: float | None,
-}
-
-
-def _exact() -> Any:
-    """A Struct of the same fields, whose words and labels msgspec checks by their patterns."""
-    hints = get_type_hints(Communicate, include_extras=True)
-    defaults = {field.name: field.default for field in msgspec.structs.fields(Communicate)}
-    fields = [(name, _PATTERNS.get(hint, hint), defaults[name]) for name, hint in hints.items()]
-    return msgspec.defstruct("Exact", fields, kw_only=True, forbid_unknown_fields=True, rename=_LETTERS)
 
 
 _encode = msgspec.msgpack.Encoder().encode
 _decode = msgspec.msgpack.Decoder(Communicate).decode
-_decode_exactly = msgspec.msgpack.Decoder(_exact()).decode
 _walk_through = msgspec.msgpack.Decoder(msgspec.Raw).decode
+_word, _label = re.compile(WORD).fullmatch, re.compile(LABEL).fullmatch
+_WORDS = ("language", "ontology", "protocol", "sender", "receiver")
+_LABELS = ("reply_with", "in_reply_to", "conversation", "id")
 _known: set[tuple[str, str, str, str, str]] = set()
 
 
@@ -94,8 +85,12 @@ def encode(communicate: Communicate) -> bytes:
     """Bytes of a communicate. LocalProtocolError where the other side could not decode them."""
     try:
         data = _encode(communicate)
-        if not (_familiar(communicate) and _sound(communicate) and len(data) <= MAX_BYTES):
-            _examined(data)
+        times = communicate.sent + (communicate.reply_by or 0.0)
+        if times - times == 0.0 and len(data) <= MAX_BYTES:  # neither infinite nor NaN
+            content = communicate.content
+            if content is UNSET or _walk_through(content):
+                return data
+        decode(data)  # has the last word, and the words for the error
     except MalformedError as error:
         raise LocalProtocolError(error.field, error.reason) from error
     except Exception as error:
@@ -105,14 +100,65 @@ def encode(communicate: Communicate) -> bytes:
 
 def decode(data: bytes) -> Communicate:
     """The communicate in `data`, which may come from anywhere. MalformedError names the field and the reason."""
-    if len(data) <= MAX_BYTES:
-        try:
-            communicate = _decode(data)
-            if _familiar(communicate):
-                return communicate
-        except Exception:  # the examination finds it too, and has the words for it
-            pass
-    return _examined(data)
+    if len(data) > MAX_BYTES:
+        raise MalformedError("communicate", f"has {len(data)} bytes, at most {MAX_BYTES} are taken")
+    try:
+        return _decode(data)
+    except Exception as error:
+        field, reason = explain(error, "communicate", _LETTERS)
+        if "float` >=" in reason or "float` <=" in reason:
+            reason = "is infinite or no number, must be finite unix seconds"
+        raise MalformedError(field, reason) from error
+
+
+def encode_strictly(communicate: Communicate) -> bytes:
+    """As `encode`; LocalProtocolError also where a word or a label is none."""
+    try:
+        examine(communicate)
+    except MalformedError as error:
+        raise LocalProtocolError(error.field, error.reason) from error
+    return encode(communicate)
+
+
+def decode_strictly(data: bytes) -> Communicate:
+    """As `decode`; MalformedError also where a word or a label is none. For all that is printed or translated."""
+    communicate = decode(data)
+    examine(communicate)
+    return communicate
+
+
+def examine(communicate: Communicate) -> None:
+    """MalformedError names the first field whose text is no word or label, as the case may be.
+
+    A pattern costs more than decoding does. So words that were right before are known, and labels that are right
+    together are so one by one.
+    """
+    one = communicate
+    words = (one.language, one.ontology, one.protocol, one.sender, one.receiver)
+    if words in _known and is_label(one.reply_with + one.in_reply_to + one.conversation + one.id):
+        return
+    for names, fits, wanted in ((_WORDS, _word, WORD), (_LABELS, _label, LABEL)):
+        for name in names:
+            text = getattr(one, name)
+            if text and not fits(text):
+                told = (
+                    f"{text[:LONGEST_LABEL]!r}... ({len(text)} characters)" if len(text) > LONGEST_LABEL else repr(text)
+                )
+                raise MalformedError(f"{name} ({_LETTERS[name]})", f"is {told}, must match {wanted}")
+    if len(_known) >= KNOWN_BOUND:
+        _known.clear()
+    _known.add(words)
+
+
+@lru_cache(KNOWN_BOUND)
+def is_word(text: str) -> bool:
+    """Whether this may be the name of an agent, protocol, language or ontology."""
+    return _word(text) is not None
+
+
+def is_label(text: str) -> bool:
+    """Whether this may be an id, a label or the name of a conversation: printable ASCII without blanks."""
+    return 0 < len(text) <= LONGEST_LABEL and text.isascii() and text.isprintable() and " " not in text
 
 
 def envelope_size(communicate: Communicate) -> int:
@@ -144,55 +190,3 @@ def _missing(text: str) -> str:
     if not rest:
         _, _, rest = text.partition("unknown field `")
     return rest.removesuffix("`")
-
-
-def _familiar(one: Communicate) -> bool:
-    """Whether the words are known to be right, and the labels are printable ASCII without blanks, as they must be.
-
-    Labels that are longer together than one may be are left to the examination.
-    """
-    labels = one.reply_with + one.in_reply_to + one.conversation + one.id
-    return (
-        (one.language, one.ontology, one.protocol, one.sender, one.receiver) in _known
-        and labels.isascii()
-        and labels.isprintable()
-        and " " not in labels
-        and len(labels) <= LONGEST_LABEL
-    )
-
-
-def _sound(one: Communicate) -> bool:
-    """Whether the rest of an own communicate would decode; the content is walked through, not decoded."""
-    sent, end = one.sent, one.reply_by
-    return (
-        one.performative.__class__ is Performative
-        and (sent.__class__ is float and sent - sent == 0.0)  # neither infinite nor NaN
-        and (end is None or (end.__class__ is float and end - end == 0.0))
-        and (one.content is msgspec.UNSET or _walk_through(one.content) is not None)
-    )
-
-
-def _examined(data: bytes) -> Communicate:
-    """Decode with everything checked. MalformedError; right words are known from then on."""
-    if len(data) > MAX_BYTES:
-        raise MalformedError("communicate", f"has {len(data)} bytes, at most {MAX_BYTES} are taken")
-    try:
-        exact = _decode_exactly(data)
-        _require_finite(exact)
-        communicate = _decode(data)
-    except MalformedError:
-        raise
-    except Exception as error:
-        raise MalformedError(*explain(error, "communicate", _LETTERS)) from error
-    if len(_known) >= KNOWN_BOUND:
-        _known.clear()
-    _known.add((exact.language, exact.ontology, exact.protocol, exact.sender, exact.receiver))
-    return communicate
-
-
-def _require_finite(communicate: Any) -> None:
-    """A time that is no number would make every comparison with a clock false."""
-    for name in ("reply_by", "sent"):
-        value = getattr(communicate, name)
-        if value is not None and not math.isfinite(value):
-            raise MalformedError(f"{name} ({_LETTERS[name]})", f"is {value}, must be finite unix seconds")

@@ -12,7 +12,7 @@ from typing import Self
 
 import msgspec
 
-from fipa_codec.communicate import Communicate
+from fipa_codec.communicate import LABEL, WORD, Communicate, examine, is_label, is_word
 from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
@@ -44,7 +44,15 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @classmethod
     def open(cls, protocol: str | Protocol, role: Role, *, id: str, me: str, peer: str) -> Self:
-        """A conversation before its first message. LocalProtocolError if the protocol is unknown."""
+        """A conversation before its first message.
+
+        LocalProtocolError if the protocol is unknown, `id` no label, or `me` or `peer` (unless "") no word.
+        """
+        if not is_label(id):
+            raise LocalProtocolError("conversation", f"is {id!r}, must match {LABEL}")
+        for field, name in (("me", me), ("peer", peer)):
+            if not (is_word(name) or (name == "" and field == "peer")):
+                raise LocalProtocolError(field, f"is {name!r}, must match {WORD}")
         name = protocol.name if isinstance(protocol, Protocol) else named(protocol).name
         return cls(id=id, protocol=name, role=role, me=me, peer=peer)
 
@@ -53,8 +61,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         """The participant's conversation for a communicate that belongs to none it knows; `receive` it next.
 
         It is for openings, and for a cancel that came too late (`request`: answer failure; `coordinate`: drop it).
-        RemoteProtocolError if m_c, sender or a known protocol is missing.
+        RemoteProtocolError if m_c, sender or a known protocol is missing, MalformedError for a text that is no word or
+        label: here the names that a peer chose get in, later messages are compared with them.
         """
+        examine(communicate)
         if not (communicate.conversation and communicate.sender and communicate.protocol):
             fields = ("conversation", "sender", "protocol")
             field = next(field for field in fields if not getattr(communicate, field))
@@ -210,8 +220,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     def _require_answer(self, protocol: Protocol, performative: Performative, reply_with: str, reply_to: str) -> None:
         """What must be answerable has its m_w, what answers names something that was asked."""
         numbered = performative is Performative.CANCEL or performative in protocol.rounds
-        if (numbered or performative in protocol.confirmed) and not reply_with:
-            raise LocalProtocolError("reply_with", f"{self._here}: a {performative} needs one, for its answer")
+        if (numbered or performative in protocol.confirmed) and not is_label(reply_with):
+            what = f"a {performative} needs one that matches {LABEL}, for its answer"
+            raise LocalProtocolError("reply_with", f"{self._here}: {what}")
         if numbered:
             if reply_with in (*self.past, self.asked):
                 raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was said before, this is a copy")
@@ -224,8 +235,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     def _label(self, protocol: Protocol, performative: Performative, id: str) -> str:
         """m_w: set where an answer or a confirm is to name the message; asking again keeps the first one."""
-        if not id:
-            raise LocalProtocolError("id", f"{self._here}: a message needs an id")
+        if not is_label(id):
+            raise LocalProtocolError("id", f"{self._here}: a message needs an id that matches {LABEL}, not {id!r}")
         if performative in protocol.openings and performative not in protocol.rounds:
             return self.asked or id
         if performative is Performative.CANCEL or performative in protocol.rounds:

@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from fipa_codec.communicate import MAX_BYTES, Communicate, explain
+from fipa_codec.communicate import MAX_BYTES, WORD, Communicate, explain, is_word
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.performatives import Performative
 
@@ -41,6 +41,7 @@ class Language:
     `union`: a Struct class or a union of tagged ones, or of other types that msgspec can tell apart.
     `kind`: the guard word of a sentence; without it every sentence is PLAIN. `check(performative, content)`: raises
     ContentError where a sentence is not one that the act carries; without it every act carries all.
+    LocalProtocolError where the name is no word.
     """
 
     def __init__(
@@ -51,6 +52,8 @@ class Language:
         kind: Callable[[Any], Kind] | None = None,
         check: Callable[[Performative, Any], None] | None = None,
     ) -> None:
+        if not is_word(name):
+            raise LocalProtocolError("language", f"cannot be named {name!r}, must match {WORD}")
         self.name = name
         self.union = union
         self.classes: frozenset[type] = frozenset(get_args(union) or (union,))

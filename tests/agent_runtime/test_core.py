@@ -245,6 +245,18 @@ def test_unreadable_requests_are_answered(fields: dict[str, Any]) -> None:
     assert not one.state.conversations
 
 
+@pytest.mark.parametrize("fields", [{"conversation": "a b"}, {"reply_with": "a\n"}, {"conversation": "x" * 129}])
+def test_labels_that_are_none_are_answered(fields: dict[str, Any]) -> None:
+    """An opening whose labels have blanks, control characters or no end: as one that nobody can read."""
+    one = Driven(recording(), TO_ASKER)
+    one.step(request(1, **fields))
+    (answer,) = one.sends()
+    assert answer.performative is P.NOT_UNDERSTOOD
+    assert "must match" in REASON.decode(answer.content).text  # type: ignore[arg-type]
+    assert one.state.memory.seen == ()
+    assert not one.state.conversations
+
+
 def test_out_of_sequence_breaks_the_conversation() -> None:
     """A second request in a conversation: not-understood, the conversation is over, and the behaviour is told."""
     one = Driven(recording(said=agree), TO_ASKER)

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fipa_codec.communicate import decode, encode
+from fipa_codec.communicate import decode, encode, is_label
 from fipa_codec.conversation import Conversation
-from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
+from fipa_codec.errors import LocalProtocolError, MalformedError, RemoteProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, Role
@@ -75,6 +75,26 @@ def test_request_agree_progress_result(asked):
     asked.say(PARTICIPANT, P.INFORM)
     assert asked.states == ("done", "done")
     assert all(side.ended for side in asked.sides.values())
+
+
+@pytest.mark.parametrize("bad", ["a b", "a\n", "x" * 129, "\u00e4", "\ud800"])
+def test_text_that_is_no_word_or_label_gets_into_no_conversation(bad):
+    """Own names and ids at open and send, the peer's at its opening, and each m_w that is kept."""
+    named = {"id": "co-1-1", "me": "co", "peer": "ta"}
+    for field in named:
+        with pytest.raises(LocalProtocolError, match="must match"):
+            Conversation.open("request", INITIATOR, **named | {field: bad})
+    pair = Pair("request")
+    with pytest.raises(LocalProtocolError, match="id that matches"):
+        pair.sides[INITIATOR].send(P.REQUEST, id=bad, now=1.0)
+    opening = pair.say(INITIATOR, P.REQUEST)
+    for field in ("conversation", "reply_with", "id", "sender", "language"):
+        with pytest.raises(MalformedError, match="must match"):
+            Conversation.answering(msgspec.structs.replace(opening, **{field: bad}), "ta")
+    cancel = pair.send(INITIATOR, P.CANCEL)
+    assert pair.sides[PARTICIPANT].receive(cancel).cancel == cancel.reply_with
+    with pytest.raises(RemoteProtocolError, match="one that matches"):
+        pair.sides[PARTICIPANT].receive(msgspec.structs.replace(cancel, reply_with=bad))
 
 
 def test_words_of_other_acts_than_inform_make_no_difference(asked):
@@ -335,7 +355,7 @@ def test_any_message_is_taken_or_a_remote_error(performative, kind, label):
     try:
         after = side.receive(message, kind)
     except RemoteProtocolError:
-        assert performative not in (P.NOT_UNDERSTOOD, P.CANCEL) or not label
+        assert performative not in (P.NOT_UNDERSTOOD, P.CANCEL) or not is_label(label)
     else:
         assert performative in (P.NOT_UNDERSTOOD, P.CANCEL)
         assert after.allowed(RECEIVE) == ()

@@ -17,7 +17,7 @@ import msgspec
 from fipa_codec.acl_string import content as contents
 from fipa_codec.acl_string.content import Form
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS, AclMessage, After, Aid, At
-from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import QUERY, named
@@ -46,7 +46,7 @@ def to_acl(communicate: Communicate, *, names: Mapping[str, Aid] = _NOBODY, form
 
     LocalProtocolError where the communicate could not be encoded either.
     """
-    encode(communicate)
+    encode_strictly(communicate)
     message = AclMessage(
         performative=_act_out(communicate.performative),
         sender=_aid(communicate.sender, names) if communicate.sender else None,
@@ -103,7 +103,7 @@ def from_acl(
         data = msgspec.msgpack.encode(communicate)
     except UnicodeEncodeError as error:
         raise MalformedError("message", "holds half a surrogate pair, which UTF-8 has not") from error
-    return decode(data)
+    return decode_strictly(data)
 
 
 def _user(communicate: Communicate) -> dict[str, str]:
