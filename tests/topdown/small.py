@@ -1,0 +1,183 @@
+"""Small designs for the tests of rows and of their composition: a hand and a lamp, with rows as each test has them."""
+
+from collections import deque
+from collections.abc import Iterable
+
+from topdown import loading
+from topdown.design import Design
+from topdown.machines import Machine, machines
+from topdown.proving.engine import DEADLOCK, UNREACHED, WRONG, Exploration, explore
+from topdown.proving.fleet import Faults, Fleet
+
+HEAD = """
+[system]
+name = "lamp"
+root = "all"
+key = "{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
+
+[[requirement]]
+id = "R1"
+text = "switch a lamp, and know whether it is lit"
+
+[[step]]
+requirements = ["R1"]
+divide = { group = "all", into = ["hand", "lamp"] }
+tasks = [{ group = "hand", text = "asks" }, { group = "lamp", text = "shines" }]
+channels = [{ id = "C1", between = ["hand", "lamp"], transmits = "on and off" }]
+
+[[language]]
+name = "L"
+
+[[interface]]
+name = "none"
+entries = []
+"""
+USES = {
+    "switch": ("request", True, False, "request cancel", "agree refuse inform failure"),
+    "ask": ("query", False, False, "query-ref", "inform failure"),
+    "watch": ("subscribe", False, True, "subscribe cancel", "agree refuse inform failure"),
+    "tender": ("cfp", False, False, "cfp accept-proposal reject-proposal", "propose refuse inform failure"),
+}
+"""name -> (protocol, durable, latest, what hand says, what lamp says)."""
+Rows = Iterable[str]
+STUCK = (DEADLOCK, UNREACHED)
+"""Kinds of findings where somebody waits for ever."""
+
+
+def text(hand: Rows, lamp: Rows, *uses: str, more: str = "", hand_more: str = "") -> str:
+    """A design file with these rows, one TOML table each, over these uses (none: `switch`)."""
+    parts = [HEAD, *(_use(name) for name in uses or ("switch",))]
+    parts += [_agent("hand", "idle waiting asking", hand, hand_more), _agent("lamp", "idle busy lit", lamp, "")]
+    return "\n".join((*parts, more))
+
+
+def design(hand: Rows, lamp: Rows, *uses: str, more: str = "", hand_more: str = "") -> Design:
+    """The same, read."""
+    whole = text(hand, lamp, *uses, more=more, hand_more=hand_more)
+    return Design(loading.read(whole), "small.toml", whole)
+
+
+def machine(agent: str, rows: Rows, *uses: str, choice: str = "") -> Machine:
+    """The machine of an agent of which all else is plain."""
+    extra = f"choice = [{choice}]" if choice else ""
+    if agent == "hand":
+        return machines(design(rows, (), *uses, hand_more=extra))["hand"]
+    return machines(design((), rows, *uses))["lamp"]
+
+
+def fleet(made: Design, most: int = 0, **wish: object) -> Fleet:
+    """The composed model."""
+    return Fleet(made, Faults(most, **wish))  # type: ignore[arg-type]
+
+
+def found(made: Design, most: int = 0, **wish: object) -> Exploration:
+    """What its exploration finds; small designs need no more states than that."""
+    return explore(fleet(made, most, **wish), most_states=50_000)
+
+
+def _use(name: str) -> str:
+    follows, durable, latest, hand, lamp = USES[name]
+    lines = ["[[protocol]]", f'name = "{name}"', 'channel = "C1"', f'follows = "{follows}"', 'initiator = "hand"']
+    lines += ['participant = "lamp"', f"durable = {str(durable).lower()}", f"latest = {str(latest).lower()}"]
+    said = [*(("hand", act) for act in hand.split()), *(("lamp", act) for act in lamp.split())]
+    messages = ", ".join(f'{{ sender = "{who}", performative = "{act}", language = "L" }}' for who, act in said)
+    return "\n".join([*lines, f"message = [{messages}]"])
+
+
+def _agent(name: str, states: str, rows: Rows, more: str) -> str:
+    listed = ", ".join(f'{{ name = "{state}", behaviour = "b", terminal = "t" }}' for state in states.split())
+    told = ",\n  ".join(rows)
+    return f'[[agent]]\nname = "{name}"\ninitial = "idle"\nstate = [{listed}]\nrow = [\n  {told}\n]\n{more}'
+
+
+HAND = (
+    '{ in = ["idle"], on = "person wish", say = ["switch request"], to = "waiting" }',
+    '{ in = ["waiting"], on = "person regret", say = ["switch cancel"] }',
+    '{ in = ["waiting"], on = "switch agree" }',
+    '{ in = ["waiting"], on = "switch refuse", when = ["switch refused"], to = "idle" }',
+    '{ in = ["waiting"], on = "switch refuse", when = ["switch overtaken"] }',
+    '{ in = ["waiting"], on = "switch inform", when = ["switch done"], to = "idle" }',
+    '{ in = ["waiting"], on = "switch inform", when = ["switch overtaken"] }',
+    '{ in = ["waiting"], on = "switch inform[cancel]", to = "idle" }',
+    '{ in = ["waiting"], on = "switch failure[cancel]", to = "idle" }',
+)
+"""Wants light, may regret it, and takes whatever comes of it."""
+LAMP = (
+    '{ in = ["idle"], on = "switch request", say = ["switch agree"], moves = "switch", to = "busy" }',
+    '{ in = ["idle"], on = "switch request", say = ["switch refuse"] }',
+    '{ in = ["busy"], on = "switch cancel", say = ["switch inform[cancel]"], to = "idle" }',
+    '{ in = ["busy"], on = "own lit", when = ["switch agreed"], say = ["switch inform"], to = "idle" }',
+)
+"""Shines, or not; a cancel that comes too late is the runtime's to answer."""
+
+
+def less(rows: tuple[str, ...], *words: str) -> tuple[str, ...]:
+    """Without the rows that hold one of these words; each must be in some."""
+    assert all(any(word in row for row in rows) for word in words), words
+    return tuple(row for row in rows if not any(word in row for word in words))
+
+
+def instead(rows: tuple[str, ...], old: str, new: str) -> tuple[str, ...]:
+    """With other words in the first row that has them."""
+    place = next(number for number, row in enumerate(rows) if old in row)
+    return (*rows[:place], rows[place].replace(old, new), *rows[place + 1 :])
+
+
+def kinds(made: Design, most: int = 0, **wish: object) -> set[str]:
+    """What kinds of findings there are first; none if all holds."""
+    result = found(made, most, **wish)
+    assert result.complete or result.findings
+    return {one.kind for one in result.findings}
+
+
+def wrong(made: Design, most: int = 0, **wish: object) -> str:
+    """What nobody has thought of."""
+    (one,) = found(made, most, **wish).findings
+    assert one.kind == WRONG
+    return one.text
+
+
+def labels(made: Design, most: int = 0, **wish: object) -> set[str]:
+    """Everything that can happen, in words."""
+    model = fleet(made, most, **wish)
+    seen, waiting = {model.start}, deque([model.start])
+    said: set[str] = set()
+    while waiting:
+        for who, what, there, _, _ in model.moves(waiting.popleft()):
+            said.add(f"{who}: {what}")
+            if there not in seen and not model.wrong(there):
+                seen.add(there)
+                waiting.append(there)
+    return said
+
+
+ASKER = (
+    '{ in = ["idle"], on = "own wonder", say = ["ask query-ref"], to = "asking" }',
+    '{ in = ["asking"], on = "ask inform", to = "idle" }',
+    '{ in = ["asking"], on = "restart", say = ["ask query-ref"] }',
+    '{ in = ["asking"], on = "late ask", to = "idle" }',
+)
+ANSWERER = ('{ in = ["idle"], on = "ask query-ref", say = ["ask inform"] }',)
+
+
+def questions(hand: tuple[str, ...] = ASKER, lamp: tuple[str, ...] = ANSWERER) -> Design:
+    """One question at a time, over a channel that loses and doubles."""
+    return design(hand, lamp, "ask")
+
+
+WATCHER = (
+    '{ in = ["idle"], on = "back lamp", drop = ["watch"], say = ["watch subscribe"] }',
+    '{ in = ["idle"], on = "watch agree" }',
+    '{ in = ["idle"], on = "watch inform" }',
+)
+WATCHED = (
+    '{ in = ["idle", "busy", "lit"], on = "watch subscribe", say = ["watch agree"] }',
+    '{ in = ["idle"], on = "own work", to = "busy" }',
+    '{ in = ["busy"], on = "own done", owes = ["watch"], to = "lit" }',
+    '{ in = ["lit"], on = "own seen", when = ["watch settled"], to = "idle" }',
+)
+
+
+def watching(hand: tuple[str, ...] = WATCHER, lamp: tuple[str, ...] = WATCHED, more: str = "") -> Design:
+    """The lamp tells what became of it, and rests only when the hand knows."""
+    return design(hand, lamp, "watch", more=more)

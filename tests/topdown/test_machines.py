@@ -1,0 +1,168 @@
+"""Rows of a design file, read: what each says, which event it answers to, and every way to write one that is wrong."""
+
+import pytest
+from small import HAND, LAMP, design, machine
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import Role
+from topdown.errors import DesignError
+from topdown.machines import Cause, Event, Guard, Said, machines
+
+WISH = '{ in = ["idle"], on = "person wish", say = ["switch request"], to = "waiting" }'
+
+
+@pytest.mark.parametrize(
+    ("on", "event"),
+    [
+        ("switch inform", Event(Cause.TAKE, "switch", P.INFORM)),
+        ("switch inform[cancel]", Event(Cause.TAKE, "switch", P.INFORM, Kind.CANCEL)),
+        ("late switch", Event(Cause.LATE, "switch")),
+        ("back lamp", Event(Cause.BACK, "lamp")),
+        ("own bored", Event(Cause.OWN, "bored")),
+        ("person wish", Event(Cause.PERSON, "wish")),
+        ("restart", Event(Cause.RESTART)),
+    ],
+)
+def test_each_cause_is_read(on: str, event: Event) -> None:
+    """By its first word; everything else is a message of a use."""
+    (row,) = machine("hand", [f'{{ in = ["idle"], on = "{on}" }}']).rows
+    assert row.event == event
+    assert (row.say, row.to, row.when, row.several) == ((), "", (), False)
+
+
+def test_every_field_of_a_row_is_kept() -> None:
+    """As the file has it."""
+    (row,) = machine(
+        "lamp",
+        [
+            '{ in = ["idle", "lit"], on = "own done", say = ["switch agree", "switch inform"],'
+            ' may = ["switch failure"],'
+            ' drop = ["ask"], when = ["switch asked|agreed", "watch settled"], owes = ["watch"], moves = "switch",'
+            ' to = "busy", several = true }'
+        ],
+        "switch",
+        "ask",
+        "watch",
+    ).rows
+    assert row.number == 1
+    assert row.states == {"idle", "lit"}
+    assert row.say == (Said("switch", P.AGREE, Kind.PLAIN), Said("switch", P.INFORM, Kind.PLAIN))
+    assert row.may == (Said("switch", P.FAILURE, Kind.PLAIN),)
+    assert row.when == (Guard("switch", frozenset({"asked", "agreed"})), Guard("watch", frozenset({"settled"})))
+    assert (row.drop, row.owes, row.moves, row.to, row.several) == (("ask",), ("watch",), "switch", "busy", True)
+    assert str(row) == "row 1 (on own done say switch agree, switch inform, to busy)"
+
+
+CHOICE = (
+    '{ name = "next", ways = [{ say = ["switch cancel"], to = "idle" }, { when = ["switch none"] },'
+    ' { say = ["switch cancel"], when = ["switch asked"] }] }'
+)
+
+
+def test_a_choice_makes_a_row_of_each_of_its_ways() -> None:
+    """Its words stand behind the row's, its guards hold besides, its state counts if it names one; the number stays."""
+    row = (
+        '{ in = ["idle"], on = "person wish", say = ["switch request"], when = ["switch none"], to = "waiting",'
+        ' then = "next" }'
+    )
+    made = machine("hand", ['{ in = ["idle"], on = "own bored" }', row], choice=CHOICE)
+    assert [one.number for one in made.rows] == [1, 2, 2, 2]
+    first, second, third = made.rows[1:]
+    assert [str(said) for said in first.say] == ["switch request", "switch cancel"]
+    assert (first.to, second.to, third.to) == ("idle", "waiting", "waiting")
+    assert [len(one.when) for one in (first, second, third)] == [1, 2, 2]
+    assert third.when == (Guard("switch", frozenset({"none"})), Guard("switch", frozenset({"asked"})))
+
+
+@pytest.mark.parametrize(
+    ("row", "wrong", "right"),
+    [
+        ('{ in = ["idel"], on = "restart" }', "no state 'idel'", "there are asking, idle, waiting"),
+        ('{ in = ["idle"], on = "restart", to = "wating" }', "no state 'wating'", "waiting"),
+        ('{ in = ["idle"], on = "restart", then = "next" }', "no choice 'next'", "there are none"),
+        ('{ in = ["idle"], on = "swich agree" }', "no protocol 'swich'", "there are ask, switch, watch"),
+        ('{ in = ["idle"], on = "switch agrees" }', "'agrees'", 'write "USE act" or "USE act[kind]"'),
+        ('{ in = ["idle"], on = "switch" }', "'switch': ", 'write "USE act"'),
+        ('{ in = ["idle"], on = "restart now" }', "no protocol 'restart'", "switch"),
+        ('{ in = ["idle"], on = "late swich" }', "no protocol 'swich'", "switch"),
+        ('{ in = ["idle"], on = "back lump" }', "no agent 'lump'", "there are hand, lamp"),
+        ('{ in = ["idle"], on = "restart", say = ["swich request"] }', "no protocol 'swich'", "switch"),
+        ('{ in = ["idle"], on = "restart", say = ["switch inform[last]"] }', "guard words", "USE act[kind]"),
+        ('{ in = ["idle"], on = "restart", may = ["switch say"] }', "'say'", "USE act[kind]"),
+        ('{ in = ["idle"], on = "restart", drop = ["asks"] }', "no volatile protocol to drop 'asks'", "ask, watch"),
+        ('{ in = ["idle"], on = "restart", drop = ["switch"] }', "no volatile protocol to drop 'switch'", "ask, watch"),
+        ('{ in = ["idle"], on = "restart", owes = ["switch"] }', "no latest protocol", "there are none"),
+        ('{ in = ["idle"], on = "restart", owes = ["watch"] }', "no latest protocol", "there are none"),
+        ('{ in = ["idle"], on = "restart", moves = "lift" }', "no protocol 'lift'", "switch"),
+        ('{ in = ["idle"], on = "restart", when = ["swich none"] }', "no protocol 'swich'", "switch"),
+        ('{ in = ["idle"], on = "restart", when = ["switch asked|gone"] }', "no state of switch 'gone'", "cancelling"),
+        ('{ in = ["idle"], on = "restart", when = ["switch"] }', "no state of switch ''", "settled"),
+    ],
+)
+def test_a_row_that_cannot_be_read_is_named(row: str, wrong: str, right: str) -> None:
+    """File, agent and number, what is wrong, and what there is."""
+    with pytest.raises(DesignError) as caught:
+        machine("hand", [WISH, row], "switch", "ask", "watch")
+    assert wrong in caught.value.wrong
+    assert right in caught.value.right
+    assert (caught.value.field, caught.value.file) == ("agent hand, row 2", "small.toml")
+
+
+def test_a_way_of_a_choice_that_cannot_be_read_is_named_by_its_row() -> None:
+    """It has no line of its own."""
+    way = '{ name = "next", ways = [{ to = "wating" }] }'
+    with pytest.raises(DesignError, match="agent hand, row 1: no state 'wating'"):
+        machine("hand", ['{ in = ["idle"], on = "restart", then = "next" }'], choice=way)
+
+
+def test_only_who_is_subscribed_to_owes() -> None:
+    """The lamp publishes, so it may owe; the hand may not (above)."""
+    (row,) = machine("lamp", ['{ in = ["idle"], on = "own lit", owes = ["watch"] }'], "watch").rows
+    assert row.owes == ("watch",)
+
+
+def test_both_sides_of_a_use() -> None:
+    """Who opens it and how it is delivered."""
+    both = machines(design(HAND, LAMP, "switch", "watch"))
+    assert {name: (one.uses["watch"].role, one.uses["watch"].peer) for name, one in both.items()} == {
+        "hand": (Role.INITIATOR, "lamp"),
+        "lamp": (Role.PARTICIPANT, "hand"),
+    }
+    switch, watch = both["hand"].uses["switch"], both["hand"].uses["watch"]
+    assert (switch.durable, switch.latest, watch.durable, watch.latest) == (True, False, False, True)
+
+
+def test_what_is_taken_where() -> None:
+    """A message is taken where a row of the state names it, with its guard word; without rows everything is."""
+    hand = machine("hand", HAND)
+    assert hand.takes("waiting", "switch", P.INFORM, Kind.CANCEL)
+    assert not hand.takes("idle", "switch", P.INFORM, Kind.CANCEL)
+    assert not hand.takes("waiting", "switch", P.INFORM, Kind.PROGRESS)
+    assert machine("hand", ()).takes("idle", "switch", P.INFORM, Kind.PROGRESS)
+
+
+def test_where_it_waits_and_rests() -> None:
+    """States that rows name, and the first; it rests in the first if nothing else is said."""
+    rows = ['{ in = ["busy"], on = "own lit" }', '{ in = ["busy"], on = "switch cancel", to = "lit" }']
+    lamp = machine("lamp", rows)
+    assert lamp.waits == {"idle", "busy", "lit"}
+    assert lamp.rest == {"idle"}
+    rests = machines(design(HAND, LAMP, hand_more='rest = ["waiting", "asking"]'))["hand"]
+    assert rests.rest == {"waiting", "asking"}
+
+
+def test_what_needs_no_message() -> None:
+    """Everything but what is taken, by state."""
+    hand = machine("hand", HAND)
+    assert {state: [row.event.name for row in rows] for state, rows in hand.spontaneous.items()} == {
+        "idle": ["wish"],
+        "waiting": ["regret"],
+    }
+
+
+def test_words_for_people() -> None:
+    """As files have them."""
+    assert str(Event(Cause.TAKE, "switch", P.INFORM, Kind.CANCEL)) == "switch inform[cancel]"
+    assert str(Event(Cause.LATE, "switch")) == "late switch"
+    assert str(Event(Cause.RESTART)) == "restart"

@@ -1,0 +1,164 @@
+"""A step that was made is compared with the rows: which it may have followed, and why it is none of the design's."""
+
+from typing import NamedTuple
+
+import pytest
+from small import HAND, LAMP, design
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from topdown.steps import Steps
+
+Act = tuple[str, P, Kind]
+REQUEST, AGREE = ("switch", P.REQUEST, Kind.PLAIN), ("switch", P.AGREE, Kind.PLAIN)
+INFORM, CANCEL = ("switch", P.INFORM, Kind.PLAIN), ("switch", P.CANCEL, Kind.PLAIN)
+QUERY, ANSWER = ("ask", P.QUERY_REF, Kind.PLAIN), ("ask", P.INFORM, Kind.PLAIN)
+SUBSCRIBE = ("watch", P.SUBSCRIBE, Kind.PLAIN)
+
+
+class Step(NamedTuple):
+    """A step as a running agent tells it."""
+
+    before: str
+    event: str
+    said: tuple[Act, ...] = ()
+    after: str = ""
+    took: Act | None = None
+    owed: tuple[str, ...] = ()
+
+
+def took(before: str, what: Act, *said: Act, after: str = "", owed: tuple[str, ...] = ()) -> Step:
+    """A message was taken."""
+    return Step(before, "Received", said, after or before, what, owed)
+
+
+def did(before: str, event: str, *said: Act, after: str = "", owed: tuple[str, ...] = ()) -> Step:
+    """Something else happened."""
+    return Step(before, event, said, after or before, None, owed)
+
+
+def hand(*rows: str) -> Steps:
+    """The steps of a hand with these rows, or those it has."""
+    return Steps(design(rows or HAND, LAMP, "switch", "ask", "watch"), "hand")
+
+
+def lamp(*rows: str) -> Steps:
+    """Likewise."""
+    return Steps(design(HAND, rows or LAMP, "switch", "ask", "watch"), "lamp")
+
+
+def test_a_step_that_follows_a_row_is_one_of_the_design() -> None:
+    """State, message, words and next state are those of a row."""
+    step = took("idle", REQUEST, AGREE, after="busy")
+    assert lamp().why_not(step) == ""
+    assert [row.number for row in lamp().fitting(step)] == [1]
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (took("idle", REQUEST, AGREE, after="idle"), "said switch agree, then idle; rows for it: row 1"),
+        (took("idle", REQUEST, after="busy"), "said nothing, then busy"),
+        (took("idle", REQUEST, AGREE, AGREE, after="busy"), "said switch agree, switch agree"),
+        (took("idle", REQUEST, INFORM, after="busy"), "said switch inform"),
+        (took("busy", REQUEST, AGREE), "rows for it: none"),
+        (took("idle", CANCEL), "in idle on switch cancel said nothing, then idle; rows for it: none"),
+        (did("idle", "Local", INFORM), "in idle on Local said switch inform"),
+        (did("busy", "Tick", after="idle"), "rows for it: none"),
+    ],
+)
+def test_a_step_that_follows_none_is_named(step: Step, words: str) -> None:
+    """With what it did and the rows there are."""
+    assert words in lamp().why_not(step)
+    assert lamp().fitting(step) == ()
+
+
+def test_words_come_in_their_order_and_others_only_if_they_may() -> None:
+    """What a row may say besides stands anywhere, any number of times."""
+    steps = lamp(
+        '{ in = ["idle"], on = "switch request", say = ["switch agree", "switch inform"], may = ["switch failure"] }'
+    )
+    failure = ("switch", P.FAILURE, Kind.PLAIN)
+    assert not steps.why_not(took("idle", REQUEST, AGREE, INFORM))
+    assert not steps.why_not(took("idle", REQUEST, failure, AGREE, failure, failure, INFORM))
+    assert steps.why_not(took("idle", REQUEST, INFORM, AGREE))
+    assert steps.why_not(took("idle", REQUEST, AGREE, failure))
+
+
+EVENTS = {
+    "restart": ["Started"],
+    "late switch": ["Late switch", "Woken"],
+    "back lamp": ["PeerChanged lamp"],
+    "own bored": ["PeerChanged lamp", "Woken", "Local", "Settled"],
+    "person wish": ["Local"],
+}
+WORDS = ["Started", "Late switch", "Late ask", "PeerChanged lamp", "PeerChanged other", "Woken", "Local", "Settled"]
+
+
+@pytest.mark.parametrize("cause", EVENTS)
+@pytest.mark.parametrize("word", WORDS)
+def test_which_events_a_row_may_be_for(cause: str, word: str) -> None:
+    """Its cause says so; late and back name whom."""
+    steps = hand(f'{{ in = ["idle"], on = "{cause}", say = ["switch request"] }}')
+    fits = word in EVENTS[cause] or (word.startswith("PeerChanged") and cause == "own bored")
+    assert (steps.why_not(did("idle", word, REQUEST)) == "") is fits
+
+
+def test_what_is_due_decides_between_rows() -> None:
+    """Of a step's surroundings that alone can be seen."""
+    steps = lamp(
+        '{ in = ["idle"], on = "own lit", when = ["watch settled"], to = "busy" }',
+        '{ in = ["idle"], on = "own lit", when = ["watch unsettled"], to = "lit" }',
+    )
+    assert not steps.why_not(did("idle", "Woken", after="busy"))
+    assert not steps.why_not(did("idle", "Woken", after="lit", owed=("hand",)))
+    assert steps.why_not(did("idle", "Woken", after="busy", owed=("hand",)))
+    assert steps.why_not(did("idle", "Woken", after="lit"))
+    assert not steps.why_not(did("idle", "Woken", after="busy", owed=("somebody",)))
+
+
+def test_nothing_done_is_no_deviation() -> None:
+    """An event that comes too early, or for nothing."""
+    steps = hand('{ in = ["idle"], on = "own bored", say = ["switch request"] }')
+    for event in ("Woken", "Local", "Settled", "PeerChanged", "Started", "Late switch"):
+        assert not steps.why_not(did("idle", event))
+
+
+@pytest.mark.parametrize("event", ["Started", "Late ask"])
+@pytest.mark.parametrize(
+    ("row", "due"),
+    [
+        ('say = ["ask query-ref"]', True),
+        ('say = ["watch subscribe"], to = "asking"', True),
+        ('to = "asking"', True),
+        ('say = ["ask query-ref"], when = ["switch none"]', False),
+        ('say = ["switch request"]', False),
+        ('say = ["switch cancel"]', False),
+        ('say = ["watch cancel"]', False),
+        ('say = ["ask query-ref"], several = true', False),
+        ('may = ["ask query-ref"]', False),
+    ],
+)
+def test_after_a_death_or_a_wait_nothing_is_less_than_a_row_that_applies_always(
+    event: str, row: str, due: bool
+) -> None:
+    """The proof relies on it: what was lost is asked again. A guard, or a conversation's table, may say otherwise."""
+    cause = "restart" if event == "Started" else "late ask"
+    steps = hand(f'{{ in = ["idle"], on = "{cause}", {row} }}')
+    assert bool(steps.why_not(did("idle", event))) is due
+    assert not steps.why_not(did("idle", "Late watch"))
+
+
+def test_what_is_outside_the_proof_is_not_compared() -> None:
+    """A complaint, a conversation that broke, a state in which it does not wait."""
+    complaint = ("switch", P.NOT_UNDERSTOOD, Kind.PLAIN)
+    assert not lamp().why_not(took("idle", complaint, INFORM, after="busy"))
+    assert not lamp().why_not(did("idle", "Broken switch", INFORM, after="busy"))
+    assert not lamp().why_not(did("lit", "Woken", INFORM, after="busy"))
+    assert lamp().why_not(did("idle", "Woken", INFORM, after="busy"))
+
+
+def test_rows_for_several_are_compared() -> None:
+    """They are not explored, but they run."""
+    steps = hand('{ in = ["idle"], on = "person wish", say = ["switch request"], several = true }')
+    assert not steps.why_not(did("idle", "Local", REQUEST))

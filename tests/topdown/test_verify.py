@@ -1,0 +1,126 @@
+"""What is to be proven of a design, for each option, and what a verdict says."""
+
+import pytest
+from small import ANSWERER, ASKER, HAND, LAMP, design, fleet, questions, watching
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from topdown.design import Design
+from topdown.errors import NoSuchEntry
+from topdown.machines import Said
+from topdown.proving.verify import Verdict, tasks
+
+
+def verdicts(made: Design, **wish: object) -> list[Verdict]:
+    """All, worked out."""
+    return [task.run(None) for task in tasks(made, **wish)]  # type: ignore[arg-type]
+
+
+def test_all_that_is_to_be_proven_comes_in_order() -> None:
+    """The stream, each use, all agents from the start and from rest."""
+    made = design((*HAND, *ASKER), (*LAMP, *ANSWERER), "switch", "ask")
+    told = [(task.layer, task.what) for task in tasks(made, gone=["lamp"])]
+    assert told == [
+        (1, "durable stream"),
+        (1, "physical act"),
+        (2, "C1 switch"),
+        (2, "C1 ask"),
+        (3, "all agents, starting"),
+        (3, "all agents"),
+        (3, "lamp dies for good"),
+    ]
+
+
+@pytest.mark.parametrize(("layer", "count"), [(1, 2), (2, 1), (3, 2)])
+def test_one_layer_alone(layer: int, count: int) -> None:
+    """As asked for, and its verdicts tell which."""
+    found_ones = verdicts(design(HAND, LAMP), layers=(layer,))
+    assert [one.layer for one in found_ones] == [layer] * count
+    assert all(one.holds and one.states > 1 and one.edges > 1 for one in found_ones)
+
+
+def test_a_volatile_design_needs_no_stream() -> None:
+    """Nothing of it is durable."""
+    assert [task.layer for task in tasks(questions())] == [2, 3, 3]
+
+
+@pytest.mark.parametrize(("faults", "told"), [(0, [0, 0, 0]), (2, [2, 0, 2]), (None, [None, 0, None])])
+def test_how_many_faults(faults: int | None, told: list[int | None]) -> None:
+    """As many as asked for, any number included; the start is explored without."""
+    found_ones = verdicts(questions(), faults=faults)
+    assert [one.faults for one in found_ones] == told
+    assert all(one.holds for one in found_ones)
+
+
+def test_more_faults_have_more_states() -> None:
+    """Else they would not be explored."""
+    counts = [verdicts(questions(), faults=faults, layers=(3,))[-1].states for faults in (0, 1, 2)]
+    assert counts == sorted(set(counts))
+
+
+def test_a_step_is_about_layer_2() -> None:
+    """Only the channels it made or changed; a step there is not is an error."""
+    assert [task.what for task in tasks(design(HAND, LAMP), step=1)] == ["C1 switch"]
+    assert list(tasks(design(HAND, LAMP), step=1, layers=(1, 3))) == []
+    with pytest.raises(IndexError, match="steps 1 to 1"):
+        list(tasks(design(HAND, LAMP), step=2))
+
+
+def test_who_is_not_there_cannot_be_gone() -> None:
+    """The error tells who there is."""
+    with pytest.raises(NoSuchEntry, match="hand, lamp"):
+        list(tasks(design(HAND, LAMP), layers=(3,), gone=["lump"]))
+
+
+def test_gone_is_about_who_talks_to_people() -> None:
+    """The hand's wish has no end when the lamp is dead, since no row tells it."""
+    *_, last = verdicts(design(HAND, LAMP), layers=(3,), gone=["lamp"])
+    assert (last.what, last.faults) == ("lamp dies for good", 0)
+    assert last.findings
+    alone = verdicts(design(HAND, LAMP), layers=(3,), gone=["hand"])[-1]
+    assert not alone.holds or not alone.findings
+
+
+def test_what_a_limit_leaves_open_is_said() -> None:
+    """No verdict, though nothing was found."""
+    *_, last = verdicts(watching(), layers=(3,), seconds=1e-9, faults=2)
+    assert not last.holds
+    assert not last.findings
+    assert "stopped at the limit of 1e-09 s" in last.open[0]
+    pair = verdicts(watching(), layers=(2,), seconds=1e-9)[0]
+    assert not pair.holds
+    assert "stopped at the limit of 1e-09 s" in pair.open[0]
+
+
+@pytest.mark.parametrize("faults", [1, None])
+def test_agents_without_rows_are_not_composed(faults: int | None) -> None:
+    """That is open, not proven."""
+    for one in verdicts(design((), LAMP), layers=(3,), faults=faults):
+        assert one.open == ("agents without rows cannot be composed: hand",)
+        assert not one.holds
+        assert one.faults == (0 if one.what.endswith("starting") else faults)
+
+
+def test_rows_not_needed_are_notes_of_the_last_verdict() -> None:
+    """They are nothing wrong; the start alone need not use all."""
+    never = '{ in = ["busy"], on = "own never", when = ["switch none"] }'
+    start, last = verdicts(design(HAND, (*LAMP, never)), layers=(3,))
+    assert (start.notes, last.notes) == ((), ("row never used: lamp 5 (in busy on own never)",))
+    assert last.holds
+
+
+def test_a_word_left_out_wrongly_is_open() -> None:
+    """The progress would stand in the way in a state that has no row for it."""
+    chatty = '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say = ["switch inform[progress]"] }'
+    deaf = '{ in = ["idle"], on = "switch inform[progress]" }'
+    hand = (*HAND, deaf)
+    last = verdicts(design(hand, (*LAMP, chatty)), layers=(3,))[-1]
+    assert not last.findings
+    assert last.open[0].endswith("switch inform[progress] is not without effect")
+    assert not last.holds
+
+
+def test_silent_words_are_of_the_design() -> None:
+    """The model of each design has its own."""
+    told = '{ in = ["waiting"], on = "switch inform[progress]" }'
+    assert fleet(design((*HAND, told), LAMP)).parts.silent == {Said("switch", P.INFORM, Kind.PROGRESS)}
