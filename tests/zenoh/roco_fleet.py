@@ -15,6 +15,7 @@ from typing import TypeVar
 import msgspec
 from toy_fleet import wait_for
 
+from agent_runtime.core import OUTSIDE
 from agent_runtime.shell import Heartbeat
 from companion.languages import rc
 from companion.run_folder import SLOTS_FILE, ProcessState, TaskLine
@@ -178,8 +179,10 @@ class RocoFleet:
         return "\n".join(f"--- {log.name}\n{log.read_text()[-1200:]}" for log in sorted(self.run.glob("*.log")))
 
     def down(self) -> None:
-        """End it."""
+        """End it; nothing that any agent did was outside its design."""
         fleet.down(self.run)
+        lines = [line for log in self.run.glob("*.log") for line in log.read_text().splitlines() if OUTSIDE in line]
+        assert not lines, lines[0]
 
 
 def safely_down(truth: Truth) -> None:
