@@ -48,7 +48,10 @@ def verify(
     """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no stale plan."""
     with files.problems(form):
         most, wanted = _most(faults), tuple(layer or LAYERS)
-        work = tuple(tasks(load(file), faults=most, layers=wanted, step=step, gone=gone or (), seconds=seconds))
+        try:
+            work = tuple(tasks(load(file), faults=most, layers=wanted, step=step, gone=gone or (), seconds=seconds))
+        except IndexError as error:
+            raise ValueError(str(error)) from error
         if not work:
             raise ValueError("nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only")
         verdicts = _verdicts(work, form)

@@ -72,7 +72,10 @@ NOT_PROVEN = (
     "not-understood in the composed system; each protocol is explored with it alone",
     "durations, fairness of the scheduler, and loops of a plan (next act, new plan) that never end",
     "a journal that is lost or lies; a process that hangs and does not die",
-    "waits for a subscriber that is gone for good (`late` of a latest use)",
+    "waits of a publisher for a subscriber that is gone for good (`late` of a latest use)",
+    "that what is named happens: a worker that says nothing after a death, a message left in the inbox for ever",
+    "a volatile question that was given up, or is older than its reply-by, and reaches a server that is slow to answer",
+    "a peer that seems to come back though it never died (the router was away), but for what its death brings about",
     "two agents whose outboxes are full towards each other, which only many reports that nobody asked for bring about",
 )
 """What no layer says anything about."""

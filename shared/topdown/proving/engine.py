@@ -143,7 +143,7 @@ class _Walk:
     ) -> None:
         self.model, self.first, self.progress = model, first, progress
         self.most = most_states or 1 << 31
-        self.seconds = seconds or float("inf")
+        self.seconds = float("inf") if seconds is None else seconds
         self.numbers: dict[State, int] = {model.start: 0}
         self.parents, self.fair, self.begin = array("I", [0]), array("I"), array("Q", [0])
         self.good = array("I")

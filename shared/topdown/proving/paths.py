@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from fipa_codec.tables import Role
 from topdown.design import Design
+from topdown.errors import NoSuchEntry
 from topdown.machines import Cause, Event, Row, Said
 from topdown.proving.fleet import ANY, Faults, Flat, Fleet
 from topdown.proving.local import DIES
@@ -43,8 +44,13 @@ class Follower:
         self.aside: Counter[tuple[str, str]] = Counter()
 
     def follow(self, deeds: Iterable[tuple[str, Done]]) -> Deviation | None:
-        """Take (agent, step) in the order in which they happened; the first that is no move, None where all are."""
+        """Take (agent, step) in the order in which they happened; the first that is no move, None where all are.
+
+        Raises NoSuchEntry for an agent that the design does not have.
+        """
         for agent, deed in deeds:
+            if agent not in self.steps:
+                raise NoSuchEntry("agent", agent, self.steps)
             self.count += 1
             if self._shows_nothing(agent, deed):
                 continue
