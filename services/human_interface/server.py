@@ -29,6 +29,7 @@ ANSWER_S = 5.0  # the agent answers in a step, some ms; estimate for a busy mach
 LONGEST_WAIT_S = 10.0
 IDLE_S = 15.0  # of a connection that says nothing; above LONGEST_WAIT_S (estimate)
 AT_ONCE = 32  # requests served side by side (estimate: some consoles and pages)
+LOOPBACK = ("127.0.0.1", 0)  # a free port
 
 
 class Refused(Exception):
@@ -39,15 +40,26 @@ class Refused(Exception):
         super().__init__(text)
 
 
+def listen_at(text: str) -> tuple[str, int]:
+    """Host and port of the form host:port; of "" LOOPBACK. Raises ValueError for anything else."""
+    if not text:
+        return LOOPBACK
+    host, colon, port = text.rpartition(":")
+    if not (host and colon and port.isascii() and port.isdecimal() and int(port) < 65536):
+        raise ValueError(f"{text!r} is no address to listen at; host:port would be, such as 127.0.0.1:8350")
+    return host, int(port)
+
+
 class Desk:
     """The device of hi: listens from its making on, and leaves its address in the run folder."""
 
     busy = False
 
-    def __init__(self, post: Post, run_dir: Path) -> None:
+    def __init__(self, post: Post, run_dir: Path, listen: tuple[str, int] = LOOPBACK) -> None:
+        """`listen`: host and port, 0 for a free one. Raises OSError where it cannot be had."""
         self._board = Board()
         self.address = HiAddress(0, secrets.token_urlsafe(24))
-        self._server = _Server(self._board, post, self.address.token)
+        self._server = _Server(self._board, post, self.address.token, listen)
         self.address = HiAddress(self._server.server_port, self.address.token)
         self._file = run_dir / HI_FILE
         _write_secret(self._file, msgspec.json.encode(self.address))
@@ -71,10 +83,10 @@ class _Server(http.server.ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False  # threads that wait for a silent connection must not hold the process
 
-    def __init__(self, board: Board, post: Post, token: str) -> None:
+    def __init__(self, board: Board, post: Post, token: str, listen: tuple[str, int]) -> None:
         self.board, self.post, self.token = board, post, token
         self.room = threading.Semaphore(AT_ONCE)
-        super().__init__(("127.0.0.1", 0), _Request)
+        super().__init__(listen, _Request)
 
 
 class _Request(http.server.BaseHTTPRequestHandler):

@@ -2,6 +2,7 @@
 
 import http.client
 import os
+import socket
 import threading
 import time
 
@@ -182,3 +183,30 @@ def test_closing_ends_the_waits(tmp_path):
     waiter.join(5.0)
     assert answers == [200]
     assert not (tmp_path / HI_FILE).exists()
+
+
+def test_it_listens_where_it_is_told(tmp_path):
+    """A container is reached at a fixed port; people ask under the same port, so the check of Host holds."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    desk = server.Desk(lambda content: None, tmp_path, server.listen_at(f"127.0.0.1:{port}"))
+    try:
+        told = msgspec.json.decode((tmp_path / HI_FILE).read_bytes(), type=HiAddress)
+        assert told.port == port
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0):
+            pass
+    finally:
+        desk.close()
+
+
+def test_without_a_word_it_listens_on_loopback_only():
+    """Who wants more says so."""
+    assert server.listen_at("") == ("127.0.0.1", 0)
+
+
+@pytest.mark.parametrize("text", ["8350", ":8350", "0.0.0.0:", "0.0.0.0:http", "0.0.0.0:65536", "0.0.0.0:-1"])
+def test_what_is_no_address_is_named(text):
+    """With what would have been right."""
+    with pytest.raises(ValueError, match=r"is no address to listen at; host:port would be"):
+        server.listen_at(text)
