@@ -88,14 +88,14 @@ class Steps(Machine):
     def _fits(self, row: Row, deed: Done) -> bool:
         return (
             deed.after == (row.to or deed.before)
-            and all(self._holds(row, guard.use, guard.words, deed) for guard in row.when)
+            and all(self._holds(guard.use, guard.words, deed) for guard in row.when)
             and _says(row, [Said(*one) for one in deed.said])
         )
 
-    def _holds(self, row: Row, use: str, words: frozenset[str], deed: Done) -> bool:
-        """Only what is due can be seen of a step from outside."""
-        owes = self.uses[use].peer in deed.owed
-        return not (SETTLED in words and owes) and not (UNSETTLED in words and not owes)
+    def _holds(self, use: str, words: frozenset[str], deed: Done) -> bool:
+        """Only what is due can be seen of a step from outside; a guard that names other words may hold by them."""
+        due = UNSETTLED if self.uses[use].peer in deed.owed else SETTLED
+        return due in words or not words <= {SETTLED, UNSETTLED}
 
 
 def _about(row: Row, about: str) -> bool:

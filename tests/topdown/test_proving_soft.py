@@ -225,6 +225,21 @@ def test_how_a_cancel_of_a_subscription_is_answered() -> None:
     assert "hand: watch cancel -> lamp, again" not in labels(watching(STOPS, STOPPED), 0)
 
 
+def test_a_cancel_is_repeated_though_the_lamp_has_not_answered() -> None:
+    """Its answer to the subscription is none to the cancel, which may be what it needs to hear."""
+    slow = (
+        '{ in = ["idle"], on = "watch subscribe" }',
+        '{ in = ["idle"], on = "own yes", when = ["watch asked"], say = ["watch agree"] }',
+        STOPPED[-1],
+    )
+    model = fleet(watching(STOPS, slow), 1, boot=True)
+    way = ("back lamp; watch subscribe", "watch subscribe <- hand", "stops; watch cancel", "watch cancel is lost")
+    state = model.boot
+    for words in way:
+        state = next(there for _, what, there, _, _ in model.moves(state) if words in what)
+    assert "watch cancel -> lamp, again" in {what for _, what, *_ in model.moves(state)}
+
+
 def test_a_wait_of_a_subscriber_may_be_over() -> None:
     """It gives the subscription up, and what is on the way with it."""
     late = '{ in = ["idle"], on = "late watch", say = ["watch subscribe"] }'

@@ -117,6 +117,14 @@ def test_what_is_due_decides_between_rows() -> None:
     assert not steps.why_not(did("idle", "Woken", after="busy", owed=("somebody",)))
 
 
+@pytest.mark.parametrize("words", ["settled|unsettled", "live|settled", "none|unsettled", "live"])
+@pytest.mark.parametrize("owed", [(), ("hand",)])
+def test_a_guard_with_a_choice_may_hold_by_what_is_not_seen(words: str, owed: tuple[str, ...]) -> None:
+    """One of its words is enough, and conversations' states are not seen."""
+    steps = lamp(f'{{ in = ["idle"], on = "own lit", when = ["watch {words}"], to = "busy" }}')
+    assert not steps.why_not(did("idle", "Woken", after="busy", owed=owed))
+
+
 def test_nothing_done_is_no_deviation() -> None:
     """An event that comes too early, or for nothing."""
     steps = hand('{ in = ["idle"], on = "own bored", say = ["switch request"] }')

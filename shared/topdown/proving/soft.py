@@ -151,7 +151,8 @@ class Soft:
         net, names = self.parts.net(ends.net), self.parts.names
         asked = self.asks.get(self.parts.talk(self.asker, ends.asker, self.use))
         served = self.parts.talk(self.server, ends.server, self.use)
-        if asked is not None and not net.words and not (net.current and served in self.unanswered):
+        thinks = net.current and served in self.unanswered
+        if asked is not None and not net.words and (not thinks or asked.act is Performative.CANCEL):
             what = f"{asked} -> {names[self.server]}, again"
             yield Turn(names[self.asker], what, self._with(ends, net.added(asked)))
         owed = self.use in self.parts.local(self.server, ends.server).owed
