@@ -1,0 +1,133 @@
+"""deploy/compose.yaml says the same guards of every service, and the fleet it brings up is the supervisor's."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from services.supervisor.processes import FLEET
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = (ROOT / "deploy/compose.yaml").read_text()
+FILE = yaml.safe_load(TEXT)
+SERVICES = FILE["services"]
+DOCKERFILE = (ROOT / "deploy/Dockerfile").read_text()
+INSIDE = {"ex": {"ex", "loop"}}
+"""Services of more than one process."""
+
+every_service = pytest.mark.parametrize("name", SERVICES)
+
+
+def test_all_processes_of_the_fleet_are_there():
+    """Those of the supervisor's table, each in one service."""
+    inside = [process for name in SERVICES for process in INSIDE.get(name, {name})]
+    assert sorted(inside) == sorted(process.name for process in FLEET)
+
+
+def command(name):
+    """What a service runs: its command, else that of its image."""
+    if "command" in SERVICES[name]:
+        return SERVICES[name]["command"]
+    stage = DOCKERFILE.split(f" AS {SERVICES[name]['build']['target']}\n")[1].split("\nFROM ")[0]
+    return yaml.safe_load(re.search(r"^CMD (.*)$", stage, re.MULTILINE)[1])
+
+
+@every_service
+def test_a_service_runs_what_the_supervisor_would_run(name):
+    """The same module, or the supervisor with just the processes that belong together."""
+    modules = {process.name: process.module for process in FLEET}
+    if name in INSIDE:
+        module, only, names = command(name)
+        assert (module, only) == ("services.supervisor", "--only")
+        assert set(names.split(",")) == INSIDE[name]
+    else:
+        assert command(name) == [modules[name]]
+
+
+@every_service
+def test_a_service_can_change_nothing_but_its_own_volume(name):
+    """Root read-only, no capability, no way to get one; a volume that no other service has."""
+    service = SERVICES[name]
+    assert service["read_only"] is True
+    assert service["cap_drop"] == ["ALL"]
+    assert "no-new-privileges:true" in service["security_opt"]
+    assert not {"privileged", "cap_add", "user", "network_mode", "pid", "ipc", "devices"} & set(service)
+    assert service["volumes"] == [f"{name}:/var/lib/roco"]
+    assert name in FILE["volumes"]
+
+
+@every_service
+def test_a_service_is_bounded(name):
+    """Memory, processes, the log that Docker keeps, and the time it may take to end."""
+    service = SERVICES[name]
+    assert re.fullmatch(r"\d+[mg]", service["mem_limit"])
+    assert service["pids_limit"] <= 256
+    assert service["logging"]["options"] == {"max-size": "10m", "max-file": "3"}
+    assert service["stop_grace_period"] in ("15s", "60s")
+    assert service["restart"] == "unless-stopped"
+
+
+@every_service
+def test_health_starts_no_python(name):
+    """It reads what the processes write anyway, for each process inside."""
+    program, *names = SERVICES[name]["healthcheck"]["test"][1:]
+    assert program == "healthy"
+    assert set(names) == INSIDE.get(name, {name})
+    assert "python" not in "".join((ROOT / "deploy/healthy").read_text().lower().split("\n")[4:])
+
+
+@every_service
+def test_agents_start_when_the_router_routes_and_the_monitor_taps(name):
+    """As the supervisor's table says; agents wait for each other by themselves."""
+    wanted = {other for process in FLEET if process.name == name for other in process.after} - {"loop"}
+    after = SERVICES[name].get("depends_on", {})
+    assert set(after) == wanted
+    assert all(condition == {"condition": "service_healthy"} for condition in after.values())
+
+
+def test_only_people_reach_in_and_nobody_reaches_out():
+    """One port, published on loopback, the same inside and outside: hi compares it with the request's Host."""
+    assert FILE["networks"]["fleet"] == {"internal": True}
+    assert [name for name, service in SERVICES.items() if service["networks"] != ["fleet"]] == ["hi"]
+    assert [name for name, service in SERVICES.items() if "ports" in service] == ["hi"]
+    (port,) = SERVICES["hi"]["ports"]
+    assert re.fullmatch(r"127\.0\.0\.1:(\$\{ROCO_PORT:-\d+\}):\1", port)
+    assert (
+        SERVICES["hi"]["environment"]["ROCO_HTTP"] == "0.0.0.0:" + port.rpartition("127.0.0.1:")[2].rpartition(":$")[0]
+    )
+
+
+def test_nothing_needs_to_be_set():
+    """`docker compose up` is the first command: every variable has a default. `version` is ignored by Compose v2."""
+    assert all(":-" in variable for variable in re.findall(r"\$\{[^}]*\}", TEXT))
+    assert "version" not in FILE
+
+
+def test_only_the_override_for_hard_timing_gives_rights():
+    """To the executor alone, and just the two it needs."""
+    override = yaml.safe_load((ROOT / "deploy/compose.rt.yaml").read_text())["services"]
+    assert set(override) == {"ex"}
+    assert override["ex"]["cap_add"] == ["SYS_NICE", "IPC_LOCK"]
+
+
+@pytest.mark.parametrize("stage", sorted({service["build"]["target"] for service in SERVICES.values()}))
+def test_every_image_is_locked_checked_and_not_root(stage):
+    """Each ends with the imports of what it runs and another user than root; each install compares hashes."""
+    text = DOCKERFILE.split(f" AS {stage}\n")[1].split("\nFROM ")[0]
+    assert re.search(r"^RUN python -c 'import services\.", text, re.MULTILINE)
+    assert re.search(r"^USER roco$", text, re.MULTILINE)
+    for name, service in SERVICES.items():
+        if service["build"]["target"] == stage:
+            module = command(name)[0]
+            assert f"{module}.__main__" in text, f"{stage} does not check {module}"
+
+
+def test_every_install_is_from_a_lock_file():
+    """With hashes; but for the project itself, which is built from source."""
+    installs = [line for line in DOCKERFILE.replace("\\\n", " ").splitlines() if re.search(r"\bpip\b.* install ", line)]
+    assert installs
+    for line in installs:
+        assert "--require-hashes" in line or "--no-deps --no-index --prefix /opt/project" in line
+    for name in re.findall(r"requirements/(\S+\.txt) ", DOCKERFILE):
+        assert "--hash=sha256:" in (ROOT / "requirements" / name).read_text()
