@@ -74,7 +74,7 @@ def test_health_starts_no_python(name):
     program, *names = SERVICES[name]["healthcheck"]["test"][1:]
     assert program == "healthy"
     assert set(names) == INSIDE.get(name, {name})
-    assert "python" not in "".join((ROOT / "deploy/healthy").read_text().lower().split("\n")[4:])
+    assert "python" not in "".join((ROOT / "deploy/healthy").read_text().lower().split("\n")[5:])
 
 
 @every_service

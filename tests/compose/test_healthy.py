@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -68,3 +69,54 @@ def test_all_that_are_named_must_be_healthy(tmp_path, look):
     assert look("loop", "ex") == (1, "loop: not ready yet\n")
     write(tmp_path / "loop.ready")
     assert look("loop", "ex") == (0, "")
+
+
+@pytest.fixture
+def sleeper():
+    """Starts processes that do nothing, under a name of ours or another."""
+    started = []
+
+    def start(name):
+        process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(50)", name])
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def beats(tmp_path, pid, age_s):
+    """An agent that was ready and last wrote its heartbeat so long ago."""
+    write(tmp_path / "km.ready", age_s)
+    (tmp_path / "km.heartbeat.json").write_text(f'{{"agent":"km","pid":{pid},"incarnation":2}}')
+    write(tmp_path / "km.heartbeat.json", age_s)
+
+
+def test_an_agent_that_hangs_is_ended(tmp_path, look, sleeper):
+    """Docker starts what ended again, not what hangs."""
+    hung = sleeper("services.knowledge")
+    beats(tmp_path, hung.pid, 30.0)
+    code, words = look("km")
+    assert code == 1
+    assert words.endswith("km: ended, it hung\n")
+    assert hung.wait(timeout=10.0) == -9
+
+
+def test_a_slow_agent_is_not_ended(tmp_path, look, sleeper):
+    """Unhealthy, and left to go on."""
+    slow = sleeper("services.knowledge")
+    beats(tmp_path, slow.pid, 15.0)
+    assert look("km")[0] == 1
+    assert slow.poll() is None
+
+
+def test_nobody_else_is_ended(tmp_path, look, sleeper):
+    """A process id may belong to another by now."""
+    other = sleeper("somebody-else")
+    beats(tmp_path, other.pid, 30.0)
+    code, words = look("km")
+    assert code == 1
+    assert "ended" not in words
+    assert other.poll() is None

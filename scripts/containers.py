@@ -1,0 +1,87 @@
+"""Docker and Compose as this machine has them: found, called with a time limit, their failures told."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+BUILDKIT = {"DOCKER_BUILDKIT": "1", "COMPOSE_DOCKER_CLI_BUILD": "1"}  # docker-compose 1.29 wants to be asked
+ASK_S = 30.0  # estimate: for a question to the daemon
+
+
+class Failed(Exception):
+    """A step did not do what it should; the text says which and what was seen."""
+
+
+class Docker:
+    """The docker client and compose on one project."""
+
+    def __init__(self, client: str, compose: list[str], project: str, environment: dict[str, str]) -> None:
+        self.client, self.environment = client, environment
+        self._compose = [*compose, "-p", project, "-f", str(ROOT / "deploy" / "compose.yaml")]
+
+    def run(self, command: list[str], within_s: float) -> str:
+        """What it printed. Failed where it ends with another code than 0, or not in time."""
+        quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+        with subprocess.Popen(command, cwd=ROOT, env=self.environment, text=True, **quiet) as process:
+            try:
+                text, _ = process.communicate(timeout=within_s)
+            except subprocess.TimeoutExpired as late:
+                process.kill()
+                raise Failed(f"{' '.join(command)}: not done within {within_s:.0f} s") from late
+        if process.returncode != 0:
+            raise Failed(f"{' '.join(command)}: exit code {process.returncode}\n{text[-3000:]}")
+        return text
+
+    def docker(self, *arguments: str, within_s: float = ASK_S) -> str:
+        """`docker ...`"""
+        return self.run([self.client, *arguments], within_s)
+
+    def compose(self, *arguments: str, within_s: float = ASK_S) -> str:
+        """`docker compose ...` of the project"""
+        return self.run([*self._compose, *arguments], within_s)
+
+    def container(self, service: str) -> str:
+        """The id of a service's container; names differ between versions of Compose."""
+        return self.compose("ps", "-q", service).strip()
+
+    def inspect(self, service: str, form: str) -> str:
+        """A field of a service's container."""
+        return self.docker("inspect", "-f", form, self.container(service)).strip()
+
+    def image_mb(self, image: str) -> float:
+        """Size of an image, all layers [MB]."""
+        return int(self.docker("image", "inspect", "-f", "{{.Size}}", image)) / 1e6
+
+
+def find(project: str, settings: dict[str, str]) -> Docker | None:
+    """A client whose daemon answers and that can build with BuildKit, and a compose; None where there is none."""
+    clients = [str(Path(folder) / "docker") for folder in os.environ.get("PATH", "").split(os.pathsep)]
+    answering = [client for client in dict.fromkeys(clients) if os.access(client, os.X_OK) and works(client, "info")]
+    # From version 23 on a client builds with a plugin that not every machine has; an older one can by itself.
+    client = next((one for one in answering if works(one, "buildx", "version") or version(one) < 23), None)
+    if client is None:
+        return None
+    compose = [client, "compose"] if works(client, "compose", "version") else ["docker-compose"]
+    if shutil.which(compose[0]) is None:
+        return None
+    path = os.pathsep.join([str(Path(client).parent), os.environ["PATH"]])
+    return Docker(client, compose, project, {**os.environ, **BUILDKIT, **settings, "PATH": path})
+
+
+def works(*command: str, within_s: float = ASK_S) -> bool:
+    """Whether a command ends with 0 in time."""
+    try:
+        return subprocess.run(command, capture_output=True, timeout=within_s, check=False).returncode == 0
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+
+
+def version(client: str) -> int:
+    """The client's first number."""
+    command = [client, "version", "--format", "{{.Client.Version}}"]
+    text = subprocess.run(command, capture_output=True, timeout=ASK_S, check=False).stdout.decode()
+    number = text.partition(".")[0]
+    return int(number) if number.isdecimal() else sys.maxsize
