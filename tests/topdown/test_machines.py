@@ -122,6 +122,12 @@ def test_only_who_is_subscribed_to_owes() -> None:
     assert row.owes == ("watch",)
 
 
+def test_a_guard_names_states_of_the_own_side() -> None:
+    """The other side's are not known here."""
+    with pytest.raises(DesignError, match=r"no state of switch 'cancelling'; there are .*stopping"):
+        machine("lamp", ['{ in = ["idle"], on = "own lit", when = ["switch cancelling"] }'])
+
+
 def test_both_sides_of_a_use() -> None:
     """Who opens it and how it is delivered."""
     both = machines(design(HAND, LAMP, "switch", "watch"))

@@ -19,6 +19,11 @@ def test_a_rule_is_broken_where_all_its_conditions_hold() -> None:
     """Without the guard on the way to idle it is, after a death."""
     assert not kinds(watching(more=RULE), 2)
     lamp = instead(WATCHED, ', when = ["watch settled"]', "")
+    for old, new in (
+        ("watch agree", "watch refuse"),
+        ("hand watch asked", "hand watch refused"),
+    ):
+        assert not kinds(watching(lamp=lamp, more=RULE.replace(old, new)), 1), new
     said = "idle before it is known: the lamp takes new subscribers only when the last one knows all"
     assert wrong(watching(lamp=lamp, more=RULE), 1) == said
 

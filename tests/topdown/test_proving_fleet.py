@@ -198,11 +198,29 @@ def test_who_waits_is_told_when_the_other_dies_for_good() -> None:
 
 
 def test_who_is_gone_does_not_come_back() -> None:
-    """Not even where other deaths may happen."""
-    model = fleet(design(HAND, LAMP), 1, gone="lamp", waiting="hand")
-    (gone,) = [there for _, what, there, _, _ in model.moves(model.start) if what == "dies for good"]
-    told = {(who, what) for who, what, *_ in model.moves(gone)}
-    assert not any(who == "lamp" for who, _ in told)
+    """Not even where other deaths may happen; and it takes and answers nothing any more."""
+    for made, name in ((watching(), "hand"), (design(HAND, LAMP), "lamp")):
+        model = fleet(made, 1, gone=name, waiting="hand")
+        (gone,) = [there for _, what, there, _, _ in model.moves(model.start) if what == "dies for good"]
+        seen, waiting = {gone}, [gone]
+        while waiting:
+            for who, what, there, _, _ in model.moves(waiting.pop()):
+                assert who != name, what
+                if there not in seen:
+                    seen.add(there)
+                    waiting.append(there)
+
+
+def test_a_row_whose_words_the_table_forbids_does_not_apply() -> None:
+    """Neither its words nor its state."""
+    twice = '{ in = ["busy"], on = "own again", say = ["switch agree"], to = "lit" }'
+    assert not any("again" in told for told in labels(design(HAND, (*LAMP, twice))))
+
+
+def test_a_row_for_several_after_a_death_is_not_explored() -> None:
+    """Here it would forget the request."""
+    forgets = '{ in = ["busy"], on = "restart", to = "idle", several = true }'
+    assert not kinds(design(HAND, (*LAMP, forgets)), 1)
 
 
 def test_rows_that_no_path_took_are_named() -> None:

@@ -1,6 +1,7 @@
 """What is to be proven of a design, for each option, and what a verdict says."""
 
 import pytest
+import spoiling
 from small import ANSWERER, ASKER, HAND, LAMP, design, fleet, questions, watching
 
 from fipa_codec.languages import Kind
@@ -62,6 +63,7 @@ def test_a_step_is_about_layer_2() -> None:
     """Only the channels it made or changed; a step there is not is an error."""
     assert [task.what for task in tasks(design(HAND, LAMP), step=1)] == ["C1 switch"]
     assert list(tasks(design(HAND, LAMP), step=1, layers=(1, 3))) == []
+    assert [task.what for task in tasks(spoiling.design(), step=4)] == ["C4 ask", "C4 tell_place"]
     with pytest.raises(IndexError, match="steps 1 to 1"):
         list(tasks(design(HAND, LAMP), step=2))
 
@@ -77,8 +79,9 @@ def test_gone_is_about_who_talks_to_people() -> None:
     *_, last = verdicts(design(HAND, LAMP), layers=(3,), gone=["lamp"])
     assert (last.what, last.faults) == ("lamp dies for good", 0)
     assert last.findings
-    alone = verdicts(design(HAND, LAMP), layers=(3,), gone=["hand"])[-1]
-    assert not alone.holds or not alone.findings
+    asks = tuple(row.replace("own wonder", "person wonder") for row in ASKER)
+    *_, told = verdicts(questions(asks), layers=(3,), gone=["lamp"])
+    assert told.holds
 
 
 def test_what_a_limit_leaves_open_is_said() -> None:

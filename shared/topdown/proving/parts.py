@@ -110,7 +110,7 @@ class Parts:
                 value = agent.with_talk(value, name, "")
             elif what == "debt":
                 value = value._replace(owed=value.owed - {name})
-            else:
+            elif value.state != GONE:
                 value = value._replace(news=value.news | ({name} & agent.watched))
             found = self._changes[key] = self.locals[number](value)
         return found
