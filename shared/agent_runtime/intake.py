@@ -19,6 +19,8 @@ from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
+# Before Python 3.12 a member found by its class takes 0.1 us.
+_DURABLE, _LATEST = Delivery.DURABLE, Delivery.LATEST
 HELD_OF_STREAM = 16
 """Waiting messages of one stream; as many as its sender's outbox holds."""
 HELD_VOLATILE = 256
@@ -32,7 +34,7 @@ def admit(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) 
         reject(
             state, out, communicate, "not for us", f"no {communicate.protocol[:64]!r} with {communicate.sender[:64]!r}"
         )
-    elif link.delivery is Delivery.DURABLE:
+    elif link.delivery is _DURABLE:
         _admit_durable(state, out, wiring, link, communicate)
     elif _is_observation(link, communicate):
         _admit_observation(state, out, wiring, link, communicate)
@@ -56,7 +58,7 @@ def reject(state: CoreState, out: Out, communicate: Communicate, what: str, why:
 
 def _is_observation(link: Link, communicate: Communicate) -> bool:
     return (
-        link.delivery is Delivery.LATEST
+        link.delivery is _LATEST
         and link.role is Role.INITIATOR
         and communicate.performative is Performative.INFORM
         and "@" in communicate.id

@@ -49,6 +49,12 @@ class Verdict(msgspec.Struct, frozen=True):
     kind: Kind = Kind.PLAIN
 
 
+# Before Python 3.12 a member found by its class takes 0.1 us.
+_DURABLE, _LATEST = Delivery.DURABLE, Delivery.LATEST
+_INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
+_CANCEL, _TAKE = Performative.CANCEL, What.TAKE
+
+
 def judge(state: CoreState, wiring: Wiring, waiting: Waiting) -> Verdict:
     """The verdict; nothing is changed."""
     communicate: Communicate = waiting.event.communicate
@@ -65,13 +71,13 @@ def judge(state: CoreState, wiring: Wiring, waiting: Waiting) -> Verdict:
         durable = waiting.number > 0
         return Verdict(What.REFUSE if durable else What.DROP, held if durable else None, error)
     kind = held.conversation.kind_of(communicate.performative, communicate.in_reply_to, waiting.kind)
-    return Verdict(What.TAKE, replace(held, conversation=talk), kind=kind)
+    return Verdict(_TAKE, replace(held, conversation=talk), kind=kind)
 
 
 def _judge_new(state: CoreState, wiring: Wiring, waiting: Waiting, communicate: Communicate) -> Verdict:
     link = wiring.required(communicate.sender, communicate.protocol)
     opening = communicate.performative in named(link.protocol).openings
-    if link.role is Role.INITIATOR or not (opening or communicate.performative is Performative.CANCEL):
+    if link.role is _INITIATOR or not (opening or communicate.performative is _CANCEL):
         return Verdict(What.DROP, error=RemoteProtocolError("conversation", "is not open here"))
     if waiting.fault is not None:
         return Verdict(What.REFUSE, error=waiting.fault)
@@ -91,7 +97,7 @@ def _outlived(state: CoreState, link: Link, communicate: Communicate) -> bool:
     one would send the observations into a conversation that nobody holds, for ever. What is of the life that is there
     now is newer than all else: a subscriber whose journal was lost counts its lives from 1 again.
     """
-    if link.delivery is not Delivery.LATEST:
+    if link.delivery is not _LATEST:
         return False
     alive = state.soft.peers.get(communicate.sender)
 
@@ -106,14 +112,14 @@ def _outlived(state: CoreState, link: Link, communicate: Communicate) -> bool:
 def _same_subscriber(held: Held, communicate: Communicate) -> bool:
     talk = held.conversation
     same = (talk.peer, talk.protocol) == (communicate.sender, communicate.protocol)
-    return same and held.delivery is Delivery.LATEST and talk.role is Role.PARTICIPANT
+    return same and held.delivery is _LATEST and talk.role is _PARTICIPANT
 
 
 def _asked_again(held: Held, communicate: Communicate) -> bool:
     talk = held.conversation
     return (
-        held.delivery is not Delivery.DURABLE
-        and talk.role is Role.PARTICIPANT
+        held.delivery is not _DURABLE
+        and talk.role is _PARTICIPANT
         and communicate.performative in named(talk.protocol).openings
         and communicate.reply_with == talk.asked
     )
@@ -165,7 +171,7 @@ def _mark_taken(state: CoreState, out: Out, waiting: Waiting) -> None:
 
 def _supersede(state: CoreState, held: Held, communicate: Communicate) -> None:
     """A subscriber's new conversation takes the place of its older one."""
-    if held.delivery is not Delivery.LATEST or held.conversation.role is Role.INITIATOR:
+    if held.delivery is not _LATEST or held.conversation.role is _INITIATOR:
         return
     for name, other in list(state.soft.conversations.items()):
         if name != held.conversation.id and _same_subscriber(other, communicate):
@@ -178,7 +184,7 @@ def _answer_late_cancel(state: CoreState, out: Out, wiring: Wiring, held: Held, 
     if not talk.owes:
         return
     reason = Reason("the conversation has ended, or never was")
-    durable = held.delivery is Delivery.DURABLE
+    durable = held.delivery is _DURABLE
     talk, communicate = talk.send(
         Performative.FAILURE,
         id=str(streams.next_number(state, talk.peer)) if durable else state.name(),

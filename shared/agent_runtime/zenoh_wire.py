@@ -24,6 +24,8 @@ from fipa_codec.communicate import Communicate, encode
 BULK_BYTES = 16 * 1024
 """Volatile content from here on goes at low priority, so that it delays nobody else (estimate)."""
 LEASE_MS = 2000
+KNOWN_KEYS = 1024
+"""Keys whose class is known; estimate: an agent hears on some dozen."""
 KEPT_BYTES = 128 * 1024 * 1024
 """Free memory that a process keeps (estimate: some dozen of the largest messages, MAX_BYTES, with their copies)."""
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # glibc's malloc.h; its largest mmap threshold is 32 MB
@@ -150,6 +152,7 @@ class ZenohWire:
         """Declare what the agent listens to, then its token."""
         self._session, self._wiring, self._inbox = session, wiring, inbox
         self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any]] = {}
+        self._kinds: dict[str, Class] = {}
         system, me = wiring.system, wiring.agent
         # References are kept: a dropped declaration is undeclared.
         self._declared: list[Any] = [
@@ -215,10 +218,20 @@ class ZenohWire:
 
     def _on_communicate(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
+        kind = self._kinds.get(key)
+        if kind is None:
+            kind = self._kind(key)
+        self._inbox.put(kind, Bytes(key, sample.payload.to_bytes()))
+
+    def _kind(self, key: str) -> Class:
+        """The class of what comes on a key; kept, unless strangers make up keys without end."""
         chunks = key.split("/")
         link = self._wiring.link(chunks[3], chunks[5])
         durable = link is not None and link.delivery is Delivery.DURABLE
-        self._inbox.put(Class.STREAM if durable else Class.VOLATILE, Bytes(key, sample.payload.to_bytes()))
+        kind = Class.STREAM if durable else Class.VOLATILE
+        if len(self._kinds) < KNOWN_KEYS:
+            self._kinds[key] = kind
+        return kind
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
         self._inbox.put(Class.CONTROL, ReceiptBytes(_owner(sample), sample.payload.to_bytes()))

@@ -83,7 +83,7 @@ class Language:
 
     def decode(self, raw: bytes | msgspec.Raw) -> Any:
         """The sentence in `raw`, an object of one of `classes`. ContentError names the field and the reason."""
-        if len(memoryview(raw)) > MAX_BYTES:
+        if len(raw) > MAX_BYTES:
             raise ContentError("content", f"is longer than {MAX_BYTES} bytes")
         try:
             return self._decoder.decode(raw)

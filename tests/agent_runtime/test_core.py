@@ -1,5 +1,6 @@
 """The pure core, step by step: slips of peers are answered and counted, our own raise, nothing is out of turn."""
 
+import dataclasses
 from itertools import pairwise
 from typing import Any
 
@@ -10,8 +11,8 @@ from msgspec.structs import replace
 from toy_agents import Double, Doubled, Want, asker, server, wirings
 
 from agent_runtime.agent import Agent, Arc, Behaviour
-from agent_runtime.core import CHAIN_BOUND, Core
-from agent_runtime.effects import Effects
+from agent_runtime.core import CHAIN_BOUND, OUTSIDE, Core
+from agent_runtime.effects import Deed, Effects
 from agent_runtime.errors import AgentTableError, BehaviourError
 from agent_runtime.events import (
     Arrived,
@@ -33,7 +34,7 @@ from agent_runtime.turn import Turn
 from agent_runtime.wiring import Delivery
 from fipa_codec.communicate import Communicate, decode, encode
 from fipa_codec.errors import LocalProtocolError
-from fipa_codec.languages import REASON, Kind
+from fipa_codec.languages import REASON, Kind, Reason
 from fipa_codec.performatives import Performative as P
 
 TO_SERVER, TO_ASKER = wirings()
@@ -305,6 +306,49 @@ def test_a_stray_not_understood_is_never_answered() -> None:
     assert one.sends() == []
 
 
+# --- the design -------------------------------------------------------------------------------------------------------
+
+
+class Strict:
+    """Rows by which requests are taken and nothing is ever said; notes what it is asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[Deed] = []
+
+    def takes(self, state: str, use: str, act: P, kind: Kind) -> bool:
+        """Whether a row names it."""
+        return act is P.REQUEST
+
+    def why_not(self, deed: Deed) -> str:
+        """Why it is none of the design's."""
+        self.asked.append(deed)
+        return "nothing is to be said" if deed.said else ""
+
+
+def test_every_step_outside_the_design_is_told_and_those_within_are_looked_up_once() -> None:
+    """Not only the first of its kind; what was found right is not asked again."""
+    rows = Strict()
+    one = Driven(dataclasses.replace(recording(said=agree), rows=rows), TO_ASKER)
+    for number in (1, 2):
+        effects = one.step(request(number, conversation=f"asker-1-{number}"))
+        assert [line.fields["why"] for line in effects.logs if line.event == OUTSIDE] == ["nothing is to be said"]
+    assert one.state.counts[OUTSIDE] == 2
+    asked = len(rows.asked)
+    for _ in range(3):
+        one.step(Local(Want(1)))
+    assert len(rows.asked) == asked + 1
+
+
+def test_what_no_row_names_waits_however_often_it_is_looked_at() -> None:
+    """A cancel that the design does not take in this state is not taken at the second look either."""
+    one = Driven(dataclasses.replace(recording(), rows=Strict()), TO_ASKER)
+    one.step(request(1))
+    one.step(request(2, performative=P.CANCEL))
+    one.step(Local(Want(1)))
+    assert one.state.memory.seen == ("Received", "Local")
+    assert [waiting.number for waiting in one.state.soft.inbox] == [2]
+
+
 # --- our own slips ----------------------------------------------------------------------------------------------------
 
 
@@ -319,6 +363,19 @@ def test_what_is_owed_must_be_said() -> None:
     three = Driven(recording(said=lambda turn: turn.open("moon", "request", P.REQUEST, Double(1))), TO_ASKER)
     with pytest.raises(LocalProtocolError, match="moon"):
         three.step(Started())
+
+
+def test_half_an_answer_raises() -> None:
+    """Who refuses a request that was cancelled meanwhile owes the cancel its failure, in the same step."""
+
+    def refuse(turn: Turn) -> None:
+        if isinstance(turn.event, Received) and turn.event.communicate.performative is P.CANCEL:
+            turn.say("asker-1-1", P.REFUSE, Reason("no"))
+
+    one = Driven(recording(said=refuse), TO_ASKER)
+    one.step(request(1))
+    with pytest.raises(BehaviourError, match="owes its answer"):
+        one.step(request(2, performative=P.CANCEL))
 
 
 def test_a_chain_without_end_raises() -> None:

@@ -3,14 +3,18 @@
 import io
 import json
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
+from toy_agents import wirings
 from typer.testing import CliRunner
 
 from agent_runtime import cli
 from agent_runtime.inbox import BOUNDS, Class, Inbox
 from agent_runtime.logs import Log
 from agent_runtime.options import Options
+from agent_runtime.wiring import Delivery
+from agent_runtime.zenoh_wire import KNOWN_KEYS, ZenohWire
 
 
 def test_a_log_line_is_json_in_the_file_and_short_on_the_console(tmp_path: Path) -> None:
@@ -45,6 +49,22 @@ def test_the_inbox_is_bounded_by_class() -> None:
 def test_an_empty_inbox_gives_none_in_time() -> None:
     """No entry, also for a time in the past: None at once."""
     assert Inbox().get(-5.0) is None
+
+
+def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory() -> None:
+    """Durable links are streams, all else may be dropped sooner; so many keys are kept and no more."""
+    for delivery, kind in ((Delivery.DURABLE, Class.STREAM), (Delivery.VOLATILE, Class.VOLATILE)):
+        _, to_asker = wirings(delivery)
+        (link,) = to_asker.links
+        inbox = Inbox()
+        wire = ZenohWire(MagicMock(), to_asker, 1, inbox)
+        key = f"roco/toy/{link.channel}/{link.peer}/{to_asker.agent}/{link.protocol}/"
+        for act in ("request", "request", *map(str, range(KNOWN_KEYS + 5))):
+            wire._on_communicate(MagicMock(key_expr=key + act))
+        assert set(inbox._waiting) == {kind}
+        assert len(wire._kinds) == KNOWN_KEYS
+        wire._on_communicate(MagicMock(key_expr=f"roco/toy/{link.channel}/stranger/{to_asker.agent}/x/request"))
+        assert inbox._waiting[Class.VOLATILE] > 0
 
 
 @pytest.fixture(autouse=True)
