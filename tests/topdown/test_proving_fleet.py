@@ -201,11 +201,11 @@ def test_who_is_gone_does_not_come_back() -> None:
     """Not even where other deaths may happen; and it takes and answers nothing any more."""
     for made, name in ((watching(), "hand"), (design(HAND, LAMP), "lamp")):
         model = fleet(made, 1, gone=name, waiting="hand")
-        (gone,) = [there for _, what, there, _, _ in model.moves(model.start) if what == "dies for good"]
-        seen, waiting = {gone}, [gone]
+        seen, waiting = {model.start}, [model.start]
         while waiting:
-            for who, what, there, _, _ in model.moves(waiting.pop()):
-                assert who != name, what
+            here = waiting.pop()
+            for who, what, there, _, _ in model.moves(here):
+                assert who != name or model.describe(here)[name] != "gone", what
                 if there not in seen:
                     seen.add(there)
                     waiting.append(there)
