@@ -16,7 +16,7 @@ import msgspec
 import typer
 from rich.console import Console
 
-from companion.run_folder import Fleet, ProcessState, TaskLine
+from companion.run_folder import KEYS_FOLDER, Fleet, ProcessState, TaskLine
 from services.console import (
     acl,
     conversation,
@@ -32,6 +32,7 @@ from services.console import (
     design_verify,
     draw,
     fleet,
+    keys,
     runs,
     send,
     traffic,
@@ -66,6 +67,9 @@ Headless = Annotated[
     bool | None,
     typer.Option("--headless/--window", help="At the end open run.rrd in Rerun, or not; not where no display is."),
 ]
+Secure = Annotated[
+    bool, typer.Option("--secure", help="Mutual TLS, and rights as the design has them; keys of this run alone.")
+]
 Out = Annotated[Path | None, typer.Option("--out", help="Where everything is written; else runs/<time>.")]
 
 app = typer.Typer(
@@ -76,6 +80,7 @@ app.add_typer(design.app, name="design")
 app.add_typer(traffic.app, name="traffic")
 app.add_typer(conversation.app, name="conversation")
 app.add_typer(acl.app, name="acl")
+app.add_typer(keys.app, name="keys")
 DESIGN_VERBS = (
     design_check,
     design_diff,
@@ -114,13 +119,14 @@ def up(
     speed: Rate = Speed.REAL,
     scene: SceneFile = None,
     only: Annotated[str, typer.Option(help="Names of processes, comma between; else all.")] = "",
+    secure: Secure = False,
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
     form: Form = Format.TEXT,
 ) -> None:
     """Bring the fleet up in the background."""
     with problems(form):
         run = (out or runs.new_run(datetime.now())).resolve()
-        supervisor = fleet.start(run, [*options(seed, speed, scene), "--only", only])
+        supervisor = fleet.start(run, [*options(seed, speed, scene), *keys_of(run, secure), "--only", only])
         if not wait:
             tell(Reply(f"starting in {run}; `roco status` shows how far it is", str(run)), form)
             return
@@ -198,6 +204,7 @@ def demo(
     speed: Rate = Speed.REAL,
     scene: SceneFile = None,
     headless: Headless = None,
+    secure: Secure = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Run the main job from start to end, watched: up, say, report, down. Exits with 1 on a failed pour."""
@@ -205,7 +212,7 @@ def demo(
         run = (out or runs.new_run(datetime.now())).resolve()
         console = Console()
         watch = main_job.Watch(run, "The Robot Companion pours", console, form is Format.JSON)
-        report = main_job.play(run, options(seed, speed, scene), watch)
+        report = main_job.play(run, [*options(seed, speed, scene), *keys_of(run, secure)], watch)
         said = main_job.verdict_json if form is Format.JSON else main_job.verdict
         console.out(said(report, run), highlight=False)
         if has_display() if headless is None else not headless:
@@ -217,6 +224,14 @@ def demo(
 def options(seed: int, speed: Speed, scene: Path | None) -> list[str]:
     """The supervisor's options of a run."""
     return ["--seed", str(seed), "--speed", speed.value, *(["--scene", str(scene)] if scene else [])]
+
+
+def keys_of(run: Path, secure: bool) -> list[str]:
+    """Make the keys of a run, fresh at each start; the supervisor's option that names them."""
+    if not secure:
+        return []
+    keys.of_run(run)
+    return ["--keys", str(run / KEYS_FOLDER)]
 
 
 def has_display() -> bool:

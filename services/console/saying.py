@@ -15,6 +15,7 @@ from agent_runtime.standin import StandIn, StandInError, Voice
 from companion.binding import wiring
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
+from companion.run_folder import Fleet
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind
@@ -53,12 +54,14 @@ def say(run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool
     if fleet is None:
         raise ConsoleError(f"no fleet was started in {run}; `roco up` starts one")
     if (draft.sender, draft.receiver, draft.protocol, draft.performative) not in DESIGN.rules:
-        return _voiced(fleet.system, fleet.connect, draft, wait_s, tell)
+        return _voiced(run, fleet, draft, wait_s, tell)
     try:
-        life = StandIn(wiring(draft.sender, fleet.system), DESIGN.agent(draft.sender).initial, run, fleet.connect)
+        first = DESIGN.agent(draft.sender).initial
+        tls = runs.tls(run, fleet, draft.sender)
+        life = StandIn(wiring(draft.sender, fleet.system), first, run, fleet.connect, tls=tls)
     except (StandInError, JournalError) as error:
         if force:
-            return _voiced(fleet.system, fleet.connect, draft, wait_s, tell)
+            return _voiced(run, fleet, draft, wait_s, tell)
         raise ConsoleError(_refusal(draft.sender, error)) from error
     try:
         return _lived(life, draft, wait_s, tell)
@@ -107,8 +110,12 @@ def _lived(life: StandIn, draft: Communicate, wait_s: float, tell: Tell) -> Send
     return _sending(one, receipted, talk.ended, heard)
 
 
-def _voiced(system: str, connect: str, draft: Communicate, wait_s: float, tell: Tell) -> Sending:
-    """In the name of an agent that lives, or as no agent could: on its key, without number, token or receipt."""
+def _voiced(run: Path, fleet: Fleet, draft: Communicate, wait_s: float, tell: Tell) -> Sending:
+    """In the name of an agent that lives, or as no agent could: on its key, without number, token or receipt.
+
+    Where there are keys the router lets only through what the design lets the sender say.
+    """
+    system = fleet.system
     template = DESIGN.file.system.key
     ears = template.format(
         system=system, channel="*", sender="*", receiver=draft.sender, protocol="*", performative="*"
@@ -126,7 +133,7 @@ def _voiced(system: str, connect: str, draft: Communicate, wait_s: float, tell: 
         protocol=one.protocol,
         performative=one.performative.value,
     )
-    voice = Voice(connect, (ears,))
+    voice = Voice(fleet.connect, (ears,), tls=runs.tls(run, fleet, draft.sender))
     heard: list[Communicate] = []
     try:
         tell("said by force", one, voice.put(key, one))

@@ -12,7 +12,7 @@ import msgspec
 import typer
 
 from agent_runtime.cli import Level, Speed
-from companion.run_folder import RUN_FOLDER_VARIABLE, SLOTS_FILE
+from companion.run_folder import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, SLOTS_FILE
 from services.supervisor import folder
 from services.supervisor.processes import FLEET, Process
 from services.supervisor.shell import Shell
@@ -34,12 +34,17 @@ def main(
     log_level: Annotated[
         Level, typer.Option(envvar="ROCO_LOG_LEVEL", help="Least level shown; the log files have everything.")
     ] = Level.INFO,
+    keys: Annotated[
+        str, typer.Option(envvar=KEYS_VARIABLE, help="Folder of keys (`roco keys make`); empty: no encryption.")
+    ] = "",
     only: Annotated[str, typer.Option(help="Names of processes, comma between; empty: all.")] = "",
 ) -> None:
     """Run the processes of the Robot Companion: start, watch, restart, stop in order."""
     run = run_dir.resolve()
     folder.make(run)
-    address = connect or f"tcp/127.0.0.1:{free_port()}"
+    address = connect or f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
+    if keys and not address.startswith("tls/"):
+        raise typer.BadParameter(f"with keys the router's address begins with tls/, {address!r} does not")
     options = {
         RUN_FOLDER_VARIABLE: str(run),
         "ROCO_SYSTEM": system,
@@ -50,6 +55,7 @@ def main(
         "ROCO_SLOTS": str(run / SLOTS_FILE),
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
         "ROCO_LOG_LEVEL": log_level.value,
+        KEYS_VARIABLE: str(Path(keys).resolve()) if keys else "",
         "OMP_NUM_THREADS": "1",  # numeric libraries would each take all cores, from the loop too
         "PYTHONUNBUFFERED": "1",
         "PYTHONSAFEPATH": "1",

@@ -59,6 +59,9 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
         scene: Annotated[
             str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
         ] = "",
+        keys: Annotated[
+            str, typer.Option(envvar="ROCO_TLS_DIR", help="Folder of keys (`roco keys make`); empty: no encryption.")
+        ] = "",
     ) -> None:
         options = Options(
             connect=connect,
@@ -69,6 +72,7 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
             speed=speed.value,
             seed=seed,
             scene=Path(scene) if scene else None,
+            keys=Path(keys) if keys else None,
         )
         raise typer.Exit(serve(options) or 0)
 

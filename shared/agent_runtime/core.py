@@ -146,9 +146,10 @@ class Core(Generic[M]):
             case Started():
                 _queue(state, Waiting(event, forced=True))
                 self._flush_all(state, out, now, wanted=True)
-            case Garbled(key=key, reason=reason):
-                state.count("garbled")
-                out.log("garbled", level="warning", key=key, why=reason)
+            case Garbled(key=key, reason=reason, forged=forged):
+                what = "forged" if forged else "garbled"
+                state.count(what)
+                out.log(what, level="warning", key=key, why=reason)
             case Tick():
                 streams.on_time(state, out, self.wiring, now)
                 _forget_unanswered(state, now)

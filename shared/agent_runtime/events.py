@@ -102,10 +102,11 @@ class Receipted(Event, frozen=True):
 
 
 class Garbled(Event, frozen=True):
-    """Bytes on the agent's key that are no communicate."""
+    """Bytes on the agent's key that are no communicate, or (`forged`) one that says other than its key."""
 
     key: str
     reason: str
+    forged: bool = False
 
 
 class LinkChanged(Event, frozen=True):

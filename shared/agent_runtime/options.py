@@ -9,7 +9,8 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     """`connect`: the router's endpoint; `listen`: where the router itself listens; `run_dir`: files of this run.
 
     `speed`: "1" (simulated time is real time) or "max"; `seed`: varies poses and noise; `scene`: a scene's TOML file,
-    None for the canonical one.
+    None for the canonical one. `keys`: folder of keys (secured.py): sessions are encrypted and say who they are; None:
+    they are not.
     """
 
     connect: str = "tcp/127.0.0.1:7447"
@@ -20,3 +21,4 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     speed: str = "1"
     seed: int = 1
     scene: Path | None = None
+    keys: Path | None = None

@@ -42,6 +42,7 @@ from agent_runtime.journal import Journal
 from agent_runtime.logs import Log
 from agent_runtime.options import Options
 from agent_runtime.peers import Peers
+from agent_runtime.secured import client_tls
 from agent_runtime.state import CoreState
 from agent_runtime.steplog import StepLog
 from agent_runtime.wiring import Delivery, Wiring
@@ -137,7 +138,8 @@ class Shell:
         stopping: list[Stop] = []
         self._serving = True
         self.log.write("waiting for the router", at=self._options.connect)
-        session = open_client(self._options.connect, lambda: self._stop_came(stopping))
+        tls = client_tls(self._options.keys, self.name) if self._options.keys else None
+        session = open_client(self._options.connect, lambda: self._stop_came(stopping), tls=tls)
         if session is None:
             return
         self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._inbox)
@@ -386,7 +388,7 @@ def _opened(item: Bytes) -> AnyEvent:
     one = communicate
     told = f"{one.sender}/{one.receiver}/{one.protocol}/{one.performative}"
     if item.told != told:
-        return Garbled(item.key, f"the communicate says {told}")
+        return Garbled(item.key, f"the communicate says {told}", forged=True)
     return Arrived(communicate)
 
 

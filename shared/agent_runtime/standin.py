@@ -9,6 +9,7 @@ import queue
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import zenoh
@@ -41,9 +42,11 @@ class StandInError(RuntimeFault):
 class Voice:
     """Puts communicates on keys and hears what is said on others. No agent: it has no token, number or journal."""
 
-    def __init__(self, endpoint: str, keys: tuple[str, ...], *, patience_s: float = 5.0) -> None:
-        """Raises StandInError where no router answers in time."""
-        self._session = _opened(endpoint, patience_s)
+    def __init__(
+        self, endpoint: str, keys: tuple[str, ...], *, patience_s: float = 5.0, tls: dict[str, Any] | None = None
+    ) -> None:
+        """Raises StandInError where no router answers in time. `tls`: secured.client_tls of whose voice it is."""
+        self._session = _opened(endpoint, patience_s, tls)
         self._heard: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._declared = [
             self._session.declare_subscriber(key, lambda sample: self._heard.put(sample.payload.to_bytes()))
@@ -72,10 +75,19 @@ class Voice:
 class StandIn:
     """A life of the agent of `wiring`; `start` is its first state, for a journal that is not there yet."""
 
-    def __init__(self, wiring: Wiring, start: str, run: Path, endpoint: str, *, patience_s: float = 5.0) -> None:
+    def __init__(
+        self,
+        wiring: Wiring,
+        start: str,
+        run: Path,
+        endpoint: str,
+        *,
+        patience_s: float = 5.0,
+        tls: dict[str, Any] | None = None,
+    ) -> None:
         """Raises JournalError where the agent's process has the journal, StandInError where it lives elsewhere."""
         self._wiring, self._inbox = wiring, Inbox()
-        self._session = _opened(endpoint, patience_s)
+        self._session = _opened(endpoint, patience_s, tls)
         try:
             there = living(self._session, wiring.system, wiring.agent)
             if there:
@@ -194,9 +206,9 @@ def living(session: zenoh.Session, system: str, agent: str) -> list[int]:
     return [int(name) for name in names if name.isascii() and name.isdigit()]
 
 
-def _opened(endpoint: str, patience_s: float) -> zenoh.Session:
+def _opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None) -> zenoh.Session:
     until = time.monotonic() + patience_s
-    session = open_client(endpoint, lambda: time.monotonic() > until)
+    session = open_client(endpoint, lambda: time.monotonic() > until, tls=tls)
     if session is None:
         raise StandInError(f"no router answers at {endpoint}", lives=False)
     return session

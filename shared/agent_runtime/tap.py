@@ -11,8 +11,12 @@ import msgspec
 import zenoh
 
 from agent_runtime.options import Options
+from agent_runtime.secured import client_tls
 from agent_runtime.wiring import service_key
 from agent_runtime.zenoh_wire import open_client
+
+RECORDER = "monitor"
+"""The identity that hears everything, where there are keys."""
 
 
 class Sample(msgspec.Struct, frozen=True):
@@ -64,7 +68,10 @@ class Tap:
         self._session.close()  # type: ignore[no-untyped-call]
 
 
-def open_tap(options: Options, on_sample: Callable[[Sample], None], give_up: Callable[[], bool]) -> Tap | None:
-    """A tap, as soon as the router is there; None when `give_up` says so first."""
-    session = open_client(options.connect, give_up)
+def open_tap(
+    options: Options, on_sample: Callable[[Sample], None], give_up: Callable[[], bool], identity: str = RECORDER
+) -> Tap | None:
+    """A tap, as soon as the router is there; None when `give_up` says so first. `identity`: with keys, whose."""
+    tls = client_tls(options.keys, identity) if options.keys else None
+    session = open_client(options.connect, give_up, tls=tls)
     return None if session is None else Tap(session, options.system, on_sample)

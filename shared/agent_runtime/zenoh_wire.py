@@ -31,7 +31,7 @@ KEPT_BYTES = 128 * 1024 * 1024
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # glibc's malloc.h; its largest mmap threshold is 32 MB
 _QUEUE = {"interactive_high": 16, "data": 16, "data_low": 16}
 """Batches (64 kB each) of a priority that may be on the way; the default of 2 holds an answer of 852 kB up by 20 %."""
-_TRANSPORT = {
+_TRANSPORT: dict[str, Any] = {
     "link": {
         "tx": {
             "lease": LEASE_MS,
@@ -85,28 +85,36 @@ class RouterSeen(msgspec.Struct, frozen=True):
     up: bool
 
 
-def client_config(endpoint: str) -> zenoh.Config:
-    """Configuration of every agent. `endpoint` like tcp/127.0.0.1:7447."""
+def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Config:
+    """Configuration of every agent. `endpoint` like tcp/127.0.0.1:7447; with `tls` (secured.client_tls) tls/..."""
     retry = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
     parts = {
         "mode": "client",
         "connect": {"endpoints": [endpoint], "timeout_ms": 0, "retry": retry},
         "scouting": _NO_SCOUTING,
-        "transport": _TRANSPORT,
+        "transport": _transport(tls),
     }
     return zenoh.Config.from_json5(json.dumps(parts))
 
 
-def router_config(endpoint: str) -> zenoh.Config:
-    """Configuration of the fleet's router."""
+def router_config(
+    endpoint: str, tls: dict[str, Any] | None = None, access_control: dict[str, Any] | None = None
+) -> zenoh.Config:
+    """Configuration of the fleet's router. With keys (secured.router_tls) it grants the rights of `access_control`."""
     parts = {
         "mode": "router",
         "listen": {"endpoints": [endpoint]},
         "scouting": _NO_SCOUTING,
-        "transport": _TRANSPORT,
+        "transport": _transport(tls),
         "adminspace": {"enabled": True},
     }
+    if access_control is not None:
+        parts["access_control"] = access_control
     return zenoh.Config.from_json5(json.dumps(parts))
+
+
+def _transport(tls: dict[str, Any] | None) -> dict[str, Any]:
+    return _TRANSPORT if tls is None else _TRANSPORT | {"link": _TRANSPORT["link"] | {"tls": tls}}
 
 
 def keep_memory() -> None:
@@ -121,18 +129,22 @@ def keep_memory() -> None:
         mallopt(_M_MMAP_THRESHOLD, KEPT_BYTES // 4)
 
 
-def open_router(endpoint: str) -> zenoh.Session:
+def open_router(
+    endpoint: str, tls: dict[str, Any] | None = None, access_control: dict[str, Any] | None = None
+) -> zenoh.Session:
     """A router in this process; when this returns it listens. Raises zenoh.ZError where the address is taken."""
     keep_memory()
-    return zenoh.open(router_config(endpoint))
+    return zenoh.open(router_config(endpoint, tls, access_control))
 
 
-def open_client(endpoint: str, give_up: Callable[[], bool], every_s: float = 0.1) -> zenoh.Session | None:
+def open_client(
+    endpoint: str, give_up: Callable[[], bool], every_s: float = 0.1, tls: dict[str, Any] | None = None
+) -> zenoh.Session | None:
     """A session, as soon as the router is there; None when `give_up` says so first. Blocks for one try at a time."""
     keep_memory()
     while not give_up():
         try:
-            return zenoh.open(client_config(endpoint))
+            return zenoh.open(client_config(endpoint, tls))
         except zenoh.ZError:
             time.sleep(every_s)  # a try without a router ends after 6 ms
     return None

@@ -9,6 +9,7 @@ from enum import StrEnum
 import msgspec
 
 RUN_FOLDER_VARIABLE = "ROCO_RUN_DIR"
+KEYS_VARIABLE = "ROCO_TLS_DIR"  # a folder of keys; none: nothing is encrypted
 LATEST = "latest"  # runs/latest: symbolic link to the newest run folder
 FLEET_FILE = "fleet.json"
 HI_FILE = "hi.json"
@@ -17,6 +18,7 @@ VERDICTS_FILE = "verdicts.jsonl"
 TRAFFIC_FILE = "traffic.mcap"
 REPORT_FILE = "report.json"
 
+KEYS_FOLDER = "keys"  # `roco up --secure`: certificates and private keys of this run, mode 0700
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
 # The stop flag: one byte, written in place (the loop holds the file mapped; a rename would cut it off).
 STOP_FILE = "stop"

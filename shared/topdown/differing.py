@@ -54,6 +54,7 @@ _SETS = frozenset(
         "interface",
         "writers",
         "readers",
+        "recorders",
         "requirements",
         "evidence",
         "rest",

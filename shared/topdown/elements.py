@@ -25,13 +25,14 @@ from topdown.statements import Claim, Outcome, Tally
 
 class System(Entry, frozen=True):
     """The system as a whole. `root`: the group that is divided first. `key`: template of a communicate's key
-    expression.
+    expression. `recorders`: identities, no agents, that may hear every communicate and say none.
     """
 
     name: str
     root: str
     key: str
     text: str = ""
+    recorders: tuple[str, ...] = ()
 
 
 class House(Entry, frozen=True):

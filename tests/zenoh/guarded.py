@@ -1,0 +1,93 @@
+"""A router with keys and rights in this process, and sessions of every identity; what the design allows, cell by cell.
+
+The rights of the router do not hold for a session of its own process: so that session tries each side of a cell alone.
+It hears all that is let in (put, token), answers every question that is let in (query), asks whatever is declared
+(queryable) and says all that may be heard (subscribe, watch).
+"""
+
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from agent_runtime import keys
+from agent_runtime.secured import Rights, client_tls, router_tls
+from agent_runtime.zenoh_wire import client_config, free_endpoint, open_router
+from companion.design import DESIGN
+from fipa_codec.performatives import Performative
+from topdown.design import Design
+from topdown.elements import House
+from topdown.rights import ROUTER, access_control, identities
+
+SYSTEM = "guarded"
+FENCE = "fence"
+"""Keys that everybody may use, beside the design's: what came before a word on them has been decided."""
+_ALL = ("put", "declare_subscriber", "query", "reply", "declare_queryable", "liveliness_token", "liveliness_query",
+        "declare_liveliness_subscriber")  # fmt: skip
+
+
+def guarded_rights(design: Design = DESIGN) -> dict[str, Any]:
+    """The design's rules, and the fence."""
+    rules = access_control(design, SYSTEM)
+    fence = {"id": FENCE, "permission": "allow", "flows": ["ingress", "egress"], "messages": list(_ALL),
+             "key_exprs": [f"{FENCE}/**"]}  # fmt: skip
+    everybody = [subject["id"] for subject in rules["subjects"]]
+    policies = [*rules["policies"], {"subjects": everybody, "rules": [FENCE]}]
+    return rules | {"rules": [*rules["rules"], fence], "policies": policies}
+
+
+class Guarded:
+    """The router and whoever connects; `close` ends all of it."""
+
+    def __init__(self, folder: Path, access: dict[str, Any] | None = None) -> None:
+        self.folder, self.endpoint = folder, free_endpoint().replace("tcp/", "tls/")
+        rights = Rights(SYSTEM, access or guarded_rights())
+        keys.make(folder, identities(DESIGN), ROUTER, rights)
+        self.router = open_router(self.endpoint, router_tls(folder), rights.access_control)
+        self._sessions = [self.router]
+
+    def session(self, identity: str, tls: dict[str, Any] | None = None) -> zenoh.Session:
+        """A session of this identity. Raises zenoh.ZError where the router refuses it."""
+        opened = zenoh.open(client_config(self.endpoint, tls or client_tls(self.folder, identity)))
+        self._sessions.insert(0, opened)
+        return opened
+
+    def close(self) -> None:
+        """End it: callbacks of an open session would keep this process from ending."""
+        for session in self._sessions:
+            session.close()  # type: ignore[no-untyped-call]
+
+
+def keys_of(design: Design) -> tuple[str, ...]:
+    """Every key to try: each act there is, wherever the design has a protocol; each house key with whoever might own it
+    and whoever might hear it.
+    """
+    ways = {(rule.channel, rule.sender, rule.receiver, rule.protocol) for rule in design.rules.values()}
+    said = ["/".join(("roco", SYSTEM, *way, act.value)) for way in sorted(ways) for act in Performative]
+    names = identities(design)
+    served = [
+        house.key.format(system=SYSTEM, owner=owner, peer=peer, incarnation=1)
+        for house in design.file.house
+        for owner in names
+        for peer in (names if "{peer}" in house.key else [""])
+        if owner != peer
+    ]
+    return (*said, *served)
+
+
+def allowed(design: Design, identity: str, action: str, key: str) -> bool:
+    """What the design says of a cell, told from the chunks of the key alone."""
+    _, _, what, *rest = key.split("/")
+    if what != "_":
+        sender, receiver, protocol, act = rest
+        known = any((s, r, p, a) == (sender, receiver, protocol, act) for s, r, p, a in design.rules)
+        hears = identity == receiver or identity == "monitor"
+        return known and ((action == "put" and identity == sender) or (action == "subscribe" and hears))
+    kind, owner, *peer = rest
+    house: House = design.houses[kind]
+    addressed = peer if "{peer}" in house.key else []
+    if owner not in house.writers or (addressed and addressed[0] not in design.peers(owner)):
+        return False
+    write, read = ("token", "watch") if kind == "alive" else ("put", "subscribe")
+    mine = identity in house.readers and (not addressed or identity == addressed[0] or identity not in design.agents)
+    return (action == write and identity == owner) or (action == read and mine)

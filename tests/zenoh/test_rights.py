@@ -1,0 +1,192 @@
+"""Every cell of the rights over a real router with TLS: identity x key x put, subscribe, query, queryable, token,
+watch. Allowed is what the design says, told anew here, and nothing else.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from queue import Queue
+from typing import Any
+
+import pytest
+import zenoh
+from guarded import FENCE, SYSTEM, Guarded, allowed, keys_of
+
+from companion.design import DESIGN
+from topdown.rights import ROUTER, identities
+
+pytestmark = pytest.mark.zenoh
+PEOPLE = tuple(name for name in identities(DESIGN) if name != ROUTER)
+KEYS = keys_of(DESIGN)
+ACTIONS = ("put", "subscribe", "query", "queryable", "token", "watch")
+DEADLINE_S = 20.0
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+    """One router for all cells; each action of each identity has a session of its own."""
+    one = Guarded(tmp_path_factory.mktemp("keys"))
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="module")
+def open_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+    """A router that asks for certificates and allows everything."""
+    one = Guarded(tmp_path_factory.mktemp("open"), {"enabled": False})
+    yield one
+    one.close()
+
+
+def until(condition: Callable[[], object], what: str) -> None:
+    """Look every 2 ms until it holds."""
+    end = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < end, what
+        time.sleep(0.002)
+
+
+def passed_the_fence(guarded: Guarded, session: zenoh.Session) -> None:
+    """Once this returns the router has decided all that the session declared or put before."""
+    heard: Queue[str] = Queue()
+    with guarded.router.declare_subscriber(f"{FENCE}/in", lambda sample: heard.put(sample.payload.to_string())):
+        session.put(f"{FENCE}/in", "decided")
+        assert heard.get(timeout=DEADLINE_S) == "decided"
+
+
+def puts(guarded: Guarded, session: zenoh.Session) -> set[str]:
+    """The keys that are let in."""
+    heard: list[str] = []
+    with guarded.router.declare_subscriber("**", lambda sample: heard.append(str(sample.key_expr))):
+        for key in KEYS:
+            session.put(key, b"said")
+        session.put(f"{FENCE}/end", b"")
+        until(lambda: f"{FENCE}/end" in heard, "all puts are decided")
+    return set(heard) - {f"{FENCE}/end"}
+
+
+def subscribes(guarded: Guarded, session: zenoh.Session) -> set[str]:
+    """The keys that are let out."""
+    ears = [session.declare_subscriber(key, zenoh.handlers.FifoChannel(8)) for key in (*KEYS, f"{FENCE}/end")]
+    passed_the_fence(guarded, session)
+    for key in KEYS:
+        guarded.router.put(key, b"said")
+    guarded.router.put(f"{FENCE}/end", b"")
+    until(lambda: ears[-1].try_recv() is not None, "the last word is heard")
+    heard = {str(sample.key_expr) for ear in ears[:-1] if (sample := ear.try_recv()) is not None}
+    for ear in ears:
+        ear.undeclare()
+    return heard
+
+
+def queries(guarded: Guarded, session: zenoh.Session) -> set[str]:
+    """The keys on which a question is let in: all of them have somebody who would answer."""
+    with guarded.router.declare_queryable("**", _answer, complete=True):
+        passed_the_fence(guarded, session)
+        assert _answered(session, f"{FENCE}/question")
+        return {key for key in KEYS if _answered(session, key)}
+
+
+def queryables(guarded: Guarded, session: zenoh.Session) -> set[str]:
+    """The keys on which an answer would be got from it."""
+    ears = [session.declare_queryable(key, zenoh.handlers.FifoChannel(8)) for key in KEYS]
+    with session.declare_queryable(f"{FENCE}/question", _answer):
+        passed_the_fence(guarded, session)
+        asking = [guarded.router.get(key, timeout=2.0) for key in KEYS]
+        assert _answered(guarded.router, f"{FENCE}/question")
+    asked = {key for key, ear in zip(KEYS, ears, strict=True) if ear.try_recv() is not None}
+    for ear in ears:
+        ear.undeclare()
+    assert len(asking) == len(KEYS)
+    return asked
+
+
+def tokens(guarded: Guarded, session: zenoh.Session) -> set[str]:
+    """The keys of tokens that are let in."""
+    held = [session.liveliness().declare_token(key) for key in KEYS]
+    passed_the_fence(guarded, session)
+    seen = _alive(guarded.router, "**")
+    for token in held:
+        token.undeclare()
+    return seen
+
+
+def watches(guarded: Guarded, session: zenoh.Session) -> set[str]:
+    """The keys of tokens that it sees, by subscription and by question."""
+    live = session.liveliness()
+    ears = [live.declare_subscriber(key, zenoh.handlers.FifoChannel(8), history=True) for key in (*KEYS, f"{FENCE}/on")]
+    passed_the_fence(guarded, session)
+    held = [guarded.router.liveliness().declare_token(key) for key in (*KEYS, f"{FENCE}/on")]
+    until(lambda: ears[-1].try_recv() is not None, "the last token is seen")
+    told = {str(sample.key_expr) for ear in ears[:-1] if (sample := ear.try_recv()) is not None}
+    asked = {key for key in KEYS if _alive(session, key)}
+    for one in (*ears, *held):
+        one.undeclare()
+    assert asked == told
+    return told
+
+
+def _answer(query: Any) -> None:
+    with query:
+        query.reply(query.key_expr, b"answer")
+
+
+def _answered(session: zenoh.Session, key: str) -> bool:
+    return any(reply.ok is not None for reply in session.get(key, timeout=2.0))
+
+
+def _alive(session: zenoh.Session, key: str) -> set[str]:
+    replies = session.liveliness().get(key, zenoh.handlers.FifoChannel(2 * len(KEYS)), timeout=2.0)
+    return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+
+
+TRIES = dict(zip(ACTIONS, (puts, subscribes, queries, queryables, tokens, watches), strict=True))
+
+
+def test_there_are_cells_enough() -> None:
+    """All of them are walked below."""
+    assert len(KEYS) * len(PEOPLE) * len(ACTIONS) >= 400
+
+
+@pytest.mark.parametrize("action", ACTIONS)
+@pytest.mark.parametrize("identity", PEOPLE)
+def test_exactly_the_cells_of_the_design(guarded: Guarded, identity: str, action: str) -> None:
+    """What gets through is what the design says, key by key; nobody asks, and nobody is asked."""
+    session = guarded.session(identity)
+    through = TRIES[action](guarded, session)
+    session.close()  # type: ignore[no-untyped-call]
+    wanted = {key for key in KEYS if allowed(DESIGN, identity, action, key)}
+    assert through == wanted
+    assert not (wanted and action in ("query", "queryable"))
+
+
+@pytest.mark.parametrize("action", ACTIONS)
+def test_without_rules_every_cell_gets_through(open_house: Guarded, action: str) -> None:
+    """What is denied above is denied by the rules: the same tries find nothing closed where there are none."""
+    session = open_house.session("co")
+    assert TRIES[action](open_house, session) == set(KEYS)
+    session.close()  # type: ignore[no-untyped-call]
+
+
+@pytest.mark.parametrize("identity", PEOPLE)
+def test_a_wildcard_hears_no_more(guarded: Guarded, identity: str) -> None:
+    """Listening to everything is refused as a whole; to all of the system it is the recorder's right, and no more than
+    that is heard.
+    """
+    session = guarded.session(identity)
+    wide = ("**", "*/**", f"roco/{SYSTEM}/**", f"roco/{SYSTEM}/*/*/*/*/*", f"roco/{SYSTEM}/_/**")
+    heard: list[str] = []
+    ears = [session.declare_subscriber(key, lambda sample: heard.append(str(sample.key_expr))) for key in wide]
+    end = session.declare_subscriber(f"{FENCE}/end", zenoh.handlers.FifoChannel(8))
+    passed_the_fence(guarded, session)
+    for key in KEYS:
+        guarded.router.put(key, b"said")
+    guarded.router.put(f"{FENCE}/end", b"")
+    until(lambda: end.try_recv() is not None, "the last word is heard")
+    for ear in (*ears, end):
+        ear.undeclare()
+    session.close()  # type: ignore[no-untyped-call]
+    heard = [key for key in heard if not key.startswith(FENCE)]  # its own words, which no router has seen
+    if identity == "monitor":
+        assert set(heard) == {key for key in KEYS if allowed(DESIGN, identity, "subscribe", key)}
+    else:
+        assert not heard

@@ -1,0 +1,159 @@
+"""Who is refused, where that is counted and how the log names it: sessions by the router, communicates by their
+receiver.
+"""
+
+import datetime as dt
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+from guarded import SYSTEM
+from test_over_zenoh import expect
+from toy_fleet import Fleet, wait_for
+
+from agent_runtime import keys
+from agent_runtime.secured import AUTHORITY, KeysError, Rights, client_tls, rights_of
+from agent_runtime.wiring import communicate_key
+from agent_runtime.zenoh_wire import client_config, free_endpoint
+from companion.design import DESIGN
+from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
+from fipa_codec.performatives import Performative
+from topdown.rights import ROUTER, access_control, identities
+
+pytestmark = pytest.mark.zenoh
+RIGHTS = Rights(SYSTEM, access_control(DESIGN, SYSTEM))
+WEEK = dt.timedelta(days=7)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Keys of the router and of co, and what co once had, will have, or got from another authority."""
+    where, now = tmp_path_factory.mktemp("keys"), dt.datetime.now(dt.UTC)
+    issuer = keys.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
+    foreign = keys.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
+    keys.publish(where, issuer, RIGHTS)
+    keys.issue(where, issuer, ROUTER, now, now + WEEK, keys.HOSTS)
+    keys.issue(where, issuer, "co", now, now + WEEK)
+    for name, begin, by in (
+        ("expired", now - 2 * WEEK, issuer),
+        ("early", now + WEEK, issuer),
+        ("foreign", now, foreign),
+    ):
+        (where / name).mkdir()
+        keys.publish(where / name, issuer, RIGHTS)
+        keys.issue(where / name, by, "co", begin, begin + WEEK)
+    return where
+
+
+@pytest.fixture(scope="module")
+def router(folder: Path) -> Iterator[str]:
+    """A router as a process, with those keys; its address."""
+    address = free_endpoint().replace("tcp/", "tls/")
+    told = {"ROCO_LISTEN": address, "ROCO_RUN_DIR": str(folder), "ROCO_TLS_DIR": str(folder), "ROCO_SYSTEM": SYSTEM}
+    with (folder / "router.log").open("ab") as log:
+        command = [sys.executable, "-m", "services.router"]
+        process = subprocess.Popen(command, env=os.environ | told, stdout=log, stderr=log)
+    wait_for((folder / "router.ready").exists, "the router listens")
+    yield address
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(30.0) == 0
+
+
+REASONS = {
+    "foreign": "BadSignature",
+    "expired": "certificate expired",
+    "early": "not valid yet",
+    "router": "does not allow extended key usage for client authentication",
+    "none": "peer sent no certificates",
+    "plain": "corrupt message",
+}
+
+
+@pytest.mark.parametrize("why", REASONS)
+def test_a_session_without_a_good_certificate_is_refused(folder: Path, router: str, why: str) -> None:
+    """The router does not let it in, and its log has one more line that says why; co with its own gets in after it."""
+    log = folder / "router.log"
+    before = log.read_text().count(REASONS[why])
+    tls, address = client_tls(folder, "co"), router
+    if why in ("foreign", "expired", "early"):
+        tls = client_tls(folder / why, "co")
+    elif why == "router":
+        tls = client_tls(folder, ROUTER)
+    elif why == "none":
+        tls = {"root_ca_certificate": str(folder / AUTHORITY)}
+    else:
+        address = router.replace("tls/", "tcp/")
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(client_config(address, tls if address == router else None))
+    wait_for(lambda: log.read_text().count(REASONS[why]) == before + 1, f"the log says why:\n{log.read_text()}")
+    zenoh.open(client_config(router, client_tls(folder, "co"))).close()
+
+
+def test_a_client_does_not_speak_to_a_foreign_router(tmp_path: Path, router: str) -> None:
+    """Whoever listens at the router's address without its certificate hears nothing: the client refuses it."""
+    keys.make(tmp_path, identities(DESIGN), ROUTER, RIGHTS)
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(client_config(router, client_tls(tmp_path, "co")))
+
+
+def test_missing_keys_and_rights_of_another_system_are_told(folder: Path) -> None:
+    """Before anything is opened, with what is there and what to do."""
+    with pytest.raises(KeysError, match="identities with a key there: co, router; `roco keys make`"):
+        client_tls(folder, "ta")
+    with pytest.raises(KeysError, match="'guarded', this router serves 'other'"):
+        rights_of(folder, "other")
+
+
+def test_keys_are_for_their_owner_alone(tmp_path: Path) -> None:
+    """Mode 0700 and 0600; the authority's private key is nowhere."""
+    keys.make(tmp_path / "keys", identities(DESIGN), ROUTER, RIGHTS)
+    assert (tmp_path / "keys").stat().st_mode & 0o777 == 0o700
+    files = list((tmp_path / "keys").iterdir())
+    assert {file.stat().st_mode & 0o777 for file in files} == {0o600}
+    assert {file.stem for file in files if file.suffix == ".key"} == set(identities(DESIGN))
+
+
+# --- communicates: the router sees only their key ---------------------------------------------------------------------
+
+SAID = Communicate(
+    performative=Performative.REQUEST, protocol="request", conversation="c", sender="asker", receiver="server", id="1"
+)
+
+
+@pytest.mark.parametrize("lie", [{"sender": "server"}, {"receiver": "asker"}, {"performative": Performative.CANCEL}])
+def test_a_communicate_that_says_other_than_its_key_is_refused(fleet: Fleet, lie: dict[str, str]) -> None:
+    """It is counted, named in the log with both senders, and neither taken nor receipted."""
+    key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
+    one = msgspec.structs.replace(SAID, **lie)
+    with zenoh.open(client_config(fleet.endpoint)) as session:
+        session.put(key, encode_strictly(one))
+        wait_for(lambda: fleet.beat("server").counts.get("forged", 0) == 1, "it is counted")
+    assert fleet.beat("server").counts == {"forged": 1}
+    line = next(line for line in fleet.logs().splitlines() if " forged " in line)
+    assert key in line
+    assert f"{one.sender}/{one.receiver}/{one.protocol}/{one.performative}" in line
+
+
+def test_a_replayed_communicate_is_dropped(fleet: Fleet) -> None:
+    """Whoever records a request and puts it again achieves nothing: it is counted, and the work is done once."""
+    key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
+    with zenoh.open(client_config(fleet.endpoint)) as session:
+        heard: list[bytes] = []
+        ear = session.declare_subscriber(key, lambda sample: heard.append(sample.payload.to_bytes()))
+        fleet.want(3)
+        wait_for(lambda: heard, "a request is recorded")
+        assert decode_strictly(heard[0]).sender == "asker"
+        expect(fleet, 3)
+        ear.undeclare()
+        for _ in range(3):
+            session.put(key, heard[0])
+        wait_for(lambda: fleet.beat("server").counts.get("taken before", 0) >= 3, "the copies are counted")
+    fleet.want(4)
+    expect(fleet, 3, 4)
+    assert "forged" not in fleet.beat("server").counts
