@@ -1,0 +1,112 @@
+"""Rights are what the rules of a design say, for any design; the router's rules are these and no wider."""
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+from companion.design import DESIGN
+from topdown.design import Design, load
+from topdown.rights import ROUTER, Action, access_control, families, identities, rights
+
+ROOT = Path(__file__).resolve().parents[2]
+SMALLEST = load(ROOT / "shared/topdown/scaffold/smallest.toml")
+DESIGNS = {"companion": DESIGN, "smallest": SMALLEST}
+
+
+@pytest.fixture(params=DESIGNS)
+def design(request: pytest.FixtureRequest) -> Design:
+    """Each design at hand."""
+    return DESIGNS[request.param]
+
+
+def includes(wide: str, narrow: str) -> bool:
+    """Whether a key expression holds another one (Zenoh's * is one chunk, ** any number of them at the end)."""
+    ours, theirs = wide.split("/"), narrow.split("/")
+    if ours[-1] == "**":
+        return len(theirs) >= len(ours) - 1 and includes("/".join(ours[:-1]), "/".join(theirs[: len(ours) - 1]))
+    return len(ours) == len(theirs) and all(a in ("*", b) for a, b in zip(ours, theirs, strict=True))
+
+
+def test_every_rule_has_one_speaker_and_its_hearers(design: Design) -> None:
+    """Of each message of the design its sender may put it; its receiver and the recorders may hear it; nobody else."""
+    found = rights(design, "s")
+    for rule in design.rules.values():
+        key = design.key_of("s", rule)
+        who = {(one.identity, one.action) for one in found if one.key == key}
+        hearers = {rule.receiver, *design.file.system.recorders}
+        assert who == {(rule.sender, Action.PUT)} | {(name, Action.SUBSCRIBE) for name in hearers}
+
+
+def test_nobody_queries_and_the_router_does_nothing(design: Design) -> None:
+    """No right to ask or to answer; none for the router's identity."""
+    found = rights(design, "s")
+    assert not {one for one in found if one.action in (Action.QUERY, Action.QUERYABLE)}
+    assert not {one for one in found if one.identity == ROUTER}
+    assert ROUTER in identities(design)
+
+
+def test_only_an_owner_writes_its_house_keys(design: Design) -> None:
+    """Whoever puts or lives on a key of the house is named in it as its owner, and is among the writers."""
+    for family in families(design, "s"):
+        if not family.act:
+            writers = {
+                one.identity
+                for one in rights(design, "s")
+                if one.key == family.key and one.action in (Action.PUT, Action.TOKEN)
+            }
+            assert writers == {family.owner}
+            assert family.owner in design.houses[family.what].writers
+            assert family.owner in family.key.split("/")
+
+
+def test_an_agent_hears_receipts_of_its_own_peers_alone() -> None:
+    """km has two peers: of all receipts it hears those two that are for it."""
+    heard = [one.key for one in rights(DESIGN, "s") if one.identity == "km" and "/receipt/" in one.key]
+    assert {key for key in heard if key.endswith("/km")} == {"roco/s/_/receipt/pl/km", "roco/s/_/receipt/ta/km"}
+
+
+def test_the_router_lets_in_and_out_exactly_the_rights(design: Design) -> None:
+    """Of the rules that carry anything (put, token) the key expressions are the rights', one by one; a declaration may
+    be wider, but not beyond the system.
+    """
+    config = access_control(design, "s")
+    subjects = {one["id"]: one["cert_common_names"] for one in config["subjects"]}
+    of_rule = {rule: one["subjects"] for one in config["policies"] for rule in one["rules"]}
+    way = {("ingress", "put"): "put", ("egress", "put"): "subscribe",
+           ("ingress", "liveliness_token"): "token", ("egress", "liveliness_token"): "watch"}  # fmt: skip
+    carried = set()
+    for rule in config["rules"]:
+        (flow,), (name,) = rule["flows"], of_rule[rule["id"]]
+        assert rule["permission"] == "allow"
+        assert subjects[name] == [name]
+        if (flow, rule["messages"][0]) in way:
+            carried |= {(name, way[flow, rule["messages"][0]], key) for key in rule["key_exprs"]}
+        else:
+            assert flow == "ingress"
+            assert not {"query", "reply", "declare_queryable", "delete"} & set(rule["messages"])
+            assert all("/s/" in key or key.startswith("s/") for key in rule["key_exprs"])
+    assert carried == {(one.identity, one.action, one.key) for one in rights(design, "s")}
+    assert (config["enabled"], config["default_permission"]) == (True, "deny")
+
+
+def test_whatever_may_be_heard_may_be_listened_to(design: Design) -> None:
+    """Each key that an identity has a right to hear lies in what it may declare; an agent's ears are its own alone."""
+    config = access_control(design, "s")
+    for one in rights(design, "s"):
+        word = {"subscribe": "listens", "watch": "looks"}.get(one.action)
+        if word is not None:
+            (rule,) = (rule for rule in config["rules"] if rule["id"] == f"{one.identity} {word}")
+            assert any(includes(key, one.key) for key in rule["key_exprs"]), one
+    for agent in design.agents:
+        (rule,) = (rule for rule in config["rules"] if rule["id"] == f"{agent} listens")
+        for other in design.rules.values():
+            if other.receiver != agent:
+                assert not any(includes(key, design.key_of("s", other)) for key in rule["key_exprs"])
+
+
+def test_the_page_has_the_matrix_of_the_design() -> None:
+    """docs/security.md shows what scripts/rights prints."""
+    script = runpy.run_path(str(ROOT / "scripts/rights"))
+    page = (ROOT / "docs/security.md").read_text(encoding="utf-8")
+    assert script["BEGIN"] + script["tables"]() + script["END"] in page
