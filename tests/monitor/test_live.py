@@ -5,9 +5,13 @@ from itertools import pairwise
 import msgspec
 from synthetic import Run
 
+from agent_runtime.tap import Sample
+from companion.design import DESIGN
 from companion.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from fipa_codec.communicate import Communicate, encode
+from fipa_codec.performatives import Performative
 from services.monitor.live import Live
-from services.monitor.records import understood
+from services.monitor.records import Garbage, Spoken, understood
 
 
 def lines(run: Run) -> list[LiveLine]:
@@ -48,3 +52,18 @@ def test_an_agent_is_told_when_its_state_changes(pouring: Run) -> None:
     for agent in {line.agent for line in entered}:
         states = [(line.state, line.alive) for line in entered if line.agent == agent]
         assert all(a != b for a, b in pairwise(states))
+
+
+def test_what_was_recorded_shows_no_text_that_is_no_word_or_label() -> None:
+    """Records are printed and drawn: a question with a control character in a label is garbage, without it none."""
+    for label, kind in (("pl-1-1", Spoken), ("pl\x1b[2J", Garbage)):
+        said = Communicate(
+            performative=Performative.QUERY_REF,
+            protocol="query",
+            sender="pl",
+            receiver="km",
+            conversation="pl-1-1",
+            id=label,
+        )
+        key = DESIGN.key("velma", said)
+        assert type(understood(Sample(key, encode(said), 1.0))) is kind

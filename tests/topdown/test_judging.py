@@ -267,6 +267,19 @@ def test_no_budget_means_any_size(design: Design) -> None:
     assert yard.say(P.REQUEST, 70.0, "1", reply_with="x" * 128, conversation="c" * 128) == [V.OVER_BUDGET]
 
 
+@pytest.mark.parametrize("field", ["conversation", "id", "reply_with", "ontology"])
+def test_text_that_could_move_a_terminals_cursor_is_malformed(design: Design, field: str) -> None:
+    """Verdicts are printed: a label or word with other characters than it may have is judged, not shown."""
+    yard = Yard(design)
+    said = Communicate(
+        performative=P.REQUEST, protocol="request", sender="cart", receiver="dock", **{field: "a\x1b[2J"}
+    )
+    yard.heard(yard.judge.hear("yard/s/K1/cart/dock/request/request", encode(said), 1.0))
+    assert [one.verdict for one in yard.found] == [V.MALFORMED]
+    assert "must match" in yard.found[0].why
+    assert "\x1b" not in yard.found[0].why
+
+
 def test_what_is_wrong_is_told_by_what_would_be_right(design: Design) -> None:
     """Each reason names the design's own words."""
     yard = Yard(design)
