@@ -4,7 +4,7 @@
 
 One router is plain, the other asks for certificates and grants the companion's rights. pl puts a query-ref on its key
 of C4, km answers with an inform-ref of the size given; both are bare sessions with the fleet's settings: the ratio is
-an upper bound, since an agent's own work comes on top of both. Prints p50 and p99 [us] of each and the ratio of the medians.
+an upper bound, since an agent's own work comes on top of both. Prints p50 and p99 [us] of each and the medians' ratio.
 """
 
 import os
