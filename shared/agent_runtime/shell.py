@@ -85,9 +85,13 @@ class Shell:
     """One agent in one process; `run` returns the exit status."""
 
     def __init__(self, agent: Agent[Any], wiring: Wiring, options: Options, device: DeviceMaker | None = None) -> None:
-        """Opens files, takes the journal (JournalError where another process has it); nothing is sent before `run`."""
+        """Opens files, takes the journal; nothing is sent before `run`.
+
+        Raises JournalError where another process has the journal, KeysError where keys are missing.
+        """
         self.name = agent.name
         self._options, run = options, options.run_dir
+        self._tls = client_tls(options.keys, self.name) if options.keys else None
         self.log = Log(agent.name, options.log_level, run / "logs" / f"{agent.name}.jsonl")
         self._core = Core(agent, wiring)
         self._inbox = Inbox()
@@ -138,8 +142,7 @@ class Shell:
         stopping: list[Stop] = []
         self._serving = True
         self.log.write("waiting for the router", at=self._options.connect)
-        tls = client_tls(self._options.keys, self.name) if self._options.keys else None
-        session = open_client(self._options.connect, lambda: self._stop_came(stopping), tls=tls)
+        session = open_client(self._options.connect, lambda: self._stop_came(stopping), tls=self._tls)
         if session is None:
             return
         self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._inbox)

@@ -157,3 +157,14 @@ def test_a_replayed_communicate_is_dropped(fleet: Fleet) -> None:
     fleet.want(4)
     expect(fleet, 3, 4)
     assert "forged" not in fleet.beat("server").counts
+
+
+def test_an_agent_without_its_keys_ends_and_says_why(folder: Path, tmp_path: Path) -> None:
+    """Exit status 1, one line, nothing opened."""
+    told = {"ROCO_RUN_DIR": str(tmp_path), "ROCO_TLS_DIR": str(folder), "ROCO_SYSTEM": SYSTEM}
+    command = [sys.executable, "-m", "services.task"]
+    done = subprocess.run(command, env=os.environ | told, capture_output=True, text=True, timeout=30.0, check=False)
+    assert done.returncode == 1
+    assert f"{folder / 'ta.pem'} is missing" in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+    assert not (tmp_path / "journal").exists()
