@@ -191,3 +191,17 @@ def test_a_wildcard_hears_no_more(guarded: Guarded, identity: str) -> None:
         assert set(heard) == {key for key in KEYS if allowed(DESIGN, identity, "subscribe", key)}
     else:
         assert not heard
+
+
+@pytest.mark.parametrize("identity", PEOPLE)
+def test_who_lives_may_be_asked(guarded: Guarded, identity: str) -> None:
+    """All that may see a token may also ask for it once, as `roco send` does; beyond the tokens nothing is told."""
+    token = guarded.router.liveliness().declare_token(f"roco/{SYSTEM}/_/alive/co/7")
+    other = guarded.router.liveliness().declare_token(f"roco/{SYSTEM}/_/state/co")
+    session = guarded.session(identity)
+    assert _alive(session, f"roco/{SYSTEM}/_/alive/co/*") == {f"roco/{SYSTEM}/_/alive/co/7"}
+    assert not _alive(session, f"roco/{SYSTEM}/_/state/co")
+    assert not _alive(session, "**")
+    session.close()  # type: ignore[no-untyped-call]
+    token.undeclare()
+    other.undeclare()
