@@ -1,4 +1,4 @@
-"""What real agents do is a path of the model that was proven: recorded runs, stories in memory, with deaths and cancels."""
+"""What real agents do is a path of the proven model: recorded runs, stories in memory, with deaths and cancels."""
 
 from pathlib import Path
 
