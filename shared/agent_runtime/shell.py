@@ -22,7 +22,8 @@ import msgspec
 from agent_runtime.agent import Agent
 from agent_runtime.core import Core
 from agent_runtime.devices import Device, DeviceMaker, NoDevice
-from agent_runtime.effects import Effects, Out, Receipt
+from agent_runtime.diary import Diary
+from agent_runtime.effects import Out, Receipt
 from agent_runtime.errors import RuntimeFault
 from agent_runtime.events import (
     AnyEvent,
@@ -33,7 +34,6 @@ from agent_runtime.events import (
     Next,
     PeerChanged,
     Receipted,
-    Received,
     Started,
     Tick,
 )
@@ -45,15 +45,13 @@ from agent_runtime.peers import Peers
 from agent_runtime.secured import client_tls
 from agent_runtime.state import CoreState
 from agent_runtime.steplog import StepLog
-from agent_runtime.wiring import Delivery, Wiring
+from agent_runtime.wiring import Wiring
 from agent_runtime.zenoh_wire import Bytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
-from fipa_codec.communicate import Communicate, decode
+from fipa_codec.communicate import decode
 from fipa_codec.errors import MalformedError
 
 QUIET_S = 0.005
 """Without anything new, after which logs are written; some ten round trips. A kill -9 takes what was not (estimate)."""
-MOST_UNWRITTEN = 16
-"""Steps after which logs are written though there is no pause; the largest answer 16 times over is 14 MB (estimate)."""
 HEARTBEAT_S = 1.0
 """Of the heartbeat file and of pings until they are answered; estimate: people look once a second."""
 
@@ -105,7 +103,7 @@ class Shell:
         self._state: CoreState = self._boot()
         self._wire: ZenohWire | None = None
         self._serving = False
-        self._unwritten: list[_Done] = []
+        self._diary = Diary(self.log, self._steps, wiring)
         self._wake_at: float | None = None
         self._beat_at = 0.0
 
@@ -131,7 +129,7 @@ class Shell:
         try:
             self._serve()
         except Exception:
-            self._write_down()
+            self._diary.write()
             self.log.write("died", level="error", why=traceback.format_exc())
             return 1
         finally:
@@ -158,7 +156,7 @@ class Shell:
         while True:
             item = self._inbox.get(self._wait_s())
             if item is None:
-                self._write_down()
+                self._diary.write()
             if isinstance(item, Stop):
                 self.log.write("stopping", signal=item.signal)
                 return
@@ -176,7 +174,7 @@ class Shell:
     def _wait_s(self) -> float:
         times = [self._beat_at, self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None]
         wait = min(at for at in times if at is not None) - time.time()
-        return min(wait, QUIET_S) if self._unwritten else wait
+        return min(wait, QUIET_S) if self._diary.pending else wait
 
     def _on_time(self) -> None:
         now = time.time()
@@ -193,7 +191,7 @@ class Shell:
 
     def _close(self) -> None:
         self._serving = False
-        self._write_down()
+        self._diary.write()
         self._device.close()
         if self._wire is not None:
             self._wire.close()
@@ -250,13 +248,13 @@ class Shell:
             sizes = self._carry_out(out)
             effects = self._core.end(before, after, out, now)
             self._state = after
-            self._unwritten.append(_done(following, now, after, effects, sizes))
+            self._diary.note(following, now, after, effects, sizes)
             self._wake_at = effects.wake_at
             if after.state != before.state:
                 self._beat()
             following = Next() if effects.more else None
-        if len(self._unwritten) >= MOST_UNWRITTEN or not self._serving:
-            self._write_down()
+        if self._diary.full or not self._serving:
+            self._diary.write()
 
     def _carry_out(self, out: Out) -> list[int]:
         """In this order: see the module's text. The bytes of each communicate sent."""
@@ -269,34 +267,6 @@ class Shell:
         for content in out.tells:
             self._device.tell(content)
         return sizes
-
-    def _write_down(self) -> None:
-        """Logs and step log, for people and for replaying: once nothing has come for a moment."""
-        done, self._unwritten = self._unwritten, []
-        for one in done:
-            effects = one.effects
-            lines = [(line.event, line.level, line.fields) for line in effects.logs]
-            lines += [self._sent_line("sent", *sent) for sent in zip(effects.sends, one.sizes, strict=True)]
-            if one.received is not None:
-                lines.insert(0, self._sent_line("received", one.received, 0))
-            if lines:
-                self.log.write_all(lines, one.at)
-            self._steps.step(one.incarnation, one.step, one.at, one.event, effects)
-
-    def _sent_line(self, event: str, communicate: Communicate, size: int) -> tuple[str, str, dict[str, Any]]:
-        peer = communicate.receiver if event == "sent" else communicate.sender
-        link = self._core.wiring.link(peer, communicate.protocol)
-        durable = link is not None and link.delivery is Delivery.DURABLE
-        fields = {
-            "performative": str(communicate.performative),
-            "peer": peer,
-            "protocol": communicate.protocol,
-            "language": communicate.language,
-            "id": communicate.id,
-            "bytes": size or None,
-            "conversation": communicate.conversation,
-        }
-        return event, "info" if durable else "debug", fields
 
     # --- readiness and life -------------------------------------------------------------------------------------------
 
@@ -346,27 +316,6 @@ class _Posted(msgspec.Struct, frozen=True):
 
     content: Any
     at: float
-
-
-class _Done(msgspec.Struct, frozen=True):
-    """A step that is carried out and not written down yet; `sizes`: bytes of each communicate sent.
-
-    It holds no decoded content: that may be as large as the message and is free for the next one at once.
-    """
-
-    event: AnyEvent
-    at: float
-    incarnation: int
-    step: int
-    effects: Effects
-    sizes: list[int]
-    received: Communicate | None
-
-
-def _done(event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]) -> _Done:
-    received = effects.handled.communicate if isinstance(effects.handled, Received) else None
-    rest = msgspec.structs.replace(effects, handled=None)
-    return _Done(event, at, after.incarnation, after.soft.step, rest, sizes, received)
 
 
 class _Desk:

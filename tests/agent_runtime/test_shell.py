@@ -10,7 +10,7 @@ import pytest
 import zenoh
 from toy_observers import Seen, Topic, WhatOf, knower, watcher, wiring
 
-from agent_runtime import shell, steplog
+from agent_runtime import diary, shell, steplog
 from agent_runtime.core import Core
 from agent_runtime.effects import Receipt
 from agent_runtime.events import AnyEvent, Arrived, Local, PeerChanged, Started
@@ -163,11 +163,11 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Steppe
     watching.happen(Local(Seen("jar", 0)))
     assert written(tmp_path) == before
     assert watching.shell._wait_s() <= shell.QUIET_S
-    watching.shell._write_down()
+    watching.shell._diary.write()
     assert written(tmp_path) == before + 1
-    for value in range(1, 3 * shell.MOST_UNWRITTEN):
+    for value in range(1, 3 * diary.MOST_UNWRITTEN):
         watching.happen(Local(Seen("jar", value)))
-        assert before + value + 1 - written(tmp_path) < shell.MOST_UNWRITTEN
+        assert before + value + 1 - written(tmp_path) < diary.MOST_UNWRITTEN
 
 
 def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> None:
