@@ -24,6 +24,7 @@ def played(faults: Faults | None = None, seed: int = 0) -> Wires:
         wires.add(agent, cast.wiring(agent.name))
     wires.run(lambda: len(wires.memory("asker").ends) == 2 and len(wires.memory("asker").answered) == len(cast.SCALES))
     wires.run_for(10.0)
+    wires.run(lambda: all(wires.nodes[name].state is not None for name in NAMES))  # who has just died is back
     return wires
 
 
