@@ -23,8 +23,8 @@ def played(faults: Faults | None = None, seed: int = 0) -> Wires:
     for agent in (cast.asker(), cast.broker(), *map(cast.scale, cast.SCALES)):
         wires.add(agent, cast.wiring(agent.name))
     wires.run(lambda: len(wires.memory("asker").ends) == 2 and len(wires.memory("asker").answered) == len(cast.SCALES))
+    wires.faults = Faults()  # who has just died comes back
     wires.run_for(10.0)
-    wires.run(lambda: all(wires.nodes[name].state is not None for name in NAMES))  # who has just died is back
     return wires
 
 

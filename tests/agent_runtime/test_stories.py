@@ -35,6 +35,7 @@ def expect_all_ended(wires: Wires) -> None:
         lambda: any(wires.memory(name).wrong or len(wires.memory(name).ends) == count for name in ("alice", "bob")),
         limit_s=1e6,
     )
+    wires.faults = Faults()  # who has just died comes back
     wires.run_for(10.0)
     for name, role in (("alice", Role.INITIATOR), ("bob", Role.PARTICIPANT)):
         assert not wires.memory(name).wrong
