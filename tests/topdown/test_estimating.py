@@ -1,7 +1,7 @@
 """What an estimate says follows from the typical figures, and is right beside a run that has them."""
 
 import pytest
-from runs import run
+from measured_runs import run
 from spoiling import design
 
 from topdown.estimating import estimate

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from runs import run, said
+from measured_runs import run, said
 from spoiling import design
 
 from fipa_codec.performatives import Performative as P

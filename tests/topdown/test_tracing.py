@@ -1,6 +1,6 @@
 """Every leaf requirement leads to groups, agents, channels and to what shows it; what nothing shows is told."""
 
-from runs import run, said
+from measured_runs import run, said
 from spoiling import design
 
 from fipa_codec.performatives import Performative as P
