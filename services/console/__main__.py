@@ -39,14 +39,8 @@ from services.console import (
 )
 from services.console import demo as main_job
 from services.console.errors import ConsoleError
+from services.console.forms import Form, Format, tell_problem
 from services.console.hi import Hi
-
-
-class Format(StrEnum):
-    """How things are printed."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 class Speed(StrEnum):
@@ -57,7 +51,6 @@ class Speed(StrEnum):
 
 
 RunDir = Annotated[Path | None, typer.Option("--run-dir", help="A run's folder; else ROCO_RUN_DIR, else runs/latest.")]
-Form = Annotated[Format, typer.Option("--format", help="text for people, json for programs.")]
 Seed = Annotated[int, typer.Option(help="Varies the poses of jar, bowl and cabinet, and the noise.")]
 Rate = Annotated[Speed, typer.Option(help="1: real time; max: as fast as the machine can.")]
 SceneFile = Annotated[
@@ -284,8 +277,7 @@ def problems(form: Format) -> Iterator[None]:
     try:
         yield
     except ConsoleError as error:
-        text = msgspec.json.encode({"error": str(error)}).decode() if form is Format.JSON else f"roco: {error}"
-        print(text, file=sys.stderr)
+        tell_problem(error, form)
         raise typer.Exit(1) from error
     except KeyboardInterrupt as error:
         print("interrupted", file=sys.stderr)

@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Iterator
 from datetime import timedelta
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -17,14 +16,7 @@ from rich.text import Text
 from fipa_codec.acl_string import MAX_ACL_BYTES, AclMessage, AclSyntaxError, After, Aid, At, parse
 from fipa_codec.acl_string.content import JSON
 from fipa_codec.acl_string.message import EPOCH
-
-
-class Format(StrEnum):
-    """How things are printed."""
-
-    TEXT = "text"
-    JSON = "json"
-
+from services.console.forms import Form, Format
 
 app = typer.Typer(no_args_is_help=True, help="Messages of other FIPA platforms, in their text (SC00070I).")
 
@@ -37,7 +29,7 @@ def acl() -> None:
 @app.command()
 def show(
     source: Annotated[str, typer.Argument(metavar="TEXT|FILE|-", help="A message, a file with one, or - for stdin.")],
-    form: Annotated[Format, typer.Option("--format", help="text for people, json for programs.")] = Format.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Show what a message says. Exits with 1 where it is malformed, with a caret under the place."""
     try:

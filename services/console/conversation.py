@@ -1,7 +1,5 @@
 """`roco conversation`: list the conversations of a run, and show one as a sequence diagram in the terminal."""
 
-import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -16,17 +14,11 @@ from companion.run_folder import Judged
 from fipa_codec.tables import NOT_UNDERSTOOD, Role
 from services.console import runs, sequence
 from services.console.errors import ConsoleError
+from services.console.forms import Form, Format, tell_problem
 from services.console.verdicts import told
 from topdown.verdicts import Verdict
 
 app = typer.Typer(no_args_is_help=True, help="The conversations of a run.")
-
-
-class Format(StrEnum):
-    """How things are printed."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 class Conversation(msgspec.Struct, frozen=True):
@@ -46,7 +38,6 @@ class Conversation(msgspec.Struct, frozen=True):
 
 
 RunDir = Annotated[Path | None, typer.Option("--run-dir", help="A run's folder; else ROCO_RUN_DIR, else runs/latest.")]
-Form = Annotated[Format, typer.Option("--format", help="text for people, json for programs.")]
 
 
 @app.callback()
@@ -170,5 +161,5 @@ def _conversations(run_dir: Path | None, form: Format) -> list[Conversation]:
 
 
 def _stop(text: str, form: Format) -> None:
-    print(msgspec.json.encode({"error": text}).decode() if form is Format.JSON else f"roco: {text}", file=sys.stderr)
+    tell_problem(text, form)
     raise typer.Exit(1)

@@ -12,6 +12,7 @@ import typer
 from companion.design import FILE
 from services.console import design_files as files
 from services.console.design import app
+from services.console.forms import Form, Format
 from topdown.checks import recorded
 from topdown.design import Design, load
 from topdown.findings import Finding
@@ -23,7 +24,7 @@ def check(
     file: files.File = FILE,
     run: files.Recording = None,
     ruled: Annotated[bool, typer.Option("--rulings", help="Also what the design rules, entry by entry.")] = False,
-    form: files.Format = files.Form.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1 on a finding."""
     with files.problems(form):
@@ -32,7 +33,7 @@ def check(
         if heard is not None:
             found += recorded.findings(design, heard)
         told = rulings(design) if ruled else ()
-    if form is files.Form.JSON:
+    if form is Format.JSON:
         files.tell_json({"file": str(file), "findings": found, "rulings": told})
     else:
         print("".join(f"{line}\n" for one in told for line in _ruling(one, files.shown(file), files.width())), end="")

@@ -11,6 +11,7 @@ import typer
 
 from services.console import design_files as files
 from services.console.design import app
+from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.differing import Change, Way, diff
 
@@ -21,12 +22,12 @@ MARKS = {Way.ADDED: "+", Way.REMOVED: "-", Way.CHANGED: "~"}
 def diff_(
     old: Annotated[Path, typer.Argument(help="A design file.")],
     new: Annotated[Path, typer.Argument(help="The design file it became.")],
-    form: files.Format = files.Form.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Tell what changed between two designs, whatever the order of their entries. Exits with 1 where they differ."""
     with files.problems(form):
         found = diff(load(old), load(new))
-    if form is files.Form.JSON:
+    if form is Format.JSON:
         files.tell_json(found)
     else:
         print(written(found, files.width()))

@@ -13,6 +13,7 @@ from rich.table import Table
 from companion.design import FILE
 from services.console import design_files as files
 from services.console.design import app
+from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.estimating import Estimate, UseEstimate, estimate
 from topdown.measuring import Measured, measure
@@ -35,14 +36,14 @@ def estimate_(
     file: files.File = FILE,
     run: files.Recording = None,
     within: Annotated[float, typer.Option(help="Beside a recording: the error that is wanted, as a share.")] = WITHIN,
-    form: files.Format = files.Form.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Estimate counts, sizes, bandwidth, latencies, bottlenecks. Beside a recording exits with 1 on a larger error."""
     with files.problems(form):
         design, heard = load(file), files.observed(run)
         found = estimate(design)
         compared = measure(design, found, heard) if heard is not None else ()
-    if form is files.Form.JSON:
+    if form is Format.JSON:
         errors = tuple((one, one.error) for one in compared)
         files.tell_json(Told(found, found.narrowest, found.slowest, errors))
     else:

@@ -13,6 +13,7 @@ import typer
 from companion.design import FILE
 from services.console import design_files as files
 from services.console.design import app
+from services.console.forms import Form, Format
 from topdown.design import Design, load
 from topdown.errors import NoSuchEntry
 from topdown.proving.net import Net
@@ -54,7 +55,7 @@ def export(
     pair: Pair = None,
     faults: Faults = 0,
     ideal: Ideal = False,
-    form: files.Format = files.Form.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Write the models of a design's protocols for spin (Promela) or for Petri net tools (PNML)."""
     with files.problems(form):
@@ -63,7 +64,7 @@ def export(
         design = load(file)
         names = _uses(design, use or [], pair)
         written = [*_promela(design, names, promela, faults, ideal), *_pnml(design, names, pnml, faults)]
-    if form is files.Form.JSON:
+    if form is Format.JSON:
         files.tell_json(written)
         return
     for one in written:

@@ -1,10 +1,8 @@
 """What the verbs of `roco design` share: the file argument, the forms of output, words instead of tracebacks."""
 
 import shutil
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +11,7 @@ import typer
 
 from companion import design as companion
 from services.console.errors import ConsoleError
+from services.console.forms import Format, tell_problem
 from services.console.observed import recording
 from topdown import checks
 from topdown.design import Design
@@ -25,16 +24,8 @@ WRONG_FILE = 2
 NARROW, WIDE = 60, 160
 
 
-class Form(StrEnum):
-    """How it is printed."""
-
-    TEXT = "text"
-    JSON = "json"
-
-
 File = Annotated[Path, typer.Argument(help="A design file; else the Robot Companion's.", show_default=False)]
 Recording = Annotated[Path | None, typer.Option("--recording", help="A run's folder, or a .json of observations.")]
-Format = Annotated[Form, typer.Option("--format", help="text for people, json for programs.")]
 
 
 def width() -> int:
@@ -65,11 +56,10 @@ def tell_json(what: object) -> None:
 
 
 @contextmanager
-def problems(form: Form) -> Iterator[None]:
+def problems(form: Format) -> Iterator[None]:
     """Turn what goes wrong into words on standard error and exit code 2."""
     try:
         yield
     except (TopdownError, ConsoleError, OSError, ValueError) as error:
-        words = msgspec.json.encode({"error": str(error)}).decode() if form is Form.JSON else f"roco: {error}"
-        print(words, file=sys.stderr)
+        tell_problem(error, form)
         raise typer.Exit(WRONG_FILE) from error

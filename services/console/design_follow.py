@@ -12,6 +12,7 @@ from agent_runtime.steplog import deeds
 from companion.design import FILE
 from services.console import design_files as files
 from services.console.design import app
+from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.proving.paths import Deviation, Follower
 
@@ -22,7 +23,7 @@ Design = Annotated[Path, typer.Option("--design", help="A design file; else the 
 
 
 @app.command()
-def follow(run: Run, design: Design = FILE, form: files.Format = files.Form.TEXT) -> None:
+def follow(run: Run, design: Design = FILE, form: Form = Format.TEXT) -> None:
     """Follow a run through the composed model of its design: every step of every agent must be a move of it."""
     with files.problems(form):
         done = deeds(run / STEPS)
@@ -32,7 +33,7 @@ def follow(run: Run, design: Design = FILE, form: files.Format = files.Form.TEXT
             )
         follower = Follower(load(design))
         found = follower.follow(done)
-    if form is files.Form.JSON:
+    if form is Format.JSON:
         files.tell_json({"steps": follower.count, "deviation": found and found._asdict()})
     else:
         print(_words(follower, found))

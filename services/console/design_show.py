@@ -1,10 +1,8 @@
 """`roco design show`: what the method's paper has in tables and figures, of any design file, as text, SVG and HTML."""
 
 import shutil
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -13,17 +11,11 @@ import typer
 
 from companion.design import FILE
 from services.console.design import app
+from services.console.forms import Form, Format, tell_problem
 from topdown.design import load
 from topdown.drawing import book, text
 from topdown.drawing.parts import Figure, Section
 from topdown.errors import TopdownError
-
-
-class Form(StrEnum):
-    """How it is printed."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 @app.command()
@@ -38,7 +30,7 @@ def show(
     html: Annotated[Path | None, typer.Option(help="Write one self-contained page of it here.")] = None,
     svg: Annotated[Path | None, typer.Option(help="Write its figures into this folder.")] = None,
     long: Annotated[bool, typer.Option("--long", help="Also the rows behind diagrams, which a page folds.")] = False,
-    form: Annotated[Form, typer.Option("--format", help="text for people, json for programs.")] = Form.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Show a design: requirements, steps, channels, protocols, the system, state machines."""
     with problems(form):
@@ -48,7 +40,7 @@ def show(
         choice = book.Choice(chosen, step, agent, protocol, max(40, width))
         sections = book.sections(design, choice)
         files = write(book.page_of(design, sections), html) + write_all(book.figures(sections), svg)
-        if form is Form.JSON:
+        if form is Format.JSON:
             print(msgspec.json.encode([plain(section) for section in sections]).decode())
         elif files:
             print("\n".join(f"wrote {path}" for path in files))
@@ -97,11 +89,10 @@ def write_all(files: dict[str, str], folder: Path | None) -> list[Path]:
 
 
 @contextmanager
-def problems(form: Form) -> Iterator[None]:
+def problems(form: Format) -> Iterator[None]:
     """Turn what goes wrong into words on standard error and exit code 1."""
     try:
         yield
     except (TopdownError, OSError) as error:
-        words = msgspec.json.encode({"error": str(error)}).decode() if form is Form.JSON else f"roco: {error}"
-        print(words, file=sys.stderr)
+        tell_problem(error, form)
         raise typer.Exit(1) from error

@@ -11,6 +11,7 @@ import typer
 from companion.design import FILE
 from services.console import design_files as files
 from services.console.design import app
+from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.tracing import Evidence, Shown, Traced, trace
 
@@ -18,11 +19,11 @@ MARKS = {Shown.SEEN: "+", Shown.NAMED: " ", Shown.MISSING: "-"}
 
 
 @app.command(name="trace")
-def trace_(file: files.File = FILE, run: files.Recording = None, form: files.Format = files.Form.TEXT) -> None:
+def trace_(file: files.File = FILE, run: files.Recording = None, form: Form = Format.TEXT) -> None:
     """Trace every leaf requirement to what shows that it is met. Exits with 1 where something is missing."""
     with files.problems(form):
         found = trace(load(file), files.observed(run), Tests(file))
-    if form is files.Form.JSON:
+    if form is Format.JSON:
         files.tell_json({"file": str(file), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]})
     else:
         print(written(found, files.width(), looked=run is not None))

@@ -13,6 +13,7 @@ from rich.console import Console
 from companion.design import FILE
 from services.console import design_files as files
 from services.console.design import app
+from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.proving import counterexample, durable, volatile
 from topdown.proving.abstractions import ABSTRACTIONS, NOT_PROVEN
@@ -43,7 +44,7 @@ def verify(
     gone: Gone = None,
     seconds: Seconds = None,
     long: Long = False,
-    form: files.Format = files.Form.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no stale plan."""
     with files.problems(form):
@@ -55,7 +56,7 @@ def verify(
         if not work:
             raise ValueError("nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only")
         verdicts = _verdicts(work, form)
-    if form is files.Form.JSON:
+    if form is Format.JSON:
         files.tell_json([_plain(verdict) for verdict in verdicts])
     else:
         print(summary(verdicts, files.width(), long=long))
@@ -71,12 +72,12 @@ def _most(faults: str) -> int | None:
     return int(faults)
 
 
-def _verdicts(work: tuple[Task, ...], form: files.Form) -> list[Verdict]:
+def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
     """Each verdict as it comes, with progress on a terminal."""
     verdicts: list[Verdict] = []
     console, shown = Console(stderr=True), 0
     for task in work:
-        if form is files.Form.TEXT and task.layer != shown:
+        if form is Format.TEXT and task.layer != shown:
             shown = task.layer
             print(TITLES[shown])
         with console.status(f"{task.what} ..." if console.is_terminal else "") as status:
@@ -86,7 +87,7 @@ def _verdicts(work: tuple[Task, ...], form: files.Form) -> list[Verdict]:
                 )
             )
         verdicts.append(verdict)
-        if form is files.Form.TEXT:
+        if form is Format.TEXT:
             print(line(verdict, files.width()))
     return verdicts
 

@@ -3,7 +3,6 @@
 import datetime as dt
 import os
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -14,19 +13,13 @@ from agent_runtime import keys
 from agent_runtime.secured import RIGHTS, Rights
 from companion.design import DESIGN
 from companion.run_folder import KEYS_FOLDER
+from services.console.forms import Form, Format
 from topdown.design import Design, load
 from topdown.errors import DesignError
 from topdown.rights import ROUTER, access_control, identities
 
 SYSTEM = "roco"
 """As everywhere where none is named."""
-
-
-class Format(StrEnum):
-    """How things are printed."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 class Made(msgspec.Struct, frozen=True):
@@ -53,7 +46,7 @@ def make(
     system: Annotated[str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key, as the fleet's.")] = SYSTEM,
     host: Annotated[list[str] | None, typer.Option(help="One more name or address of the router's host.")] = None,
     design: Annotated[Path | None, typer.Option(help="Another system's design file.")] = None,
-    form: Annotated[Format, typer.Option("--format", help="text for people, json for programs.")] = Format.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Make an authority, a certificate per identity and the router's rules, all anew.
 

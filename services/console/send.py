@@ -4,9 +4,7 @@ In the place of an agent that does not run it is a life of that agent, with its 
 lives it refuses, and with --force is a voice in its name: whoever hears cannot tell, and streams may break.
 """
 
-import sys
 import time
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -23,17 +21,11 @@ from fipa_codec.errors import FipaError
 from fipa_codec.performatives import Performative
 from services.console import runs, saying
 from services.console.errors import ConsoleError
+from services.console.forms import Form, Format, tell_problem
 from topdown.admission import Admission
 from topdown.design import Rule
 
 CHOICES = ("as", "to", "protocol", "performative")
-
-
-class Format(StrEnum):
-    """How things are printed."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 class Usage(Exception):
@@ -59,7 +51,7 @@ def send(
     ] = False,
     choices: Annotated[bool, typer.Option("--list", help="List what may be said, as far as it is chosen.")] = False,
     run_dir: Annotated[Path | None, typer.Option("--run-dir", help="A run's folder; else runs/latest.")] = None,
-    form: Annotated[Format, typer.Option("--format", help="text for people, json for programs.")] = Format.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Be an agent: say one communicate to the running fleet, and print what comes back.
 
@@ -189,5 +181,5 @@ def _print(what: str, one: Communicate, size: int) -> None:
 
 
 def _stop(text: str, form: Format, code: int) -> None:
-    print(msgspec.json.encode({"error": text}).decode() if form is Format.JSON else f"roco: {text}", file=sys.stderr)
+    tell_problem(text, form)
     raise typer.Exit(code)

@@ -1,8 +1,6 @@
 """`roco traffic judge`: is everything that was said as designed? Afterwards, from a recording."""
 
-import sys
 from collections import Counter
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.run_folder import Judged
+from services.console.forms import Form, Format, tell_problem
 from services.console.verdicts import JudgeError, judged
 from topdown.verdicts import VIOLATIONS, Verdict
 
@@ -20,13 +19,6 @@ MOST = 40
 """Violations shown at most; a person reads no more (estimate). `--format json` has all."""
 
 app = typer.Typer(no_args_is_help=True, help="The traffic of a run.")
-
-
-class Format(StrEnum):
-    """How things are printed."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 class Judgements(msgspec.Struct, frozen=True):
@@ -53,14 +45,13 @@ def judge(
     languages: Annotated[
         str, typer.Option(help="That system's Languages, as package.module:NAME; else its contents are not read.")
     ] = "",
-    form: Annotated[Format, typer.Option("--format", help="text for people, json for programs.")] = Format.TEXT,
+    form: Form = Format.TEXT,
 ) -> None:
     """Judge every communicate of a recording by the design. Exits with 1 where something is against it."""
     try:
         found = summary(judged(file, design, languages))
     except JudgeError as error:
-        text = msgspec.json.encode({"error": str(error)}).decode() if form is Format.JSON else f"roco: {error}"
-        print(text, file=sys.stderr)
+        tell_problem(error, form)
         raise typer.Exit(2 if error.usage else 1) from error
     if form is Format.JSON:
         print(msgspec.json.encode(found).decode())
