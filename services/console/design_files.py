@@ -9,7 +9,8 @@ from typing import Annotated
 import msgspec
 import typer
 
-from companion import design as companion
+from companion.design import FILE
+from companion.findings import findings as companion_findings
 from services.console.errors import ConsoleError
 from services.console.forms import Format, tell_problem
 from services.console.observed import recording
@@ -46,8 +47,8 @@ def observed(run: Path | None) -> Observed | None:
 
 def findings(design: Design, file: Path) -> tuple[Finding, ...]:
     """Of the file itself; of the Robot Companion's also what differs from its code."""
-    same = file.resolve() == companion.FILE.resolve()
-    return companion.findings(design) if same else checks.check(design)
+    same = file.resolve() == FILE.resolve()
+    return companion_findings(design) if same else checks.check(design)
 
 
 def tell_json(what: object) -> None:

@@ -6,15 +6,12 @@ Must not know: agents' code, Zenoh.
 
 from enum import StrEnum
 from pathlib import Path
-from typing import get_args
 
-from companion.languages import LANGUAGES, wm
+from companion.languages import LANGUAGES
 from fipa_codec import protocols
 from fipa_codec.interfaces import ClassInterfaceInfo
 from fipa_codec.languages import REASON, Language
-from topdown import agreement, checks
 from topdown.design import Design, load
-from topdown.findings import Finding
 from topdown.interfaces import interfaces
 
 FILE = Path(__file__).with_name("design.toml")
@@ -49,21 +46,3 @@ def language_of(content: object) -> Language:
 
 # What can be asked in each use of a protocol, in the paper's form (section 5.6).
 INTERFACES: dict[str, ClassInterfaceInfo] = interfaces(DESIGN, LANGUAGES)
-
-# Interface sets whose argument classes are, together, exactly the query classes of WM.
-QUERY_INTERFACES = ("knowledge", "hypotheses")
-
-
-def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
-    """Whatever is inconsistent in the design or between it and the languages; nothing, if all is well."""
-    classes = {
-        entry.name: [kind.__name__ for kind in LANGUAGES.named(entry.name).classes]
-        for entry in design.file.language
-        if entry.name in LANGUAGES.names
-    }
-    queries = [kind.__name__ for kind in get_args(wm.AnyQuery)]
-    return (
-        *checks.check(design),
-        *agreement.check_languages(design, classes),
-        *agreement.check_queries(design, QUERY_INTERFACES, "WM", queries),
-    )

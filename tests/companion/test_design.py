@@ -5,7 +5,8 @@ from typing import get_args
 import pytest
 
 from agent_runtime.wiring import service_key
-from companion.design import DESIGN, INTERFACES, AgentName, findings, language_of
+from companion.design import DESIGN, INTERFACES, AgentName, language_of
+from companion.findings import findings
 from companion.languages import LANGUAGES, hfsm, sw, wm
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative as P

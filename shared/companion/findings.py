@@ -1,0 +1,30 @@
+"""What is inconsistent in the design of the Robot Companion, or between it and its languages: asked by tools and tests.
+
+Apart from companion.design, so that no agent loads the checks when it starts.
+"""
+
+from typing import get_args
+
+from companion.design import DESIGN
+from companion.languages import LANGUAGES, wm
+from topdown import agreement, checks
+from topdown.design import Design
+from topdown.findings import Finding
+
+# Interface sets whose argument classes are, together, exactly the query classes of WM.
+QUERY_INTERFACES = ("knowledge", "hypotheses")
+
+
+def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
+    """Whatever is inconsistent in the design or between it and the languages; nothing, if all is well."""
+    classes = {
+        entry.name: [kind.__name__ for kind in LANGUAGES.named(entry.name).classes]
+        for entry in design.file.language
+        if entry.name in LANGUAGES.names
+    }
+    queries = [kind.__name__ for kind in get_args(wm.AnyQuery)]
+    return (
+        *checks.check(design),
+        *agreement.check_languages(design, classes),
+        *agreement.check_queries(design, QUERY_INTERFACES, "WM", queries),
+    )
