@@ -1,6 +1,6 @@
 """Start-up of the fleet: seconds from the start of the supervisor until each process is ready, head and arm move.
 
-    python benchmarks/startup.py [--seed N] [--speed 1] [--keep DIR]
+    python benchmarks/startup.py [--seed N] [--speed 1] [--insecure] [--keep DIR]
 
 The sentence is said as soon as the fleet is ready. Head and arm: the first change of a measured joint by more than
 `MOVED` after that, and the first one at all for the head (the survey may begin before the sentence).
@@ -11,14 +11,13 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
 import numpy as np
 import typer
 
 from agent_runtime.options import Options
 from agent_runtime.tap import Sample, open_tap
-from companion.run_folder import ProcessState
-from companion.telemetry import RobotState
+from companion.run_folder import KEYS_FOLDER, ProcessState
+from companion.telemetry import RobotState, told
 from services.console import fleet, runs
 from services.console.demo import SENTENCE
 from services.console.hi import Hi
@@ -40,7 +39,9 @@ class Motion:
         """Take in what ex shows."""
         if not sample.key.endswith("/_/telemetry/ex"):
             return
-        state = msgspec.msgpack.decode(sample.data, type=RobotState)
+        state = told(sample.data)
+        if not isinstance(state, RobotState):
+            return
         if self.first is None:
             self.first, self.shown_at = state, sample.at - self.began
         for name in ("head", "body"):
@@ -52,13 +53,14 @@ class Motion:
 def main(
     seed: Annotated[int, typer.Option()] = 1,
     speed: Annotated[str, typer.Option()] = "1",
+    insecure: Annotated[bool, typer.Option("--insecure", help="without TLS, keys and rights")] = False,
     keep: Annotated[Path | None, typer.Option(help="the run folder; default: a temporary one")] = None,
 ) -> None:
     """Measure one start."""
     with tempfile.TemporaryDirectory() as scratch:
         run = keep or Path(scratch) / "run"
         began = time.time()
-        supervisor = fleet.start(run, ["--speed", speed, "--seed", str(seed)])
+        supervisor = fleet.start(run, ["--speed", speed, "--seed", str(seed), *(["--insecure"] if insecure else [])])
         motion, ready = Motion(began), dict[str, float]()
         tap = None
         try:
@@ -68,7 +70,8 @@ def main(
                     if status.state is ProcessState.READY:
                         ready.setdefault(status.name, now)
                 if tap is None and told is not None and "router" in ready:
-                    tap = open_tap(Options(connect=told.connect), motion.heard, lambda: False)
+                    options = Options(connect=told.connect, keys=None if insecure else run / KEYS_FOLDER)
+                    tap = open_tap(options, motion.heard, lambda: False)
                 if told and "all" not in ready and all(s.name in ready or s.optional for s in told.processes):
                     ready["all"] = now
                     Hi(runs.hi_address(run)).say(SENTENCE)

@@ -1,149 +1,197 @@
-"""What mutual TLS and the rights cost: a word and its answer through two routers, by turns, in one run.
+"""What mutual TLS and the rights cost the fleet: questions and answers on C4, with and without, by turns in one run.
 
     python benchmarks/tls.py [--quick]
 
-One router is plain, the other asks for certificates and grants the companion's rights. pl puts a query-ref on its key
-of C4, km answers with an inform-ref of the size given; both are bare sessions with the fleet's settings: the ratio is
-an upper bound, since an agent's own work comes on top of both. Prints p50 and p99 [us] of each and the medians' ratio.
+Two fleets of router, km and pl, each as processes with all that agents have (round_trip.py): one as `roco up` starts
+it, with keys and the companion's rights, one as `roco up --insecure` does. pl of each asks in blocks, plain, secured,
+plain, secured ..., so that the machine's other work falls on both. Prints p50 and p99 [us] of each, the ratio of the
+medians, and the middle half of the blocks' ratios: each secured block against the two plain ones around it.
 """
 
 import os
-import queue
+import select
 import signal
 import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
-import zenoh
+from round_trip import SYSTEM, Came, Go, km, pl
 
-from agent_runtime.secured import client_tls
-from agent_runtime.wiring import communicate_key
-from agent_runtime.zenoh_wire import client_config, free_endpoint, keep_memory
+from agent_runtime import issuing, shell
+from agent_runtime.agent import Agent
+from agent_runtime.devices import Post
+from agent_runtime.options import Options
+from agent_runtime.zenoh_wire import free_endpoint
+from companion.binding import wiring
 from companion.design import DESIGN
-from fipa_codec.performatives import Performative
-from services.console.keys import written
 
-SYSTEM = "bench"
 LIMIT = 1.25
-SIZES = {"654 B": (654, 200), "98 kB": (98_000, 50), "852 kB": (852_000, 15)}
-"""Answer (paper, section 5.7: mean and largest of C4, largest of all): bytes, trips of a block."""
-BLOCKS = 20
-WITHIN_S = 20.0
-ASK = communicate_key(SYSTEM, "C4", "pl", "km", "query", Performative.QUERY_REF)
-ANSWER = communicate_key(SYSTEM, "C4", "km", "pl", "query", Performative.INFORM_REF)
+SIZES = {"654 B": 100, "98 kB": 30, "852 kB": 8}
+"""Answer (paper, section 5.7: mean and largest of C4, largest of all): trips of a block."""
+BLOCKS = 41
+WITHIN_S = 60.0
+START_S = 180.0  # on a machine that is busy with much else
 
 
-def opened(address: str, folder: Path, identity: str) -> zenoh.Session:
-    """A session, with keys where the address asks for them; the router may still be starting."""
-    until = time.monotonic() + WITHIN_S
-    while True:
-        try:
-            return zenoh.open(client_config(address, client_tls(folder, identity) if "tls/" in address else None))
-        except zenoh.ZError:
-            if time.monotonic() > until:
-                raise
-            time.sleep(0.05)
+class Block(msgspec.Struct):
+    """So many questions for this answer."""
+
+    answer: str
+    count: int
 
 
-def answer(folder: Path, addresses: list[str]) -> None:
-    """km on every router: answers a size with as many bytes, until it is ended."""
-    keep_memory()
-    kept: list[Any] = []
-    for address in addresses:
-        session = opened(address, folder, "km")
+class Store:
+    """km's own side, which has nothing to keep."""
 
-        def reply(sample: zenoh.Sample, session: zenoh.Session = session) -> None:
-            session.put(ANSWER, bytes(int(sample.payload.to_string())))
+    busy = False
 
-        kept += [session, session.declare_subscriber(ASK, reply)]
-    signal.pause()
-
-
-class Asker:
-    """pl on one router."""
-
-    def __init__(self, address: str, folder: Path) -> None:
-        self._session, self._heard = opened(address, folder, "pl"), queue.SimpleQueue[int]()
-        self._ear = self._session.declare_subscriber(ANSWER, lambda one: self._heard.put(len(one.payload.to_bytes())))
-
-    def trip(self, size: int) -> float:
-        """Seconds until the answer of that size is here."""
-        begin = time.perf_counter()
-        self._session.put(ASK, str(size).encode())
-        assert self._heard.get(timeout=WITHIN_S) == size
-        return time.perf_counter() - begin
-
-    def found(self) -> None:
-        """Wait until km hears us."""
-        until = time.monotonic() + WITHIN_S
-        while time.monotonic() < until:
-            self._session.put(ASK, b"1")
-            try:
-                self._heard.get(timeout=0.2)
-                break
-            except queue.Empty:
-                continue
-        time.sleep(0.5)
-        while not self._heard.empty():
-            self._heard.get()
+    def tell(self, content: Any) -> None:
+        """What km tells its store."""
 
     def close(self) -> None:
-        """End the session."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        """Nothing to close."""
 
 
-def run(folder: Path, blocks: int) -> None:
-    """Start routers and km, measure by turns, print."""
-    written(folder, DESIGN, SYSTEM)
-    plain, secured = free_endpoint(), free_endpoint().replace("tcp/", "tls/")
-    here, started = [sys.executable, str(Path(__file__).resolve())], []
-    for address, keys in ((plain, ""), (secured, str(folder))):
-        told = {"ROCO_LISTEN": address, "ROCO_RUN_DIR": str(folder / address[:3]), "ROCO_TLS_DIR": keys}
-        command = [sys.executable, "-m", "services.router"]
-        started.append(subprocess.Popen(command, env=os.environ | told | {"ROCO_SYSTEM": SYSTEM}))
-    started.append(subprocess.Popen([*here, "--answer", f"{plain},{secured}", "--folder", str(folder)]))
-    askers = [Asker(plain, folder), Asker(secured, folder)]
-    try:
-        for asker in askers:
-            asker.found()
-        for name, (size, trips) in SIZES.items():
-            taken: tuple[list[float], list[float]] = ([], [])
-            for _ in range(blocks):
-                for asker, times in zip(askers, taken, strict=True):
-                    times += [asker.trip(size) * 1e6 for _ in range(trips)]
-            tell(name, *taken)
-    finally:
-        for asker in askers:
-            asker.close()
-        for process in reversed(started):
-            process.terminate()
+class Turns:
+    """pl's own side: a block of questions for each line of standard input; its times [us] as a line of `out`."""
+
+    busy = False
+
+    def __init__(self, post: Post, out: int) -> None:
+        self._post, self._out = post, os.fdopen(out, "wb", buffering=0)
+        self._left, self._asked, self._times, self._answer = 0, 0, list[float](), ""
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        lines = os.fdopen(0, "rb", buffering=0, closefd=False)  # unbuffered: its lock would hold up the end
+        for line in lines:
+            block = msgspec.json.decode(line, type=Block)
+            self._left, self._times, self._answer = block.count, [], block.answer
+            self._ask()
+
+    def _ask(self) -> None:
+        self._asked = time.perf_counter_ns()
+        self._post(Go(self._answer))
+
+    def tell(self, content: Any) -> None:
+        """An answer came: ask on, or give the times."""
+        now = time.perf_counter_ns()
+        if not isinstance(content, Came):
+            return
+        self._times.append((now - self._asked) / 1000)
+        self._left -= 1
+        if self._left:
+            self._ask()
+        else:
+            self._out.write(msgspec.json.encode(self._times) + b"\n")
+
+    def close(self) -> None:
+        """End with the process."""
+        self._out.close()
+
+
+class Fleet:
+    """Router, km and pl; `block` has pl ask."""
+
+    def __init__(self, run: Path, *, secured: bool) -> None:
+        run.mkdir()
+        address = free_endpoint().replace("tcp/", "tls/" if secured else "tcp/")
+        if secured:
+            issuing.issue(run / "keys", DESIGN, (SYSTEM,))
+        told = {"ROCO_LISTEN": address, "ROCO_RUN_DIR": str(run), "ROCO_SYSTEM": SYSTEM}
+        self._environment = os.environ | told | {"ROCO_TLS_DIR": str(run / "keys") if secured else ""}
+        here = [sys.executable, str(Path(__file__).resolve()), "--address", address, "--run", str(run)]
+        self._started = [self._start([sys.executable, "-m", "services.router"])]
+        self._started.append(self._start([*here, "--agent", "km"]))
+        read, write = os.pipe()
+        self._pl = self._start([*here, "--agent", "pl", "--out", str(write)], stdin=subprocess.PIPE, pass_fds=[write])
+        os.close(write)
+        self._started.append(self._pl)
+        self._times = os.fdopen(read, "rb")
+        self._beat = run / "pl.heartbeat.json"
+
+    def found(self) -> None:
+        """Wait until pl sees km."""
+        until = time.monotonic() + START_S
+        while not (self._beat.exists() and b'"km":1' in self._beat.read_bytes()):
+            if time.monotonic() > until:
+                raise typer.BadParameter(f"pl does not see km after {START_S:g} s; see {self._beat.parent}/logs")
+            time.sleep(0.1)
+
+    def _start(self, command: list[str], **more: Any) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(command, env=self._environment, stdout=subprocess.DEVNULL, **more)
+
+    def block(self, answer: str, count: int) -> list[float]:
+        """Times of so many questions, one after the other [us]."""
+        assert self._pl.stdin is not None
+        self._pl.stdin.write(msgspec.json.encode(Block(answer, count)) + b"\n")
+        self._pl.stdin.flush()
+        if not select.select([self._times], [], [], WITHIN_S)[0]:
+            raise typer.BadParameter(f"no answers of {answer} in {WITHIN_S:g} s: km or the router does not live")
+        return msgspec.json.decode(self._times.readline(), type=list[float])
+
+    def end(self) -> None:
+        """Stop it, the router last."""
+        for process in reversed(self._started):
+            process.send_signal(signal.SIGTERM)
             process.wait(WITHIN_S)
 
 
-def tell(name: str, plain: list[float], secured: list[float]) -> None:
-    """A row."""
-    one, other = (statistics.quantiles(times, n=100) for times in (plain, secured))
-    ratio = other[49] / one[49]
-    told = f"plain {one[49]:.0f} / {one[98]:.0f}, TLS and rights {other[49]:.0f} / {other[98]:.0f} us (p50 / p99)"
-    print(f"{name:>7}: {told}; ratio {ratio:.2f} (limit {LIMIT}), n {len(plain)}", flush=True)
+def measure(folder: Path, blocks: int) -> None:
+    """Both fleets, by turns; prints a row for each size."""
+    plain, secured = Fleet(folder / "plain", secured=False), Fleet(folder / "secured", secured=True)
+    try:
+        for answer, count in SIZES.items():
+            for fleet in (plain, secured):
+                fleet.found()
+                fleet.block(answer, 3 * count)
+            turns = [(secured if number % 2 else plain).block(answer, count) for number in range(blocks)]
+            tell(answer, turns)
+    finally:
+        secured.end()
+        plain.end()
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+
+
+def tell(answer: str, turns: list[list[float]]) -> None:
+    """A row from blocks that are plain, secured, plain, ..., plain."""
+    one, other = ([t for block in turns[first::2] for t in block] for first in (0, 1))
+    mine, theirs = (statistics.quantiles(times, n=100) for times in (one, other))
+    middles = [statistics.median(block) for block in turns]
+    around = [2.0 * middles[at] / (middles[at - 1] + middles[at + 1]) for at in range(1, len(turns) - 1, 2)]
+    low, _, high = statistics.quantiles(around, n=4)
+    told = f"plain {mine[49]:.0f} / {mine[98]:.0f}, TLS and rights {theirs[49]:.0f} / {theirs[98]:.0f} us (p50 / p99)"
+    ratio = f"ratio {theirs[49] / mine[49]:.2f} (blocks {low:.2f}-{high:.2f}; limit {LIMIT})"
+    print(f"{answer:>7}: {told}; {ratio}, n {len(other)}", flush=True)
+
+
+def serve(name: str, address: str, run: Path, out: int) -> int:
+    """Be km or pl."""
+    keys = Path(os.environ["ROCO_TLS_DIR"]) if os.environ["ROCO_TLS_DIR"] else None
+    options = Options(connect=address, run_dir=run, system=SYSTEM, log_level="error", keys=keys)
+    agent: Agent[Any] = km() if name == "km" else pl()
+    return shell.run(agent, wiring(name, SYSTEM), options, lambda post: Store() if name == "km" else Turns(post, out))
 
 
 def main(
     quick: Annotated[bool, typer.Option(help="A few blocks.")] = False,
-    answer_at: Annotated[str, typer.Option("--answer", hidden=True)] = "",
-    folder: Annotated[Path | None, typer.Option(hidden=True)] = None,
+    agent: Annotated[str, typer.Option(hidden=True)] = "",
+    address: Annotated[str, typer.Option(hidden=True)] = "",
+    run: Annotated[Path, typer.Option(hidden=True)] = Path(),
+    out: Annotated[int, typer.Option(hidden=True)] = 0,
 ) -> None:
     """Measure what mutual TLS and the rights cost."""
-    if answer_at and folder is not None:
-        answer(folder, answer_at.split(","))
-        return
-    with tempfile.TemporaryDirectory() as place:
-        run(Path(place), 3 if quick else BLOCKS)
+    if agent:
+        raise typer.Exit(serve(agent, address, run, out))
+    with tempfile.TemporaryDirectory(prefix="tls-") as place:
+        measure(Path(place), 7 if quick else BLOCKS)
 
 
 if __name__ == "__main__":

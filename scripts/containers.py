@@ -4,11 +4,17 @@ import os
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
+FILE = ROOT / "deploy" / "compose.yaml"
 BUILDKIT = {"DOCKER_BUILDKIT": "1", "COMPOSE_DOCKER_CLI_BUILD": "1"}  # docker-compose 1.29 wants to be asked
 ASK_S = 30.0  # estimate: for a question to the daemon
+LOOK_S = 0.2  # estimate: between two looks at what is waited for
+Found = TypeVar("Found")
 
 
 class Failed(Exception):
@@ -18,9 +24,13 @@ class Failed(Exception):
 class Docker:
     """The docker client and compose on one project."""
 
-    def __init__(self, client: str, compose: list[str], project: str, environment: dict[str, str]) -> None:
-        self.client, self.environment = client, environment
-        self._compose = [*compose, "-p", project, "-f", str(ROOT / "deploy" / "compose.yaml")]
+    def __init__(
+        self, client: str, compose: list[str], project: str, environment: dict[str, str], files: tuple[Path, ...] = ()
+    ) -> None:
+        self.client, self.project, self.environment = client, project, environment
+        named = [part for file in (FILE, *files) for part in ("-f", str(file))]
+        self._base = [*compose, "-p", project]
+        self._compose = [*self._base, *named]
 
     def run(self, command: list[str], within_s: float) -> str:
         """What it printed. Failed where it ends with another code than 0, or not in time."""
@@ -43,9 +53,22 @@ class Docker:
         """`docker compose ...` of the project"""
         return self.run([*self._compose, *arguments], within_s)
 
+    def over(self, *files: Path) -> "Docker":
+        """The same project with override files."""
+        return Docker(self.client, self._base[:-2], self.project, self.environment, files)
+
     def container(self, service: str) -> str:
-        """The id of a service's container; names differ between versions of Compose."""
-        return self.compose("ps", "-q", service).strip()
+        """The id of a service's container; Failed where none runs. Names differ between versions of Compose."""
+        labels = {"project": self.project, "service": service, "oneoff": "False"}
+        wanted = [part for key, value in labels.items() for part in ("-f", f"label=com.docker.compose.{key}={value}")]
+        found = self.docker("ps", "-q", *wanted).split()
+        if not found:
+            raise Failed(f"no container of {service} runs")
+        return found[0]
+
+    def execute(self, service: str, *command: str, within_s: float = ASK_S) -> str:
+        """What a command printed that ran inside a service's container."""
+        return self.docker("exec", self.container(service), *command, within_s=within_s)
 
     def inspect(self, service: str, form: str) -> str:
         """A field of a service's container."""
@@ -85,3 +108,17 @@ def version(client: str) -> int:
     text = subprocess.run(command, capture_output=True, timeout=ASK_S, check=False).stdout.decode()
     number = text.partition(".")[0]
     return int(number) if number.isdecimal() else sys.maxsize
+
+
+def wait(what: str, within_s: float, look: Callable[[], Found]) -> Found:
+    """What `look` finds, asked again and again; Failed says what is missing, and the last problem."""
+    end, why = time.monotonic() + within_s, ""
+    while time.monotonic() < end:
+        try:
+            found = look()
+            if found:
+                return found
+        except (Failed, OSError, ValueError) as error:
+            why = f"; last: {str(error)[-500:]}"
+        time.sleep(LOOK_S)
+    raise Failed(f"{what} within {within_s:.0f} s{why}")

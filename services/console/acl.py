@@ -18,20 +18,17 @@ from fipa_codec.acl_string.content import JSON
 from fipa_codec.acl_string.message import EPOCH
 from services.console.forms import Form, Format
 
-app = typer.Typer(no_args_is_help=True, help="Messages of other FIPA platforms, in their text (SC00070I).")
 
-
-@app.callback()
-def acl() -> None:
-    """Messages of other FIPA platforms, in their text (SC00070I)."""
-
-
-@app.command()
 def show(
     source: Annotated[str, typer.Argument(metavar="TEXT|FILE|-", help="A message, a file with one, or - for stdin.")],
     form: Form = Format.TEXT,
 ) -> None:
-    """Show what a message says. Exits with 1 where it is malformed, with a caret under the place."""
+    """Show what a message says. Exits with 1 where it is malformed, with a caret under the place.
+
+    Examples:
+      roco acl show message.acl
+      roco acl show '(inform :sender (agent-identifier :name km))'
+    """
     try:
         message = parse(read(source))
     except AclSyntaxError as error:

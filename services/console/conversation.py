@@ -14,11 +14,10 @@ from companion.run_folder import Judged
 from fipa_codec.tables import NOT_UNDERSTOOD, Role
 from services.console import runs, sequence
 from services.console.errors import ConsoleError
-from services.console.forms import Form, Format, tell_problem
-from services.console.verdicts import told
+from services.console.forms import Form, Format, RunDir, problems, tell_json
+from services.console.verdicts import judged, told
+from services.console.wanted import Agents, Channels, Performatives, Protocols, Recorded, wanted
 from topdown.verdicts import Verdict
-
-app = typer.Typer(no_args_is_help=True, help="The conversations of a run.")
 
 
 class Conversation(msgspec.Struct, frozen=True):
@@ -37,59 +36,65 @@ class Conversation(msgspec.Struct, frozen=True):
     said: tuple[Judged, ...]
 
 
-RunDir = Annotated[Path | None, typer.Option("--run-dir", help="A run's folder; else ROCO_RUN_DIR, else runs/latest.")]
-
-
-@app.callback()
-def conversation() -> None:
-    """The conversations of a run."""
-
-
-@app.command("list")
 def list_(
-    channel: Annotated[str, typer.Option(help="Only of this channel.")] = "",
-    agent: Annotated[str, typer.Option(help="Only with this agent.")] = "",
-    protocol: Annotated[str, typer.Option(help="Only of this protocol.")] = "",
+    channel: Channels = None,
+    agent: Agents = None,
+    protocol: Protocols = None,
+    performative: Performatives = None,
     open_: Annotated[bool | None, typer.Option("--open/--ended", help="Only those that go on, or that ended.")] = None,
     wrong: Annotated[bool, typer.Option("--wrong", help="Only those with something against the design.")] = False,
+    run: Recorded = None,
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """List conversations, oldest first."""
-    kept = [
-        one
-        for one in _conversations(run_dir, form)
-        if channel in ("", one.channel)
-        and agent in ("", one.initiator, one.participant)
-        and protocol in ("", one.protocol)
-        and open_ in (None, not one.ended)
-        and (one.violations or not wrong)
-    ]
-    if form is Format.JSON:
-        print(msgspec.json.encode([msgspec.structs.replace(one, said=()) for one in kept]).decode())
-        return
-    console = Console()
-    console.print(table(kept))
-    console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
+    """List conversations, oldest first.
+
+    Of a running fleet so far, as its monitor judged them; of a recording as they are judged now. A conversation is
+    meant if something of it is.
+
+    Examples:
+      roco conversation list --open
+      roco conversation list --channel C5 --performative failure
+      roco conversation list --run recording.mcap --format json
+    """
+    with problems(form):
+        which = wanted(channel, agent, protocol, performative)
+        kept = [
+            one
+            for one in _conversations(run, run_dir)
+            if any(map(which.keeps, one.said)) and open_ in (None, not one.ended) and (one.violations or not wrong)
+        ]
+        if form is Format.JSON:
+            tell_json([msgspec.structs.replace(one, said=()) for one in kept])
+            return
+        console = Console()
+        console.print(table(kept))
+        console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
 
 
-@app.command()
 def show(
     id: Annotated[str, typer.Argument(help="A conversation, as `roco conversation list` names it.")],
+    run: Recorded = None,
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show a conversation as a sequence diagram: what was said when, the states after it, and what the judge says."""
-    found = [one for one in _conversations(run_dir, form) if one.id == id]
-    if not found:
-        _stop(f"no conversation {id!r} in this run; `roco conversation list` shows them", form)
-    if form is Format.JSON:
-        print(msgspec.json.encode(found).decode())
-        return
-    console = Console()
-    for one in found:
-        console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
-        console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
+    """Show a conversation as a sequence diagram: what was said when, the states after it, and what the judge says.
+
+    Examples:
+      roco conversation show hi-1-1
+      roco conversation show pl-1-3 --run recording.mcap --format json
+    """
+    with problems(form):
+        found = [one for one in _conversations(run, run_dir) if one.id == id]
+        if not found:
+            raise ConsoleError(f"no conversation {id!r} in this run; `roco conversation list` shows them")
+        if form is Format.JSON:
+            tell_json(found)
+            return
+        console = Console()
+        for one in found:
+            console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
+            console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
 
 
 def conversations(lines: list[Judged]) -> list[Conversation]:
@@ -152,14 +157,7 @@ def _ended(protocol: str, states: tuple[str, str]) -> bool:
     return all(set(words.split("|")) <= end for words, end in zip(states, ends, strict=True))
 
 
-def _conversations(run_dir: Path | None, form: Format) -> list[Conversation]:
-    try:
+def _conversations(run: Path | None, run_dir: Path | None) -> list[Conversation]:
+    if run is None:
         return conversations(told(runs.find(run_dir)))
-    except ConsoleError as error:
-        _stop(str(error), form)
-        return []
-
-
-def _stop(text: str, form: Format) -> None:
-    tell_problem(text, form)
-    raise typer.Exit(1)
+    return conversations(told(run) if run.is_dir() else judged(run))

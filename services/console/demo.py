@@ -25,7 +25,7 @@ QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, Pro
 PICTURES = "run.rrd"
 RERUN = Path(sys.executable).with_name("rerun")  # the viewer comes with the library
 PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
-FIRST_LOOK_S = 30.0  # estimate: the look takes 3 s and some seconds of preparation on a loaded machine
+FIRST_LOOK_S = 120.0  # it takes 3 s and some of preparation; 30 s at a load of 36 on two cores (measured 2026-11-22)
 LAST_LOOKS = 5  # estimate: five times what the recorder holds back
 
 
@@ -48,7 +48,7 @@ class Watch:
         self.console = console
         self.json_lines = json_lines
         self.pictures = console.is_terminal and not json_lines
-        self._follow = live.Follow(run / LIVE_FILE)
+        self._follow = live.Follow(live.of_file(run / LIVE_FILE))
         self._live: Live | None = None
         self._told: dict[str, str] = {}
         if not self.pictures and not json_lines:
@@ -118,6 +118,7 @@ def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
     finally:
         watch.ending()
         fleet.down(run)
+        fleet.end(supervisor)
     report = runs.read(run / REPORT_FILE, Report)
     if report is None:
         raise ConsoleError(f"the run ended without a report ({run / REPORT_FILE} is not there); see {run}/monitor.log")

@@ -11,7 +11,6 @@ import typer
 
 from companion.design import FILE
 from services.console import design_files as files
-from services.console.design import app
 from services.console.forms import Form, Format
 from topdown.checks import recorded
 from topdown.design import Design, load
@@ -19,14 +18,19 @@ from topdown.findings import Finding
 from topdown.rulings import Ruling, rulings
 
 
-@app.command()
 def check(
     file: files.File = FILE,
     run: files.Recording = None,
     ruled: Annotated[bool, typer.Option("--rulings", help="Also what the design rules, entry by entry.")] = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1 on a finding."""
+    """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1 on a finding.
+
+    Examples:
+      roco design check
+      roco design check shared/companion/design.toml --rulings
+      roco design check --recording runs/latest
+    """
     with files.problems(form):
         design, heard = load(file), files.observed(run)
         found = files.findings(design, file)

@@ -10,7 +10,6 @@ from typing import Annotated
 import typer
 
 from services.console import design_files as files
-from services.console.design import app
 from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.differing import Change, Way, diff
@@ -18,13 +17,16 @@ from topdown.differing import Change, Way, diff
 MARKS = {Way.ADDED: "+", Way.REMOVED: "-", Way.CHANGED: "~"}
 
 
-@app.command(name="diff")
 def diff_(
     old: Annotated[Path, typer.Argument(help="A design file.")],
     new: Annotated[Path, typer.Argument(help="The design file it became.")],
     form: Form = Format.TEXT,
 ) -> None:
-    """Tell what changed between two designs, whatever the order of their entries. Exits with 1 where they differ."""
+    """Tell what changed between two designs, whatever the order of their entries. Exits with 1 where they differ.
+
+    Examples:
+      roco design diff old.toml new.toml
+    """
     with files.problems(form):
         found = diff(load(old), load(new))
     if form is Format.JSON:

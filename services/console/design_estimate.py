@@ -12,7 +12,6 @@ from rich.table import Table
 
 from companion.design import FILE
 from services.console import design_files as files
-from services.console.design import app
 from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.estimating import Estimate, UseEstimate, estimate
@@ -31,14 +30,18 @@ class Told(msgspec.Struct, frozen=True):
     compared: tuple[tuple[Measured, float | None], ...] = ()
 
 
-@app.command(name="estimate")
 def estimate_(
     file: files.File = FILE,
     run: files.Recording = None,
     within: Annotated[float, typer.Option(help="Beside a recording: the error that is wanted, as a share.")] = WITHIN,
     form: Form = Format.TEXT,
 ) -> None:
-    """Estimate counts, sizes, bandwidth, latencies, bottlenecks. Beside a recording exits with 1 on a larger error."""
+    """Estimate counts, sizes, bandwidth, latencies, bottlenecks. Beside a recording exits with 1 on a larger error.
+
+    Examples:
+      roco design estimate
+      roco design estimate --recording runs/latest
+    """
     with files.problems(form):
         design, heard = load(file), files.observed(run)
         found = estimate(design)

@@ -12,7 +12,6 @@ import typer
 
 from companion.design import FILE
 from services.console import design_files as files
-from services.console.design import app
 from services.console.forms import Form, Format
 from topdown.design import Design, load
 from topdown.errors import NoSuchEntry
@@ -46,7 +45,6 @@ class Written(msgspec.Struct, frozen=True):
     look_with: str
 
 
-@app.command()
 def export(
     file: files.File = FILE,
     promela: Promela = None,
@@ -57,7 +55,12 @@ def export(
     ideal: Ideal = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Write the models of a design's protocols for spin (Promela) or for Petri net tools (PNML)."""
+    """Write the models of a design's protocols for spin (Promela) or for Petri net tools (PNML).
+
+    Examples:
+      roco design export --promela plan.pml --use execute_plan
+      roco design export --pnml nets --pair co-ta
+    """
     with files.problems(form):
         if promela is None and pnml is None:
             raise ValueError("nothing to write; name a file or a folder with --promela or --pnml")

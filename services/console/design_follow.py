@@ -11,7 +11,6 @@ import typer
 from agent_runtime.steplog import deeds
 from companion.design import FILE
 from services.console import design_files as files
-from services.console.design import app
 from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.proving.paths import Deviation, Follower
@@ -22,9 +21,12 @@ Run = Annotated[Path, typer.Argument(help="A run's folder; its agents' steps are
 Design = Annotated[Path, typer.Option("--design", help="A design file; else the Robot Companion's.")]
 
 
-@app.command()
 def follow(run: Run, design: Design = FILE, form: Form = Format.TEXT) -> None:
-    """Follow a run through the composed model of its design: every step of every agent must be a move of it."""
+    """Follow a run through the composed model of its design: every step of every agent must be a move of it.
+
+    Examples:
+      roco design follow runs/latest
+    """
     with files.problems(form):
         done = deeds(run / STEPS)
         if not done:

@@ -7,12 +7,10 @@ from typing import Annotated
 import msgspec
 import typer
 
-from services.console.design import app
 from topdown.errors import TopdownError
 from topdown.scaffold import Outcome, scaffold, smallest
 
 
-@app.command()
 def new(
     folder: Annotated[Path, typer.Argument(help="The project's folder; made where missing.")],
     name: Annotated[str, typer.Option(help="Name of package and system; else the design's, or the folder's.")] = "",
@@ -25,6 +23,10 @@ def new(
     """Make a project of a design: packages, typed interfaces, stubs, tests, processes, compose entries.
 
     Run it again after a change of the design: a file that you changed is kept, and the names it lacks are told.
+
+    Examples:
+      roco design new lamp
+      roco design new robot --from shared/companion/design.toml
     """
     try:
         outcome = _made(folder, name, source)

@@ -10,7 +10,6 @@ import msgspec
 import typer
 
 from companion.design import FILE
-from services.console.design import app
 from services.console.forms import Form, Format, tell_problem
 from topdown.design import load
 from topdown.drawing import book, text
@@ -18,7 +17,6 @@ from topdown.drawing.parts import Figure, Section
 from topdown.errors import TopdownError
 
 
-@app.command()
 def show(
     file: Annotated[Path, typer.Argument(help="A design file; else the Robot Companion's.")] = FILE,
     what: Annotated[list[book.What] | None, typer.Option(help="What to show; may be repeated.")] = None,
@@ -32,7 +30,13 @@ def show(
     long: Annotated[bool, typer.Option("--long", help="Also the rows behind diagrams, which a page folds.")] = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show a design: requirements, steps, channels, protocols, the system, state machines."""
+    """Show a design: requirements, steps, channels, protocols, the system, state machines.
+
+    Examples:
+      roco design show
+      roco design show --agent co
+      roco design show --what system
+    """
     with problems(form):
         chosen = chosen_of(what or [], step, agent, protocol)
         width = shutil.get_terminal_size((text.WIDTH, 0)).columns

@@ -10,7 +10,6 @@ import typer
 
 from companion.design import FILE
 from services.console import design_files as files
-from services.console.design import app
 from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.tracing import Evidence, Shown, Traced, trace
@@ -18,9 +17,13 @@ from topdown.tracing import Evidence, Shown, Traced, trace
 MARKS = {Shown.SEEN: "+", Shown.NAMED: " ", Shown.MISSING: "-"}
 
 
-@app.command(name="trace")
 def trace_(file: files.File = FILE, run: files.Recording = None, form: Form = Format.TEXT) -> None:
-    """Trace every leaf requirement to what shows that it is met. Exits with 1 where something is missing."""
+    """Trace every leaf requirement to what shows that it is met. Exits with 1 where something is missing.
+
+    Examples:
+      roco design trace
+      roco design trace --format json
+    """
     with files.problems(form):
         found = trace(load(file), files.observed(run), Tests(file))
     if form is Format.JSON:

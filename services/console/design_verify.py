@@ -12,7 +12,6 @@ from rich.console import Console
 
 from companion.design import FILE
 from services.console import design_files as files
-from services.console.design import app
 from services.console.forms import Form, Format
 from topdown.design import load
 from topdown.proving import counterexample, durable, volatile
@@ -35,7 +34,6 @@ Seconds = Annotated[float | None, typer.Option(help="Time for each verdict; what
 Long = Annotated[bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")]
 
 
-@app.command()
 def verify(
     file: files.File = FILE,
     faults: Faults = "1",
@@ -46,7 +44,12 @@ def verify(
     long: Long = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no stale plan."""
+    """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no stale plan.
+
+    Examples:
+      roco design verify
+      roco design verify --format json
+    """
     with files.problems(form):
         most, wanted = _most(faults), tuple(layer or LAYERS)
         try:

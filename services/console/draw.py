@@ -150,15 +150,6 @@ def events(view: View, began: float, lines: int) -> Text:
     return text
 
 
-def fleet_table(fleet: Fleet) -> Table:
-    """The processes as the supervisor sees them, for `roco status`."""
-    table = Table("process", "state", "pid", "restarts", "", box=None, padding=(0, 2), header_style="dim")
-    for status in fleet.processes:
-        state = Text(status.state, COLOURS.get(status.state, ""))
-        table.add_row(status.name, state, str(status.pid or "-"), str(status.restarts), status.note)
-    return table
-
-
 def within(path: str, machine: str) -> bool:
     """Tell whether a path stands inside a machine."""
     return path.startswith(machine + "/")

@@ -1,22 +1,44 @@
-"""What can go wrong for a person at the command line; each message says what to do.
+"""What can go wrong for a person at the command line; each message says what to do, each kind has its exit code.
 
 ConsoleError
+    UsageError      what was named is not there, or makes no sense
     NoRunError      there is no run to talk about
     HiError         a_hi does not answer, or says no
     FleetError      the fleet did not come up, or not go down
+    DockerError     docker is not there, or did not do what was asked
 """
+
+AS_WANTED = 0
+NO = 1
+"""It failed, or what was asked is answered with no: not ready, refused, a finding, a violation."""
+WRONG_USE = 2
+"""An option, a name or a file is not as it must be; calling it again the same way cannot help."""
+NOTHING_RUNS = 3
+"""There is nothing to ask: no run, no fleet, no human interface."""
+INTERRUPTED = 130
+"""Ctrl-C, as shells count it: 128 and the signal's number."""
 
 
 class ConsoleError(Exception):
-    """Base of them all; the command line prints it and exits with 1."""
+    """Base of them all; the command line prints it and exits with its code."""
+
+    code = NO
+
+
+class UsageError(ConsoleError):
+    """What was named is not there, or makes no sense."""
+
+    code = WRONG_USE
 
 
 class NoRunError(ConsoleError):
     """There is no run folder where it was looked for."""
 
-    def __init__(self, where: str) -> None:
+    code = NOTHING_RUNS
+
+    def __init__(self, where: str, words: str = "") -> None:
         self.where = where
-        super().__init__(f"no run at {where}; start one with `roco up`, or name it with --run-dir")
+        super().__init__(words or f"no run at {where}; start one with `roco up`, or name it with --run-dir")
 
 
 class HiError(ConsoleError):
@@ -25,6 +47,7 @@ class HiError(ConsoleError):
     def __init__(self, status: int, reason: str) -> None:
         self.status = status
         self.reason = reason
+        self.code = NO if status else NOTHING_RUNS
         super().__init__(f"the human interface said no ({status}): {reason}" if status else reason)
 
 
@@ -35,3 +58,7 @@ class FleetError(ConsoleError):
         self.what = what
         self.processes = processes
         super().__init__("\n  ".join([what, *processes]))
+
+
+class DockerError(ConsoleError):
+    """Docker is not there, or did not do what was asked."""

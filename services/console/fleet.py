@@ -16,7 +16,7 @@ from services.console.errors import FleetError
 SUPERVISOR = "services.supervisor"
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, doubled; to be measured
-STOP_S = 90.0  # the monitor may take a minute for its report, the others seconds
+STOP_S = 150.0  # the monitor may take two minutes for its reports, the others seconds
 
 
 def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
@@ -78,6 +78,17 @@ def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
             _signal(pid, number)
         orphans = _wait_gone(orphans, 10.0)
     return names
+
+
+def end(supervisor: subprocess.Popen[bytes], patience_s: float = STOP_S) -> None:
+    """End a supervisor that `down` could not find: it was interrupted before it had told of itself."""
+    if supervisor.poll() is None:
+        supervisor.terminate()
+        try:
+            supervisor.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            supervisor.kill()
+            supervisor.wait()
 
 
 def describe(status: ProcessStatus) -> str:

@@ -1,7 +1,5 @@
 """`roco keys make`: certificates for every identity of a design, and the router's rules; all expires in a week."""
 
-import datetime as dt
-import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -9,70 +7,61 @@ from typing import Annotated
 import msgspec
 import typer
 
-from agent_runtime import keys
-from agent_runtime.secured import RIGHTS, Rights
+from agent_runtime import issuing, keys
+from agent_runtime.secured import RIGHTS
 from companion.design import DESIGN
-from companion.run_folder import KEYS_FOLDER
 from services.console.forms import Form, Format
-from topdown.design import Design, load
+from topdown.design import load
 from topdown.errors import DesignError
-from topdown.rights import ROUTER, access_control, identities
 
 SYSTEM = "roco"
 """As everywhere where none is named."""
 
 
-class Made(msgspec.Struct, frozen=True):
-    """What was written where, and until when it holds."""
-
-    folder: str
-    system: str
-    identities: tuple[str, ...]
-    until: dt.datetime
-
-
-app = typer.Typer(no_args_is_help=True, help="Certificates of a fleet, and the router's rules.")
-
-
-@app.callback()
-def keys_() -> None:
-    """Certificates of a fleet, and the router's rules."""
-
-
-@app.command()
 def make(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to; what is there is replaced.")],
     days: Annotated[float, typer.Option(min=0.01, help="How long they hold.")] = keys.DAYS,
-    system: Annotated[str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key, as the fleet's.")] = SYSTEM,
+    system: Annotated[
+        list[str] | None,
+        typer.Option(envvar=["ROCO_SYSTEMS", "ROCO_SYSTEM"], help="Prefix of every key; several behind one router."),
+    ] = None,
     host: Annotated[list[str] | None, typer.Option(help="One more name or address of the router's host.")] = None,
     design: Annotated[Path | None, typer.Option(help="Another system's design file.")] = None,
+    apart: Annotated[bool, typer.Option(help="A folder for each identity: each process sees its own alone.")] = False,
+    keep: Annotated[
+        float | None, typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more.")
+    ] = None,
+    linked: Annotated[bool, typer.Option(help="A router for each system, which join each other.")] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Make an authority, a certificate per identity and the router's rules, all anew.
 
     A process needs authority.pem and its own two files; the router rights.json, too. The authority's private key is
     forgotten. Exits with 1 where they cannot be written, or there is no such design.
+
+    Examples:
+      roco keys make keys
+      roco keys make keys --apart --keep 3.5
+      roco keys make keys --system velma1 --system velma2 --host robots.lan
     """
+    systems = [name.strip() for names in system or [SYSTEM] for name in names.split(",") if name.strip()]
+    hosts = (*keys.HOSTS, *(host or ()))
     try:
-        made = written(folder, DESIGN if design is None else load(design), system, days=days, hosts=tuple(host or ()))
+        drawn = DESIGN if design is None else load(design)
+        made = issuing.issue(folder, drawn, systems, days=days, hosts=hosts, apart=apart, linked=linked, keep_days=keep)
     except (OSError, DesignError, UnicodeError) as error:
         print(f"roco: {error}", file=sys.stderr)
         raise typer.Exit(1) from error
-    if form is Format.JSON:
-        print(msgspec.json.encode(made).decode())
-        return
-    print(f"{made.folder}: {', '.join(made.identities)}, and {RIGHTS} for the router of system {made.system!r}")
-    print(f"they hold until {made.until:%Y-%m-%d %H:%M} UTC; ROCO_TLS_DIR={made.folder} makes a process use them")
+    print(msgspec.json.encode(made).decode() if form is Format.JSON else words(made, apart=apart))
 
 
-def written(folder: Path, design: Design, system: str, *, days: float = keys.DAYS, hosts: tuple[str, ...] = ()) -> Made:
-    """Make them and say so. Raises OSError."""
-    names = identities(design)
-    rights = Rights(system, access_control(design, system))
-    until = keys.make(folder, names, ROUTER, rights, days=days, hosts=(*keys.HOSTS, *hosts))
-    return Made(str(folder), system, names, until)
-
-
-def of_run(run: Path) -> Made:
-    """Keys of one run, in its folder."""
-    return written(run / KEYS_FOLDER, DESIGN, os.environ.get("ROCO_SYSTEM", SYSTEM))
+def words(made: issuing.Issued, *, apart: bool) -> str:
+    """What is there now, for people."""
+    of = "systems" if len(made.systems) > 1 else "system"
+    named = f"{of} {', '.join(repr(system) for system in made.systems)}"
+    use = "ROCO_TLS_DIR=<an identity's folder>" if apart else f"ROCO_TLS_DIR={made.folder}"
+    return (
+        f"{made.folder}: {', '.join(made.identities)}, and {RIGHTS} for the router of {named}"
+        f"{'' if made.anew else ' (kept as they were)'}\n"
+        f"they hold until {made.until:%Y-%m-%d %H:%M} UTC; {use} makes a process use them"
+    )

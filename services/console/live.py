@@ -1,8 +1,9 @@
 """What a person sees of a run while it runs: lines of live.jsonl folded into a picture.
 
-Pure but for `Follow`, which reads new lines of a file. Lines of kinds or with fields of a later version are left out.
+Pure but for `of_file`, which reads one. Lines of kinds or with fields of a later version are left out.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -135,21 +136,30 @@ def _moved(plan: Plan, at: str, outcome: str) -> Plan:
     return msgspec.structs.replace(plan, at="" if outcome else at, passed=passed, outcome=outcome)
 
 
-class Follow:
-    """Reads what is new in a live file; a line that is not whole yet waits for the next look."""
+def of_file(path: Path) -> Callable[[int], bytes]:
+    """Reads a live file from a byte on; nothing where it is not there yet."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def read(offset: int) -> bytes:
+        try:
+            with path.open("rb") as file:
+                file.seek(offset)
+                return file.read()
+        except FileNotFoundError:
+            return b""
+
+    return read
+
+
+class Follow:
+    """Takes what is new of a live file, wherever `read` reads it; a line not whole yet waits for the next look."""
+
+    def __init__(self, read: Callable[[int], bytes]) -> None:
+        self._read = read
         self._offset = 0
 
     def new(self) -> list[LiveLine]:
         """The lines written since the last look."""
-        try:
-            with self.path.open("rb") as file:
-                file.seek(self._offset)
-                data = file.read()
-        except FileNotFoundError:
-            return []
+        data = self._read(self._offset)
         whole = data[: data.rfind(b"\n") + 1]
         self._offset += len(whole)
         return [line for raw in whole.splitlines() if (line := _line(raw)) is not None]

@@ -3,17 +3,13 @@
 import os
 from datetime import datetime
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
-from agent_runtime.errors import RuntimeFault
-from agent_runtime.secured import client_tls
 from companion.run_folder import (
     FLEET_FILE,
     HI_FILE,
-    KEYS_FOLDER,
-    KEYS_VARIABLE,
     LATEST,
     RUN_FOLDER_VARIABLE,
     STOP_FILE,
@@ -24,7 +20,7 @@ from companion.run_folder import (
     ProcessState,
     ProcessStatus,
 )
-from services.console.errors import ConsoleError, HiError, NoRunError
+from services.console.errors import HiError, NoRunError
 
 RUNS = Path("runs")
 T = TypeVar("T")
@@ -105,14 +101,3 @@ def stop_held(run: Path) -> bool:
         return (run / STOP_FILE).read_bytes()[:1] == STOP_HELD
     except OSError:
         return False
-
-
-def tls(run: Path, fleet: Fleet, identity: str) -> dict[str, Any] | None:
-    """How a session to a fleet says who it is; None where the fleet has no keys. ConsoleError: they are missing."""
-    if not fleet.connect.startswith("tls/"):
-        return None
-    folder = os.environ.get(KEYS_VARIABLE)
-    try:
-        return client_tls(Path(folder) if folder else run / KEYS_FOLDER, identity)
-    except RuntimeFault as error:
-        raise ConsoleError(str(error)) from error

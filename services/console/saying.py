@@ -21,8 +21,8 @@ from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
-from services.console import runs
-from services.console.errors import ConsoleError
+from services.console import identity, runs
+from services.console.errors import ConsoleError, NoRunError
 from topdown.following import Followed
 
 RECEIPT_S = 2.0
@@ -52,12 +52,12 @@ def say(run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool
     """
     fleet = runs.living(run)
     if fleet is None:
-        raise ConsoleError(f"no fleet was started in {run}; `roco up` starts one")
+        raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
     if (draft.sender, draft.receiver, draft.protocol, draft.performative) not in DESIGN.rules:
         return _voiced(run, fleet, draft, wait_s, tell)
     try:
         first = DESIGN.agent(draft.sender).initial
-        tls = runs.tls(run, fleet, draft.sender)
+        tls = identity.tls(run, fleet, draft.sender)
         life = StandIn(wiring(draft.sender, fleet.system), first, run, fleet.connect, tls=tls)
     except (StandInError, JournalError) as error:
         if force:
@@ -133,7 +133,7 @@ def _voiced(run: Path, fleet: Fleet, draft: Communicate, wait_s: float, tell: Te
         protocol=one.protocol,
         performative=one.performative.value,
     )
-    voice = Voice(fleet.connect, (ears,), tls=runs.tls(run, fleet, draft.sender))
+    voice = Voice(fleet.connect, (ears,), tls=identity.tls(run, fleet, draft.sender))
     heard: list[Communicate] = []
     try:
         tell("said by force", one, voice.put(key, one))

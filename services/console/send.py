@@ -20,7 +20,7 @@ from fipa_codec.communicate import Communicate, encode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.performatives import Performative
 from services.console import runs, saying
-from services.console.errors import ConsoleError
+from services.console.errors import NO, ConsoleError
 from services.console.forms import Form, Format, tell_problem
 from topdown.admission import Admission
 from topdown.design import Rule
@@ -56,6 +56,11 @@ def send(
     """Be an agent: say one communicate to the running fleet, and print what comes back.
 
     Exits with 1 where it could not be said, with 2 where the design has no such message (--force says it all the same).
+
+    Examples:
+      roco send --list
+      roco send --list --as co --to ta
+      roco send --as hi --to co --protocol request --list
     """
     chosen = (sender, receiver, protocol, performative)
     if choices or not all(chosen):
@@ -75,7 +80,7 @@ def send(
     except Usage as error:
         _stop(str(error), form, 2)
     except (ConsoleError, RuntimeFault, FipaError) as error:
-        _stop(str(error), form, 1)
+        _stop(str(error), form, error.code if isinstance(error, ConsoleError) else NO)
     else:
         print(msgspec.json.encode(done).decode() if form is Format.JSON else saying.outcome(done))
 

@@ -18,8 +18,6 @@ from topdown.verdicts import VIOLATIONS, Verdict
 MOST = 40
 """Violations shown at most; a person reads no more (estimate). `--format json` has all."""
 
-app = typer.Typer(no_args_is_help=True, help="The traffic of a run.")
-
 
 class Judgements(msgspec.Struct, frozen=True):
     """`roco traffic judge --format json`: how often each verdict by channel, and all that is against the design.
@@ -33,12 +31,6 @@ class Judgements(msgspec.Struct, frozen=True):
     violations: tuple[Judged, ...]
 
 
-@app.callback()
-def traffic() -> None:
-    """The traffic of a run."""
-
-
-@app.command()
 def judge(
     file: Annotated[Path, typer.Argument(help="A run folder, a traffic.mcap or a live.jsonl.")],
     design: Annotated[Path | None, typer.Option(help="Another system's design file; else this system's.")] = None,
@@ -47,7 +39,12 @@ def judge(
     ] = "",
     form: Form = Format.TEXT,
 ) -> None:
-    """Judge every communicate of a recording by the design. Exits with 1 where something is against it."""
+    """Judge every communicate of a recording by the design. Exits with 1 where something is against it.
+
+    Examples:
+      roco traffic judge runs/latest
+      roco traffic judge runs/latest/traffic.mcap --format json
+    """
     try:
         found = summary(judged(file, design, languages))
     except JudgeError as error:

@@ -10,6 +10,7 @@ from companion.binding import wiring
 from companion.run_folder import SLOTS_FILE
 from services.executor import behaviours
 from services.executor.body import Body
+from services.executor.pictures import Pictures
 from services.executor.reaching import SlotLoop
 from services.executor.skilled import Skilled
 from services.executor.telling import Telling
@@ -22,7 +23,7 @@ def serve(options: Options) -> int:
     setup = Setup(scene=str(options.scene or ""), seed=options.seed)
 
     def body(post: Post) -> Body:
-        return Body(Skilled(post, setup), SlotLoop(post, slots), Telling(post, slots))
+        return Body(Skilled(post, setup), SlotLoop(post, slots), Telling(post, slots, Pictures(post, setup)))
 
     return shell.run(behaviours.agent(), wiring("ex", options.system), options, body)
 

@@ -13,12 +13,12 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from services.executor.camera import HALF_HEIGHT, HALF_WIDTH
 from velma import names
 
-# Simulated Kinect of Velma (velma_robot@43752e0): horizontal field of view 1.047 rad, 800 x 600, cloud 0.5-3.0 m.
-HALF_WIDTH = math.tan(1.047 / 2)
-HALF_HEIGHT = HALF_WIDTH * 600 / 800
-NEAREST_M, FARTHEST_M = 0.4, 3.0  # 0.5 in the source; 0.1 m less because held things are looked at (estimate)
+# Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less because held things are
+# looked at (estimate).
+NEAREST_M, FARTHEST_M = 0.4, 3.0
 LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: a marker or two of a thing must be free to be seen
 TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform about each axis
 AROUND = 8  # points around a cylinder

@@ -1,4 +1,4 @@
-"""What ex shows people of the robot, 20 times a second: telemetry, and the sealed truth of the simulation.
+"""What ex shows people of the robot, 20 times a second: telemetry, and the sealed truth of the simulation; pictures.
 
 A thread of its own with its own link to the loop; newest wins and nothing waits for it. The truth is passed on as the
 loop wrote it: nobody here reads it.
@@ -14,15 +14,16 @@ from agent_runtime.devices import Post
 from companion.telemetry import RATE_HZ, Lateness, RobotState
 from services.executor.loop.link import AgentLink, LoopState, Timing, Told
 from services.executor.loop.program import Phase
+from services.executor.pictures import Pictures
 from velma.errors import SlotError
 
 
 class Telling:
     """`skill`: what the act under way is, in a word; set by whoever hands acts out."""
 
-    def __init__(self, post: Post, path: Path) -> None:
+    def __init__(self, post: Post, path: Path, pictures: Pictures) -> None:
         self.skill = ""
-        self._post, self._path = post, path
+        self._post, self._path, self._pictures = post, path, pictures
         self._link: AgentLink | None = None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="telemetry", daemon=True)
@@ -32,6 +33,7 @@ class Telling:
         """End the thread."""
         self._over.set()
         self._thread.join(timeout=1.0)
+        self._pictures.close()
 
     def _serve(self) -> None:
         while not self._over.wait(1.0 / RATE_HZ):
@@ -51,6 +53,7 @@ class Telling:
         if state is not None:
             shown = robot_state(state, link.told(), link.timing(), self.skill)
             self._post.publish("telemetry", msgspec.msgpack.encode(shown))
+            self._pictures.offer(state.time_s, state.configuration)
         truth = link.sealed_truth()
         if truth:
             self._post.publish("truth", truth)

@@ -4,8 +4,6 @@ It keeps nothing between acts but what is dear to make (robot model, mirror of t
 the agent remembers, so a new worker goes on where the old one died.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 from agent_runtime.worker import Link
@@ -16,6 +14,7 @@ from services.executor.doing import duration
 from services.executor.loop.program import Motion
 from services.executor.receptor import Receptor
 from services.executor.remembered import Holding, Remembered
+from services.executor.setting import scene_of
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Held, Situation, beginning
 from services.executor.skills.skill import Sensed
@@ -23,7 +22,6 @@ from services.executor.words import Ended, Feel, Felt, Move, Perform, Setup, ToW
 from velma.kinematics import timing
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
-from velma.model import scene
 
 # What an act takes beside its first motion [s, simulated]; estimates, they only bound how long anybody waits.
 REST_S = {rc.Grasp: 12.0, rc.Release: 20.0, rc.Pour: 30.0, rc.Look: 8.0, rc.MoveCartesian: 5.0}
@@ -33,9 +31,7 @@ class Stage:
     """What outlives an act: the robot's model, the receptor, what a marker says about its thing."""
 
     def __init__(self, setup: Setup) -> None:
-        asked = scene.load(Path(setup.scene)) if setup.scene else scene.load()
-        if setup.seed is not None:
-            asked = scene.vary(asked, setup.seed)
+        asked = scene_of(setup)
         self.robot, self.things = Robot(), virtual.things(asked)
         self.eye: Receptor = virtual.receptor(asked)
 

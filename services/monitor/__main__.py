@@ -11,6 +11,9 @@ import typer
 
 from agent_runtime import cli
 from agent_runtime.logs import Log
+from agent_runtime.options import Options
+from agent_runtime.tap import RECORDER
+from services.monitor.experiment.verbs import again, compare, experiment, export
 from services.monitor.recorder import serve
 
 TEXT = "The recorder: taps all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
@@ -51,7 +54,53 @@ def judge(
     sys.stdout.buffer.writelines(map(judged.encoded, lines))
 
 
-VERBS: dict[str, Callable[..., None]] = {"report": report, "judge": judge, "observations": observations}
+def said(
+    file: Annotated[Path, typer.Argument(help="A run folder or a recording.")],
+    everything: Annotated[bool, typer.Option("--everything", help="Receipts, heartbeats and telemetry, too.")] = False,
+) -> None:
+    """Print what a recording holds as samples of a tap, one JSON object a line. Exits with 2 where there is none."""
+    from services.monitor import samples
+
+    try:
+        samples.main(file, everything=everything)
+    except samples.NoRecordingError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from error
+
+
+def record(
+    out: Annotated[Path, typer.Argument(help="The recording to be made.")],
+    connect: Annotated[str, typer.Option(help="The router's endpoint.")],
+    run_dir: Annotated[Path, typer.Option(help="The run's folder.")],
+    system: Annotated[str, typer.Option(help="Prefix of every key.")] = "roco",
+    keys: Annotated[Path | None, typer.Option(help="Folder of keys.")] = None,
+    identity: Annotated[str, typer.Option(help="Whose certificate is shown.")] = RECORDER,
+    which: Annotated[str, typer.Option(help="A companion.filters.Filter, in JSON.")] = "{}",
+    count: Annotated[int, typer.Option(help="End after so many communicates.")] = 0,
+    seconds: Annotated[float, typer.Option(help="End after so long.")] = 0.0,
+) -> None:
+    """Record a running fleet beside its own recorder, until SIGINT. Exits with 3 where no router answers."""
+    import msgspec
+
+    from companion.filters import Filter
+    from services.monitor import keeping
+
+    asked = keeping.Asked(out, msgspec.json.decode(which, type=Filter), count, seconds)
+    options = Options(connect=connect, system=system, run_dir=run_dir, keys=keys)
+    raise typer.Exit(keeping.serve(options, asked, identity))
+
+
+VERBS: dict[str, Callable[..., None]] = {
+    "report": report,
+    "judge": judge,
+    "observations": observations,
+    "said": said,
+    "record": record,
+    "again": again,
+    "export": export,
+    "compare": compare,
+    "experiment": experiment,
+}
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in VERBS:

@@ -17,7 +17,7 @@ from agent_runtime import steplog
 from agent_runtime.effects import Receipt
 from agent_runtime.events import Arrived
 from companion.run_folder import Judged
-from companion.telemetry import RobotState, TrueState
+from companion.telemetry import Picture, RobotState, TrueState
 from fipa_codec.communicate import encode
 from fipa_codec.errors import FipaError
 from services.monitor import recording
@@ -66,14 +66,16 @@ class Setting(msgspec.Struct, frozen=True):
 class History(msgspec.Struct, frozen=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
 
-    `robot` and `truth`: when heard, and what. `judged`: what the judge says of what was recorded. `houses`: how many of
-    each kind of what is no communicate. `setting`: as the recorder was told it, None in a recording without.
+    `robot`, `pictures` and `truth`: when heard, and what. `judged`: what the judge says of what was recorded.
+    `houses`: how many of each kind of what is no communicate. `setting`: as the recorder was told it, None in a
+    recording without.
     """
 
     said: tuple[Spoken, ...] = ()
     copies: tuple[Spoken, ...] = ()
     receipts: tuple[Told, ...] = ()
     robot: tuple[tuple[float, RobotState], ...] = ()
+    pictures: tuple[tuple[float, Picture], ...] = ()
     truth: tuple[tuple[float, TrueState], ...] = ()
     entered: tuple[Entered, ...] = ()
     garbage: tuple[Garbage, ...] = ()
@@ -124,6 +126,7 @@ def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, wh
         copies=copies,
         receipts=tuple(_receipts(houses)),
         robot=tuple(_decoded(houses, "telemetry", RobotState)),
+        pictures=tuple(_decoded(houses, "telemetry", Picture)),
         truth=tuple(_decoded(houses, "truth", TrueState)),
         entered=tuple(_entered(records)),
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
@@ -183,10 +186,10 @@ def _unheard(ordered: list[Spoken]) -> Iterator[Hole]:
 
 
 def _torn(records: tuple[Record, ...], whole: bool) -> Iterator[Hole]:
-    """Times in which no monitor lived."""
+    """Times in which no monitor lived, or none could hear."""
     for record in records:
         if isinstance(record, Resumed):
-            away = f"the recorder was away for {record.received - record.since:.1f} s"
+            away = f"the recorder was away or cut off for {record.received - record.since:.1f} s"
             yield Hole(record.since, record.received, 0, f"{away}: only what agents logged is known of that time")
     if not whole:
         end = records[-1].received if records else 0.0
@@ -236,13 +239,14 @@ def _entered(records: tuple[Record, ...]) -> Iterator[Entered]:
     """Changes of state only: a heartbeat that says the same again is no news."""
     last: dict[str, tuple[str, bool]] = {}
     for record in records:
-        now = _state_in(record, last)
+        now = state_in(record, last)
         if now is not None and last.get(now.agent) != (now.state, now.alive):
             last[now.agent] = (now.state, now.alive)
             yield now
 
 
-def _state_in(record: Record, last: dict[str, tuple[str, bool]]) -> Entered | None:
+def state_in(record: Record, last: dict[str, tuple[str, bool]]) -> Entered | None:
+    """What a record says of an agent's state; `last`: agent -> (state, alive) so far. None: nothing, or unreadable."""
     if isinstance(record, Token):
         return Entered(record.received, record.agent, last.get(record.agent, ("", True))[0], record.alive)
     if isinstance(record, House) and record.kind == "state":

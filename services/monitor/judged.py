@@ -8,22 +8,19 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from companion.design import DESIGN
+from companion.judgements import line
 from companion.languages import LANGUAGES
 from companion.run_folder import Again, AgentIn, Judged, LiveLine, Sent
 from fipa_codec.communicate import Communicate
-from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
 from services.monitor.records import SETTING, Garbage, House, Record, Resumed, Spoken, Token
-from services.monitor.wording import words
 from topdown.design import Design
 from topdown.judging import Judge
 from topdown.verdicts import Judgement, Verdict
 
 HISTORY_S = 0.5
 """A token heard sooner after the recorder began may be of an agent that lived before; estimate: they come in ms."""
-OF_KEYS = (Verdict.WRONG_CHANNEL, Verdict.NOT_ENTITLED)
-"""Verdicts about what a communicate was put on, beside MALFORMED."""
 SYSTEM = "recorded"
 """Stands in the keys of records, which do not keep the system's name."""
 
@@ -57,7 +54,7 @@ class Judging:
         at = record.received
         match record:
             case Spoken():
-                return self._judge.hear(self._key_of(record), record.wire, at)
+                return self._judge.hear(key_of(record, self._key), record.wire, at)
             case Garbage():
                 return self._judge.hear(record.key, record.data, at, record.size)
             case Token(alive=True):
@@ -69,15 +66,17 @@ class Judging:
                 return self._judge.deaf(at)
         return self._judge.pass_time(at)
 
-    def _key_of(self, one: Spoken) -> str:
-        return self._key.format(
-            system=SYSTEM,
-            channel=one.channel,
-            sender=one.sender,
-            receiver=one.receiver,
-            protocol=one.protocol,
-            performative=one.performative,
-        )
+
+def key_of(one: Spoken | Sent, form: str) -> str:
+    """The key a recorded communicate was put on, of the system SYSTEM; `form`: how the design writes keys."""
+    return form.format(
+        system=SYSTEM,
+        channel=one.channel,
+        sender=one.sender,
+        receiver=one.receiver,
+        protocol=one.protocol,
+        performative=one.performative,
+    )
 
 
 def of_records(
@@ -115,47 +114,6 @@ def of_live(lines: Iterable[LiveLine], design: Design = DESIGN) -> tuple[Judged,
     return tuple(sorted((*mute, *(line(one, None) for one in found)), key=lambda one: one.t))
 
 
-def line(judgement: Judgement, languages: Languages | None) -> Judged:
-    """A verdict for the file and for people."""
-    heard, one = judgement.heard, judgement.heard.communicate
-    if one is None:
-        return Judged(
-            t=heard.at,
-            verdict=judgement.verdict,
-            bytes=heard.size,
-            channel=judgement.channel,
-            why=judgement.why,
-            key=heard.key,
-            violation=judgement.violation,
-        )
-    return Judged(
-        t=heard.at,
-        verdict=judgement.verdict,
-        bytes=heard.size,
-        channel=judgement.channel,
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=str(one.performative),
-        conversation=one.conversation,
-        id=one.id,
-        language=one.language,
-        text=_text(one, languages),
-        initiator=judgement.states[0],
-        participant=judgement.states[1],
-        why=judgement.why,
-        key=heard.key if judgement.verdict in OF_KEYS else "",
-        violation=judgement.violation,
-    )
-
-
-def _text(one: Communicate, languages: Languages | None) -> str:
-    try:
-        return words(languages.read(one)[0]) if languages is not None else ""
-    except FipaError:
-        return ""
-
-
 def _mute(one: Sent) -> Judged:
     """A line of a version that says neither ids nor labels cannot be followed."""
     return Judged(
@@ -175,14 +133,7 @@ def _mute(one: Sent) -> Judged:
 
 def _of_sent(one: Sent, design: Design) -> tuple[str, Communicate, tuple[str, Kind]]:
     """Key, communicate without its content, and what its content was."""
-    key = design.file.system.key.format(
-        system=SYSTEM,
-        channel=one.channel,
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=one.performative,
-    )
+    key = key_of(one, design.file.system.key)
     communicate = Communicate(
         performative=Performative(one.performative),
         language=one.language,

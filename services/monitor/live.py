@@ -8,14 +8,16 @@ from collections.abc import Iterator
 
 import msgspec
 
+from agent_runtime import unheard
+from agent_runtime.unheard import Unheard
 from companion.languages import hfsm, sw, wm
 from companion.run_folder import Again, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
 from companion.telemetry import RobotState
+from companion.wording import words
 from services.monitor.events import events
 from services.monitor.history import History
 from services.monitor.plans import states_of
 from services.monitor.records import House, Record, Spoken, Token
-from services.monitor.wording import words
 
 LOOP = "loop"
 _LATER = ("km hears of the first thing", "km knows the surroundings")
@@ -27,6 +29,7 @@ class _Beat(msgspec.Struct, frozen=True):
 
     agent: str
     state: str
+    unheard: tuple[Unheard, ...] = ()
 
 
 _beat = msgspec.json.Decoder(_Beat)
@@ -41,6 +44,7 @@ class Live:
         self._states: dict[str, AgentIn] = {}
         self._story: list[Spoken] = []
         self._told: Counter[str] = Counter()
+        self._not_heard: dict[str, tuple[Unheard, ...]] = {}
 
     def lines(self, record: Record) -> Iterator[LiveLine]:
         """The lines of a record; none for what repeats."""
@@ -104,12 +108,23 @@ class Live:
             if house.kind == "state":
                 beat = _beat.decode(house.data)
                 yield from self._entered(AgentIn(t=house.received, agent=beat.agent, state=beat.state))
+                yield from self._unheard(beat, house.received)
                 return
             robot = _robot.decode(house.data)
         except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
             return
         doing = robot.skill or robot.act if robot.mode in ("motion", "") else ""
         yield from self._entered(AgentIn(t=house.received, agent=LOOP, state=doing or robot.mode))
+
+    def _unheard(self, beat: _Beat, t: float) -> Iterator[Happened]:
+        """Who does not hear whom, once for each time."""
+        before = self._not_heard.get(beat.agent, ())
+        self._not_heard[beat.agent] = beat.unheard
+        yield from (
+            Happened(t=t, name="unheard", text=unheard.words(beat.agent, one, t))
+            for one in beat.unheard
+            if one not in before
+        )
 
     def _entered(self, now: AgentIn) -> Iterator[AgentIn]:
         last = self._states.get(now.agent)

@@ -4,11 +4,10 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
-from companion.run_folder import REPORT_FILE
+from companion.run_folder import REPORT_FILE, RRD_FILE
 from services.monitor import history, report
 
 PAGE_FILE = "report.html"
-RRD_FILE = "run.rrd"
 Say = Callable[..., None]
 
 
@@ -44,6 +43,6 @@ def _page(run: Path, past: history.History, figures: report.Report) -> None:
 
 
 def _pictures(run: Path, past: history.History) -> None:
-    from services.monitor import rrd
+    from services.monitor.rerun_show import file
 
-    rrd.write(run / RRD_FILE, past)
+    file.write(run / RRD_FILE, past)

@@ -1,33 +1,36 @@
-"""The recorder: one tap, one queue, one thread that writes and judges; then the report.
+"""The recorder: one tap, one queue, one thread that writes and judges, for each system apart; then the reports.
 
 Callbacks only enqueue. Everything is with the operating system within FLUSH_S, so a kill costs no more than that; what
 is lost then, agents' own step logs have. SIGTERM ends the recording in order and makes report and pictures.
 """
 
-import queue
 import signal
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from agent_runtime.logs import Log
 from agent_runtime.options import Options
+from agent_runtime.pulse import Pulse
 from agent_runtime.tap import Sample, Tap, open_tap
+from agent_runtime.waiting import Waiting
 from companion.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged
 from services.monitor.history import Setting
 from services.monitor.judged import Judging, encoded
 from services.monitor.live import Live
+from services.monitor.reach import Reach
 from services.monitor.recording import FILE, Recording
-from services.monitor.records import SETTING, House, understood
+from services.monitor.records import SETTING, House, Record, understood
+from services.monitor.rerun_show.feed import Feed, feeding
+from services.monitor.systems import SystemNameError, folders
 
 NAME = "monitor"
 FLUSH_S = 0.1
 TOLD = ("verdict", "why", "channel", "sender", "receiver", "protocol", "performative", "conversation", "id", "key")
 """What the log says of a communicate that is not as designed."""
-MOST_WAITING = 100_000
-"""Samples that may wait to be written; beyond that they are dropped and counted. Estimate: minutes of traffic."""
 
 
 Say = Callable[..., None]
@@ -36,12 +39,14 @@ Say = Callable[..., None]
 class Recorder:
     """Writes what samples say: traffic.mcap, live.jsonl, verdicts.jsonl; `say` is told what is not as designed."""
 
-    def __init__(self, run: Path, say: Say = lambda event, **fields: None) -> None:
+    def __init__(self, run: Path, say: Say = lambda event, **fields: None, feed: Feed | None = None) -> None:
+        """`feed`: who shows it while it goes on."""
         run.mkdir(parents=True, exist_ok=True)
         self._recording = Recording(run / FILE)
         self._live_file = (run / LIVE_FILE).open("ab")
         self._verdicts = (run / VERDICTS_FILE).open("ab")
-        self._live, self._judging, self._say = Live(), Judging(), say
+        self._live, self._judging, self._reach, self._say = Live(), Judging(), Reach(), say
+        self._feed = feed
         self.count = 0
 
     def begin(self, setting: Setting) -> None:
@@ -51,13 +56,24 @@ class Recorder:
         self._judged(self._judging.lines(record))
 
     def take(self, sample: Sample) -> None:
-        """Record a sample, whatever it is."""
-        record = understood(sample)
+        """Record a sample, whatever it is; where it ends a time out of reach, that first."""
+        record, lost = understood(sample), self._reach.lost
+        hole = self._reach.hole(record)
+        if hole is not None:
+            self._say("in reach again", unheard_s=round(hole.received - hole.since, 1))
+            self._add(hole)
+        elif self._reach.lost and not lost:
+            self._say("no agent is in reach", level="warning")
+        self._add(record)
+        if self._feed is not None:
+            self._feed.heard(sample)
+        self.count += 1
+
+    def _add(self, record: Record) -> None:
         self._recording.add(record)
         for line in self._live.lines(record):
             self._live_file.write(msgspec.json.encode(line) + b"\n")
         self._judged(self._judging.lines(record))
-        self.count += 1
 
     def flush(self) -> None:
         """Hand all of it to the operating system."""
@@ -75,10 +91,15 @@ class Recorder:
         self._recording.finish()
         self._live_file.close()
         self._verdicts.close()
+        if self._feed is not None:
+            self._feed.close()
+            self._say("shown", dropped=self._feed.dropped)
 
     def _judged(self, lines: Iterable[Judged]) -> None:
         for one in lines:
             self._verdicts.write(encoded(one))
+            if self._feed is not None:
+                self._feed.said(one)
             if one.violation:
                 against = Against(one.t, one.verdict, one.channel, one.sender, one.receiver, one.performative, one.why)
                 self._live_file.write(msgspec.json.encode(against) + b"\n")
@@ -86,80 +107,74 @@ class Recorder:
                 self._say("not as designed", level="warning", **told)
 
 
-class Waiting:
-    """Samples that wait to be written; None: stop. Bounded."""
+class Recorders:
+    """The recorders of all systems; a sample goes to its system's, what came of no key (the tap was deaf) to all."""
 
-    def __init__(self) -> None:
-        self._queue: queue.SimpleQueue[Sample | None] = queue.SimpleQueue()
-        self.dropped = 0
-        self.stopped = False
+    def __init__(self, where: Mapping[str, Path], say: Say) -> None:
+        feeds = feeding(where, say)
+        self._of = {name: Recorder(run, partial(say, system=name), feeds.get(name)) for name, run in where.items()}
+        self._all = tuple(self._of.values())
 
-    def put(self, sample: Sample) -> None:
-        """From Zenoh's threads; never blocks."""
-        if self._queue.qsize() < MOST_WAITING:
-            self._queue.put(sample)
-        else:
-            self.dropped += 1
+    @property
+    def counts(self) -> dict[str, int]:
+        """System -> samples recorded."""
+        return {name: recorder.count for name, recorder in self._of.items()}
 
-    def stop(self, *_: object) -> None:
-        """From a signal: SimpleQueue's put may be called while the same thread is in it."""
-        self.stopped = True
-        self._queue.put(None)
+    def take(self, sample: Sample) -> None:
+        """Record a sample where it belongs."""
+        for recorder in (self._of[sample.system],) if sample.key else self._all:
+            recorder.take(sample)
 
-    def get(self, timeout_s: float) -> Sample | None:
-        """The oldest sample; None: stop, or none came in time."""
-        try:
-            return self._queue.get(timeout=timeout_s)
-        except queue.Empty:
-            return None
-
-    def left(self) -> list[Sample]:
-        """What still waits."""
-        left = []
-        while not self._queue.empty():
-            sample = self._queue.get()
-            if sample is not None:
-                left.append(sample)
-        return left
+    def each(self, act: Callable[[Recorder], None]) -> None:
+        """Do something with each of them."""
+        for recorder in self._all:
+            act(recorder)
 
 
 def serve(options: Options) -> int:
-    """Record until SIGTERM or SIGINT, then make the report. 0: all of it; 1: some of it could not be made."""
+    """Record until SIGTERM or SIGINT, then make the reports. 0: all; 1: some could not be made; 2: a wrong name."""
     run = options.run_dir
     run.mkdir(parents=True, exist_ok=True)
     log = Log(NAME, options.log_level, run / "logs" / f"{NAME}.jsonl")
+    try:
+        where = folders(run, options.all_systems)
+    except SystemNameError as error:
+        log.write("cannot record", level="error", why=str(error))
+        return 2
     waiting = Waiting()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, waiting.stop)
-    recorder, ready = Recorder(run, log.write), run / f"{NAME}.ready"
+    recorders, ready = Recorders(where, log.write), run / f"{NAME}.ready"
     tap = open_tap(options, waiting.put, lambda: waiting.stopped)
     if tap is not None:
         ready.write_text("taps")
-        log.write("recording", file=str(run / FILE))
+        log.write("recording", **{name: str(folder / FILE) for name, folder in where.items()})
         scene = str(options.scene) if options.scene else ""
-        recorder.begin(Setting(seed=options.seed, speed=options.speed, scene=scene))
-        _record(recorder, waiting, tap)
-    recorder.finish()
+        setting = Setting(seed=options.seed, speed=options.speed, scene=scene)
+        recorders.each(lambda recorder: recorder.begin(setting))
+        _record(recorders, waiting, tap, Pulse(run, NAME))
+    recorders.each(Recorder.finish)
     ready.unlink(missing_ok=True)
-    log.write("recorded", samples=recorder.count, dropped=waiting.dropped)
+    log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
     from services.monitor import make  # numpy and what draws: not before, the agents start once this process is ready
 
-    made = make.everything(run, log.write)
+    made = [make.everything(folder, partial(log.write, system=name)) for name, folder in where.items()]
     log.close()
-    return 0 if made else 1
+    return 0 if all(made) else 1
 
 
-def _record(recorder: Recorder, waiting: Waiting, tap: Tap) -> None:
+def _record(recorders: Recorders, waiting: Waiting, tap: Tap, pulse: Pulse) -> None:
     flushed = time.monotonic()
     while not waiting.stopped:
+        pulse.beat()
         sample = waiting.get(FLUSH_S)
         if sample is None:
-            recorder.pass_time()
+            recorders.each(Recorder.pass_time)
         else:
-            recorder.take(sample)
+            recorders.take(sample)
         if time.monotonic() - flushed > FLUSH_S:
-            recorder.flush()
+            recorders.each(Recorder.flush)
             flushed = time.monotonic()
     tap.close()
     for sample in waiting.left():
-        recorder.take(sample)
+        recorders.take(sample)

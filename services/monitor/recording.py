@@ -19,6 +19,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from services.monitor.records import Garbage, House, Record, Resumed, Spoken, Token
+from services.monitor.schemas import schema
 
 FILE = "traffic.mcap"
 PROFILE = "robot-companion"
@@ -56,6 +57,10 @@ class Recording:
         sent = int(record.sent * _NS) if isinstance(record, Spoken) and 0 < record.sent < 1e10 else heard
         self._writer.add_message(self._channel(record), heard, _encoder.encode(record), sent, self._count)
 
+    def note(self, name: str, facts: dict[str, str]) -> None:
+        """Append words about the recording itself, as metadata."""
+        self._writer.add_metadata(name, facts)
+
     def flush(self) -> None:
         """Hand everything to the operating system: from here on a kill cannot take it."""
         self._file.flush()
@@ -75,8 +80,8 @@ class Recording:
         name, kind = topic(record), type(record)
         if name not in self._channels:
             if kind not in self._schemas:
-                schema = _encoder.encode(msgspec.json.schema(kind))
-                self._schemas[kind] = self._writer.register_schema(kind.__name__, "jsonschema", schema)
+                data = _encoder.encode(schema(kind))
+                self._schemas[kind] = self._writer.register_schema(kind.__name__, "jsonschema", data)
             self._channels[name] = self._writer.register_channel(name, "json", self._schemas[kind])
         return self._channels[name]
 
@@ -115,8 +120,19 @@ def read(path: Path) -> Read:
     return Read(tuple(records), whole)
 
 
-def _until_damage(reader: StreamReader, records: list[Record]) -> Iterator[bool]:
-    """Collect records; yields True at the footer. Ends where the file does, however it does."""
+def first(path: Path) -> Record | None:
+    """The first record of a recording, which a recorder begins with its setting; None where nothing can be read."""
+    if not path.exists():
+        return None
+    records: list[Record] = []
+    with path.open("rb") as file:
+        for _ in _until_damage(StreamReader(file, record_size_limit=RECORD_LIMIT), records, most=1):
+            pass
+    return records[0] if records else None
+
+
+def _until_damage(reader: StreamReader, records: list[Record], most: int = 0) -> Iterator[bool]:
+    """Collect records, no more than `most` (0: all); yields True at the footer. Ends where the file does, however."""
     kinds: dict[int, str] = {}
     try:
         for found in reader.records:
@@ -125,6 +141,8 @@ def _until_damage(reader: StreamReader, records: list[Record]) -> Iterator[bool]
             elif isinstance(found, Message) and found.channel_id in kinds:
                 with suppress(msgspec.MsgspecError):  # cut off, or of another version
                     records.append(_decoders[kinds[found.channel_id]].decode(found.data))
+                if len(records) == most:
+                    return
             elif isinstance(found, Footer):
                 yield True
     except (McapError, struct.error, ValueError, MemoryError):  # a torn record shows as any of them

@@ -13,6 +13,7 @@ import msgspec
 from agent_runtime.tap import Sample
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
+from companion.wording import words
 from fipa_codec.communicate import Communicate, decode, decode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind
@@ -32,7 +33,10 @@ class Origin(StrEnum):
 
 
 class Spoken(msgspec.Struct, frozen=True, dict=True):
-    """A communicate. Times in unix seconds; `wire`: all of its bytes (base64 in JSON), `size` their number."""
+    """A communicate. Times in unix seconds; `wire`: all of its bytes (base64 in JSON), `size` their number.
+
+    `text`: its content in a few words, for viewers; "" in recordings of older versions.
+    """
 
     size: int
     sender: str
@@ -47,6 +51,7 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
     received: float
     wire: bytes
     origin: Origin = Origin.TAP
+    text: str = ""
 
     @cached_property
     def communicate(self) -> Communicate:
@@ -106,7 +111,9 @@ class Garbage(msgspec.Struct, frozen=True):
 
 
 class Resumed(msgspec.Struct, frozen=True):
-    """Nothing was heard from `since` on: the monitor took over from one that died, or had no router meanwhile."""
+    """Nothing was heard from `since` on: the monitor took over from one that died, or had no router meanwhile, or its
+    router no way to any agent (reach.py).
+    """
 
     since: float
     received: float
@@ -140,7 +147,7 @@ def understood(sample: Sample) -> Record:
 
 def spoken(communicate: Communicate, wire: bytes, received: float, origin: Origin = Origin.TAP) -> Spoken:
     """The record of a communicate that the design knows. Raises LookupError for another one."""
-    return Spoken(
+    read = Spoken(
         size=len(wire),
         sender=communicate.sender,
         receiver=communicate.receiver,
@@ -155,6 +162,9 @@ def spoken(communicate: Communicate, wire: bytes, received: float, origin: Origi
         wire=wire,
         origin=origin,
     )
+    told = msgspec.structs.replace(read, text=words(read.content))
+    told.__dict__.update(read.__dict__)  # what was decoded is not decoded again
+    return told
 
 
 def _house(sample: Sample, chunks: list[str]) -> Record:

@@ -62,19 +62,19 @@ def joints(state: RobotState) -> dict[str, float]:
     return found
 
 
-def turned(link: Link, q: Array) -> Array:
-    """Quaternions of a link in its parent's frame, w first, (n, 4), at joint positions `q` (n,) [rad]."""
-    half = np.asarray(q) / 2
-    axis = np.array(link.axis) / np.linalg.norm(link.axis)
-    turn = np.column_stack((np.cos(half), np.sin(half)[:, None] * axis))
-    return product(np.array(link.quat_wxyz), turn)
+def turned(link: Link, q: float) -> Four:
+    """Quaternion of a link in its parent's frame, w first, at joint position `q` [rad]."""
+    x, y, z = link.axis
+    length = math.sqrt(x * x + y * y + z * z)
+    s = math.sin(q / 2) / length
+    return product(link.quat_wxyz, (math.cos(q / 2), s * x, s * y, s * z))
 
 
 def world_frames(all_links: tuple[Link, ...], q: dict[str, float]) -> dict[str, Array]:
     """Link name -> T_world_link (4, 4). Joints that `q` leaves out are at 0."""
     frames: dict[str, Array] = {}
     for link in all_links:
-        quat = turned(link, np.array([q.get(link.joint, 0.0)]))[0] if link.joint else np.array(link.quat_wxyz)
+        quat = turned(link, q.get(link.joint, 0.0)) if link.joint else link.quat_wxyz
         local = np.eye(4)
         local[:3, :3], local[:3, 3] = matrix(quat), link.at
         above = frames[link.path[-2]] if len(link.path) > 1 else np.eye(4)
@@ -82,24 +82,22 @@ def world_frames(all_links: tuple[Link, ...], q: dict[str, float]) -> dict[str, 
     return frames
 
 
-def product(a: Array, b: Array) -> Array:
-    """Hamilton product of quaternions, w first; broadcasts over leading axes."""
-    aw, ax, ay, az = np.moveaxis(a, -1, 0)
-    bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        (
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ),
-        axis=-1,
+def product(a: Four, b: Four) -> Four:
+    """Hamilton product of quaternions, w first. Plain numbers: numpy takes much longer for so few."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
     )
 
 
-def matrix(quat_wxyz: Array) -> Array:
+def matrix(quat_wxyz: Four) -> Array:
     """The rotation (3, 3) of a quaternion."""
-    w, x, y, z = quat_wxyz / np.linalg.norm(quat_wxyz)
+    length = math.sqrt(sum(part * part for part in quat_wxyz))
+    w, x, y, z = (part / length for part in quat_wxyz)
     return np.array(
         (
             (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),

@@ -4,7 +4,6 @@ What the processes share goes to them as environment variables, ROCO_<OPTION>, t
 """
 
 import os
-import socket
 from pathlib import Path
 from typing import Annotated
 
@@ -12,9 +11,11 @@ import msgspec
 import typer
 
 from agent_runtime.cli import Level, Speed
+from agent_runtime.secured import ROUTER
 from companion.run_folder import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, SLOTS_FILE
 from services.supervisor import folder
 from services.supervisor.processes import FLEET, Process
+from services.supervisor.securing import DAYS, Keys
 from services.supervisor.shell import Shell
 
 
@@ -35,32 +36,42 @@ def main(
         Level, typer.Option(envvar="ROCO_LOG_LEVEL", help="Least level shown; the log files have everything.")
     ] = Level.INFO,
     keys: Annotated[
-        str, typer.Option(envvar=KEYS_VARIABLE, help="Folder of keys (`roco keys make`); empty: no encryption.")
+        str,
+        typer.Option(envvar=KEYS_VARIABLE, help="Folder of keys (`roco keys make`); empty: <run>/keys, made anew."),
     ] = "",
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="No TLS and no rights: whoever reaches the router may say anything.")
+    ] = False,
+    key_days: Annotated[
+        float, typer.Option(min=1e-4, help="How long keys hold that it makes; they are renewed before they end.")
+    ] = DAYS,
     only: Annotated[str, typer.Option(help="Names of processes, comma between; empty: all.")] = "",
 ) -> None:
     """Run the processes of the Robot Companion: start, watch, restart, stop in order."""
     run = run_dir.resolve()
+    processes = chosen(only)
     folder.make(run)
-    address = connect or f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
-    if keys and not address.startswith("tls/"):
-        raise typer.BadParameter(f"with keys the router's address begins with tls/, {address!r} does not")
+    router = any(process.name == ROUTER for process in processes)
+    try:
+        made = Keys(run, system, connect, keys, insecure=insecure, router=router, days=key_days)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
     options = {
         RUN_FOLDER_VARIABLE: str(run),
         "ROCO_SYSTEM": system,
-        "ROCO_CONNECT": address,
-        "ROCO_LISTEN": address,
+        "ROCO_CONNECT": made.address,
+        "ROCO_LISTEN": made.address,
         "ROCO_SPEED": speed.value,
         "ROCO_SEED": str(seed),
         "ROCO_SLOTS": str(run / SLOTS_FILE),
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
         "ROCO_LOG_LEVEL": log_level.value,
-        KEYS_VARIABLE: str(Path(keys).resolve()) if keys else "",
+        KEYS_VARIABLE: str(made.folder or ""),
         "OMP_NUM_THREADS": "1",  # numeric libraries would each take all cores, from the loop too
         "PYTHONUNBUFFERED": "1",
         "PYTHONSAFEPATH": "1",
     }
-    Shell(run, chosen(only), system, address, os.environ | options).serve()
+    Shell(run, processes, system, made.address, os.environ | options, tend=made.tend).serve()
 
 
 def chosen(only: str) -> tuple[Process, ...]:
@@ -77,13 +88,6 @@ def chosen(only: str) -> tuple[Process, ...]:
         msgspec.structs.replace(process, after=tuple(name for name in process.after if name in names))
         for process in wanted
     )
-
-
-def free_port() -> int:
-    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 if __name__ == "__main__":

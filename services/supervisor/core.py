@@ -14,6 +14,8 @@ FIRST_PAUSE_S = 0.2  # before the first restart; doubles with each failure in a 
 LONGEST_PAUSE_S = 5.0  # estimate: a person still sees that something happens
 SETTLED_S = 30.0  # ready for so long: earlier failures are forgotten
 ATTEMPTS = 6  # in a row without being ready once (about 6 s): given up
+OFF = "stopped by hand"
+"""Note of what shall not run until somebody says so."""
 USAGE_ERROR = 2  # exit code of a wrong option or environment: trying again cannot help
 
 RUNNING = (ProcessState.STARTING, ProcessState.READY, ProcessState.STOPPING)
@@ -39,10 +41,11 @@ class Known(msgspec.Struct, frozen=True):
 
 
 class Fleet(msgspec.Struct, frozen=True):
-    """All processes by name, in the order of the table; `stopping`: the end was asked for."""
+    """All processes by name, in the order of the table; `stopping`: the end was asked for; `off`: who shall not run."""
 
     known: dict[str, Known]
     stopping: bool = False
+    off: frozenset[str] = frozenset()
 
     @property
     def ready(self) -> bool:
@@ -141,7 +144,7 @@ def take(fleet: Fleet, event: Event, now: float) -> Fleet:
         case Ready() if known.state is ProcessState.STARTING:
             changed = msgspec.structs.replace(known, state=ProcessState.READY, since=now)
         case Exited(code=code, last=last):
-            changed = _exited(known, code, last, now, fleet.stopping)
+            changed = _exited(known, code, last, now, fleet.stopping, event.name in fleet.off)
         case _:
             changed = known
     return msgspec.structs.replace(fleet, known={**fleet.known, event.name: changed})
@@ -152,12 +155,31 @@ def stop(fleet: Fleet) -> Fleet:
     return msgspec.structs.replace(fleet, stopping=True)
 
 
+def switch(fleet: Fleet, off: frozenset[str], now: float) -> Fleet:
+    """Note who shall not run now; who shall again, begins as if nothing had failed. Unknown names are left out."""
+    off &= fleet.known.keys()
+    if off == fleet.off:
+        return fleet
+    again = {
+        name: msgspec.structs.replace(known, state=ProcessState.WAITING, since=now, failures=0, killed=False, note="")
+        for name, known in fleet.known.items()
+        if name in fleet.off - off and not known.running
+    }
+    resting = {
+        name: msgspec.structs.replace(known, state=ProcessState.STOPPED, since=now, note=OFF)
+        for name, known in fleet.known.items()
+        if name in off - fleet.off and not known.running
+    }
+    return msgspec.structs.replace(fleet, known={**fleet.known, **again, **resting}, off=off)
+
+
 def decide(fleet: Fleet, now: float) -> tuple[Fleet, list[Action]]:
     """Say what to do now; the fleet that comes back has it noted, so nothing is ordered twice."""
     actions: list[Action] = []
     changed = dict(fleet.known)
     for name, known in fleet.known.items():
-        action = _ending(fleet, known, now) if fleet.stopping else _beginning(fleet, known, now)
+        ends = fleet.stopping or name in fleet.off
+        action = _ending(fleet, known, now) if ends else _beginning(fleet, known, now)
         if action is not None:
             changed[name] = _ordered(known, action, now)
             actions.append(action)
@@ -187,9 +209,14 @@ def _ending(fleet: Fleet, known: Known, now: float) -> Action | None:
     if known.state is ProcessState.STOPPING:
         late = now - known.since > known.process.stop_within_s
         return Kill(name) if late and not known.killed else None
-    if not known.running or any(other.running for other in fleet.known.values() if name in other.process.after):
+    if not known.running or (fleet.stopping and _needed(fleet, name)):
         return None
     return Terminate(name)
+
+
+def _needed(fleet: Fleet, name: str) -> bool:
+    """Tell whether one that started after it still runs."""
+    return any(other.running for other in fleet.known.values() if name in other.process.after)
 
 
 def _ordered(known: Known, action: Action, now: float) -> Known:
@@ -204,10 +231,14 @@ def _ordered(known: Known, action: Action, now: float) -> Known:
     )
 
 
-def _exited(known: Known, code: int, last: str, now: float, stopping: bool) -> Known:
+def _exited(known: Known, code: int, last: str, now: float, stopping: bool, off: bool) -> Known:
     """Note an end: wanted, worth another attempt, or hopeless."""
+    if off:
+        return msgspec.structs.replace(known, state=ProcessState.STOPPED, since=now, note=OFF)
     if stopping:
         return msgspec.structs.replace(known, state=ProcessState.STOPPED, since=now)
+    if known.state is ProcessState.STOPPING:  # was switched off and on again before it had ended
+        return msgspec.structs.replace(known, state=ProcessState.WAITING, since=now, failures=0, killed=False, note="")
     was_ready = known.state is ProcessState.READY
     settled = was_ready and now - known.since > SETTLED_S
     failures = 1 if settled else known.failures + 1

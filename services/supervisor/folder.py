@@ -5,15 +5,17 @@ from pathlib import Path
 
 import msgspec
 
-from companion.run_folder import FLEET_FILE, LATEST, STOP_FILE, STOP_RELEASED, Fleet
+from companion.run_folder import FLEET_FILE, LATEST, OFF_SUFFIX, STOP_FILE, STOP_RELEASED, Fleet
 
 
 def make(run: Path) -> None:
-    """Make the folder with its stop flag, and let `latest` beside it point to it."""
+    """Make the folder with its stop flag, nobody switched off, and let `latest` beside it point to it."""
     run.mkdir(parents=True, exist_ok=True)
     flag = run / STOP_FILE
     if not flag.exists():
         flag.write_bytes(STOP_RELEASED)
+    for name in off(run):
+        (run / f"{name}{OFF_SUFFIX}").unlink(missing_ok=True)
     latest = run.parent / LATEST
     if latest.is_symlink() or not latest.exists():
         beside = run.parent / f".{LATEST}-{os.getpid()}"
@@ -41,6 +43,11 @@ def pid_file(run: Path, name: str) -> Path:
 def log_file(run: Path, name: str) -> Path:
     """Where a process's standard output and error go."""
     return run / f"{name}.log"
+
+
+def off(run: Path) -> frozenset[str]:
+    """Who shall not run: for each there is a file NAME.off."""
+    return frozenset(path.name.removesuffix(OFF_SUFFIX) for path in run.glob(f"*{OFF_SUFFIX}"))
 
 
 def last_line(log: Path, limit: int = 4096) -> str:

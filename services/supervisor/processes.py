@@ -6,7 +6,7 @@ Loop and agent of ex are siblings: each may die and come back without the other.
 import msgspec
 
 ORDERLY_STOP_S = 5.0  # estimate: an agent closes its session and its journal in well under a second
-REPORT_S = 60.0  # estimate: the monitor writes report and pictures when it is stopped
+REPORT_S = 120.0  # estimate: when it is stopped the monitor writes report and pictures, perhaps of several robots
 
 
 class Process(msgspec.Struct, frozen=True):

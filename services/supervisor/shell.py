@@ -25,7 +25,10 @@ PERIOD_S = 0.05  # estimate: a death is seen soon enough, and 20 looks a second 
 
 
 class Shell:
-    """Runs one fleet in one run folder. `command` makes the argument list of a process (tests put their own there)."""
+    """Runs one fleet in one run folder. `command` makes the argument list of a process (tests put their own there).
+
+    `tend`: what else is to be looked after at each look.
+    """
 
     def __init__(
         self,
@@ -35,12 +38,14 @@ class Shell:
         connect: str,
         environment: Mapping[str, str],
         command: Callable[[Process], list[str]] | None = None,
+        tend: Callable[[], None] | None = None,
     ) -> None:
         self.run = run
         self.system = system
         self.connect = connect
         self.environment = dict(environment)
         self.command = command or python_module
+        self.tend = tend or (lambda: None)
         self.fleet = core.begin(processes, time.monotonic())
         self.started = time.time()
         self.children: dict[str, subprocess.Popen[bytes]] = {}
@@ -59,8 +64,10 @@ class Shell:
     def step(self, now: float) -> None:
         """Look, decide, act, tell."""
         before = self.fleet.status
+        self.tend()
         if self.end_asked.is_set():
             self.fleet = core.stop(self.fleet)
+        self.fleet = core.switch(self.fleet, folder.off(self.run), now)
         for event in self._look():
             self.fleet = core.take(self.fleet, event, now)
         self.fleet, actions = core.decide(self.fleet, now)

@@ -46,6 +46,14 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
         system: Annotated[
             str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot.")
         ] = _DEFAULT.system,
+        systems: Annotated[
+            str,
+            typer.Option(envvar="ROCO_SYSTEMS", help="Of router and monitor: names of several robots, comma between."),
+        ] = "",
+        link: Annotated[
+            str,
+            typer.Option(envvar="ROCO_LINK", help="Other routers that the router joins: endpoints, comma between."),
+        ] = "",
         run_dir: Annotated[
             Path, typer.Option(envvar="ROCO_RUN_DIR", help="Folder of this run: journals, logs, ready files.")
         ] = _DEFAULT.run_dir,
@@ -67,6 +75,8 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
             connect=connect,
             listen=listen,
             system=system,
+            systems=listed(systems),
+            links=listed(link),
             run_dir=run_dir,
             log_level=log_level.value,
             speed=speed.value,
@@ -77,6 +87,11 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
         raise typer.Exit(serve(options) or 0)
 
     return command
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """What stands between the commas, each once."""
+    return tuple(dict.fromkeys(filter(None, (one.strip() for one in text.split(",")))))
 
 
 def run(name: str, text: str, serve: Callable[[Options], int | None]) -> None:

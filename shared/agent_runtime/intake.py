@@ -74,9 +74,11 @@ def _admit_durable(state: CoreState, out: Out, wiring: Wiring, link: Link, commu
     waiting = sum(1 for one in state.soft.inbox if one.number and one.peer == peer)
     if number <= taken:
         state.count("taken before")
+        out.log("taken before", sender=peer, id=communicate.id, conversation=communicate.conversation[:LONGEST_LABEL])
         receipt_stream(state, out, peer)
     elif number <= taken + waiting:
         state.count("waiting already")
+        receipt_stream(state, out, peer)  # how far it is: the sender learns that it is heard, though not its turn
     elif number > taken + waiting + 1 or waiting >= HELD_OF_STREAM:
         state.count("gap")
     else:

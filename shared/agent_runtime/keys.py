@@ -38,35 +38,11 @@ class Issuer(msgspec.Struct, frozen=True):
     certificate: x509.Certificate
 
 
-def make(
-    folder: Path,
-    identities: Sequence[str],
-    router: str,
-    rights: Rights,
-    *,
-    days: float = DAYS,
-    hosts: Sequence[str] = HOSTS,
-    now: dt.datetime | None = None,
-) -> dt.datetime:
-    """Write authority, certificates, private keys (mode 0600) and the router's rights into a folder (mode 0700).
-
-    What was there of the same names is replaced. The time when all of it expires. `now`: when they begin (tests).
-    """
-    begin = now or dt.datetime.now(dt.UTC)
-    end = begin + dt.timedelta(days=days)
-    folder.mkdir(parents=True, exist_ok=True)
-    folder.chmod(0o700)
-    issuer = authority(f"{rights.system} authority", begin, end)
-    publish(folder, issuer, rights)
-    for identity in identities:
-        issue(folder, issuer, identity, begin, end, hosts if identity == router else ())
-    return end
-
-
-def publish(folder: Path, issuer: Issuer, rights: Rights) -> None:
-    """Write what is no secret: the authority's certificate and the router's rights."""
+def publish(folder: Path, issuer: Issuer, rights: Rights | None) -> None:
+    """Write what is no secret: the authority's certificate and, where the router is, its rights."""
     _write(folder / AUTHORITY, issuer.certificate.public_bytes(serialization.Encoding.PEM))
-    _write(folder / RIGHTS, json.dumps(msgspec.to_builtins(rights), indent=1).encode())
+    if rights is not None:
+        _write(folder / RIGHTS, json.dumps(msgspec.to_builtins(rights), indent=1).encode())
 
 
 def authority(name: str, begin: dt.datetime, end: dt.datetime) -> Issuer:
@@ -79,16 +55,28 @@ def authority(name: str, begin: dt.datetime, end: dt.datetime) -> Issuer:
 
 
 def issue(
-    folder: Path, issuer: Issuer, identity: str, begin: dt.datetime, end: dt.datetime, hosts: Sequence[str] = ()
+    folder: Path,
+    issuer: Issuer,
+    identity: str,
+    begin: dt.datetime,
+    end: dt.datetime,
+    hosts: Sequence[str] = (),
+    *,
+    name: str = "",
+    joins: bool = False,
 ) -> None:
-    """Write certificate and private key of an identity; with `hosts` it may listen there, else only connect."""
+    """Write certificate and private key of an identity; with `hosts` it may listen there, else only connect.
+
+    `name`: the common name, where it is not the identity. `joins`: who listens may connect, too (linked routers).
+    """
     key = ec.generate_private_key(ec.SECP256R1())
-    builder = _builder(identity, issuer.name, key.public_key(), begin, end)
+    uses = ([_SERVER, _CLIENT] if joins else [_SERVER]) if hosts else [_CLIENT]
+    builder = _builder(name or identity, issuer.name, key.public_key(), begin, end)
     builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
     builder = builder.add_extension(_usage(certificates=False), critical=True)
-    builder = builder.add_extension(x509.ExtendedKeyUsage([_SERVER if hosts else _CLIENT]), critical=False)
+    builder = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
     if hosts:
-        builder = builder.add_extension(x509.SubjectAlternativeName([_host(host) for host in hosts]), critical=False)
+        builder = builder.add_extension(x509.SubjectAlternativeName([host(name) for name in hosts]), critical=False)
     signed = builder.sign(issuer.key, hashes.SHA256())
     _write(certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM))
     private = key.private_bytes(
@@ -113,7 +101,8 @@ def _named(common_name: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
 
 
-def _host(name: str) -> x509.GeneralName:
+def host(name: str) -> x509.GeneralName:
+    """A host as certificates name it: an address or a name."""
     try:
         return x509.IPAddress(ipaddress.ip_address(name))
     except ValueError:

@@ -8,17 +8,25 @@ import msgspec
 class Options(msgspec.Struct, frozen=True, kw_only=True):
     """`connect`: the router's endpoint; `listen`: where the router itself listens; `run_dir`: files of this run.
 
-    `speed`: "1" (simulated time is real time) or "max"; `seed`: varies poses and noise; `scene`: a scene's TOML file,
-    None for the canonical one. `keys`: folder of keys (secured.py): sessions are encrypted and say who they are; None:
-    they are not.
+    `systems`: of a router or recorder that serves several robots, else () and `system` alone; `links`: endpoints of
+    other routers that the router joins. `speed`: "1" (simulated time is real time) or "max"; `seed`: varies poses and
+    noise; `scene`: a scene's TOML file, None for the canonical one. `keys`: folder of keys (secured.py): sessions are
+    encrypted and say who they are; None: they are not.
     """
 
     connect: str = "tcp/127.0.0.1:7447"
     listen: str = "tcp/127.0.0.1:7447"
     system: str = "roco"
+    systems: tuple[str, ...] = ()
+    links: tuple[str, ...] = ()
     run_dir: Path = Path("runs/manual")
     log_level: str = "info"
     speed: str = "1"
     seed: int = 1
     scene: Path | None = None
     keys: Path | None = None
+
+    @property
+    def all_systems(self) -> tuple[str, ...]:
+        """The systems that a router or recorder serves."""
+        return self.systems or (self.system,)

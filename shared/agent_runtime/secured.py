@@ -17,9 +17,9 @@ ROUTER = "router"
 
 
 class Rights(msgspec.Struct, frozen=True):
-    """The router's rules for one system, as `access_control` of its configuration."""
+    """The router's rules for its systems, as `access_control` of its configuration."""
 
-    system: str
+    systems: tuple[str, ...]
     access_control: dict[str, Any]
 
 
@@ -50,12 +50,13 @@ def client_tls(folder: Path, identity: str) -> dict[str, Any]:
     }
 
 
-def router_tls(folder: Path) -> dict[str, Any]:
+def router_tls(folder: Path, *, joins: bool = False) -> dict[str, Any]:
     """`transport/link/tls` of the router: whoever has no certificate of this authority is not let in. Raises
-    KeysError.
+    KeysError. `joins`: it is a client of other routers, too, by the same certificate.
     """
     certificate, key = _pair(folder, ROUTER)
-    return {
+    joining = {"connect_certificate": certificate, "connect_private_key": key, "verify_name_on_connect": True}
+    return (joining if joins else {}) | {
         "root_ca_certificate": _file(folder / AUTHORITY),
         "enable_mtls": True,
         "listen_certificate": certificate,
@@ -64,16 +65,18 @@ def router_tls(folder: Path) -> dict[str, Any]:
     }
 
 
-def rights_of(folder: Path, system: str) -> Rights:
-    """The router's rights in a folder. Raises KeysError where they are of another system."""
+def rights_of(folder: Path, *systems: str) -> Rights:
+    """The router's rights in a folder. Raises KeysError where they are of other systems."""
     try:
         rights = msgspec.json.decode(Path(_file(folder / RIGHTS)).read_bytes(), type=Rights)
     except msgspec.MsgspecError as error:
         raise KeysError(f"{folder / RIGHTS} cannot be read ({error}); make the keys again") from error
-    if rights.system != system:
+    missing = ", ".join(repr(system) for system in systems if system not in rights.systems)
+    if missing:
+        there = ", ".join(repr(system) for system in rights.systems)
         raise KeysError(
-            f"the rights in {folder} are of system {rights.system!r}, this router serves {system!r}: everything would"
-            f" be denied; make keys for {system!r}"
+            f"the rights in {folder} are of system {there}, this router serves {missing}: everything would be denied;"
+            f" make keys for {missing}"
         )
     return rights
 

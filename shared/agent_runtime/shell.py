@@ -45,6 +45,7 @@ from agent_runtime.peers import Peers
 from agent_runtime.secured import client_tls
 from agent_runtime.state import CoreState
 from agent_runtime.steplog import StepLog
+from agent_runtime.unheard import Unheard, Watch, words
 from agent_runtime.wiring import Wiring
 from agent_runtime.zenoh_wire import Bytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
 from fipa_codec.communicate import decode
@@ -77,6 +78,7 @@ class Heartbeat(msgspec.Struct, frozen=True):
     due: dict[str, int]
     counts: dict[str, int]
     at: float
+    unheard: tuple[Unheard, ...] = ()
 
 
 class Shell:
@@ -94,6 +96,7 @@ class Shell:
         self._core = Core(agent, wiring)
         self._inbox = Inbox()
         self._peers = Peers(wiring.peers)
+        self._unheard = Watch(wiring)
         self._journal = Journal(run / "journal" / f"{agent.name}.journal")
         self._steps = StepLog(run / "steps" / f"{agent.name}.steps")
         self._maker = device
@@ -187,7 +190,14 @@ class Shell:
         if self._beat_at <= now:
             self._beat_at = now + HEARTBEAT_S
             self._ping_all()
+            self._listen_back(now)
             self._beat()
+
+    def _listen_back(self, now: float) -> None:
+        """Look whether what was said came to anything; tell what is new of that."""
+        for one, still in self._unheard.look(self._state, self._unanswered, self._peers, now):
+            why, level = (words(self.name, one, now), "warning") if still else ("heard again", "info")
+            self.log.write("unheard", level=level, peer=one.peer, channel=one.channel, what=one.what, why=why)
 
     def _close(self) -> None:
         self._serving = False
@@ -228,6 +238,7 @@ class Shell:
             receipt = msgspec.msgpack.decode(item.data, type=Receipt)
         except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
             return Garbled(f"receipt of {item.peer}", str(error))
+        self._unheard.receipted(item.peer)
         return Receipted(item.peer, receipt.taken, receipt.subject, receipt.version)
 
     def _changed(self, change: PeerChanged | LinkChanged) -> None:
@@ -302,6 +313,7 @@ class Shell:
             due={peer: len(due) for peer, due in state.due.items()},
             counts=state.counts | {f"dropped {kind}": count for kind, count in self._inbox.dropped.items()},
             at=time.time(),
+            unheard=self._unheard.now,
         )
         data = msgspec.json.encode(beat)
         _replace(self._options.run_dir / f"{self.name}.heartbeat.json", data)

@@ -1,4 +1,4 @@
-"""Listening to everything of a system, for recorders: one session, one subscription, no agent.
+"""Listening to everything of one or more systems, for recorders: one session, a subscription each, no agent.
 
 Takes part in nothing: it sends no receipt and declares no token, so nobody waits for it. Callbacks of Zenoh call
 `on_sample`, which must only enqueue: while it works, every other sample waits.
@@ -32,11 +32,16 @@ class Sample(msgspec.Struct, frozen=True):
     gone: bool = False
     deaf_since: float = 0.0
 
+    @property
+    def system(self) -> str:
+        """Whose it is; "" where nothing came by."""
+        return self.key.split("/")[1] if self.key else ""
+
 
 class Tap:
-    """The open subscription."""
+    """The open subscriptions."""
 
-    def __init__(self, session: zenoh.Session, system: str, on_sample: Callable[[Sample], None]) -> None:
+    def __init__(self, session: zenoh.Session, systems: tuple[str, ...], on_sample: Callable[[Sample], None]) -> None:
         self._session = session
 
         def heard(sample: zenoh.Sample) -> None:
@@ -55,11 +60,11 @@ class Tap:
                 self._deaf_since = 0.0
 
         self._deaf_since = 0.0
-        tokens = service_key(system, "alive", "*", "*")
+        tokens = [service_key(system, "alive", "*", "*") for system in systems]
         # References are kept: a dropped declaration is undeclared.
         self._declared = (
-            session.declare_subscriber(f"roco/{system}/**", heard),
-            session.liveliness().declare_subscriber(tokens, lived, history=True),
+            *(session.declare_subscriber(f"roco/{system}/**", heard) for system in systems),
+            *(session.liveliness().declare_subscriber(key, lived, history=True) for key in tokens),
             session.info.declare_transport_events_listener(linked, history=True),
         )
 
@@ -74,4 +79,4 @@ def open_tap(
     """A tap, as soon as the router is there; None when `give_up` says so first. `identity`: with keys, whose."""
     tls = client_tls(options.keys, identity) if options.keys else None
     session = open_client(options.connect, give_up, tls=tls)
-    return None if session is None else Tap(session, options.system, on_sample)
+    return None if session is None else Tap(session, options.all_systems, on_sample)

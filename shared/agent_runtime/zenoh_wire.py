@@ -41,6 +41,7 @@ _TRANSPORT: dict[str, Any] = {
     },
     "shared_memory": {"enabled": False},
 }
+_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 _NO_SCOUTING = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
 
 
@@ -87,10 +88,9 @@ class RouterSeen(msgspec.Struct, frozen=True):
 
 def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Config:
     """Configuration of every agent. `endpoint` like tcp/127.0.0.1:7447; with `tls` (secured.client_tls) tls/..."""
-    retry = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
     parts = {
         "mode": "client",
-        "connect": {"endpoints": [endpoint], "timeout_ms": 0, "retry": retry},
+        "connect": {"endpoints": [endpoint], "timeout_ms": 0, "retry": _RETRY},
         "scouting": _NO_SCOUTING,
         "transport": _transport(tls),
     }
@@ -98,12 +98,19 @@ def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Con
 
 
 def router_config(
-    endpoint: str, tls: dict[str, Any] | None = None, access_control: dict[str, Any] | None = None
+    endpoint: str,
+    tls: dict[str, Any] | None = None,
+    access_control: dict[str, Any] | None = None,
+    links: tuple[str, ...] = (),
 ) -> zenoh.Config:
-    """Configuration of the fleet's router. With keys (secured.router_tls) it grants the rights of `access_control`."""
-    parts = {
+    """Configuration of the fleet's router. With keys (secured.router_tls) it grants the rights of `access_control`.
+
+    `links`: endpoints of other routers; it listens whether they are there or not, and joins them whenever they are.
+    """
+    parts: dict[str, Any] = {
         "mode": "router",
         "listen": {"endpoints": [endpoint]},
+        "connect": {"endpoints": list(links), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
         "scouting": _NO_SCOUTING,
         "transport": _transport(tls),
         "adminspace": {"enabled": True},
@@ -130,11 +137,14 @@ def keep_memory() -> None:
 
 
 def open_router(
-    endpoint: str, tls: dict[str, Any] | None = None, access_control: dict[str, Any] | None = None
+    endpoint: str,
+    tls: dict[str, Any] | None = None,
+    access_control: dict[str, Any] | None = None,
+    links: tuple[str, ...] = (),
 ) -> zenoh.Session:
     """A router in this process; when this returns it listens. Raises zenoh.ZError where the address is taken."""
     keep_memory()
-    return zenoh.open(router_config(endpoint, tls, access_control))
+    return zenoh.open(router_config(endpoint, tls, access_control, links))
 
 
 def open_client(

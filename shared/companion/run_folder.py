@@ -17,8 +17,11 @@ LIVE_FILE = "live.jsonl"
 VERDICTS_FILE = "verdicts.jsonl"
 TRAFFIC_FILE = "traffic.mcap"
 REPORT_FILE = "report.json"
+RRD_FILE = "run.rrd"
+VIEW_FILE = "view.json"
+OFF_SUFFIX = ".off"  # <name>.off: the supervisor keeps this process down as long as the file is there
 
-KEYS_FOLDER = "keys"  # `roco up --secure`: certificates and private keys of this run, mode 0700
+KEYS_FOLDER = "keys"  # certificates and private keys of this run, mode 0700 (docs/security.md)
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
 # The stop flag: one byte, written in place (the loop holds the file mapped; a rename would cut it off).
 STOP_FILE = "stop"
@@ -172,6 +175,13 @@ class Fleet(msgspec.Struct, frozen=True):
     supervisor: int
     started: float
     processes: tuple[ProcessStatus, ...]
+
+
+class ViewAddress(msgspec.Struct, frozen=True):
+    """view.json, written by the monitor: where Rerun's pictures of this run are served (gRPC), and its page (HTTP)."""
+
+    grpc: int
+    web: int
 
 
 class HiAddress(msgspec.Struct, frozen=True):

@@ -1,15 +1,22 @@
 """What ex tells people about the robot and, from the simulation, about the truth: no communicates, newest wins.
 
 `RobotState` goes to `DESIGN.house_key("telemetry", owner="ex")`, `TrueState` to the key of kind "truth", both as
-msgpack at `RATE_HZ`; only recorders and screens read them, no agent decides by them. Arrays are in the order of
-velma.names; poses are in the world frame (torso_base). Must not know: Zenoh, MuJoCo.
+msgpack at `RATE_HZ`. A `Picture` goes to the first key, too, at most once in `PICTURE_S`, told apart by its tag: who
+knows `RobotState` only finds fields missing. Only recorders and screens read them, no agent decides by them. Arrays
+are in the order of velma.names; poses are in the world frame (torso_base). Must not know: Zenoh, MuJoCo.
 """
+
+import zlib
 
 import msgspec
 
 from companion.languages.values import Pose, Vector
 
 RATE_HZ = 20.0  # estimate: smooth for eyes; about 1 kB a time
+
+PICTURE_S = 1.0  # estimate: enough to see what the robot looks at; some kilobytes a time
+MOST_PIXELS = 640 * 480
+"""Of a picture; estimate: a larger one is no low rate any more, and is not unpacked."""
 
 
 class Lateness(msgspec.Struct, frozen=True):
@@ -50,13 +57,22 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     last_fault: str = ""
 
 
+class Contact(msgspec.Struct, frozen=True, array_like=True):
+    """Where the robot touches a thing [m] and the force on the thing [N], both in the world frame."""
+
+    at: Vector
+    force_N: Vector
+
+
 class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
     """What is truly so in the simulation; the fields are those of velma.sim.truth.Truth.
 
     `grains_in`, `tilt_deg`, `at` by vessel id: grains inside, angle between axis and vertical, origin [m].
     `fingers_on`: vessel id -> side -> number of links of that hand that touch it. `poses` of all things by id,
     furniture too, and `models`: thing id -> kind (velma.model.scene.Model); `grains_at`: centres of the grains [m].
-    These three are for pictures.
+    These three are for pictures, and so are: `contacts` of the robot with things; `torque_Nm` of the drives of the body
+    (velma.names.BODY), the arms' own weight in it; `wrench` by side: force [N] and torque [Nm] of the hand and what it
+    holds on the arm, in the frame of the sensor in the wrist, the weight of the hand in it.
     """
 
     time_s: float
@@ -70,3 +86,53 @@ class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
     poses: dict[str, Pose] = {}
     models: dict[str, str] = {}
     grains_at: tuple[Vector, ...] = ()
+    contacts: tuple[Contact, ...] = ()
+    torque_Nm: tuple[float, ...] = ()
+    wrench: dict[str, tuple[float, ...]] = {}
+
+
+class Picture(msgspec.Struct, frozen=True, tag=True):
+    """What the head camera sees, as the simulation has it. `rgb`: rows from the top, 8 bits a colour, under zlib."""
+
+    sim_time_s: float
+    width: int
+    height: int
+    rgb: bytes
+
+    def pixels(self) -> bytes:
+        """width x height x 3 bytes. Raises ValueError where `rgb` is something else, or more than MOST_PIXELS."""
+        if not (self.width > 0 and self.height > 0 and self.width * self.height <= MOST_PIXELS):
+            raise ValueError(f"a picture of {self.width} x {self.height}, there are 1 to {MOST_PIXELS} pixels")
+        size = 3 * self.width * self.height
+        unpacking = zlib.decompressobj()
+        try:
+            found = unpacking.decompress(self.rgb, size + 1)
+        except zlib.error as error:
+            raise ValueError(f"a picture's rgb is not under zlib: {error}") from None
+        if len(found) != size:
+            raise ValueError(f"a picture of {self.width} x {self.height} has {size} bytes, not {len(found)} or more")
+        return found
+
+
+def picture(sim_time_s: float, width: int, height: int, rgb: bytes) -> Picture:
+    """A picture of width x height x 3 bytes."""
+    return Picture(sim_time_s, width, height, zlib.compress(rgb))
+
+
+class _Tagged(msgspec.Struct):
+    type: str = ""
+
+
+_tagged = msgspec.msgpack.Decoder(_Tagged)
+_told: dict[str, msgspec.msgpack.Decoder[RobotState] | msgspec.msgpack.Decoder[Picture]] = {
+    "": msgspec.msgpack.Decoder(RobotState),
+    Picture.__name__: msgspec.msgpack.Decoder(Picture),
+}
+
+
+def told(data: bytes) -> RobotState | Picture:
+    """What stands on the key of telemetry. Raises msgspec.MsgspecError for anything else."""
+    tag = _tagged.decode(data).type
+    if tag not in _told:
+        raise msgspec.ValidationError(f"telemetry of type {tag!r}; there are {', '.join(map(repr, _told))}")
+    return _told[tag].decode(data)

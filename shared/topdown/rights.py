@@ -10,7 +10,7 @@ receiving agent compares the key with the sender in the communicate: so a sender
 name. Nothing here knows a certificate or a router.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from typing import Any
 
@@ -89,35 +89,83 @@ def rights(design: Design, system: str) -> tuple[Right, ...]:
     return tuple(sorted(set(found)))
 
 
-def access_control(design: Design, system: str) -> dict[str, Any]:
+def common_names(
+    design: Design, systems: Sequence[str], *, linked: bool = False
+) -> dict[str, tuple[tuple[str, str], ...]]:
+    """The common name (CN) of each certificate, and as whom it counts: (identity, system) pairs.
+
+    One system: the CN is the identity. Several behind one router: an agent's CN is `<system>.<identity>`, so that the
+    two of a name are told apart; whoever is no agent (router, recorders, readers) is one for all systems. `linked`:
+    each system has a router of its own.
+    """
+    several = {*design.agents, *([ROUTER] if linked else [])} if len(systems) > 1 else set()
+    found: dict[str, list[tuple[str, str]]] = {}
+    for system in systems:
+        for identity in identities(design):
+            name = f"{system}.{identity}" if identity in several else identity
+            found.setdefault(name, []).append((identity, system))
+    return {name: tuple(pairs) for name, pairs in found.items()}
+
+
+def access_control(design: Design, *systems: str, linked: bool = False) -> dict[str, Any]:
     """The part `access_control` of a Zenoh router's configuration (1.10): subjects are common names of certificates.
 
     Directions are the router's: ingress is what a client sends. A subscription may have wildcards (`_ears`); what then
-    reaches the subscriber are only the keys that it has a right to. Subscriptions of others are told to nobody, so a
-    publisher cannot learn who listens.
+    reaches the subscriber are only the keys that it has a right to. Subscriptions of others are told to no agent, so a
+    publisher cannot learn who listens. `linked`: each system has a router of its own, and the rules are for each of
+    these; the others are its clients, too (`_neighbour`).
     """
-    rules = [rule for name in identities(design) for rule in _rules(design, system, name)]
-    named = {name: [rule["id"] for rule in rules if rule["id"].startswith(f"{name} ")] for name in identities(design)}
+    holders = common_names(design, systems, linked=linked)
+    rules = {name: list(_rules(design, name, pairs)) for name, pairs in holders.items()}
+    if linked:
+        rules |= {f"{system}.{ROUTER}": list(_neighbour(design, system, systems)) for system in systems}
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": rules,
-        "subjects": [{"id": name, "cert_common_names": [name]} for name in named],
-        "policies": [{"subjects": [name], "rules": ids} for name, ids in named.items() if ids],
+        "rules": [rule for found in rules.values() for rule in found],
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in holders],
+        "policies": [
+            {"subjects": [name], "rules": [rule["id"] for rule in found]} for name, found in rules.items() if found
+        ],
     }
 
 
-def _rules(design: Design, system: str, identity: str) -> Iterator[dict[str, Any]]:
-    mine = [right for right in rights(design, system) if right.identity == identity]
-    keys = {action: [right.key for right in mine if right.action == action] for action in Action}
-    ears = _ears(design, system, identity)
-    yield from _rule(f"{identity} puts", "ingress", ["put"], keys[Action.PUT])
-    yield from _rule(f"{identity} hears", "egress", ["put"], keys[Action.SUBSCRIBE])
-    yield from _rule(f"{identity} listens", "ingress", ["declare_subscriber"], ears[Action.SUBSCRIBE])
-    yield from _rule(f"{identity} lives", "ingress", ["liveliness_token"], keys[Action.TOKEN])
-    yield from _rule(f"{identity} sees", "egress", ["liveliness_token"], keys[Action.WATCH])
+def _rules(design: Design, name: str, pairs: tuple[tuple[str, str], ...]) -> Iterator[dict[str, Any]]:
+    keys: dict[Action, list[str]] = {action: [] for action in Action}
+    ears: dict[Action, list[str]] = {Action.SUBSCRIBE: [], Action.WATCH: []}
+    for identity, system in pairs:
+        for right in rights(design, system):
+            if right.identity == identity:
+                keys[Action(right.action)].append(right.key)
+        for action, wide in _ears(design, system, identity).items():
+            ears[action] += wide
+    yield from _rule(f"{name} puts", "ingress", ["put"], keys[Action.PUT])
+    yield from _rule(f"{name} hears", "egress", ["put"], keys[Action.SUBSCRIBE])
+    yield from _rule(f"{name} listens", "ingress", ["declare_subscriber"], ears[Action.SUBSCRIBE])
+    yield from _rule(f"{name} lives", "ingress", ["liveliness_token"], keys[Action.TOKEN])
+    yield from _rule(f"{name} sees", "egress", ["liveliness_token"], keys[Action.WATCH])
     watching = ["liveliness_query", "declare_liveliness_subscriber"]
-    yield from _rule(f"{identity} looks", "ingress", watching, ears[Action.WATCH])
+    yield from _rule(f"{name} looks", "ingress", watching, ears[Action.WATCH])
+
+
+def _neighbour(design: Design, system: str, systems: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """What the router of `system` may do at those of the other systems: bring what is said in its own system, and take
+    what is said in theirs; of subscriptions are told those that such words are for, which only recorders and readers
+    of several systems have.
+    """
+    name, others = f"{system}.{ROUTER}", [other for other in systems if other != system]
+    brought, taken = families(design, system), [family for other in others for family in families(design, other)]
+    for told, token in (("put", False), ("liveliness_token", True)):
+        ours, theirs = ([one.key for one in some if one.token is token] for some in (brought, taken))
+        yield from _rule(f"{name} brings {told}", "ingress", [told], ours)
+        yield from _rule(f"{name} takes {told}", "egress", [told], theirs)
+    yield from _rule(f"{name} asks", "ingress", ["declare_subscriber"], [_all_of(design, other) for other in others])
+    yield from _rule(f"{name} is asked", "egress", ["declare_subscriber"], [_all_of(design, system)])
+
+
+def _all_of(design: Design, system: str) -> str:
+    """Every key of a system."""
+    return design.file.system.key.split("{channel}")[0].format(system=system) + "**"
 
 
 def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> Iterator[dict[str, Any]]:
@@ -132,7 +180,7 @@ def _ears(design: Design, system: str, identity: str) -> dict[Action, list[str]]
     if identity in design.agents:
         ears[Action.SUBSCRIBE].append(design.keys_to(system, identity))
     if identity in design.file.system.recorders:
-        ears[Action.SUBSCRIBE].append(design.file.system.key.split("{channel}")[0].format(system=system) + "**")
+        ears[Action.SUBSCRIBE].append(_all_of(design, system))
     for house in design.file.house:
         if identity in house.readers:
             peer = identity if identity in design.agents else "*"

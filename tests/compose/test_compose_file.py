@@ -6,12 +6,16 @@ from pathlib import Path
 import pytest
 import yaml
 
+from companion.design import DESIGN
 from services.supervisor.processes import FLEET
+from topdown.rights import identities
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "deploy/compose.yaml").read_text()
 FILE = yaml.safe_load(TEXT)
-SERVICES = FILE["services"]
+KEEPER = FILE["services"]["keys"]
+"""Makes the keys of all; no process of the fleet."""
+SERVICES = {name: service for name, service in FILE["services"].items() if name != "keys"}
 DOCKERFILE = (ROOT / "deploy/Dockerfile").read_text()
 INSIDE = {"ex": {"ex", "loop"}}
 """Services of more than one process."""
@@ -45,23 +49,48 @@ def test_a_service_runs_what_the_supervisor_would_run(name):
         assert command(name) == [modules[name]]
 
 
-@every_service
-def test_a_service_can_change_nothing_but_its_own_volume(name):
-    """Root read-only, no capability, no way to get one; a volume that no other service has."""
-    service = SERVICES[name]
+@pytest.mark.parametrize("name", FILE["services"])
+def test_a_service_has_no_rights(name):
+    """Root read-only, no capability, no way to get one."""
+    service = FILE["services"][name]
     assert service["read_only"] is True
     assert service["cap_drop"] == ["ALL"]
     assert "no-new-privileges:true" in service["security_opt"]
-    assert not {"privileged", "cap_add", "user", "network_mode", "pid", "ipc", "devices"} & set(service)
-    assert service["volumes"] == [f"{name}:/var/lib/roco"]
-    assert name in FILE["volumes"]
+    assert not {"privileged", "cap_add", "user", "pid", "ipc", "devices"} & set(service)
+    assert service.get("network_mode") == ("none" if name == "keys" else None)
 
 
 @every_service
+def test_a_service_can_change_nothing_but_its_own_volume(name):
+    """One that no other service has; its keys it may only read."""
+    assert SERVICES[name]["volumes"] == [f"{name}:/var/lib/roco", f"keys-{name}:/var/lib/roco-keys:ro"]
+    assert {name, f"keys-{name}"} <= set(FILE["volumes"])
+
+
+def test_the_keys_of_all_are_in_one_place_which_has_no_network():
+    """Each identity of the design and the router in a volume of its own, of which the image knows the owner."""
+    names = identities(DESIGN)
+    assert sorted(KEEPER["volumes"]) == sorted(f"keys-{name}:/keys/{name}" for name in names)
+    made = re.search(r"install -d -o roco (.*\n.*)\n", DOCKERFILE)[1]
+    assert {f"/keys/{name}" for name in names} <= set(made.split())
+    assert KEEPER["network_mode"] == "none"
+    assert "networks" not in KEEPER
+
+
+@every_service
+def test_nobody_speaks_without_a_key(name):
+    """TLS is what is there, not what may be had."""
+    environment = SERVICES[name]["environment"]
+    assert environment["ROCO_TLS_DIR"] == "/var/lib/roco-keys"
+    assert environment["ROCO_CONNECT"] == "tls/router:7447"
+    assert environment.get("ROCO_LISTEN") == ("tls/0.0.0.0:7447" if name == "router" else None)
+
+
+@pytest.mark.parametrize("name", FILE["services"])
 def test_a_service_is_bounded(name):
     """Memory, processes, the log that Docker keeps, and the time it may take to end."""
-    service = SERVICES[name]
-    assert re.fullmatch(r"\d+[mg]", service["mem_limit"])
+    service = FILE["services"][name]
+    assert re.fullmatch(r"\d+[mg]", service["deploy"]["resources"]["limits"]["memory"])
     assert service["pids_limit"] <= 256
     assert service["logging"]["options"] == {"max-size": "10m", "max-file": "3"}
     assert service["stop_grace_period"] in ("15s", "60s")
@@ -74,7 +103,8 @@ def test_health_starts_no_python(name):
     program, *names = SERVICES[name]["healthcheck"]["test"][1:]
     assert program == "healthy"
     assert set(names) == INSIDE.get(name, {name})
-    assert "python" not in "".join((ROOT / "deploy/healthy").read_text().lower().split("\n")[5:])
+    text = (ROOT / "deploy/healthy").read_text().lower().splitlines()
+    assert not any("python" in line for line in text if not line.startswith("#"))
 
 
 @every_service
@@ -82,20 +112,25 @@ def test_agents_start_when_the_router_routes_and_the_monitor_taps(name):
     """As the supervisor's table says; agents wait for each other by themselves."""
     wanted = {other for process in FLEET if process.name == name for other in process.after} - {"loop"}
     after = SERVICES[name].get("depends_on", {})
-    assert set(after) == wanted
+    assert set(after) == (wanted or {"keys"})
     assert all(condition == {"condition": "service_healthy"} for condition in after.values())
 
 
 def test_only_people_reach_in_and_nobody_reaches_out():
-    """One port, published on loopback, the same inside and outside: hi compares it with the request's Host."""
+    """Ports on loopback alone, the same inside and outside: hi compares it with the request's Host, and Rerun's page
+    asks for its data at the number it was given.
+    """
     assert FILE["networks"]["fleet"] == {"internal": True}
-    assert [name for name, service in SERVICES.items() if service["networks"] != ["fleet"]] == ["hi"]
-    assert [name for name, service in SERVICES.items() if "ports" in service] == ["hi"]
-    (port,) = SERVICES["hi"]["ports"]
-    assert re.fullmatch(r"127\.0\.0\.1:(\$\{ROCO_PORT:-\d+\}):\1", port)
-    assert (
-        SERVICES["hi"]["environment"]["ROCO_HTTP"] == "0.0.0.0:" + port.rpartition("127.0.0.1:")[2].rpartition(":$")[0]
-    )
+    inside = {"hi": ["ROCO_PORT"], "monitor": ["ROCO_VIEW_WEB", "ROCO_VIEW_GRPC"]}
+    for name, service in FILE["services"].items():
+        assert ("people" in service.get("networks", ())) == (name in inside)
+        assert len(service.get("ports", ())) == len(inside.get(name, ()))
+        for port, variable in zip(service.get("ports", ()), inside.get(name, ()), strict=True):
+            assert re.fullmatch(r"127\.0\.0\.1:(\$\{" + variable + r":-\d+\}):\1", port)
+            told = service["environment"]["ROCO_HTTP" if name == "hi" else variable]
+            assert (
+                told.removeprefix("0.0.0.0:") == port.removeprefix("127.0.0.1:")[: len(told.removeprefix("0.0.0.0:"))]
+            )
 
 
 def test_nothing_needs_to_be_set():
@@ -105,10 +140,10 @@ def test_nothing_needs_to_be_set():
 
 
 def test_only_the_override_for_hard_timing_gives_rights():
-    """To the executor alone, and just the two it needs."""
+    """To the executor alone, and just those it needs."""
     override = yaml.safe_load((ROOT / "deploy/compose.rt.yaml").read_text())["services"]
     assert set(override) == {"ex"}
-    assert override["ex"]["cap_add"] == ["SYS_NICE", "IPC_LOCK"]
+    assert override["ex"]["cap_add"] == ["SYS_NICE", "IPC_LOCK", "DAC_READ_SEARCH"]
 
 
 @pytest.mark.parametrize("stage", sorted({service["build"]["target"] for service in SERVICES.values()}))

@@ -16,9 +16,8 @@ def look(tmp_path):
     """Its exit code and words."""
 
     def look(*names):
-        done = subprocess.run(
-            [HEALTHY, *names], env={**os.environ, "ROCO_RUN_DIR": str(tmp_path)}, capture_output=True, timeout=20.0
-        )
+        environment = {**os.environ, "ROCO_RUN_DIR": str(tmp_path)}
+        done = subprocess.run([HEALTHY, *names], env=environment, capture_output=True, timeout=20.0)
         return done.returncode, done.stdout.decode()
 
     return look
@@ -35,16 +34,17 @@ def test_what_never_said_so_is_not_ready(look):
     assert look("km") == (1, "km: not ready yet\n")
 
 
-def test_ready_is_enough_for_what_has_no_heartbeat(tmp_path, look):
-    """Router, monitor and loop."""
+def test_ready_is_not_enough(tmp_path, look):
+    """Everything that runs has a heartbeat."""
     write(tmp_path / "router.ready")
-    assert look("router") == (0, "")
+    assert look("router") == (1, "router: no heartbeat\n")
 
 
 def test_ready_from_before_this_start_does_not_count(tmp_path, look):
     """A killed process leaves its files in the volume; /dev is made at each start of a container."""
+    write(tmp_path / "router.heartbeat.json")
     write(tmp_path / "router.ready", time.time() - os.stat("/dev").st_mtime + 10.0)
-    assert look("router")[0] == 1
+    assert look("router") == (1, "router: not ready yet\n")
 
 
 def test_a_heartbeat_keeps_it_healthy(tmp_path, look):
@@ -65,7 +65,8 @@ def test_a_heartbeat_that_stopped_does_not(tmp_path, look):
 
 def test_all_that_are_named_must_be_healthy(tmp_path, look):
     """The executor's container has an agent and a loop."""
-    write(tmp_path / "ex.ready")
+    for name in ("ex.ready", "ex.heartbeat.json", "loop.heartbeat.json"):
+        write(tmp_path / name)
     assert look("loop", "ex") == (1, "loop: not ready yet\n")
     write(tmp_path / "loop.ready")
     assert look("loop", "ex") == (0, "")

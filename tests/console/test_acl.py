@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from services.console.acl import app
+from services.console.__main__ import app
 
 MESSAGE = (
     "(inform :sender (agent-identifier :name km :addresses (sequence http://a:1/acc)) :receiver (set "
@@ -17,7 +17,7 @@ MESSAGE = (
 
 def show(*words: str, stdin: bytes = b"") -> Result:
     """Call `show`."""
-    return CliRunner().invoke(app, ["show", *words], input=stdin)
+    return CliRunner().invoke(app, ["acl", "show", *words], input=stdin)
 
 
 def test_text_file_and_standard_input_show_the_same(tmp_path: Path) -> None:

@@ -52,9 +52,9 @@ def test_status_shows_fleet_and_tasks(run: Path) -> None:
 def test_down_ends_the_fleet_and_status_tells_it(run: Path) -> None:
     """After that nothing is ready and a_hi does not answer; both are told, not raised."""
     assert "ended ta" in roco("down", "--run-dir", run).stdout
-    assert roco("status", "--run-dir", run).exit_code == 1
+    assert roco("status", "--run-dir", run).exit_code == 3
     done = roco("say", "pour", "--run-dir", run)
-    assert done.exit_code == 1
+    assert done.exit_code == 3
     assert "does not answer" in done.stderr
     assert "nothing of" in roco("down", "--run-dir", run).stdout
 
@@ -76,7 +76,7 @@ def test_without_a_run_every_command_says_so(command: list[str], tmp_path: Path)
     """And says what to do, as JSON where asked for."""
     nowhere = tmp_path / "none"
     done = roco(*command, "--run-dir", nowhere, "--format", "json")
-    assert done.exit_code == 1
+    assert done.exit_code == 3
     assert "roco up" in json.loads(done.stderr)["error"]
 
 

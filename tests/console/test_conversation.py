@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from companion.run_folder import VERDICTS_FILE, Judged
 from services.console import conversation, sequence
+from services.console.__main__ import app
 from services.console.verdicts import told
 from topdown.verdicts import Verdict
 
@@ -38,7 +39,7 @@ def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def roco(run_dir: Path, *words: str, columns: int = 80, code: int = 0) -> str:
     """What it prints; its exit code must be `code`."""
     done = CliRunner().invoke(
-        conversation.app, [*words, "--run-dir", str(run_dir)], env={"COLUMNS": str(columns)}, terminal_width=columns
+        app, ["conversation", *words, "--run-dir", str(run_dir)], env={"COLUMNS": str(columns)}, terminal_width=columns
     )
     assert done.exit_code == code, done.output
     return done.stdout + done.stderr
@@ -66,6 +67,9 @@ def test_every_conversation_is_listed_once(run_dir: Path) -> None:
         (("--open",), 1),
         (("--ended", "--channel", "C5"), 14),
         (("--wrong",), 0),
+        (("--channel", "C1", "--channel", "C2"), 3),
+        (("--performative", "subscribe", "--performative", "confirm"), 3),
+        (("--run", str(POUR / "traffic.mcap"), "--agent", "hi"), 1),
     ],
 )
 def test_filters(run_dir: Path, words: tuple[str, ...], count: int) -> None:
@@ -121,12 +125,5 @@ def test_a_run_without_verdicts_is_judged_now() -> None:
 
 
 def test_no_run_is_said(tmp_path: Path) -> None:
-    """Exit code 1."""
-    assert "no run at" in roco(tmp_path / "none", "list", code=1)
-
-
-def test_the_drawing_of_the_documents_is_this_one(run_dir: Path) -> None:
-    """docs/conversations.md shows what is really printed."""
-    page = (Path(__file__).parents[2] / "docs" / "conversations.md").read_text(encoding="utf-8")
-    lines = [line.rstrip() for line in roco(run_dir, "show", "ta-1-2").splitlines()]
-    assert "\n".join(f"    {line}".rstrip() for line in lines).strip() in page
+    """Exit code 3: there is nothing to ask."""
+    assert "no run at" in roco(tmp_path / "none", "list", code=3)

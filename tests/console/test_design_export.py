@@ -5,29 +5,19 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-import typer
 from typer.testing import CliRunner, Result
 
 from companion.design import DESIGN
-from services.console import design, design_export
+from services.console.__main__ import app
 from topdown.proving.pairs import net_of
 from topdown.proving.promela import promela
 
 LAMP = Path(__file__).parents[1] / "topdown" / "lamp.toml"
 
-roco = typer.Typer()
-roco.add_typer(design.app, name="design")
-
-
-@roco.callback()
-def callback() -> None:
-    """So that `design` stays a word of its own."""
-
 
 def export(*words: str) -> Result:
     """Call `roco design export`."""
-    assert design_export.export is not None
-    return CliRunner().invoke(roco, ["design", "export", *words])
+    return CliRunner().invoke(app, ["design", "export", *words])
 
 
 def test_one_use_goes_to_one_file(tmp_path: Path) -> None:

@@ -4,11 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner, Result
 
 from companion.design import DESIGN
-from services.console import design, design_show
+from services.console.__main__ import app
 from topdown.drawing import book
 from topdown.drawing.parts import Grid
 
@@ -17,13 +16,10 @@ DRAWN = ROOT / "docs" / "design"
 KEPT = ("companion.html", "system.svg", "tree.svg", "machine-co.svg", "protocol-execute_plan.svg")
 OTHER = ROOT / "tests" / "topdown" / "lamp.toml"
 
-roco = typer.Typer()
-roco.add_typer(design.app, name="design")
-
 
 def show(*words: str, columns: int = 100) -> Result:
     """Call `roco design show`."""
-    return CliRunner().invoke(roco, ["design", "show", *words], env={"COLUMNS": str(columns)})
+    return CliRunner().invoke(app, ["design", "show", *words], env={"COLUMNS": str(columns)})
 
 
 @pytest.mark.parametrize("columns", [80, 120])
@@ -108,8 +104,3 @@ def test_the_committed_pictures_are_those_of_the_design() -> None:
     drawn = {**book.figures(sections), "companion.html": book.page_of(DESIGN, sections)}
     stale = [name for name in KEPT if (DRAWN / name).read_text(encoding="utf-8") != drawn[name]]
     assert not stale, f"{', '.join(stale)}: draw them anew with scripts/figures"
-
-
-def test_show_is_a_verb_of_design() -> None:
-    """Importing the module is what registers it."""
-    assert any(command.callback is design_show.show for command in design.app.registered_commands)

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from agent_runtime.secured import Rights, client_tls, rights_of, router_tls
 from companion.design import DESIGN
-from services.console import keys
+from services.console.__main__ import app
 from topdown.rights import access_control, identities
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,7 +19,7 @@ RUN = CliRunner()
 
 def test_each_identity_gets_its_own_for_as_long_as_asked(tmp_path: Path) -> None:
     """CN is the identity; it holds for the days given; only the router's names hosts."""
-    done = RUN.invoke(keys.app, ["make", str(tmp_path), "--days", "2", "--host", "robot.lan", "--format", "json"])
+    done = RUN.invoke(app, ["keys", "make", str(tmp_path), "--days", "2", "--host", "robot.lan", "--format", "json"])
     assert done.exit_code == 0, done.output
     told = json.loads(done.output)
     assert told["identities"] == list(identities(DESIGN))
@@ -37,15 +37,16 @@ def test_each_identity_gets_its_own_for_as_long_as_asked(tmp_path: Path) -> None
 
 def test_the_rights_beside_them_are_the_designs(tmp_path: Path) -> None:
     """For the system that is named."""
-    assert RUN.invoke(keys.app, ["make", str(tmp_path), "--system", "velma1"]).exit_code == 0
-    wanted = msgspec.json.decode(msgspec.json.encode(Rights("velma1", access_control(DESIGN, "velma1"))), type=Rights)
+    assert RUN.invoke(app, ["keys", "make", str(tmp_path), "--system", "velma1"]).exit_code == 0
+    made = Rights(("velma1",), access_control(DESIGN, "velma1"))
+    wanted = msgspec.json.decode(msgspec.json.encode(made), type=Rights)
     assert rights_of(tmp_path, "velma1") == wanted
 
 
 def test_another_design_has_other_identities(tmp_path: Path) -> None:
     """Any design file will do."""
     file = str(ROOT / "shared/topdown/scaffold/smallest.toml")
-    done = RUN.invoke(keys.app, ["make", str(tmp_path), "--design", file])
+    done = RUN.invoke(app, ["keys", "make", str(tmp_path), "--design", file])
     assert done.exit_code == 0, done.output
     assert {one.stem for one in tmp_path.glob("*.key")} == {"asker", "doer", "router"}
 
@@ -53,7 +54,7 @@ def test_another_design_has_other_identities(tmp_path: Path) -> None:
 @pytest.mark.parametrize("design", ["nowhere.toml", "README.md"])
 def test_what_is_no_design_is_told(tmp_path: Path, design: str) -> None:
     """One line, exit code 1, nothing written."""
-    done = RUN.invoke(keys.app, ["make", str(tmp_path / "keys"), "--design", str(ROOT / design)])
+    done = RUN.invoke(app, ["keys", "make", str(tmp_path / "keys"), "--design", str(ROOT / design)])
     assert done.exit_code == 1
     assert "Traceback" not in done.output
     assert not (tmp_path / "keys").exists()

@@ -155,7 +155,7 @@ def test_a_long_plan_is_cut_around_the_present_state(machines: int, leaves: int,
 def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> None:
     """A line in the making waits for the next look; a kind of a later version does no harm."""
     file = tmp_path / "live.jsonl"
-    follow = live.Follow(file)
+    follow = live.Follow(live.of_file(file))
     assert follow.new() == []
     first, second = Happened(t=1.0, name="a"), Happened(t=2.0, name="b")
     whole = msgspec.json.encode(second) + b"\n"

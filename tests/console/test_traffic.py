@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from companion.run_folder import Judged
 from services.console import traffic
+from services.console.__main__ import app
 from topdown.verdicts import Verdict
 
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
@@ -23,7 +24,7 @@ NOISE = Judged(t=106.0, verdict=Verdict.MALFORMED, bytes=7, key="a/b", why="no m
 
 def run(*words: str) -> tuple[int, str, str]:
     """Exit code, standard output, standard error."""
-    done = CliRunner().invoke(traffic.app, list(words), env={"COLUMNS": "80"})
+    done = CliRunner().invoke(app, ["traffic", *words], env={"COLUMNS": "80"})
     return done.exit_code, done.stdout, done.stderr
 
 

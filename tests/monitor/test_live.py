@@ -67,3 +67,15 @@ def test_what_was_recorded_shows_no_text_that_is_no_word_or_label() -> None:
         )
         key = DESIGN.key("velma", said)
         assert type(understood(Sample(key, encode(said), 1.0))) is kind
+
+
+def test_who_is_not_heard_is_told_once() -> None:
+    """A heartbeat repeats it each second; the line comes once, and again when it happens again."""
+    live, found = Live(), []
+    one = {"peer": "ta", "channel": "C1", "what": "said", "since": 10.0}
+    for at, unheard in ((13.0, [one]), (14.0, [one]), (15.0, []), (23.0, [one | {"since": 20.0}])):
+        beat = msgspec.json.encode({"agent": "co", "state": "trigger", "unheard": unheard})
+        record = understood(Sample("roco/roco/_/state/co", beat, at))
+        found += [line for line in live.lines(record) if isinstance(line, Happened)]
+    assert [line.t for line in found] == [13.0, 23.0]
+    assert "what co says to ta on C1 is not received since 3 s" in found[0].text

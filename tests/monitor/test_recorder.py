@@ -97,6 +97,10 @@ def test_a_recorder_tells_when_it_heard_nothing(processes: Processes, pouring: R
     """While no router is there nothing is heard: the recording says since when, and what was open is not judged."""
     said = [sample for sample in pouring.samples if "/_/" not in sample.key][:2]
     processes.start("services.monitor", "monitor")
+    for name in ("router", "monitor"):
+        beat = processes.run / f"{name}.heartbeat.json"
+        os.utime(beat, (1.0, 1.0))
+        wait_for(lambda beat=beat: beat.stat().st_mtime > 1.0, f"{name} beats")  # type: ignore[misc]
     processes.running[0].kill()
     processes.running[0].wait()
     processes.start("services.router", "router")

@@ -11,8 +11,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from companion.run_folder import Fleet, ProcessState
-from services.supervisor import folder
+from companion.run_folder import OFF_SUFFIX, Fleet, ProcessState
+from services.supervisor import core, folder
 from services.supervisor.processes import FLEET, Process
 from services.supervisor.shell import NotBuiltError, Shell, python_module
 
@@ -130,3 +130,19 @@ def _built(process: Process) -> bool:
     except NotBuiltError:
         return False
     return True
+
+
+def test_the_file_beside_it_keeps_a_process_down(start: Callable[..., Shell]) -> None:
+    """With real processes: it ends when the file appears, and starts when it goes; a new start knows of no file."""
+    shell = start(*TABLE)
+    until(shell, lambda: shell.fleet.ready)
+    off = shell.run / f"ta{OFF_SUFFIX}"
+    off.touch()
+    until(shell, lambda: shell.fleet.known["ta"].state is ProcessState.STOPPED)
+    assert read(shell).processes[1].note == core.OFF
+    assert shell.fleet.known["router"].state is ProcessState.READY
+    off.unlink()
+    until(shell, lambda: shell.fleet.ready)
+    off.touch()
+    folder.make(shell.run)
+    assert not off.exists()

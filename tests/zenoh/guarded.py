@@ -10,14 +10,14 @@ from typing import Any
 
 import zenoh
 
-from agent_runtime import keys
-from agent_runtime.secured import Rights, client_tls, router_tls
+from agent_runtime import issuing
+from agent_runtime.secured import client_tls, router_tls
 from agent_runtime.zenoh_wire import client_config, free_endpoint, open_router
 from companion.design import DESIGN
 from fipa_codec.performatives import Performative
 from topdown.design import Design
 from topdown.elements import House
-from topdown.rights import ROUTER, access_control, identities
+from topdown.rights import access_control, identities
 
 SYSTEM = "guarded"
 FENCE = "fence"
@@ -41,9 +41,8 @@ class Guarded:
 
     def __init__(self, folder: Path, access: dict[str, Any] | None = None) -> None:
         self.folder, self.endpoint = folder, free_endpoint().replace("tcp/", "tls/")
-        rights = Rights(SYSTEM, access or guarded_rights())
-        keys.make(folder, identities(DESIGN), ROUTER, rights)
-        self.router = open_router(self.endpoint, router_tls(folder), rights.access_control)
+        issuing.issue(folder, DESIGN, (SYSTEM,))
+        self.router = open_router(self.endpoint, router_tls(folder), access or guarded_rights())
         self._sessions = [self.router]
 
     def session(self, identity: str, tls: dict[str, Any] | None = None) -> zenoh.Session:
@@ -81,7 +80,7 @@ def allowed(design: Design, identity: str, action: str, key: str) -> bool:
     if what != "_":
         sender, receiver, protocol, act = rest
         known = any((s, r, p, a) == (sender, receiver, protocol, act) for s, r, p, a in design.rules)
-        hears = identity == receiver or identity == "monitor"
+        hears = identity == receiver or identity in ("monitor", "console")
         return known and ((action == "put" and identity == sender) or (action == "subscribe" and hears))
     kind, owner, *peer = rest
     house: House = design.houses[kind]

@@ -13,14 +13,17 @@ from pathlib import Path
 from typing import TypeVar
 
 import msgspec
+import zenoh
 from toy_fleet import wait_for
 
 from agent_runtime.core import OUTSIDE
 from agent_runtime.shell import Heartbeat
+from agent_runtime.zenoh_wire import client_config
 from companion.languages import rc
 from companion.run_folder import SLOTS_FILE, ProcessState, TaskLine
 from services.console import fleet, runs
 from services.console.hi import Hi
+from services.console.identity import tls
 from services.executor.loop.link import AgentLink, LoopState, Told
 from services.executor.loop.program import Phase
 from services.monitor import recording
@@ -99,6 +102,12 @@ class RocoFleet:
             wait_for(condition, what, within_s)
         except AssertionError as error:
             raise AssertionError(f"{error}\n{self.hi.tasks()}\n{self.logs()}") from None
+
+    def session(self, identity: str) -> zenoh.Session:
+        """A session with the keys of this identity: whoever has them may say what it may."""
+        told = runs.fleet(self.run)
+        assert told is not None
+        return zenoh.open(client_config(told.connect, tls(self.run, told, identity)))
 
     # --- as nobody can ----------------------------------------------------------------------------------------------
 

@@ -5,14 +5,11 @@ from pathlib import Path
 
 import msgspec
 import pytest
-import zenoh
 from roco_fleet import RocoFleet, safely_down
 
-from agent_runtime.zenoh_wire import client_config
 from companion.design import DESIGN
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
-from services.console import runs
 from velma.model.scene import CANONICAL
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(300)]
@@ -46,16 +43,14 @@ def test_dance(fleet: RocoFleet) -> None:
 
 def test_garbage_to_the_task_agent(fleet: RocoFleet) -> None:
     """Bytes that are no communicate, and communicates that make no sense, are counted; nobody dies of them."""
-    told = runs.fleet(fleet.run)
-    assert told is not None
     dance = msgspec.Raw(msgspec.msgpack.encode("dance"))
     lie = Communicate(
         performative=Performative.REQUEST, protocol="coordinate", language="HFSM", ontology="roco",
         conversation="nonsense", sender="co", receiver="ta", id="999999", content=dance,
     )  # fmt: skip
-    key = DESIGN.key(told.system, lie)
+    key = DESIGN.key("roco", lie)
     before = _refused(fleet)
-    with zenoh.open(client_config(told.connect)) as session:
+    with fleet.session("co") as session:
         for data in (b"", b"garbage", b"\xc1" * 100, msgspec.msgpack.encode({"V": "request"}), encode(lie)):
             session.put(key, data)
         fleet.wait(lambda: _refused(fleet) >= before + 4, "the garbage is counted")

@@ -17,7 +17,7 @@ from guarded import SYSTEM
 from test_over_zenoh import expect
 from toy_fleet import Fleet, wait_for
 
-from agent_runtime import keys
+from agent_runtime import issuing, keys
 from agent_runtime.secured import AUTHORITY, KeysError, Rights, client_tls, rights_of
 from agent_runtime.wiring import communicate_key
 from agent_runtime.zenoh_wire import client_config, free_endpoint
@@ -27,7 +27,7 @@ from fipa_codec.performatives import Performative
 from topdown.rights import ROUTER, access_control, identities
 
 pytestmark = pytest.mark.zenoh
-RIGHTS = Rights(SYSTEM, access_control(DESIGN, SYSTEM))
+RIGHTS = Rights((SYSTEM,), access_control(DESIGN, SYSTEM))
 WEEK = dt.timedelta(days=7)
 
 
@@ -97,7 +97,7 @@ def test_a_session_without_a_good_certificate_is_refused(folder: Path, router: s
 
 def test_a_client_does_not_speak_to_a_foreign_router(tmp_path: Path, router: str) -> None:
     """Whoever listens at the router's address without its certificate hears nothing: the client refuses it."""
-    keys.make(tmp_path, identities(DESIGN), ROUTER, RIGHTS)
+    issuing.issue(tmp_path, DESIGN, (SYSTEM,))
     with pytest.raises(zenoh.ZError):
         zenoh.open(client_config(router, client_tls(tmp_path, "co")))
 
@@ -112,7 +112,7 @@ def test_missing_keys_and_rights_of_another_system_are_told(folder: Path) -> Non
 
 def test_keys_are_for_their_owner_alone(tmp_path: Path) -> None:
     """Mode 0700 and 0600; the authority's private key is nowhere."""
-    keys.make(tmp_path / "keys", identities(DESIGN), ROUTER, RIGHTS)
+    issuing.issue(tmp_path / "keys", DESIGN, (SYSTEM,))
     assert (tmp_path / "keys").stat().st_mode & 0o777 == 0o700
     files = list((tmp_path / "keys").iterdir())
     assert {file.stat().st_mode & 0o777 for file in files} == {0o600}

@@ -6,11 +6,11 @@ from pathlib import Path
 import msgspec
 import pytest
 import typer
+from secured_fleet import end, secured, serve
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 from typer.testing import CliRunner
 
-from companion.run_folder import FLEET_FILE, Fleet
 from services.console import runs
 from services.console.hi import Hi
 from services.console.saying import Sending
@@ -24,27 +24,14 @@ COMMAND = ("--as", "hi", "--to", "co", "--protocol", "request", "--performative"
 
 @pytest.fixture
 def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Processes]:
-    """A router and co, alone."""
-    made = Processes(tmp_path)
-    for name in ("LISTEN", "CONNECT", "RUN_DIR"):
-        monkeypatch.setenv(f"ROCO_{name}", str(tmp_path) if name == "RUN_DIR" else made.endpoint)
-    told = Fleet(system="roco", connect=made.endpoint, supervisor=0, started=0.0, processes=())
-    (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
+    """A router with keys and co, alone."""
+    made = secured(tmp_path, monkeypatch)
     made.start("router")
     made.ready("router")
-    made.script = _service(tmp_path, "services.coordinator")
-    made.start("co")
+    serve(made, "co", "services.coordinator")
     wait_for(lambda: (tmp_path / "co.heartbeat.json").exists(), "co lives")
     yield made
-    for name in list(made.processes):
-        made.kill(name)
-
-
-def _service(folder: Path, module: str) -> Path:
-    """A script that runs a service, whatever it is called with."""
-    path = folder / f"{module}.py"
-    path.write_text(f"import runpy, sys\nsys.argv = ['{module}']\nrunpy.run_module('{module}', run_name='__main__')\n")
-    return path
+    end(made)
 
 
 def roco(run: Path, *words: str, code: int = 0) -> str:
@@ -71,8 +58,7 @@ def test_a_person_is_hi_and_then_hi_is_itself(fleet: Processes) -> None:
     assert (second.sent["id"], second.sent["conversation"], second.receipted) == ("2", "hi-2-2", True)
     assert {one["performative"] for one in second.heard if one["conversation"] == "hi-2-2"} == {"agree"}
     wait_for(lambda: "hi" not in fleet.beat("co").unreceipted, "co's answers are receipted")
-    fleet.script = _service(fleet.run, "services.human_interface")
-    fleet.start("hi")
+    serve(fleet, "hi", "services.human_interface")
     fleet.ready("hi")
     assert fleet.beat("hi").incarnation == 3
     hi = Hi(runs.hi_address(fleet.run))
@@ -113,11 +99,11 @@ def test_nobody_there(fleet: Processes, tmp_path: Path) -> None:
     fleet.kill("co")
     said = roco(fleet.run, *COMMAND, *LOOK, "--wait", "0.1")
     assert "not receipted by co" in said
-    fleet.start("co")
+    serve(fleet, "co", "services.coordinator")
     wait_for(lambda: fleet.beat("co").incarnation == 2, "co lives again")
     done = sent(fleet.run, *COMMAND, *LOOK, "--wait", "3")
     assert done.receipted
     assert [one["in_reply_to"] for one in done.heard if one["performative"] == "agree"] == ["1", "2"]
     fleet.kill("router")
     assert "no router" in roco(fleet.run, *COMMAND, *LOOK, code=1)
-    assert "no run" in roco(tmp_path / "none", *COMMAND, *LOOK, code=1)
+    assert "no run" in roco(tmp_path / "none", *COMMAND, *LOOK, code=3)

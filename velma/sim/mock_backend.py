@@ -2,7 +2,16 @@
 
 import numpy as np
 
-from velma.names import SPEED
+from velma.names import (
+    DISTAL_UPPER,
+    FINGER_UPPER,
+    HEAD_LOWER,
+    HEAD_UPPER,
+    LOWER,
+    SPEED,
+    SPREAD_UPPER,
+    UPPER,
+)
 from velma.sim.backend import PERIOD_S, Array, Command, State, at_rest
 
 # A light joint with much friction: it creeps where it is pushed and stops at once. Per joint, kg m2 and Nms/rad.
@@ -11,7 +20,8 @@ FINGER_SPEED = 3.27  # rad/s, BHR
 
 
 class MockBackend:
-    """Fifteen separate joints, each I dv/dt = tau - d v; head and fingers go where they are told at a finite speed.
+    """Fifteen separate joints, each I dv/dt = tau - d v, stopped at their ends; the head is where it is told to be, and
+    the fingers go there at a finite speed, as far as they reach.
 
     `grasped[row]` says at which finger angle a row's fingers meet something (None: nothing there): they stop, and the
     servo's error grows as it does against an object.
@@ -35,16 +45,19 @@ class MockBackend:
         state.v[:] = (state.v + dt * command.tau / INERTIA) / (1 + dt * FRICTION / INERTIA)
         np.clip(state.v, -SPEED, SPEED, out=state.v)
         state.q += dt * state.v
+        state.v[(state.q < LOWER) | (state.q > UPPER)] = 0.0
+        np.clip(state.q, LOWER, UPPER, out=state.q)
         self._work += float(np.abs(command.tau * state.v).sum()) * dt
-        state.head[:] = command.head
+        np.clip(command.head, HEAD_LOWER, HEAD_UPPER, out=state.head)
         step = FINGER_SPEED * dt
         for row, stop in enumerate(self.grasped):
             if command.locked[row]:
                 continue
-            state.spread[row] += np.clip(command.spread[row] - state.spread[row], -step, step)
-            end = command.proximal[row] if stop is None else np.minimum(command.proximal[row], stop)
+            spread = np.clip(command.spread[row], 0.0, SPREAD_UPPER)
+            state.spread[row] += np.clip(spread - state.spread[row], -step, step)
+            end = np.clip(command.proximal[row], 0.0, FINGER_UPPER if stop is None else stop)
             state.proximal[row] += np.clip(end - state.proximal[row], -step, step)
-            bent = command.distal[row] if stop is None else np.minimum(command.distal[row], stop / 3.0)
+            bent = np.clip(command.distal[row], 0.0, DISTAL_UPPER if stop is None else stop / 3.0)
             state.distal[row] += np.clip(bent - state.distal[row], -step, step)
         state.time += dt
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from velma.model.scene import Model, Scene
 from velma.model.scene_xml import grain_name, objects
 from velma.names import SIDES
+from velma.sim.forces import Forces
 from velma.sim.mujoco_backend import MujocoBackend
 
 Array = NDArray[np.float64]
@@ -24,7 +25,9 @@ class Truth(msgspec.Struct, frozen=True):
     """What is truly so at a time: grains by where they are, tilt of every vessel, and what touches what.
 
     `poses`, `models` and `grains_at` are for pictures: thing id -> (origin, quaternion w first) in the world and model
-    (velma.model.scene.Model), furniture too; centres of the grains. m.
+    (velma.model.scene.Model), furniture too; centres of the grains. m. And so are the last three: where the robot
+    touches a thing and the force on the thing (world frame, m and N), the strongest MOST_CONTACTS; torques of the
+    drives of the body; by side what the hand exerts on the arm in the frame of the wrist's sensor: force N, torque Nm.
     """
 
     time_s: float
@@ -38,6 +41,9 @@ class Truth(msgspec.Struct, frozen=True):
     poses: dict[str, tuple[Vector, Quaternion]]
     models: dict[str, str]
     grains_at: tuple[Vector, ...]
+    contacts: tuple[tuple[Vector, Vector], ...]
+    torque_Nm: tuple[float, ...]
+    wrench: dict[str, tuple[float, ...]]
 
 
 class TruthReader:
@@ -53,6 +59,8 @@ class TruthReader:
         parts = [_side(model, body) for body in range(model.nbody)]
         self._is_robot = np.array([part != "" for part in parts])
         self._hand = {side: np.array([part == side for part in parts]) for side in SIDES}
+        grains = np.isin(np.arange(model.nbody), self._grain_bodies)
+        self._forces = Forces(model, backend.data, self._is_robot, grains)
         self._is_furniture = np.isin(
             np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(Model.CABINET, Model.TABLE)]
         )
@@ -73,6 +81,9 @@ class TruthReader:
             poses={name: self._pose(body) for name, body in self._bodies.items()},
             models=self._models,
             grains_at=tuple((x, y, z) for x, y, z in data.xpos[self._grain_bodies].tolist()),
+            contacts=self._forces.contacts(),
+            torque_Nm=self._forces.torques(),
+            wrench=self._forces.wrenches(),
         )
 
     def pose(self, name: str) -> tuple[Array, Array]:

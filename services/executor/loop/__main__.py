@@ -13,6 +13,7 @@ from typing import Annotated
 
 import typer
 
+from agent_runtime.pulse import Pulse, Turns
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink
 from services.executor.loop.process import LoopProcess, Speed
@@ -73,6 +74,7 @@ def main(
         raise typer.Exit(2) from None
     if seed is not None:
         found = scene.vary(found, seed)
+    turns = Turns(Pulse(slots.parent, "loop"))  # before the priority, which its thread would inherit
     # Priority only where the loop rests between cycles: a process that never rests would starve the agents.
     refused = take_priority() if speed is Speed.REAL else ""
     process = build(slots, asked=found, speed=speed, backend=backend, realtime=speed is Speed.REAL and not refused)
@@ -82,7 +84,9 @@ def main(
     ready.touch()
     while not asked:
         process.turn()
+        turns.count += 1
     process.end()
+    turns.end()
     ready.unlink(missing_ok=True)
     typer.echo(f"loop: ended by signal {asked[0]} after {process.core.cycles} cycles", err=True)
 

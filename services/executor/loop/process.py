@@ -16,6 +16,7 @@ from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
 
 HEARTBEAT_S = 0.1  # of wall time without a beat during an act
+UNHURRIED_HEARTBEAT_S = 1.0  # at `--speed max`: estimate; on a machine with load 17, 0.1 s ended one run of three
 SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody looks
 SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
 IDLE_S = 0.002  # how long to look away while the world stands still
@@ -37,6 +38,7 @@ class LoopProcess:
         self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
         self._told, self._shown = Told(), core.mode
         self._beat, self._heard = link.heartbeat(), time.monotonic()
+        self._patience_s = HEARTBEAT_S if speed is Speed.REAL else UNHURRIED_HEARTBEAT_S
         core.hold(SETTLE_S)
         self._publish()
 
@@ -97,8 +99,8 @@ class LoopProcess:
         beat, now = self._link.heartbeat(), time.monotonic()
         if beat != self._beat or self.core.report.phase is not Phase.RUNNING:
             self._beat, self._heard = beat, now
-        elif now - self._heard > HEARTBEAT_S and self.core.mode is Mode.MOTION:
-            self.core.abandon(f"the agent's heartbeat stood still for {HEARTBEAT_S:g} s")
+        elif now - self._heard > self._patience_s and self.core.mode is Mode.MOTION:
+            self.core.abandon(f"the agent's heartbeat stood still for {self._patience_s:g} s")
 
     def _show(self) -> None:
         core = self.core

@@ -13,7 +13,7 @@ import pytest
 from services.executor.loop import process as process_module
 from services.executor.loop.__main__ import BackendName, build
 from services.executor.loop.link import AgentLink, StopLink
-from services.executor.loop.process import HEARTBEAT_S, Speed
+from services.executor.loop.process import HEARTBEAT_S, UNHURRIED_HEARTBEAT_S, Speed
 from services.executor.loop.program import Cancel, Mode, Phase, motion
 from services.executor.loop.timing import Histogram, Pacer
 from velma.errors import SlotError
@@ -113,18 +113,21 @@ def test_a_cancel_reaches_the_motion(pair):
     assert agent.told().report.phase is Phase.CANCELLED
 
 
-def test_an_agent_that_falls_silent_during_an_act_ends_it(pair, clock):
-    """After 100 ms of wall time: damping, then hold; between acts silence is no matter."""
-    loop, agent, _ = pair
+@pytest.mark.parametrize(("speed", "patience_s"), [(Speed.REAL, HEARTBEAT_S), (Speed.MAX, UNHURRIED_HEARTBEAT_S)])
+def test_an_agent_that_falls_silent_during_an_act_ends_it(tmp_path, clock, speed, patience_s):
+    """After 100 ms of wall time, a second where no time is kept: damping, then hold; between acts it is no matter."""
+    path = tmp_path / "loop.slots"
+    loop = build(path, asked=scene.load(), speed=speed, backend=BackendName.MOCK, realtime=False)
+    agent = AgentLink(path)
     clock.now += 10.0
     loop.turn()
     assert agent.state().mode is Mode.MOTION
     agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
     loop.turn()
-    clock.now += HEARTBEAT_S / 2
+    clock.now += patience_s / 2
     loop.turn()
     assert agent.told().report.phase is Phase.RUNNING
-    clock.now += HEARTBEAT_S
+    clock.now += patience_s
     loop.turn()
     assert agent.told().report.phase is Phase.FAILED
     assert "heartbeat" in agent.told().report.reason
@@ -224,6 +227,12 @@ def test_the_process_starts_shows_a_state_and_ends_in_order(tmp_path):
                     break
             except SlotError:
                 os.sched_yield()
+        beat = tmp_path / "loop.heartbeat.json"
+        assert msgspec.json.decode(beat.read_bytes())["pid"] == child.pid
+        os.utime(beat, (1.0, 1.0))
+        while beat.stat().st_mtime == 1.0 and time.monotonic() < deadline:
+            os.sched_yield()
+        assert beat.stat().st_mtime > 1.0, "it turns and does not beat"
         child.send_signal(signal.SIGTERM)
         _, said = child.communicate(timeout=20)
     finally:

@@ -1,0 +1,164 @@
+"""A fleet in containers (deploy/compose.yaml): seen through docker, with one shell in each container for a look.
+
+Each service has its own run folder, in its own volume. A container with several processes has a supervisor in it and
+its fleet.json; of the others docker knows whether they run.
+"""
+
+import time
+
+import msgspec
+
+from companion.run_folder import (
+    HI_FILE,
+    LIVE_FILE,
+    OFF_SUFFIX,
+    RUN_FOLDER_VARIABLE,
+    STOP_FILE,
+    Fleet,
+    HiAddress,
+    ProcessState,
+    ProcessStatus,
+)
+from services.console import seen
+from services.console.docker import Container, docker, executed, inspected, ours
+from services.console.errors import DockerError, HiError, NoRunError, UsageError
+from services.console.seen import Look, Seen
+from services.console.sheets import SHEET, Sheet, sheet
+
+HI, MONITOR, LOOP = "hi", "monitor", "ex"
+END_S = 90.0
+"""Docker waits up to a minute for the monitor's report (compose.yaml: stop_grace_period), and for the rest seconds."""
+ORDER = ("router", "monitor")
+"""Started first and ended last."""
+CONTAINER = {"created": ProcessState.WAITING, "restarting": ProcessState.BACKING_OFF}
+"""What docker says of a container without a process; else it was stopped."""
+
+
+def projects(*, ended: bool = False) -> tuple[str, ...]:
+    """The compose projects of ours of which something runs, or is there at all; none where docker is not there."""
+    try:
+        return tuple(sorted({one.project for one in ours() if one.runs or ended}))
+    except DockerError:
+        return ()
+
+
+class Compose:
+    """The fleet of a compose project. Every call raises DockerError where docker does not do it."""
+
+    def __init__(self, project: str) -> None:
+        self.project = project
+        self.where = f"compose project {project}"
+        self._ids: list[str] = []
+
+    def look(self) -> Look:
+        """The fleet now."""
+        containers = self._containers()
+        running = [one for one in containers if one.runs]
+        at = time.monotonic()
+        sheets = dict(zip((one.id for one in running), executed([one.id for one in running], SHEET), strict=True))
+        found: list[Seen] = []
+        held = False
+        for container in containers:
+            read = sheet(sheets.get(container.id, b""))
+            held = held or read.stop_held
+            found += _of(container, read)
+        router = next((one for one in containers if one.service == "router"), containers[0])
+        told = Fleet(router.variable("ROCO_SYSTEM"), self.where, 0, 0.0, tuple(one.status for one in found))
+        return Look(told, tuple(found), held, at)
+
+    def live(self, offset: int) -> bytes:
+        """What stands in the monitor's live.jsonl from a byte on."""
+        return self._shell(MONITOR, f'tail -c +{offset + 1} "${RUN_FOLDER_VARIABLE}/{LIVE_FILE}" 2>/dev/null || true')
+
+    def hi(self) -> HiAddress:
+        """Where a_hi listens: its port is published under the same number."""
+        try:
+            return msgspec.json.decode(self._shell(HI, f'cat "${RUN_FOLDER_VARIABLE}/{HI_FILE}"'), type=HiAddress)
+        except (DockerError, msgspec.DecodeError) as error:
+            words = f"the human interface of {self.where} does not listen ({error}); see `roco status`"
+            raise HiError(0, words) from error
+
+    def hold(self, held: bool) -> None:
+        """Stop the robot, or release it: one byte, written in place, since the loop has the file mapped."""
+        self._shell(LOOP, f"printf '\\{int(held):03o}' 1<> \"${RUN_FOLDER_VARIABLE}/{STOP_FILE}\"")
+
+    def switch(self, name: str, on: bool) -> None:
+        """Start a process, or end it and keep it down; where it shares its container, its supervisor does it."""
+        container = self._home(name)
+        if container.service != name or (container.runs and name in self._shared(container)):
+            file = f'"${RUN_FOLDER_VARIABLE}/{name}{OFF_SUFFIX}"'
+            self._shell(container.service, f"rm -f {file}" if on else f"touch {file}")
+        else:
+            begin = "unpause" if container.state.status == "paused" else "start"
+            docker(begin if on else "stop", container.id, timeout_s=END_S)
+
+    def down(self) -> tuple[str, ...]:
+        """End the containers in order; volumes, networks and containers stay."""
+        running = {one.service: one.id for one in self._containers() if one.runs}
+        first = [name for name in running if name not in ORDER]
+        for names in (first, *([name] for name in reversed(ORDER) if name in running)):
+            if names:
+                docker("stop", *(running[name] for name in names), timeout_s=END_S)
+        return tuple(running)
+
+    def log(self, name: str, lines: int) -> tuple[str, ...]:
+        """The last lines that a process wrote."""
+        said = docker("logs", "--tail", str(lines), self._home(name).id)
+        return tuple(said.decode(errors="replace").splitlines())
+
+    def _containers(self) -> list[Container]:
+        """The services, in the order of a start."""
+        try:
+            found = inspected(self._ids)
+        except DockerError:  # made anew meanwhile, under other ids
+            found = []
+        found = found or [one for one in ours() if one.project == self.project]
+        self._ids = [one.id for one in found]
+        if not found:
+            raise NoRunError(self.project, f"no container of compose project {self.project!r} is there any more")
+        return sorted(found, key=lambda one: (ORDER.index(one.service) if one.service in ORDER else 9, one.service))
+
+    def _home(self, name: str) -> Container:
+        """The container in which a process runs. UsageError where there is none of that name."""
+        for one in self.look().seen:
+            if one.name == name:
+                service = one.home
+                return next(container for container in self._containers() if container.service == service)
+        raise UsageError(f"no process is called {name!r}; there are {', '.join(one.name for one in self.look().seen)}")
+
+    def _shared(self, container: Container) -> tuple[str, ...]:
+        """The processes that a supervisor keeps in a container."""
+        told = sheet(executed([container.id], SHEET)[0]).fleet
+        return tuple(status.name for status in told.processes) if told else ()
+
+    def _shell(self, service: str, script: str) -> bytes:
+        """What a script prints in a service's container. DockerError where it does not run."""
+        found = next((one for one in self._containers() if one.service == service), None)
+        if found is None or not found.runs:
+            raise DockerError(f"service {service} of {self.where} does not run; `roco agent start {service}` starts it")
+        return docker("exec", found.id, "sh", "-c", script)
+
+
+def _of(container: Container, read: Sheet) -> list[Seen]:
+    """The processes in a container, as its supervisor says, or its only one."""
+    if read.fleet is not None and container.runs:
+        return [_process(status, container, read) for status in read.fleet.processes]
+    state = _state(container, read)
+    pid = read.pid(container.service) if container.runs else 0
+    note = "paused" if container.state.status == "paused" else ""
+    if container.state.status == "exited":
+        note = f"stopped; exit code {container.state.exit_code}"
+    return [_process(ProcessStatus(container.service, state, pid, container.restart_count, note), container, read)]
+
+
+def _state(container: Container, read: Sheet) -> ProcessState:
+    if not container.runs:
+        return CONTAINER.get(container.state.status, ProcessState.STOPPED)
+    serves = read.ready(container.service) or container.healthy
+    return ProcessState.READY if serves else ProcessState.STARTING
+
+
+def _process(status: ProcessStatus, container: Container, read: Sheet) -> Seen:
+    used = seen.used(status.pid, read.stats) if status.pid else None
+    beat, age = read.beat(status.name)
+    return Seen(status, beat, age, used, container.service)

@@ -1,0 +1,114 @@
+"""`roco record`: the traffic of a running fleet from now on, as an MCAP file that opens in Foxglove.
+
+A process of the monitor writes it, as recordings are its business; it ends when this one does, however it ends.
+"""
+
+import contextlib
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+
+from agent_runtime.options import Options
+from companion.filters import Filter
+from services.console import rates
+from services.console.errors import ConsoleError, UsageError
+from services.console.forms import Form, Format, RunDir, problems, tell_json
+from services.console.hearing import MONITOR, NothingHeardError, at_run, whose
+from services.console.wanted import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
+
+NO_ROUTER = 3
+"""The recorder's exit code where no router answers."""
+
+
+class Recorded(msgspec.Struct, frozen=True):
+    """How far a recording is: communicates, all records, bytes of the file, time [s], what came too fast to be kept."""
+
+    communicates: int
+    records: int
+    bytes: int
+    seconds: float
+    dropped: int
+    file: str = ""
+
+
+def record(
+    out: Annotated[Path | None, typer.Option("--out", help="The file; else recording-<time>.mcap here.")] = None,
+    channel: Channels = None,
+    agent: Agents = None,
+    protocol: Protocols = None,
+    performative: Performatives = None,
+    count: Count = 0,
+    for_: Seconds = 0.0,
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Record the traffic of a running fleet from now until Ctrl-C, as an MCAP file.
+
+    A kill loses no more than the last tenth of a second. With a filter only the communicates that are meant are kept;
+    without one also receipts, heartbeats and telemetry. Every verb that takes --run reads the file; Foxglove opens it.
+
+    Examples:
+      roco record
+      roco record --out c4.mcap --channel C4 --for 60
+    """
+    with problems(form):
+        which = wanted(channel, agent, protocol, performative)
+        file = (out or Path(f"recording-{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap")).resolve()
+        if file.exists():
+            raise UsageError(f"{file} is there already; name another --out, or remove it")
+        if not file.parent.is_dir():
+            raise UsageError(f"{file.parent} is no folder; make it, or name another --out")
+        last = _recorded(at_run(run_dir), file, which, count, for_, form)
+        done = msgspec.structs.replace(last, file=str(file))
+        if form is Format.JSON:
+            tell_json(done)
+        else:
+            print(sentence(done) + f"\n{file}")
+
+
+def sentence(done: Recorded) -> str:
+    """How far it is, in a line."""
+    what = f"{done.communicates} communicates, {done.records} records, {rates.size(done.bytes)} in {done.seconds:.1f} s"
+    return what + (f"; {done.dropped} more came faster than they could be kept" if done.dropped else "")
+
+
+def _recorded(options: Options, file: Path, which: Filter, count: int, seconds: float, form: Form) -> Recorded:
+    """Have it recorded, watched by who waits; what was recorded in the end. Raises ConsoleError."""
+    command = [sys.executable, "-m", MONITOR, "record", str(file), "--connect", options.connect]
+    command += ["--system", options.system, "--run-dir", str(options.run_dir), "--identity", whose(options)]
+    command += ["--keys", str(options.keys)] if options.keys else []
+    command += ["--which", msgspec.json.encode(which).decode(), "--count", str(count), "--seconds", str(seconds)]
+    console, last = Console(stderr=True), Recorded(0, 0, 0, 0.0, 0)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        with console.status("recording; Ctrl-C ends it") if form is Format.TEXT else contextlib.nullcontext() as line:
+            for last in _told(process):
+                if line is not None:
+                    line.update(f"recording: {sentence(last)}; Ctrl-C ends it")
+        words = process.stderr.read().decode(errors="replace").strip() if process.stderr else ""
+    if process.returncode == NO_ROUTER:
+        raise NothingHeardError(options)
+    if process.returncode:
+        raise ConsoleError(f"the recorder ended with {process.returncode}; {file} has what was heard before. {words}")
+    return last
+
+
+def _told(process: "subprocess.Popen[bytes]") -> Iterator[Recorded]:
+    """What the recorder tells, until it has ended; Ctrl-C is handed on and its end waited for."""
+    assert process.stdout is not None
+    while True:
+        try:
+            line = process.stdout.readline()
+        except KeyboardInterrupt:
+            process.send_signal(signal.SIGINT)
+            continue
+        if not line:
+            return
+        yield msgspec.json.decode(line, type=Recorded)

@@ -1,0 +1,95 @@
+"""Which fleet is meant, and what may be asked of any: one on this machine, or one in containers.
+
+Without a word from the user it is what runs: the run of --run-dir or ROCO_RUN_DIR, else runs/latest where something of
+it lives, else the containers of a compose project, else runs/latest as it was left.
+"""
+
+import os
+from pathlib import Path
+from typing import Annotated, Protocol
+
+import typer
+
+from companion.run_folder import LATEST, RUN_FOLDER_VARIABLE, HiAddress
+from services.console import complete, runs
+from services.console.errors import NoRunError, UsageError
+from services.console.local import Local
+from services.console.seen import Look
+
+LOCAL, COMPOSE = "local", "compose"
+Name = Annotated[
+    str,
+    typer.Option(
+        "--target",
+        help="local, compose, a run's folder, or a compose project; else what runs.",
+        autocompletion=complete.targets,
+    ),
+]
+
+
+class Target(Protocol):
+    """A fleet, wherever it runs. `where`: for people."""
+
+    where: str
+
+    def look(self) -> Look:
+        """The fleet now: each process with heartbeat, processor time, memory."""
+
+    def live(self, offset: int) -> bytes:
+        """What stands in the monitor's live.jsonl from a byte on."""
+
+    def hi(self) -> HiAddress:
+        """Where a_hi listens. HiError where it does not."""
+
+    def hold(self, held: bool) -> None:
+        """Stop the robot, or release it."""
+
+    def switch(self, name: str, on: bool) -> None:
+        """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError: no such name."""
+
+    def down(self) -> tuple[str, ...]:
+        """End the fleet in order; who was ended."""
+
+    def log(self, name: str, lines: int) -> tuple[str, ...]:
+        """The last lines that a process wrote."""
+
+
+def find(name: str = "", run_dir: Path | None = None) -> Target:
+    """The fleet that is meant. Raises NoRunError, or UsageError where it cannot be told which."""
+    if run_dir is not None or name == LOCAL:
+        return Local(runs.find(run_dir))
+    if name:
+        return _named(name)
+    if os.environ.get(RUN_FOLDER_VARIABLE) or _lives(runs.RUNS / LATEST):
+        return Local(runs.find(None))
+    return _compose("") or Local(runs.find(None))
+
+
+def _named(name: str) -> Target:
+    folder = Path(name)
+    if name != COMPOSE and folder.is_dir():
+        return Local(folder.resolve())
+    found = _compose("" if name == COMPOSE else name)
+    if found is None:
+        what = "no compose project of ours runs" if name == COMPOSE else f"{name!r} is no folder and no compose project"
+        begin = "`docker compose -f deploy/compose.yaml up -d` starts one, `roco up` a local one"
+        raise NoRunError(name, f"{what}; {begin}")
+    return found
+
+
+def _lives(run: Path) -> bool:
+    """Whether anything of a run is there."""
+    told = runs.living(run) if run.is_dir() else None
+    return told is not None and bool(told.supervisor or any(status.pid for status in told.processes))
+
+
+def _compose(project: str) -> Target | None:
+    """The project of this name, or the only one. UsageError where there are several."""
+    from services.console.compose import Compose, projects
+
+    if project:
+        return Compose(project) if project in projects(ended=True) else None
+    running = projects()
+    if len(running) > 1:
+        raise UsageError(f"several compose projects run; name one: --target {' or '.join(running)}")
+    return Compose(running[0]) if running else None

@@ -1,0 +1,117 @@
+"""A check measures how far a back-end is from a property; more than the limit fails. Nothing passes silently.
+
+A measure that raises, that does not come back, or that is no number is a failure of its check.
+"""
+
+import math
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from enum import StrEnum
+
+import msgspec
+
+from services.executor.conformance.subject import Subject
+
+Measured = tuple[float, str]  # how far from the property, in the check's unit; where, in words
+
+
+class Area(StrEnum):
+    """What a property is about."""
+
+    TIMING = "timing"
+    READINGS = "readings"
+    LIMITS = "limits"
+    STOP = "stop"
+    SAFE_MODE = "safe mode"
+    SLOTS = "slots"
+
+
+class Check(msgspec.Struct, frozen=True):
+    """One property: in words, its limit with the source, what to do where it does not hold, and how it is measured."""
+
+    name: str
+    area: Area
+    says: str
+    limit: float
+    unit: str
+    source: str
+    remedy: str
+    measure: Callable[[Subject], Measured]
+    rough: bool = False  # pushes to the ends: left out on a robot that must be treated gently
+    most_s: float = 60.0
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Verdict(StrEnum):
+    """What became of a check."""
+
+    PASSED = "passed"
+    FAILED = "FAILED"
+    LEFT_OUT = "left out"
+
+
+class Result(msgspec.Struct, frozen=True):
+    """A check's outcome. `value` is None where nothing could be measured; `why` is then the reason."""
+
+    check: str
+    area: Area
+    says: str
+    verdict: Verdict
+    value: float | None
+    limit: float
+    unit: str
+    source: str
+    why: str
+    remedy: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the property holds."""
+        return self.verdict is Verdict.PASSED
+
+
+def judged(check: Check, subject: Subject) -> Result:
+    """Measure one property. Never raises; ends within the check's time, though a hanging call of the robot may not."""
+    if check.rough and subject.gentle:
+        return _result(check, Verdict.LEFT_OUT, None, "it pushes the robot to its ends (--gentle)")
+    found: list[Measured | BaseException] = []
+    thread = threading.Thread(target=_measure, args=(check, subject, found), name=check.name, daemon=True)
+    thread.start()
+    thread.join(check.most_s)
+    if not found:
+        return _result(check, Verdict.FAILED, None, f"no answer within {check.most_s:g} s: a call does not return")
+    if isinstance(found[0], BaseException):
+        return _result(check, Verdict.FAILED, None, f"{type(found[0]).__name__}: {found[0]}")
+    value, where = found[0]
+    good = math.isfinite(value) and value <= check.limit
+    return _result(check, Verdict.PASSED if good else Verdict.FAILED, value, where)
+
+
+def _measure(check: Check, subject: Subject, found: list[Measured | BaseException]) -> None:
+    try:
+        found.append(check.measure(subject))
+    except BaseException as error:  # whatever a lab's code raises is that check's result
+        found.append(error)
+
+
+def _result(check: Check, verdict: Verdict, value: float | None, why: str) -> Result:
+    known = value if value is None or math.isfinite(value) else None
+    why = why if known is value else f"{value} {check.unit}; {why}"
+    return Result(
+        check.name, check.area, check.says, verdict, known, check.limit, check.unit, check.source, why, check.remedy
+    )
+
+
+def run(subject: Subject, checks: Iterable[Check]) -> Iterator[Result]:
+    """All checks, in their order. Where a call does not return the rest is not tried: the robot may still be in it."""
+    hangs = ""
+    for check in checks:
+        if hangs:
+            yield _result(check, Verdict.FAILED, None, f"not tried: {hangs} did not come back")
+            continue
+        result = judged(check, subject)
+        if result.why.startswith("no answer"):
+            hangs = check.name
+        yield result

@@ -1,0 +1,87 @@
+"""What the head camera sees, for people's screens: a child process casts a picture where the robot or a thing moved.
+
+The child has the least priority there is, so it takes only time that nobody else wants. One picture is under way at a
+time, at most one in PICTURE_S is begun; states that come meanwhile are passed over. Nobody waits for it.
+"""
+
+import time
+
+import msgspec
+import numpy as np
+
+from agent_runtime.devices import Post
+from agent_runtime.worker import Worker
+from companion.telemetry import PICTURE_S, Picture
+from services.executor.words import Array, Setup
+
+ENTRY = "services.executor.picturing:serve"
+NICENESS = 19
+STILL = 0.002
+"""A coordinate of the world that changed less is at rest [rad, m]; estimate: less than a pixel."""
+AGAIN_S = 10.0
+"""Between pictures at rest, for whoever began to look meanwhile; estimate."""
+LATE_S, PAUSE_S = 60.0, 30.0
+"""A child that is silent so long is killed, a new one begins so long after an end; estimates: start-up under load."""
+
+
+class Show(msgspec.Struct, frozen=True, tag=True):
+    """To the child: a picture of this state, every coordinate of the world model as float64 bytes -> Picture."""
+
+    sim_time_s: float
+    world: bytes
+
+
+class Pictures:
+    """Publishes pictures as telemetry; `offer` and `close` on one thread at a time."""
+
+    def __init__(self, post: Post, setup: Setup) -> None:
+        self._post, self._setup = post, setup
+        self._child: Worker | None = None
+        self._begin = 0.0  # no child before
+        self._asked = -AGAIN_S  # when, by the monotonic clock
+        self._drawing = False
+        self._shown: Array = np.zeros(0)
+
+    def offer(self, sim_time_s: float, world: Array, now: float | None = None) -> bool:
+        """Begin a picture of the state `world` (nq,), if one is due and no other is under way; whether it was begun.
+
+        Never waits. `now`: by the monotonic clock [s].
+        """
+        now = time.monotonic() if now is None else now
+        if self._drawing and now > self._asked + LATE_S:
+            self.close()
+            self._begin = now + PAUSE_S
+        if self._drawing or not self._due(world, now) or not self._ready(now):
+            return False
+        assert self._child is not None
+        self._drawing, self._asked, self._shown = True, now, world.copy()
+        self._child.tell(Show(sim_time_s, world.tobytes()))
+        return True
+
+    def close(self) -> None:
+        """Kill the child."""
+        if self._child is not None:
+            self._child.kill()
+        self._child, self._drawing = None, False
+
+    def _due(self, world: Array, now: float) -> bool:
+        if world.size == 0 or now < self._asked + PICTURE_S:  # empty: a back-end without a world
+            return False
+        moved = self._shown.shape != world.shape or bool(np.abs(world - self._shown).max() > STILL)
+        return moved or now > self._asked + AGAIN_S
+
+    def _ready(self, now: float) -> bool:
+        if self._child is not None and not self._child.alive:
+            self.close()
+            self._begin = now + PAUSE_S
+        if self._child is None and now >= self._begin:
+            self._child = Worker(ENTRY, answers=Picture, on_message=self._made, on_end=self._ended, nice=NICENESS)
+            self._child.tell(self._setup)
+        return self._child is not None
+
+    def _made(self, made: Picture) -> None:
+        self._drawing = False
+        self._post.publish("telemetry", msgspec.msgpack.encode(made))
+
+    def _ended(self, _code: int) -> None:
+        self._drawing = False

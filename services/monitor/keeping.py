@@ -1,0 +1,140 @@
+"""`roco record`: a recording made beside the run's own, of what is meant, until it is told to stop.
+
+One tap, one queue, one thread; the file is whole up to FLUSH_S before a kill. No report and no judge: what is kept can
+be judged, shown and replayed afterwards. It ends with the process that started it.
+"""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.options import Options
+from agent_runtime.tap import Sample, Tap, open_tap
+from agent_runtime.waiting import Waiting
+from companion.filters import Filter
+from companion.run_folder import TRAFFIC_FILE
+from services.monitor.recording import Recording, first
+from services.monitor.records import SETTING, House, Record, Resumed, Spoken, Token, understood
+
+FLUSH_S = 0.1
+TOLD_S = 0.5
+"""How often it is told how far the recording is; estimate: what a person watches."""
+ROUTER_S = 5.0
+FILTER = "filter"
+NO_ROUTER = 3
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """How far a recording is: communicates, all records, bytes of the file, since when [s], what came too fast."""
+
+    communicates: int
+    records: int
+    bytes: int
+    seconds: float
+    dropped: int
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """Where to, and what of it; `count` communicates or `seconds`, 0: until it is told to stop."""
+
+    out: Path
+    which: Filter
+    count: int
+    seconds: float
+
+
+class Keeper:
+    """The open recording."""
+
+    def __init__(self, asked: Asked, setting: Record | None) -> None:
+        self._asked, self._began = asked, time.time()
+        self._recording = Recording(asked.out)
+        self.communicates = self.records = 0
+        if asked.which:
+            self._recording.note(FILTER, {kind: ",".join(names) for kind, names in _named(asked.which)})
+        self._add(House(SETTING, "record", "", self._began, setting.data if isinstance(setting, House) else b""))
+
+    @property
+    def over(self) -> bool:
+        """Whether there is enough."""
+        enough = self._asked.count and self.communicates >= self._asked.count
+        return bool(enough or (self._asked.seconds and time.time() - self._began >= self._asked.seconds))
+
+    def take(self, sample: Sample) -> None:
+        """Keep a sample, if it is meant: with a filter only communicates, and what is needed to judge them."""
+        record = understood(sample)
+        which = self._asked.which
+        if which and not (which.keeps(record) if isinstance(record, Spoken) else isinstance(record, Token | Resumed)):
+            return
+        self._add(record)
+        self.communicates += isinstance(record, Spoken)
+
+    def kept(self, dropped: int) -> Kept:
+        """How far it is, all of it with the operating system."""
+        self._recording.flush()
+        size = self._asked.out.stat().st_size
+        return Kept(self.communicates, self.records, size, round(time.time() - self._began, 3), dropped)
+
+    def finish(self, dropped: int) -> Kept:
+        """Close in order."""
+        self._recording.finish()
+        size = self._asked.out.stat().st_size
+        return Kept(self.communicates, self.records, size, round(time.time() - self._began, 3), dropped)
+
+    def _add(self, record: Record) -> None:
+        self._recording.add(record)
+        self.records += 1
+
+
+def serve(options: Options, asked: Asked, identity: str) -> int:
+    """Record; tells on standard output how far it is, a Kept a line. 0: ended in order; 3: no router answers."""
+    waiting, until, parent = Waiting(), time.monotonic() + ROUTER_S, os.getppid()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, waiting.stop)
+    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, identity)
+    if tap is None:
+        print(f"no router answers at {options.connect}; is the fleet up (`roco status`)?", file=sys.stderr)
+        return NO_ROUTER
+    keeper = Keeper(asked, first(options.run_dir / TRAFFIC_FILE))
+    _tell(keeper.kept(0))
+    _keep(keeper, waiting, parent)
+    _end(keeper, waiting, tap)
+    return 0
+
+
+def _keep(keeper: Keeper, waiting: Waiting, parent: int) -> None:
+    flushed = told = time.monotonic()
+    while not waiting.stopped and not keeper.over and os.getppid() == parent:
+        sample = waiting.get(FLUSH_S)
+        if sample is not None:
+            keeper.take(sample)
+        now = time.monotonic()
+        if now - flushed > FLUSH_S:
+            kept, flushed = keeper.kept(waiting.dropped), now
+            if now - told > TOLD_S:
+                _tell(kept)
+                told = now
+
+
+def _end(keeper: Keeper, waiting: Waiting, tap: Tap) -> None:
+    tap.close()
+    for sample in waiting.left():
+        if not keeper.over:
+            keeper.take(sample)
+    _tell(keeper.finish(waiting.dropped))
+
+
+def _named(which: Filter) -> list[tuple[str, tuple[str, ...]]]:
+    return [(kind, getattr(which, kind)) for kind in which.__struct_fields__]
+
+
+def _tell(kept: Kept) -> None:
+    try:
+        sys.stdout.buffer.write(msgspec.json.encode(kept) + b"\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        pass

@@ -1,0 +1,110 @@
+"""Rows for Rerun, gathered by entity and sent as columns: a call of Rerun costs as much for one row as for hundreds.
+
+Time lines: `run`, seconds after the first communicate, for everything; `simulation`, where a row has simulated time.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+RUN, SIMULATION = "run", "simulation"
+Colour = tuple[int, int, int]
+Columns = Callable[[list[Any]], Any]
+"""Values of rows to the columns of an archetype."""
+
+
+class Sheet:
+    """Rows of a recording that begins at `begin` [unix s]. `rows`: how many were sent, by entity."""
+
+    def __init__(self, out: rr.RecordingStream, begin: float) -> None:
+        self.begin = begin
+        self.rows: dict[str, int] = {}
+        self._out = out
+        self._stood: set[str] = set()
+        self._waiting: dict[tuple[str, Columns, bool], list[tuple[float, float | None, Any]]] = {}
+
+    def static(self, entity: str, what: rr.AsComponents) -> None:
+        """Something that has no time."""
+        self._out.log(entity, what, static=True)
+        self.rows.setdefault(entity, 0)
+
+    def add(self, entity: str, columns: Columns, at: float, value: Any, sim: float | None = None) -> None:
+        """A row at `at` [unix s], sent with the next flush.
+
+        What came before the beginning counts from it on. Where a thing first is, there it was from the beginning on.
+        """
+        rows = self._waiting.setdefault((entity, columns, sim is not None), [])
+        if columns is transforms and at > self.begin and not rows and entity not in self._stood:
+            rows.append((self.begin, sim, value))
+        self._stood.add(entity)
+        rows.append((max(at, self.begin), sim, value))
+
+    def flush(self) -> None:
+        """Hand all rows to Rerun."""
+        waiting, self._waiting = self._waiting, {}
+        for (entity, columns, simulated), rows in waiting.items():
+            indexes = [rr.TimeColumn(RUN, duration=[at - self.begin for at, _, _ in rows])]
+            if simulated:
+                indexes.append(rr.TimeColumn(SIMULATION, duration=[sim or 0.0 for _, sim, _ in rows]))
+            rr.send_columns(entity, indexes, columns([value for *_, value in rows]), recording=self._out)
+            self.rows[entity] = self.rows.get(entity, 0) + len(rows)
+
+
+def transforms(values: list[tuple[Sequence[float], Sequence[float]]]) -> Any:
+    """(Translation [m], quaternion w first) each."""
+    turns = np.array([turn for _, turn in values])[:, [1, 2, 3, 0]]
+    return rr.Transform3D.columns(translation=np.array([at for at, _ in values]), quaternion=turns)
+
+
+def scalars(values: list[Sequence[float]]) -> Any:
+    """As many numbers each as the first row has."""
+    return rr.Scalars.columns(scalars=np.concatenate(values)).partition([len(value) for value in values])
+
+
+def words(values: list[tuple[str, str, Colour]]) -> Any:
+    """(Text, level, colour) each: lines of a log."""
+    texts, levels, colours = zip(*values, strict=True)
+    return rr.TextLog.columns(text=texts, level=levels, color=colours)
+
+
+def states(values: list[str]) -> Any:
+    """The state a lane enters."""
+    return rr.StateChange.columns(state=values)
+
+
+def documents(values: list[str]) -> Any:
+    """A text in Markdown."""
+    return rr.TextDocument.columns(text=values, media_type=["text/markdown"] * len(values))
+
+
+def points(values: list[Sequence[Sequence[float]]]) -> Any:
+    """Points [m], as many as there are; colour and radius stand statically."""
+    flat = np.array([point for value in values for point in value], dtype=np.float32).reshape(-1, 3)
+    return rr.Points3D.columns(positions=flat).partition([len(value) for value in values])
+
+
+def strips(values: list[Sequence[Any]]) -> Any:
+    """Lines through points (n, 3) [m], as many lines as there are."""
+    flat = [np.asarray(strip, dtype=np.float32) for value in values for strip in value]
+    return rr.LineStrips3D.columns(strips=flat).partition([len(value) for value in values])
+
+
+def arrows(values: list[tuple[Sequence[Any], Sequence[Any]]]) -> Any:
+    """(Origins, vectors) [m] each."""
+    origins, vectors = (np.array([one for value in values for one in value[k]]).reshape(-1, 3) for k in (0, 1))
+    return rr.Arrows3D.columns(origins=origins, vectors=vectors).partition([len(origin) for origin, _ in values])
+
+
+def nodes(values: list[tuple[Sequence[str], Sequence[Colour]]]) -> Any:
+    """(Labels, colours) of a graph whose nodes stand statically, all of them each time."""
+    labels, colours = ([one for value in values for one in value[k]] for k in (0, 1))
+    return rr.GraphNodes.columns(labels=labels, colors=colours).partition([len(value[0]) for value in values])
+
+
+def images(values: list[tuple[int, int, bytes]]) -> Any:
+    """(Width, height, rows from the top with 3 bytes a pixel) each."""
+    formats = [rr.components.ImageFormat(w, h, color_model="RGB", channel_datatype="U8") for w, h, _ in values]
+    buffers = [np.frombuffer(pixels, np.uint8) for *_, pixels in values]
+    return rr.Image.columns(buffer=buffers, format=formats)

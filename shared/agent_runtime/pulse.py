@@ -1,0 +1,68 @@
+"""The heartbeat of a process that is no agent: `<name>.heartbeat.json`, whose time of change is the last beat.
+
+Who supervises from outside (deploy/healthy) ends a process whose heartbeat stands still and starts another. An agent's
+heartbeat says more, and others hear it (shell.py); a router, a recorder and a control loop have this one.
+"""
+
+import os
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+
+PERIOD_S = 1.0
+"""As an agent's."""
+
+
+class Pulse:
+    """Beats when asked to, at most once in PERIOD_S: for each turn of a loop."""
+
+    def __init__(self, run: Path, name: str) -> None:
+        """Write the file with the process id, which is the first beat. Raises OSError."""
+        self.file = run / f"{name}.heartbeat.json"
+        self._data = msgspec.json.encode({"name": name, "pid": os.getpid()})
+        self._next = 0.0
+        self._write()
+
+    def beat(self) -> None:
+        """Say that the process gets on: a change of the file's time, no more. Raises OSError."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + PERIOD_S
+        try:
+            os.utime(self.file)
+        except FileNotFoundError:
+            self._write()
+
+    def _write(self) -> None:
+        beside = self.file.with_name(f".{self.file.name}.new")
+        beside.write_bytes(self._data)
+        beside.replace(self.file)
+
+
+class Turns:
+    """Beats for a loop that may not wait for a disk: it counts its turns, a thread sees that they go on.
+
+    Start it before the loop takes a real-time priority, which a new thread would inherit.
+    """
+
+    def __init__(self, pulse: Pulse, period_s: float = PERIOD_S) -> None:
+        self.count = 0
+        self._pulse, self._period_s = pulse, period_s
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="pulse", daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Beat no more."""
+        self._ended.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        seen = -1
+        while not self._ended.wait(self._period_s):
+            if self.count != seen:
+                seen = self.count
+                self._pulse.beat()

@@ -1,0 +1,53 @@
+#!/usr/bin/env python3
+"""A pretended docker: containers are folders below $FAKE_DOCKER; a script that is to be run there is run here.
+
+A container's folder has a file `state`; its name is <project>.<service>, which is its id, too.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(os.environ["FAKE_DOCKER"])
+
+
+def described(folder: Path) -> dict[str, object]:
+    """What `docker inspect` says of a container."""
+    project, service = folder.name.split(".")
+    labels = {"com.docker.compose.project": project, "com.docker.compose.service": service}
+    image = "robot-companion/agent:test" if project != "other" else "redis"
+    return {
+        "Id": folder.name,
+        "State": {"Status": (folder / "state").read_text(), "StartedAt": "", "ExitCode": 0, "Health": None},
+        "Config": {"Image": image, "Labels": labels, "Env": ["ROCO_SYSTEM=roco"]},
+        "RestartCount": 0,
+    }
+
+
+def main(words: list[str]) -> int:
+    """Do one command."""
+    match words:
+        case ["ps", *_]:
+            print("\n".join(sorted(folder.name for folder in ROOT.iterdir())))
+        case ["inspect", *ids]:
+            print(json.dumps([described(ROOT / id) for id in ids]))
+        case ["exec", id, *command]:
+            if (ROOT / id / "state").read_text() != "running":
+                print("container is not running", file=sys.stderr)
+                return 1
+            return subprocess.run(command, env=os.environ | {"ROCO_RUN_DIR": str(ROOT / id)}, check=False).returncode
+        case ["start" | "stop" as order, *ids]:
+            for id in ids:
+                (ROOT / id / "state").write_text("running" if order == "start" else "exited")
+        case ["logs", *_]:
+            print("a line of it")
+        case _:
+            print(f"no such command: {words}", file=sys.stderr)
+            return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,129 @@
+"""What a look at a process says: from /proc, from heartbeats, from two looks."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from companion.run_folder import Fleet, ProcessState, ProcessStatus
+from services.console import seen
+from services.console.local import Local
+from services.console.seen import Beat, Look, Seen, Used
+from services.console.sheets import SHEET, sheet
+
+IDLE = "import time; time.sleep(600)"
+
+
+@pytest.fixture
+def idle() -> Iterator[int]:
+    """The pid of a process that does nothing and looks like one of ours."""
+    process = subprocess.Popen([sys.executable, "-c", IDLE, "services.pretended"])
+    yield process.pid
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture
+def run(tmp_path: Path, idle: int) -> Path:
+    """A run folder of that process, with a heartbeat as an agent writes it."""
+    fleet = Fleet("test", "", idle, 0.0, (ProcessStatus("km", ProcessState.READY, idle),))
+    (tmp_path / "fleet.json").write_bytes(msgspec.json.encode(fleet))
+    beat = {"agent": "km", "pid": idle, "incarnation": 3, "step": 5, "state": "idle", "ready": True, "up": True}
+    beat |= {"peers": {"pl": 1}, "unreceipted": {"pl": 2}, "due": {"ta": 1}, "counts": {}, "at": 0.0}
+    (tmp_path / "km.heartbeat.json").write_bytes(msgspec.json.encode(beat))
+    (tmp_path / "stop").write_bytes(b"\x01")
+    return tmp_path
+
+
+def test_a_process_is_seen_with_its_heartbeat_and_what_it_uses(run: Path, idle: int) -> None:
+    """As /proc and the heartbeat's file say."""
+    (row,) = seen.rows(Local(run).look(), Local(run).look())
+    assert (row.name, row.state, row.pid, row.incarnation, row.waiting, row.trouble) == ("km", "idle", idle, 3, 3, "")
+    assert row.memory is not None
+    assert 1 << 20 < row.memory < 1 << 28
+    assert row.heartbeat_s is not None
+    assert row.heartbeat_s < 30
+    assert Local(run).look().stop_held
+
+
+def test_a_process_stopped_by_a_signal_is_called_frozen(run: Path, idle: int) -> None:
+    """Its heartbeat is young still, and the pid is there."""
+    os.kill(idle, signal.SIGSTOP)
+    while not (found := seen.trouble(Local(run).look().seen[0])):
+        time.sleep(0.01)
+    assert found == "frozen by a signal"
+
+
+def test_an_old_heartbeat_is_one_of_a_process_that_hangs(run: Path) -> None:
+    """Also of one that is there."""
+    os.utime(run / "km.heartbeat.json", (0, time.time() - 60))
+    assert "hangs: last heartbeat 60 s ago" in seen.trouble(Local(run).look().seen[0])
+
+
+def test_a_child_counts_for_its_parent() -> None:
+    """Lines as Linux writes them, with a name that has a parenthesis."""
+    rest = "0 0 0 0 0 0 0 0 0 {ticks} 0 0 0 20 0 1 0 0 0 {pages} 0"
+    lines = [
+        f"7 (a) b) S 1 {rest.format(ticks=10, pages=3)}",
+        f"8 (c) S 7 {rest.format(ticks=5, pages=2)}",
+        f"9 (d) T 1 {rest.format(ticks=1, pages=1)}",
+        "10 (cut) S",
+    ]
+    found = seen.stats(lines)
+    assert sorted(found) == [7, 8, 9]
+    assert seen.used(7, found) == Used(15 * seen.TICK_S, 5 * seen.PAGE, False)
+    assert seen.used(9, found) == Used(seen.TICK_S, seen.PAGE, True)
+    assert seen.used(10, found) is None
+
+
+def look(pid: int, cpu_s: float, at: float) -> Look:
+    """A look at one process."""
+    status = ProcessStatus("ta", ProcessState.READY, pid)
+    return Look(None, (Seen(status, Beat(pid=pid), 0.1, Used(cpu_s, 1, False)),), False, at)
+
+
+def test_the_share_of_a_processor_is_between_two_looks_at_the_same_process() -> None:
+    """Half a second of work in two seconds; another process begins anew."""
+    assert seen.rows(look(5, 1.0, 10.0), look(5, 1.5, 12.0))[0].cpu == pytest.approx(25.0)
+    assert seen.rows(look(5, 1.0, 10.0), look(6, 1.5, 12.0))[0].cpu is None
+
+
+def test_a_sheet_of_a_container_says_what_its_files_say(run: Path, idle: int) -> None:
+    """The script is run by a shell here, as it is in a container."""
+    (run / "km.ready").write_text("1")
+    done = subprocess.run(
+        ["sh", "-c", SHEET],
+        env={"PATH": os.environ["PATH"], "ROCO_RUN_DIR": str(run)},
+        capture_output=True,
+        timeout=20,
+        check=True,
+    )
+    read = sheet(done.stdout)
+    beat, age = read.beat("km")
+    assert beat is not None
+    assert (beat.incarnation, beat.peers) == (3, {"pl": 1})
+    assert age is not None
+    assert age < 30
+    assert read.stop_held
+    assert read.fleet is not None
+    assert read.fleet.processes[0].pid == idle
+    assert read.pid("km") == idle
+    assert seen.used(idle, read.stats) is not None
+    assert read.ready("km")
+    assert not read.ready("pl")
+    assert read.beat("pl") == (None, None)
+
+
+@pytest.mark.parametrize("data", [b"", b"nothing\n", b"@@ now 1.0\n@@ stat 0\n"])
+def test_an_empty_sheet_says_nothing(data: bytes) -> None:
+    """As of a container that ended meanwhile."""
+    read = sheet(data)
+    assert read.fleet is None
+    assert not read.ready("km")
+    assert read.pid("km") == 0

@@ -1,0 +1,127 @@
+"""Pictures for people: begun where something moved, one at a time, and a child that dies or hangs is replaced."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from companion.telemetry import PICTURE_S, Picture, told
+from services.executor import pictures
+from services.executor.camera import HEIGHT, WIDTH, Camera
+from services.executor.pictures import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
+from services.executor.words import Setup
+from velma.model.scene import load
+from velma.sim.mujoco_backend import MujocoBackend, compiled
+
+WORLD = MujocoBackend(load()).configuration().copy()
+WITHIN_S = 50.0
+
+
+class Screen:
+    """Takes what is published."""
+
+    def __init__(self) -> None:
+        self.found: list[tuple[str, bytes]] = []
+        self.come = threading.Semaphore(0)
+
+    def __call__(self, content: object, delay_s: float = 0.0) -> None:
+        raise AssertionError("nothing of this is for the agent")
+
+    def publish(self, kind: str, data: bytes) -> None:
+        self.found.append((kind, data))
+        self.come.release()
+
+    def next(self) -> Picture:
+        """The next picture."""
+        assert self.come.acquire(timeout=WITHIN_S)
+        kind, data = self.found[-1]
+        picture = told(data)
+        assert kind == "telemetry"
+        assert isinstance(picture, Picture)
+        return picture
+
+
+@pytest.fixture
+def screen() -> Screen:
+    return Screen()
+
+
+@pytest.fixture
+def eye(screen: Screen) -> Iterator[Pictures]:
+    """Pictures of the canonical scene."""
+    made = Pictures(screen, Setup())
+    yield made
+    made.close()
+
+
+def test_a_picture_is_what_the_camera_sees_in_the_least_of_priorities(screen: Screen, eye: Pictures) -> None:
+    """Of that very state; a few kilobytes; and while one is under way no other is begun."""
+    assert eye.offer(7.5, WORLD, now=100.0)
+    assert not eye.offer(7.6, WORLD + 0.1, now=100.0 + 2 * PICTURE_S)
+    child = eye._child
+    assert child is not None
+    found = screen.next()
+    assert (found.sim_time_s, found.width, found.height) == (7.5, WIDTH, HEIGHT)
+    assert found.pixels() == Camera(compiled(load())).picture(WORLD).tobytes()
+    assert len(found.rgb) < 10_000
+    assert os.getpriority(os.PRIO_PROCESS, child.pid) == 19
+
+
+def test_only_what_moved_is_looked_at_again(screen: Screen, eye: Pictures) -> None:
+    """Not twice within PICTURE_S; at rest after AGAIN_S only."""
+    moved = WORLD.copy()
+    moved[3] += 2 * STILL
+    swayed = moved + 0.5 * STILL
+    for after, world, begun in (
+        (0.0, WORLD, True), (0.5 * PICTURE_S, moved, False), (1.1 * PICTURE_S, WORLD, False),
+        (1.2 * PICTURE_S, moved, True), (2.5 * PICTURE_S, swayed, False), (1.3 * PICTURE_S + AGAIN_S, swayed, True),
+    ):  # fmt: skip
+        assert eye.offer(0.0, world, now=100.0 + after) is begun, after
+        if begun:
+            screen.next()
+
+
+def test_a_back_end_without_a_world_gets_no_child(eye: Pictures) -> None:
+    """The mock, or a real robot."""
+    assert not eye.offer(0.0, np.zeros(0), now=100.0)
+    assert eye._child is None
+
+
+def test_a_child_that_died_is_replaced_after_a_pause(screen: Screen, eye: Pictures) -> None:
+    """However it died; not at once, lest one that always dies keeps the machine busy."""
+    assert eye.offer(0.0, WORLD, now=100.0)
+    screen.next()
+    child = eye._child
+    assert child is not None
+    os.kill(child.pid, signal.SIGKILL)
+    end = time.monotonic() + WITHIN_S
+    while child.alive and time.monotonic() < end:
+        threading.Event().wait(0.01)
+    assert not eye.offer(1.0, WORLD + 1.0, now=110.0)
+    assert not eye.offer(1.0, WORLD + 1.0, now=110.0 + 0.9 * PAUSE_S)
+    assert eye.offer(1.0, WORLD, now=110.0 + 1.1 * PAUSE_S)
+    assert screen.next().sim_time_s == 1.0
+
+
+def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
+    """Nobody waits for it meanwhile."""
+    assert eye.offer(0.0, WORLD, now=100.0)
+    screen.next()
+    child = eye._child
+    assert child is not None
+    os.kill(child.pid, signal.SIGSTOP)
+    assert eye.offer(1.0, WORLD, now=120.0)
+    assert not eye.offer(2.0, WORLD + 1.0, now=120.0 + 0.9 * LATE_S)
+    assert child.alive
+    assert not eye.offer(2.0, WORLD + 1.0, now=120.0 + 1.1 * LATE_S)
+    assert not child.alive
+    assert len(screen.found) == 1
+
+
+def test_the_agent_does_not_load_the_simulator_for_it() -> None:
+    """The module that the agent's process imports knows neither MuJoCo nor the camera."""
+    assert not {"mujoco", "Camera", "compiled"} & set(vars(pictures))

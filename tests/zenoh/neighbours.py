@@ -1,0 +1,124 @@
+"""Two systems side by side: agents' wires of both, at one router or each at its own, in this process.
+
+And a link between routers that can go silent, as a cable that is pulled: whoever is connected notices nothing at first.
+"""
+
+import socket
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+import zenoh
+
+from agent_runtime.effects import Receipt
+from agent_runtime.inbox import Inbox
+from agent_runtime.secured import client_tls
+from agent_runtime.wiring import service_key
+from agent_runtime.zenoh_wire import ZenohWire, client_config
+from companion.binding import wiring
+from fipa_codec.communicate import Communicate
+from fipa_codec.performatives import Performative
+
+KINDS = ("state",)
+"""House kinds that every agent may write."""
+
+
+class Pair:
+    """co and ta of one system: two sessions, two inboxes. `heard`: everything that came, per agent."""
+
+    def __init__(self, system: str, endpoint: str, keys: Path | None = None) -> None:
+        """`keys`: of the site (agent_runtime.issuing), where it has some."""
+        self.system = system
+        self.sessions = {
+            name: zenoh.open(client_config(endpoint, keys and client_tls(keys / system, name))) for name in ("co", "ta")
+        }
+        self.inboxes = {name: Inbox() for name in self.sessions}
+        self.heard: dict[str, list[object]] = {name: [] for name in self.sessions}
+        self.wires = {
+            name: ZenohWire(session, wiring(name, system), 1 if system == "velma1" else 2, self.inboxes[name])
+            for name, session in self.sessions.items()
+        }
+
+    def talk(self, text: str) -> None:
+        """Say one of everything that an agent can say, both ways, with this text in it."""
+        for me, peer, act in (("co", "ta", Performative.REQUEST), ("ta", "co", Performative.INFORM)):
+            wire = self.wires[me]
+            wire.send(Communicate(
+                performative=act, protocol="coordinate", language="SW", conversation=text, sender=me, receiver=peer,
+                id=text,
+            ))  # fmt: skip
+            wire.send_receipt(Receipt(peer, 0, text, 0))
+            wire.ping(peer, text.encode())
+            wire.ping(peer, text.encode(), pong=True)
+            for kind in KINDS:
+                wire.publish(kind, text.encode())
+
+    def fence(self, name: str, text: bytes) -> None:
+        """The last word to an agent: what was said before in its session has been decided when it is there."""
+        peer = "ta" if name == "co" else "co"
+        self.sessions[peer].put(service_key(self.system, "ping", peer, name), text)
+
+    def listen(self, name: str) -> list[object]:
+        """What came to an agent so far."""
+        while (item := self.inboxes[name].get(0.0)) is not None:
+            self.heard[name].append(item)
+        return self.heard[name]
+
+    def close(self) -> None:
+        """End both sessions."""
+        for wire in self.wires.values():
+            wire.close()
+
+
+class Cable:
+    """Forwards connections from a port of its own to an endpoint; `pulled`: it takes and gives nothing, and says so to
+    nobody.
+    """
+
+    def __init__(self, endpoint: str) -> None:
+        self._to = ("127.0.0.1", int(endpoint.rpartition(":")[2]))
+        self._in = threading.Event()
+        self._in.set()
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.endpoint = f"tcp/127.0.0.1:{self._listener.getsockname()[1]}"
+        self._ends: list[socket.socket] = [self._listener]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def pull(self) -> None:
+        """From now on nothing goes through."""
+        self._in.clear()
+
+    def plug(self) -> None:
+        """It goes through again, with what waited."""
+        self._in.set()
+
+    def close(self) -> None:
+        """Cut everything."""
+        self._in.set()
+        for end in self._ends:
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._listener.accept()
+                self._in.wait()
+                try:
+                    far = socket.create_connection(self._to)
+                except OSError:
+                    near.close()
+                    continue
+                self._ends += [near, far]
+                for one, other in ((near, far), (far, near)):
+                    threading.Thread(target=self._forward, args=(one, other), daemon=True).start()
+
+    def _forward(self, one: socket.socket, other: socket.socket) -> None:
+        with suppress(OSError):
+            while data := one.recv(65536):
+                self._in.wait()
+                other.sendall(data)
+        for end in (one, other):
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)

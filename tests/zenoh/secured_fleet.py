@@ -1,0 +1,49 @@
+"""Processes of the companion behind a router with keys: its address and its keys stand in the environment."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+from toy_fleet import Fleet as Processes
+
+from agent_runtime import issuing
+from agent_runtime.secured import client_tls
+from agent_runtime.zenoh_wire import client_config
+from companion.design import DESIGN
+from companion.run_folder import FLEET_FILE, KEYS_FOLDER, Fleet
+
+SYSTEM = "roco"
+
+
+def secured(run: Path, monkeypatch: pytest.MonkeyPatch) -> Processes:
+    """A run folder with keys and the file that tells the router's address; nothing runs yet."""
+    made = Processes(run)
+    made.endpoint = made.endpoint.replace("tcp/", "tls/")
+    issuing.issue(run / KEYS_FOLDER, DESIGN, (SYSTEM,))
+    told = {"LISTEN": made.endpoint, "CONNECT": made.endpoint, "RUN_DIR": run, "TLS_DIR": run / KEYS_FOLDER}
+    for name, value in (told | {"SYSTEM": SYSTEM}).items():
+        monkeypatch.setenv(f"ROCO_{name}", str(value))
+    fleet = Fleet(system=SYSTEM, connect=made.endpoint, supervisor=0, started=0.0, processes=())
+    (run / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
+    return made
+
+
+def session(fleet: Processes, identity: str) -> zenoh.Session:
+    """A session with the keys of this identity."""
+    return zenoh.open(client_config(fleet.endpoint, client_tls(fleet.run / KEYS_FOLDER, identity)))
+
+
+def serve(fleet: Processes, name: str, module: str) -> None:
+    """Start a service as the process of this name."""
+    path = fleet.run / f"{module}.py"
+    path.write_text(f"import runpy, sys\nsys.argv = ['{module}']\nrunpy.run_module('{module}', run_name='__main__')\n")
+    before, fleet.script = fleet.script, path
+    fleet.start(name)
+    fleet.script = before
+
+
+def end(fleet: Processes) -> None:
+    """Kill whatever still runs."""
+    for name in list(fleet.processes):
+        fleet.kill(name)

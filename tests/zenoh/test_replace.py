@@ -1,0 +1,58 @@
+"""`roco replay --replace`: a real agent, as a process, against the others as they were recorded."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from companion.languages import rc
+from fipa_codec.communicate import encode
+from services.console.replace import Compared
+from services.monitor import recording
+from services.monitor.records import Spoken
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(180)]
+POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
+
+
+def replaced(file: Path, agent: str, code: int) -> Compared:
+    """How the agent did; the exit code must be `code`."""
+    command = [sys.executable, "-m", "services.console", "replay", str(file), "--replace", agent, "--speed", "max"]
+    done = subprocess.run([*command, "--format", "json"], capture_output=True, timeout=150, check=False)
+    assert done.returncode == code, done.stderr.decode()
+    return msgspec.json.decode(done.stdout, type=Compared)
+
+
+def elsewhere(record: Spoken) -> Spoken:
+    """The same act with another point to look at."""
+    one = record.communicate
+    content = msgspec.msgpack.decode(one.content)
+    content["at"][0][0] = 9.0
+    wire = encode(msgspec.structs.replace(one, content=msgspec.Raw(msgspec.msgpack.encode(content))))
+    return msgspec.structs.replace(record, wire=wire, size=len(wire))
+
+
+@pytest.mark.parametrize(("agent", "lines"), [("ta", 111), ("km", 118)])
+def test_an_agent_says_again_what_it_said(agent: str, lines: int) -> None:
+    """All of it, though it runs in a second what took a minute and a half."""
+    done = replaced(POUR, agent, 0)
+    assert (done.spoken, done.lines, done.difference) == (lines, lines, None)
+
+
+def test_it_is_said_where_the_words_first_differ(tmp_path: Path) -> None:
+    """A recording in which ta asks for another act than it does: the line, the field, both words; exit code 1."""
+    file, changed = tmp_path / "other.mcap", False
+    copy = recording.Recording(file)
+    for record in recording.read(POUR / recording.FILE).records:
+        if isinstance(record, Spoken) and isinstance(record.content, rc.Look) and not changed:
+            record, changed = elsewhere(record), True
+        copy.add(record)
+    copy.finish()
+    assert changed
+    done = replaced(file, "ta", 1)
+    assert done.difference is not None
+    assert (done.receiver, done.performative) == ("ex", "request")
+    assert (done.difference.field, done.difference.recorded) == ("content.at[0][0]", 9.0)
+    assert done.difference.now != 9.0

@@ -1,0 +1,177 @@
+"""Over TLS, with processes of the companion: what a thief of a key cannot say, and who tells of what the router denied.
+
+The router sees keys only; so a lie inside a communicate and a copy are refused by whom they are said to. A copy that is
+put by its own sender cannot be told from one that is sent again, and does as little.
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+from secured_fleet import SYSTEM, end, secured, serve, session
+from toy_fleet import Fleet as Processes
+from toy_fleet import wait_for
+
+from agent_runtime import issuing
+from agent_runtime.secured import RIGHTS, client_tls
+from agent_runtime.standin import StandIn
+from agent_runtime.unheard import words
+from agent_runtime.zenoh_wire import client_config
+from companion.binding import wiring
+from companion.design import DESIGN
+from companion.languages import LANGUAGES, cmd
+from companion.run_folder import KEYS_FOLDER, LIVE_FILE
+from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
+from fipa_codec.performatives import Performative
+from services.console import runs
+from services.console.hi import Hi
+from services.console.identity import tls
+
+pytestmark = pytest.mark.zenoh
+CMD = LANGUAGES.named("CMD")
+RULE = DESIGN.rules["hi", "co", "request", Performative.REQUEST]
+KEY = DESIGN.key_of(SYSTEM, RULE)
+LOOK = Communicate(
+    performative=Performative.REQUEST, protocol="request", sender="hi", receiver="co", language="CMD",
+    ontology=RULE.ontology, content=CMD.encode(cmd.LookAround()), conversation="look",
+)  # fmt: skip
+
+
+@pytest.fixture
+def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Processes]:
+    """A router with keys, and co."""
+    made = secured(tmp_path, monkeypatch)
+    made.start("router")
+    made.ready("router")
+    serve(made, "co", "services.coordinator")
+    wait_for((tmp_path / "co.heartbeat.json").exists, "co lives")
+    yield made
+    end(made)
+
+
+def recorded(fleet: Processes) -> bytes:
+    """hi says something that co takes; the bytes as the console's session hears them."""
+    heard: list[bytes] = []
+    told = runs.fleet(fleet.run)
+    assert told is not None
+    with session(fleet, "console") as tap:
+        tap.declare_subscriber(KEY, lambda sample: heard.append(sample.payload.to_bytes()))
+        hi = StandIn(wiring("hi", SYSTEM), "listening", fleet.run, fleet.endpoint, tls=tls(fleet.run, told, "hi"))
+        hi.say(LOOK, labelled=True)
+        list(hi.hear(float("inf"), unless_receipted="co"))
+        wait_for(lambda: heard, "the console hears it")
+        hi.close()
+    return heard[0]
+
+
+def count(fleet: Processes, what: str) -> int:
+    """How often co counted it."""
+    return fleet.beat("co").counts.get(what, 0)
+
+
+def said(fleet: Processes, what: str) -> dict[str, object]:
+    """co's last log line of that name."""
+    lines = [json.loads(line) for line in (fleet.run / "logs/co.jsonl").read_text().splitlines()]
+    return next(line for line in reversed(lines) if line["event"] == what)
+
+
+@pytest.mark.parametrize("lie", [{"sender": "pl"}, {"receiver": "ta"}, {"performative": Performative.CANCEL}])
+def test_a_lie_inside_a_communicate_is_refused(fleet: Processes, lie: dict[str, str]) -> None:
+    """hi's key lets a thief put on hi's keys; what says that it is of another is counted and named, and not taken."""
+    with session(fleet, "hi") as thief:
+        thief.put(KEY, encode_strictly(msgspec.structs.replace(LOOK, id="1", **lie)))
+        wait_for(lambda: count(fleet, "forged") == 1, "it is counted")
+    line = said(fleet, "forged")
+    assert KEY in str(line)
+    claimed = msgspec.structs.replace(LOOK, **lie)
+    assert f"{claimed.sender}/{claimed.receiver}/{claimed.protocol}/{claimed.performative}" in str(line)
+    assert fleet.beat("co").unreceipted == {}, "nothing is answered"
+
+
+def test_a_recorded_communicate_does_nothing_when_its_sender_puts_it_again(fleet: Processes) -> None:
+    """It is counted and named each time; the one task stays one."""
+    copy = recorded(fleet)
+    before = len(fleet.beat("co").unreceipted), fleet.beat("co").state
+    with session(fleet, "hi") as thief:
+        for number in range(1, 4):
+            thief.put(KEY, copy)
+            wait_for(lambda number=number: count(fleet, "taken before") >= number, "a copy is counted")
+    one = decode_strictly(copy)
+    line = said(fleet, "taken before")
+    assert (line["sender"], line["id"]) == ("hi", one.id)
+    assert (len(fleet.beat("co").unreceipted), fleet.beat("co").state) == before
+
+
+def test_a_recorded_communicate_of_another_does_nothing(fleet: Processes) -> None:
+    """With pl's key the router does not let it onto hi's key; on pl's own it is a lie, counted and named."""
+    copy = recorded(fleet)
+    own = DESIGN.key_of(SYSTEM, DESIGN.rules["pl", "co", "request", Performative.AGREE])
+    with session(fleet, "pl") as thief:
+        for _ in range(3):
+            thief.put(KEY, copy)
+        thief.put(own, copy)
+        wait_for(lambda: count(fleet, "forged") == 1, "what came behind the three is counted")
+    assert count(fleet, "taken before") == 0
+    assert own in str(said(fleet, "forged"))
+
+
+def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A router that denies co its answers to hi: co's log, heartbeat and the recorder's news name co, hi and C2."""
+    made = secured(tmp_path, monkeypatch)
+    deny(made.run / KEYS_FOLDER / RIGHTS, f"roco/{SYSTEM}/C2/co/hi/")
+    try:
+        made.start("router")
+        made.ready("router")
+        for name, module in (("monitor", "monitor"), ("co", "coordinator"), ("hi", "human_interface")):
+            serve(made, name, f"services.{module}")
+        wait_for((made.run / "hi.json").exists, f"hi listens\n{made.logs()}", 40.0)
+        assert Hi(runs.hi_address(made.run)).say("look around").task
+        wait_for(lambda: made.beat("co").unheard, f"co notices\n{made.logs()}", 40.0)
+        (one,) = made.beat("co").unheard
+        assert (one.peer, one.channel, one.what) == ("hi", "C2", "said")
+        line = said(made, "unheard")
+        assert line["level"] == "warning"
+        assert "what co says to hi on C2 is not received" in str(line["why"])
+        assert "perhaps the router denies it" in words("co", one, one.since)
+        wait_for(lambda: "what co says to hi on C2 is not" in (made.run / LIVE_FILE).read_text(), "the recorder tells")
+    finally:
+        end(made)
+
+
+def deny(rights: Path, prefix: str) -> None:
+    """Take the right to put on keys that begin so from the router's rules."""
+    told = json.loads(rights.read_text())
+    for rule in told["access_control"]["rules"]:
+        if rule["id"].endswith(" puts"):
+            rule["key_exprs"] = [key for key in rule["key_exprs"] if not key.startswith(prefix)]
+    rights.write_text(json.dumps(told))
+
+
+def test_nobody_hears_the_fleet_without_a_right(fleet: Processes) -> None:
+    """hi's key hears what is said to hi, and not what hi says to co."""
+    heard: list[zenoh.Sample] = []
+    with session(fleet, "ta") as thief:
+        thief.declare_subscriber(KEY, heard.append)
+        recorded(fleet)
+    assert not heard
+
+
+def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
+    """Another authority under a running router: it listens anew, co comes back with new keys, old ones do not count."""
+    old = (fleet.run / KEYS_FOLDER).rename(fleet.run / "old")
+    with zenoh.open(client_config(fleet.endpoint, client_tls(old, "hi"))):
+        issuing.issue(fleet.run / KEYS_FOLDER, DESIGN, (SYSTEM,))
+        wait_for(lambda: "made anew" in (fleet.run / "router.log").read_text(), "the router sees it")
+        wait_for(lambda: listening(fleet) == 2, "the router listens anew")
+    wait_for(lambda: fleet.beat("co").up, "co is back")
+    assert decode_strictly(recorded(fleet)).sender == "hi"
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(client_config(fleet.endpoint, client_tls(old, "hi")))
+
+
+def listening(fleet: Processes) -> int:
+    """How often the router began to listen."""
+    return (fleet.run / "router.log").read_text().count("router listening")

@@ -1,0 +1,115 @@
+"""There is no way around the router: every session is its client alone, listens nowhere and looks for nobody."""
+
+import ast
+import json
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+from guarded import SYSTEM, Guarded
+
+from agent_runtime import standin, tap, zenoh_wire
+from agent_runtime.options import Options
+from agent_runtime.secured import client_tls
+from agent_runtime.zenoh_wire import client_config, open_client, router_config
+from companion.binding import wiring
+
+pytestmark = pytest.mark.zenoh
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = [
+    path
+    for room in ("services", "shared", "velma", "examples", "benchmarks", "scripts", "tests")
+    for path in sorted((ROOT / room).rglob("*"))
+    if path.suffix == ".py" or room == "scripts"
+    if path.is_file() and b"zenoh" in path.read_bytes() and path != Path(__file__).resolve()
+]
+MAKERS = {"client_config", "router_config"}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_session_is_opened_with_our_configuration(path: Path) -> None:
+    """zenoh.open gets what client_config or router_config made, and nobody else makes a configuration."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix != ".py" and not text.startswith("#!/usr/bin/env python"):
+        return
+    tree = ast.parse(text)
+    opened = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "zenoh.open"]
+    for node in opened:
+        (given,) = node.args
+        assert isinstance(given, ast.Call), f"line {node.lineno}: {ast.unparse(node)}"
+        assert ast.unparse(given.func).split(".")[-1] in MAKERS, f"line {node.lineno}: {ast.unparse(node)}"
+    if path.name != "zenoh_wire.py":
+        assert not re.search(r"Config\.from_|Config\(\)|insert_json5|^from zenoh import", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("tls", [None, {"enable_mtls": True}], ids=["plain", "tls"])
+def test_a_client_listens_nowhere_and_looks_for_nobody(tls: dict[str, bool] | None) -> None:
+    """One endpoint to call, none to be called at, neither multicast nor gossip; the router looks for nobody, either."""
+    address = "tls/127.0.0.1:7447" if tls else "tcp/127.0.0.1:7447"
+    client, router = client_config(address, tls), router_config(address, tls)
+    assert json.loads(client.get_json("mode")) == "client"
+    assert json.loads(client.get_json("connect/endpoints")) == [address]
+    assert not endpoints(client, "listen")
+    assert json.loads(router.get_json("mode")) == "router"
+    assert endpoints(router, "listen") == [address]
+    assert not endpoints(router, "connect")
+    for config in (client, router):
+        for way in ("multicast", "gossip"):
+            assert json.loads(config.get_json(f"scouting/{way}/enabled")) is False
+
+
+def endpoints(config: zenoh.Config, way: str) -> list[str]:
+    """Of a configuration for its own mode: Zenoh has defaults for each."""
+    found = json.loads(config.get_json(f"{way}/endpoints"))
+    return found.get(json.loads(config.get_json("mode")), []) if isinstance(found, dict) else found
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+    """A router with keys in this process, and nothing else that listens."""
+    one = Guarded(tmp_path_factory.mktemp("keys"))
+    yield one
+    one.close()
+
+
+def sockets() -> set[str]:
+    """What this process listens at: inodes of TCP sockets that listen, and of all UDP sockets."""
+    links = [
+        os.readlink(f"/proc/self/fd/{fd}")
+        for fd in os.listdir("/proc/self/fd")
+        if os.path.islink(f"/proc/self/fd/{fd}")
+    ]
+    mine = {link[8:-1] for link in links if link.startswith("socket:[")}
+    found = set()
+    for table in ("tcp", "tcp6", "udp", "udp6"):
+        for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[9] in mine and (table.startswith("udp") or fields[3] == "0A"):
+                found.add(fields[9])
+    return found
+
+
+def test_whoever_opens_a_session_is_a_client(guarded: Guarded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The agents' session, the recorder's tap, the two of `roco send`: real sessions with keys, and no new socket."""
+    configs: list[zenoh.Config] = []
+    really = zenoh.open
+    monkeypatch.setattr(zenoh_wire.zenoh, "open", lambda config: configs.append(config) or really(config))
+    before, tls = sockets(), {name: client_tls(guarded.folder, name) for name in ("co", "hi")}
+    session = open_client(guarded.endpoint, lambda: False, tls=tls["co"])
+    options = Options(connect=guarded.endpoint, system=SYSTEM, keys=guarded.folder)
+    opened = [
+        session,
+        tap.open_tap(options, lambda _: None, lambda: False),
+        standin.Voice(guarded.endpoint, (), tls=tls["hi"]),
+        standin.StandIn(wiring("hi", SYSTEM), "listening", tmp_path, guarded.endpoint, tls=tls["hi"]),
+    ]
+    assert len(configs) == len(opened)
+    assert sockets() == before
+    for config in configs:
+        assert json.loads(config.get_json("mode")) == "client"
+        assert json.loads(config.get_json("connect/endpoints")) == [guarded.endpoint]
+    for one in opened:
+        one.close()

@@ -1,0 +1,248 @@
+"""`roco traffic`, `roco record` and `roco replay` over a real router: what goes by is counted, kept and said again."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+import zenoh
+
+from agent_runtime.cast import LivingError, Stage
+from agent_runtime.wiring import service_key
+from agent_runtime.zenoh_wire import client_config, free_endpoint, open_router
+from companion.run_folder import FLEET_FILE, Fleet
+from fipa_codec.communicate import encode
+from services.console.hearing import Said, recorded, said
+from services.console.playing import moved
+from services.monitor import recording
+from services.monitor.records import Spoken
+
+pytestmark = pytest.mark.zenoh
+POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
+ROCO = [sys.executable, "-m", "services.console"]
+DEADLINE_S = 40.0
+
+
+def _now(one: Said) -> Said:
+    """The same, said now: what is long ago would be late."""
+    communicate = one.communicate()
+    assert communicate is not None
+    return msgspec.structs.replace(one, data=encode(moved(communicate, one.at, time.time() + 5, None)))
+
+
+SAID = [one for sample in recorded(POUR) if sample is not None and (one := said(sample)) is not None]
+"""What was said in a recorded run."""
+
+
+class Router:
+    """A router, a run folder that tells of it, and somebody who says what was recorded."""
+
+    def __init__(self, run: Path) -> None:
+        self.run, self.endpoint = run, free_endpoint()
+        told = Fleet(system="roco", connect=self.endpoint, supervisor=0, started=0.0, processes=())
+        (run / FLEET_FILE).write_bytes(msgspec.json.encode(told))
+        self._router = open_router(self.endpoint)
+        self.session = zenoh.open(client_config(self.endpoint))
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self.running: list[subprocess.Popen[bytes]] = []
+        self.said: list[Said] = []
+
+    def roco(self, *words: str) -> "subprocess.Popen[bytes]":
+        """A verb, started; it hears what is said from when this comes back."""
+        command = [*ROCO, *words, "--run-dir", str(self.run)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.run)
+        self.running.append(process)
+        ear = self.session.declare_publisher("roco/roco/C1/a/b/c/d")
+        wait_for(lambda: ear.matching_status.matching or process.poll() is not None, "somebody listens")
+        ear.undeclare()
+        return process
+
+    def say(self, count: int) -> None:
+        """The first communicates of the recording, at once."""
+        self.said = [_now(one) for one in SAID[:count]]
+        for one in self.said:
+            self.session.put("roco/roco/" + one.key.split("/", 2)[2], one.data)
+
+    def close(self) -> None:
+        """End all of it."""
+        for process in self.running:
+            process.kill()
+            process.communicate()
+        self.session.close()  # type: ignore[no-untyped-call]
+        self._router.close()  # type: ignore[no-untyped-call]
+
+
+@pytest.fixture
+def router(tmp_path: Path) -> Iterator[Router]:
+    """Nothing but a router."""
+    made = Router(tmp_path)
+    yield made
+    made.close()
+
+
+def wait_for(condition: Callable[[], object], what: str) -> None:
+    """Look every 20 ms until the condition holds."""
+    end = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < end, f"not in {DEADLINE_S} s: {what}"
+        time.sleep(0.02)
+
+
+def told(process: "subprocess.Popen[bytes]", code: int = 0) -> list[Any]:
+    """What it printed, a JSON object a line; its exit code must be `code`."""
+    out, error = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == code, error.decode()
+    return [msgspec.json.decode(line) for line in out.splitlines()]
+
+
+def test_echo_prints_what_is_meant_as_it_is_judged(router: Router) -> None:
+    """All fields and the content; what the filter leaves out is heard by the judge all the same."""
+    process = router.roco("traffic", "echo", "--channel", "C3", "--agent", "pl", "--count", "2", "--format", "json")
+    router.say(40)
+    request, agree = told(process)
+    assert (request["sender"], request["performative"], request["verdict"]) == ("co", "request", "legal")
+    assert request["content"]["type"] == "GroundTaskNetwork"
+    assert (agree["sender"], agree["performative"], agree["in_reply_to"]) == ("pl", "agree", request["reply_with"])
+
+
+def test_bw_counts_bytes_until_it_is_interrupted(router: Router) -> None:
+    """Ctrl-C is the ordinary end: the last line has all that went by."""
+    process = router.roco("traffic", "bw", "--format", "json")
+    router.say(60)
+    assert process.stdout is not None
+    lines = iter(process.stdout.readline, b"")
+    assert any(msgspec.json.decode(line)["count"] == 60 for line in lines)
+    process.send_signal(signal.SIGINT)
+    last = told(process)[-1]
+    assert sum(row["bytes"] for row in last["rows"]) == sum(one.size for one in SAID[:60])
+
+
+def test_nobody_answers(router: Router) -> None:
+    """Exit code 3, and what can be looked at instead."""
+    router.close()
+    process = subprocess.run(
+        [*ROCO, "traffic", "hz", "--run-dir", str(router.run)], capture_output=True, timeout=DEADLINE_S, check=False
+    )
+    assert process.returncode == 3
+    assert b"--run" in process.stderr
+
+
+def test_a_recording_has_what_is_meant(router: Router) -> None:
+    """And nothing else; it is read by the other verbs."""
+    file = router.run / "c4.mcap"
+    count = sum(one.channel == "C4" for one in SAID[:80])
+    process = router.roco("record", "--out", str(file), "--channel", "C4", "--count", str(count), "--format", "json")
+    router.say(80)
+    (done,) = told(process)
+    assert (done["communicates"], done["file"], done["dropped"]) == (count, str(file), 0)
+    kept = [one for sample in recorded(file) if sample is not None and (one := said(sample)) is not None]
+    assert [one.data for one in kept] == [one.data for one in router.said if one.channel == "C4"]
+
+
+def test_a_recording_is_ended_by_an_interrupt(router: Router) -> None:
+    """Of the command alone, as `kill -INT` does; the file is closed in order."""
+    file = router.run / "whole.mcap"
+    process = router.roco("record", "--out", str(file), "--format", "json")
+    router.say(20)
+    wait_for(lambda: _kept(file) == 20, "all is flushed")
+    process.send_signal(signal.SIGINT)
+    (done,) = told(process)
+    assert done["communicates"] == 20
+    assert recording.read(file).whole
+
+
+def test_a_recorder_that_is_killed_leaves_a_recording(router: Router) -> None:
+    """kill -9 of the command and so of its recorder: what was flushed is there."""
+    file = router.run / "cut.mcap"
+    process = router.roco("record", "--out", str(file))
+    router.say(100)
+    wait_for(lambda: _kept(file) == 100, "all is flushed")
+    os.kill(_recorder(file), signal.SIGKILL)
+    out, error = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 1, out
+    assert b"-9" in error
+    assert _kept(file) == 100
+
+
+def test_a_recorder_ends_with_its_command(router: Router) -> None:
+    """Nobody is left who writes."""
+    file = router.run / "orphan.mcap"
+    process = router.roco("record", "--out", str(file))
+    router.say(10)
+    wait_for(lambda: _kept(file) == 10, "all is flushed")
+    process.kill()
+    wait_for(lambda: not _recorder(file), "the recorder ended")
+    assert _kept(file) == 10
+
+
+def _recorder(file: Path) -> int:
+    """The pid of the process that writes a recording; 0: nobody does."""
+    wanted = ["services.monitor", "record", str(file)]
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if path.read_text().split("\0")[2:5] == wanted:
+                return int(path.parent.name)
+    return 0
+
+
+def _kept(file: Path) -> int:
+    return sum(isinstance(record, Spoken) for record in recording.read(file).records)
+
+
+def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:
+    """On its own system name, with reply-by moved to now: nothing is late, and nothing is said to the fleet."""
+    (router.run / FLEET_FILE).write_bytes(
+        msgspec.json.encode(Fleet(system="replay", connect=router.endpoint, supervisor=0, started=0.0, processes=()))
+    )
+    heard: list[str] = []
+    fleet = router.session.declare_subscriber("roco/roco/**", lambda sample: heard.append(str(sample.key_expr)))
+    count = sum(one.channel != "C4" for one in SAID)
+    only = [word for channel in ("C1", "C2", "C3", "C5", "C6") for word in ("--channel", channel)]
+    process = subprocess.Popen(
+        [*ROCO, "traffic", "echo", "--run-dir", str(router.run), "--format", "json", "--count", str(count)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    router.running.append(process)
+    ear = router.session.declare_publisher("roco/replay/C1/a/b/c/d")
+    wait_for(lambda: ear.matching_status.matching, "it listens")
+    words = [*ROCO, "replay", str(POUR), "--connect", router.endpoint, "--speed", "40", *only, "--format", "json"]
+    done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=True)
+    replayed = msgspec.json.decode(done.stdout)
+    assert replayed["communicates"] == count
+    assert replayed["seconds"] >= replayed["recorded_s"] / 40
+    lines = told(process)
+    assert {line["verdict"] for line in lines} <= {"legal", "slow"}
+    assert all(abs(line["sent"] - line["t"]) < 10 for line in lines)
+    assert heard == []
+    fleet.undeclare()
+
+
+def test_nothing_is_replayed_into_a_living_fleet(router: Router) -> None:
+    """Where an agent has its token nothing is said, and where one comes to life it ends; both say who."""
+    token = router.session.liveliness().declare_token(service_key("roco", "alive", "ta", "1"))
+    words = [*ROCO, "replay", str(POUR), "--connect", router.endpoint, "--system", "roco"]
+    done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=False)
+    assert done.returncode == 1
+    assert b"ta live" in done.stderr
+    token.undeclare()
+    stage = Stage("later", router.endpoint)
+    stage.put("C1/co/ta/coordinate/request", b"")
+    born = router.session.liveliness().declare_token(service_key("later", "alive", "ex", "1"))
+
+    def refused() -> bool:
+        try:
+            stage.put("C1/co/ta/coordinate/request", b"")
+        except LivingError as error:
+            return error.agents == ("ex",)
+        return False
+
+    wait_for(refused, "it is seen")
+    born.undeclare()
+    stage.close()
