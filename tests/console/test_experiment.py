@@ -134,13 +134,16 @@ def test_a_report_of_success_and_a_bad_exit_is_no_success(tmp_path: Path, played
 
 
 def test_for_programs_each_run_is_a_line_of_json(tmp_path: Path, played: Callable[[Play], list[int]]) -> None:
-    """With what is left in seconds, falling to none."""
+    """With what is left in seconds: for each to come the median of those so far; at last none."""
     played(lambda seed: leaves(POURED))
     said = [msgspec.json.decode(line) for line in run_all(tmp_path, setting(), form=Format.JSON).splitlines()]
     assert [(one["kind"], one["seed"], one["done"], one["of"]) for one in said] == [
         ("run", 1, 1, 3), ("run", 2, 2, 3), ("run", 3, 3, 3),
     ]  # fmt: skip
-    assert said[0]["left_s"] >= said[1]["left_s"] >= said[2]["left_s"] == 0.0  # rounded: such runs take no time
+    took = [one["took_s"] for one in said]
+    assert said[0]["left_s"] == pytest.approx(2 * took[0], abs=0.2)  # each is rounded
+    assert said[1]["left_s"] == pytest.approx((took[0] + took[1]) / 2, abs=0.2)
+    assert said[2]["left_s"] == 0.0
 
 
 def test_a_run_waits_for_a_quiet_machine_but_not_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -177,7 +177,9 @@ def test_halt_stops_what_moves(turned: Turned, reach: SlotLoop, heard: Heard, sl
     """After a restart of the agent the motion of its former life is brought to rest."""
     felt = where(reach, heard)
     stranger = AgentLink(slots)
-    stranger.send(motion("old", path(felt, 200.0)))
+    number = stranger.send(motion("old", path(felt, 200.0)))
+    while stranger.told().taken != number:
+        pass
     reach.tell(Halt(3))
     word = heard.next()
     assert isinstance(word, Stands)
