@@ -18,8 +18,13 @@ from services.monitor.events import events
 from services.monitor.history import History
 from services.monitor.plans import states_of
 from services.monitor.records import House, Record, Spoken, Token
+from topdown.copies import Remembered
 
 LOOP = "loop"
+KNOWN = 50_000
+"""Communicates whose copies are told as such, 10 MB (estimate)."""
+STORY = 1000
+"""From so many communicates events are told (C4's are not among them): three pours. Older ones are forgotten."""
 _LATER = ("km hears of the first thing", "km knows the surroundings")
 """What can be said of the past only: the last observation before a plan."""
 
@@ -40,7 +45,7 @@ class Live:
     """Remembers what is needed to tell what is new."""
 
     def __init__(self) -> None:
-        self._known: set[tuple[str, str, str]] = set()
+        self._known = Remembered[bool](KNOWN)
         self._states: dict[str, AgentIn] = {}
         self._story: list[Spoken] = []
         self._told: Counter[str] = Counter()
@@ -50,8 +55,7 @@ class Live:
         """The lines of a record; none for what repeats."""
         match record:
             case Spoken():
-                if not record.id or record.identity not in self._known:
-                    self._known.add(record.identity)
+                if not record.id or not self._known.note(record.identity, True):
                     yield from self._spoken(record)
                 else:
                     yield Again(t=record.received, sender=record.sender, receiver=record.receiver, id=record.id)
@@ -91,6 +95,9 @@ class Live:
             if content.at or outcome:
                 yield PlanAt(t=one.received, at=content.at, outcome=outcome)
         if one.channel != "C4" and (one.channel != "C6" or isinstance(content, wm.SeenObject)):
+            if len(self._story) >= STORY:
+                self._story = self._story[-STORY // 2 :]
+                self._told = Counter(event.name for event in events(History(said=tuple(self._story))))
             self._story.append(one)
             yield from self._news()
 

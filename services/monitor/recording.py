@@ -7,7 +7,7 @@ whole.
 
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -39,14 +39,14 @@ class Recording:
     def __init__(self, path: Path) -> None:
         """Begins the file; what a monitor that died left in it is taken over."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        before, beside = read(path).records, path.with_name(f".{path.name}")
+        beside = path.with_name(f".{path.name}")
         self._file = beside.open("wb")
         self._writer = Writer(self._file, use_chunking=False)
         self._writer.start(profile=PROFILE)
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
         self._count = 0
-        self._take_over(before)
+        self._take_over(Reading(path))
         self.flush()
         beside.replace(path)
 
@@ -70,11 +70,13 @@ class Recording:
         self._writer.finish()
         self._file.close()
 
-    def _take_over(self, before: tuple[Record, ...]) -> None:
-        for record in before:
-            self.add(record)
-        if before:
-            self.add(Resumed(before[-1].received, time.time()))
+    def _take_over(self, before: Iterable[Record]) -> None:
+        """One by one: what was recorded for days may be larger than the memory."""
+        last: Record | None = None
+        for last in before:
+            self.add(last)
+        if last is not None:
+            self.add(Resumed(last.received, time.time()))
 
     def _channel(self, record: Record) -> int:
         name, kind = topic(record), type(record)
@@ -108,45 +110,47 @@ class Read(msgspec.Struct, frozen=True):
     whole: bool
 
 
-def read(path: Path) -> Read:
-    """Everything readable of one traffic.mcap; of a missing file nothing."""
-    if not path.exists():
-        return Read((), False)
-    records: list[Record] = []
-    whole = False
-    with path.open("rb") as file:
-        for found in _until_damage(StreamReader(file, record_size_limit=RECORD_LIMIT), records):
-            whole = found
-    return Read(tuple(records), whole)
+class Reading:
+    """The records of one traffic.mcap in the order they were heard, one by one; of a missing file none.
 
+    `whole`, once all are read: whether it was closed in order, nothing is cut off.
+    """
 
-def first(path: Path) -> Record | None:
-    """The first record of a recording, which a recorder begins with its setting; None where nothing can be read."""
-    if not path.exists():
-        return None
-    records: list[Record] = []
-    with path.open("rb") as file:
-        for _ in _until_damage(StreamReader(file, record_size_limit=RECORD_LIMIT), records, most=1):
-            pass
-    return records[0] if records else None
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.whole = False
 
+    def __iter__(self) -> Iterator[Record]:
+        """Ends where the file does, however."""
+        if not self._path.exists():
+            return
+        with self._path.open("rb") as file:
+            try:
+                yield from self._records(StreamReader(file, record_size_limit=RECORD_LIMIT))
+            except (McapError, struct.error, ValueError, MemoryError):  # a torn record shows as any of them
+                self.whole = False
 
-def _until_damage(reader: StreamReader, records: list[Record], most: int = 0) -> Iterator[bool]:
-    """Collect records, no more than `most` (0: all); yields True at the footer. Ends where the file does, however."""
-    kinds: dict[int, str] = {}
-    try:
+    def _records(self, reader: StreamReader) -> Iterator[Record]:
+        kinds: dict[int, str] = {}
         for found in reader.records:
             if isinstance(found, Channel):
                 kinds[found.id] = _kind(found.topic)
             elif isinstance(found, Message) and found.channel_id in kinds:
                 with suppress(msgspec.MsgspecError):  # cut off, or of another version
-                    records.append(_decoders[kinds[found.channel_id]].decode(found.data))
-                if len(records) == most:
-                    return
+                    yield _decoders[kinds[found.channel_id]].decode(found.data)
             elif isinstance(found, Footer):
-                yield True
-    except (McapError, struct.error, ValueError, MemoryError):  # a torn record shows as any of them
-        yield False
+                self.whole = True
+
+
+def read(path: Path) -> Read:
+    """Everything readable of one traffic.mcap; of a missing file nothing."""
+    reading = Reading(path)
+    return Read(tuple(reading), reading.whole)
+
+
+def first(path: Path) -> Record | None:
+    """The first record of a recording, which a recorder begins with its setting; None where nothing can be read."""
+    return next(iter(Reading(path)), None)
 
 
 def _kind(topic: str) -> str:

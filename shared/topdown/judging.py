@@ -15,7 +15,7 @@ from fipa_codec.tables import Role
 from topdown.admission import Admission
 from topdown.copies import Copies, Known, Pair, Streams
 from topdown.design import Design
-from topdown.talks import ENDED_S, QUIET_S, Entry, Talk, Talks
+from topdown.talks import Entry, Talk, Talks
 from topdown.timers import Timers
 from topdown.verdicts import Heard, Judgement, Verdict
 
@@ -58,7 +58,7 @@ class Judge:
         `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before. Judgements of it,
         and of earlier ones that it explains.
         """
-        self._timers.run(at)
+        self._advance(at)
         one: Communicate | None = None
         why = ""
         if isinstance(said, Communicate):
@@ -78,7 +78,7 @@ class Judge:
 
     def pass_time(self, now: float) -> tuple[Judgement, ...]:
         """It is `now` [s]: what waited in vain is judged."""
-        self._timers.run(now)
+        self._advance(now)
         return self._told()
 
     def lived(self, agent: str, incarnation: int, at: float, *, fresh: bool = False) -> tuple[Judgement, ...]:
@@ -86,7 +86,7 @@ class Judge:
 
         Soft conversations (those no journal keeps) end with a life.
         """
-        self._timers.run(at)
+        self._advance(at)
         before = self._lives.get(agent)
         self._lives[agent] = incarnation
         if before is None and fresh and incarnation == 1:
@@ -100,7 +100,7 @@ class Judge:
 
     def deaf(self, at: float) -> tuple[Judgement, ...]:
         """Until now something may have been said that was not heard: open conversations are judged no more."""
-        self._timers.run(at)
+        self._advance(at)
         self._whole.clear()
         self._lose(list(self._talks), self._streams.forget())
         return self._told()
@@ -188,7 +188,6 @@ class Judge:
             return
         if talk is None:
             talk = self._talks.begin(entry)
-            self._timers.later(entry.heard.at + QUIET_S, lambda now: self._forget(talk, now))
         talk.at = entry.heard.at
         if talk.followed is None and not talk.lost and self._talks.opens(one):
             self._talks.open(talk, entry)
@@ -215,8 +214,6 @@ class Judge:
             self._timers.later(wait.reply_by + self._patience, lambda now: self._unanswered(talk, entry))
         if verdict is Verdict.LATE or not entry.faulty:
             self._judge(verdict, entry, why, talk)
-        if talk.followed is not None and talk.followed.ended:
-            self._timers.later(entry.heard.at + ENDED_S, lambda now: self._forget(talk, now))
         return True
 
     def _retry(self, talk: Talk) -> None:
@@ -285,15 +282,12 @@ class Judge:
                     talk.waits.pop(Role.INITIATOR, None)
                 self._retry(talk)
 
-    def _forget(self, talk: Talk, now: float) -> None:
-        """Keep no conversation for ever, but one that may rest."""
-        again = talk.kept_until(now)
-        if again is None:
-            self._talks.drop(talk)
-        else:
-            self._timers.later(again, lambda later: self._forget(talk, later))
-
     # --- verdicts and time --------------------------------------------------------------------------------------------
+
+    def _advance(self, now: float) -> None:
+        """It is `now` [s]: what was to be done by then is done, what is over is forgotten."""
+        self._timers.run(now)
+        self._talks.sweep(now)
 
     def _judge(self, verdict: Verdict, entry: Entry, why: str = "", talk: Talk | None = None) -> None:
         """Of one whose faults were told already only another violation is news."""

@@ -1,6 +1,5 @@
 """The conversations a judge follows: who is in them, what waits for an explanation, who waits for an answer."""
 
-from collections import OrderedDict
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -9,6 +8,7 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 from topdown import elements
+from topdown.copies import Remembered
 from topdown.design import Design, Rule
 from topdown.following import Followed, Said
 from topdown.verdicts import Heard, Verdict
@@ -19,6 +19,8 @@ QUIET_S = 3600.0
 """One that neither ended nor may rest for ever is kept so long after its last word (estimate)."""
 OVER = 20_000
 """Ended conversations whose names are remembered, so that a straggler is no answer to nothing (estimate)."""
+SWEEP_S = 10.0
+"""How often is looked which of them are to be kept no longer (estimate: that is 1 us for each that is open)."""
 
 Name = tuple[str, str, str, str]
 """m_c, protocol and the two agents, sorted: with several participants each has a conversation of its own."""
@@ -75,14 +77,13 @@ class Talk:
         self.waits.clear()
         return left
 
-    def kept_until(self, now: float) -> float | None:
-        """When to ask again whether it is to be kept; None: no longer."""
+    def kept(self, now: float) -> bool:
+        """Whether it is still to be kept at `now` [s]: none for ever, but one that may rest."""
         if self.followed is None or self.lost:
-            ended, rests = False, False
-        else:
-            ended, rests = self.followed.ended, any(side.may_rest for side in self.followed.sides.values())
-        kept = self.at + (ENDED_S if ended else QUIET_S)
-        return now + QUIET_S if rests else kept if now < kept else None
+            return now < self.at + QUIET_S
+        if any(side.may_rest for side in self.followed.sides.values()):
+            return True
+        return now < self.at + (ENDED_S if self.followed.ended else QUIET_S)
 
     def read(self, entry: Entry) -> Said | str:
         """The communicate as the tables see it, or what is wrong with its labels."""
@@ -163,7 +164,8 @@ class Talks:
         self._tables = design.tables
         self._uses = {(use.initiator, use.participant, use.follows): use for use in design.file.protocol}
         self._open: dict[Name, Talk] = {}
-        self._over: OrderedDict[Name, None] = OrderedDict()
+        self._over = Remembered[bool](OVER)
+        self._swept = float("-inf")
 
     def __iter__(self) -> Iterator[Talk]:
         return iter(tuple(self._open.values()))
@@ -197,12 +199,15 @@ class Talks:
         talk.initiator, talk.followed = one.sender, Followed(table, durable=use.durable)
         talk.opened = (entry.heard.at, use)
 
-    def drop(self, talk: Talk) -> None:
-        """Forget a conversation, but for its name."""
-        self._open.pop(talk.name, None)
-        self._over[talk.name] = None
-        if len(self._over) > OVER:
-            self._over.popitem(last=False)
+    def sweep(self, now: float) -> None:
+        """It is `now` [s]: forget the conversations that are not to be kept, but for their names."""
+        if abs(now - self._swept) < SWEEP_S:
+            return
+        self._swept = now
+        for talk in self:
+            if not talk.kept(now):
+                del self._open[talk.name]
+                self._over.note(talk.name, True)
 
 
 def name(one: Communicate) -> Name:
