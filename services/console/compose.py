@@ -14,13 +14,15 @@ from companion.run_folder import (
     OFF_SUFFIX,
     RUN_FOLDER_VARIABLE,
     STOP_FILE,
+    VERDICTS_FILE,
     Fleet,
     HiAddress,
+    Judged,
     ProcessState,
     ProcessStatus,
 )
-from services.console import seen
-from services.console.docker import Container, docker, executed, inspected, ours
+from services.console import seen, verdicts
+from services.console.docker import Container, command, docker, executed, inspected, ours
 from services.console.errors import DockerError, HiError, NoRunError, UsageError
 from services.console.seen import Look, Seen
 from services.console.sheets import SHEET, Sheet, sheet
@@ -69,6 +71,15 @@ class Compose:
     def live(self, offset: int) -> bytes:
         """What stands in the monitor's live.jsonl from a byte on."""
         return self._shell(MONITOR, f'tail -c +{offset + 1} "${RUN_FOLDER_VARIABLE}/{LIVE_FILE}" 2>/dev/null || true')
+
+    def verdicts(self) -> list[Judged]:
+        """What the monitor judged so far, in the order of time."""
+        lines = self._shell(MONITOR, f'cat "${RUN_FOLDER_VARIABLE}/{VERDICTS_FILE}" 2>/dev/null || true').splitlines()
+        return verdicts.read(lines)
+
+    def hearing(self) -> list[str]:
+        """The command that prints what goes by as samples, a JSON object a line, until its standard input ends."""
+        return command("exec", "--interactive", self._running(MONITOR).id, "python", "-m", "services.monitor", "hear")
 
     def hi(self) -> HiAddress:
         """Where a_hi listens: its port is published under the same number."""
@@ -133,10 +144,13 @@ class Compose:
 
     def _shell(self, service: str, script: str) -> bytes:
         """What a script prints in a service's container. DockerError where it does not run."""
+        return docker("exec", self._running(service).id, "sh", "-c", script)
+
+    def _running(self, service: str) -> Container:
         found = next((one for one in self._containers() if one.service == service), None)
         if found is None or not found.runs:
             raise DockerError(f"service {service} of {self.where} does not run; `roco agent start {service}` starts it")
-        return docker("exec", found.id, "sh", "-c", script)
+        return found
 
 
 def _of(container: Container, read: Sheet) -> list[Seen]:

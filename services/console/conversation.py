@@ -12,7 +12,7 @@ from rich.text import Text
 from companion.design import DESIGN
 from companion.run_folder import Judged
 from fipa_codec.tables import NOT_UNDERSTOOD, Role
-from services.console import runs, sequence
+from services.console import sequence, targets
 from services.console.errors import ConsoleError
 from services.console.forms import Form, Format, RunDir, problems, tell_json
 from services.console.verdicts import judged, told
@@ -44,6 +44,7 @@ def list_(
     open_: Annotated[bool | None, typer.Option("--open/--ended", help="Only those that go on, or that ended.")] = None,
     wrong: Annotated[bool, typer.Option("--wrong", help="Only those with something against the design.")] = False,
     run: Recorded = None,
+    target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -61,7 +62,7 @@ def list_(
         which = wanted(channel, agent, protocol, performative)
         kept = [
             one
-            for one in _conversations(run, run_dir)
+            for one in _conversations(run, run_dir, target)
             if any(map(which.keeps, one.said)) and open_ in (None, not one.ended) and (one.violations or not wrong)
         ]
         if form is Format.JSON:
@@ -75,6 +76,7 @@ def list_(
 def show(
     id: Annotated[str, typer.Argument(help="A conversation, as `roco conversation list` names it.")],
     run: Recorded = None,
+    target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -85,7 +87,7 @@ def show(
       roco conversation show pl-1-3 --run recording.mcap --format json
     """
     with problems(form):
-        found = [one for one in _conversations(run, run_dir) if one.id == id]
+        found = [one for one in _conversations(run, run_dir, target) if one.id == id]
         if not found:
             raise ConsoleError(f"no conversation {id!r} in this run; `roco conversation list` shows them")
         if form is Format.JSON:
@@ -157,7 +159,7 @@ def _ended(protocol: str, states: tuple[str, str]) -> bool:
     return all(set(words.split("|")) <= end for words, end in zip(states, ends, strict=True))
 
 
-def _conversations(run: Path | None, run_dir: Path | None) -> list[Conversation]:
+def _conversations(run: Path | None, run_dir: Path | None, target: str) -> list[Conversation]:
     if run is None:
-        return conversations(told(runs.find(run_dir)))
+        return conversations(targets.find(target, run_dir).verdicts())
     return conversations(told(run) if run.is_dir() else judged(run))

@@ -66,13 +66,18 @@ class Container(msgspec.Struct, rename="pascal"):
         return next((value for key, _, value in (one.partition("=") for one in self.config.env) if key == name), "")
 
 
-def docker(*words: str, timeout_s: float = ANSWER_S, data: bytes = b"") -> bytes:
-    """What docker prints. DockerError where it is not there, says no, or does not answer."""
+def command(*words: str) -> list[str]:
+    """How docker is called. DockerError where it is not there."""
     program = shutil.which("docker")
     if program is None:
         raise DockerError("docker is not installed")
+    return [program, *words]
+
+
+def docker(*words: str, timeout_s: float = ANSWER_S, data: bytes = b"") -> bytes:
+    """What docker prints. DockerError where it is not there, says no, or does not answer."""
     try:
-        done = subprocess.run([program, *words], input=data, capture_output=True, timeout=timeout_s, check=False)
+        done = subprocess.run(command(*words), input=data, capture_output=True, timeout=timeout_s, check=False)
     except subprocess.TimeoutExpired:
         raise DockerError(f"docker did not answer within {timeout_s:.0f} s (docker {words[0]})") from None
     if done.returncode:

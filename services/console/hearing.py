@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import msgspec
 
@@ -21,15 +22,17 @@ from agent_runtime.waiting import Waiting
 from companion.run_folder import KEYS_VARIABLE
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
-from services.console import identity, runs
+from services.console import identity, pipes, runs, targets
 from services.console.errors import NOTHING_RUNS, ConsoleError, NoRunError, UsageError
+from services.console.local import Local
+
+if TYPE_CHECKING:
+    from services.console.compose import Compose
 
 IDENTITY = "console"
 """Whose certificate a session shows, where there are keys: it may hear everything, and say nothing."""
 ROUTER_S = 5.0
 """How long a router is waited for (estimate: it answers in milliseconds)."""
-PAUSE_S = 0.1
-"""How long nothing comes before the listener is given something else to do."""
 HOUSE = "_"
 KEY_CHUNKS = 7
 MONITOR = "services.monitor"
@@ -140,13 +143,27 @@ def whose(options: Options) -> str:
     return IDENTITY if there else RECORDER
 
 
+def meant(target: str, run_dir: Path | None) -> "Options | Compose":
+    """How the running fleet is heard that is meant: by a session to its router, or in its containers."""
+    if not target and run_dir is None and os.environ.get("ROCO_CONNECT"):
+        return at_run(None)
+    fleet = targets.find(target, run_dir)
+    return at_run(fleet.run) if isinstance(fleet, Local) else cast("Compose", fleet)
+
+
 @contextmanager
-def source(file: Path | None, run_dir: Path | None) -> Iterator[Source]:
+def source(file: Path | None, run_dir: Path | None, target: str = "") -> Iterator[Source]:
     """A recording where one is named, else the running fleet. Raises ConsoleError where there is none."""
     if file is not None:
         yield Source(recorded(file), None)
         return
-    options = at_run(run_dir)
+    fleet = meant(target, run_dir)
+    with _tapped(fleet) if isinstance(fleet, Options) else _piped(fleet) as heard:
+        yield heard
+
+
+@contextmanager
+def _tapped(options: Options) -> Iterator[Source]:
     waiting, until = Waiting(), time.monotonic() + ROUTER_S
     tap = open_tap(options, waiting.put, lambda: time.monotonic() > until, whose(options))
     if tap is None:
@@ -157,9 +174,16 @@ def source(file: Path | None, run_dir: Path | None) -> Iterator[Source]:
         tap.close()
 
 
+@contextmanager
+def _piped(fleet: "Compose") -> Iterator[Source]:
+    waiting = Waiting()
+    with pipes.hearing(fleet.hearing()) as process:
+        yield Source(pipes.samples(process, waiting), waiting)
+
+
 def _without_end(waiting: Waiting) -> Samples:
     while True:
-        yield waiting.get(PAUSE_S)
+        yield waiting.get(pipes.PAUSE_S)
 
 
 def recorded(file: Path, *, everything: bool = False) -> Samples:

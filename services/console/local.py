@@ -3,8 +3,8 @@
 import time
 from pathlib import Path
 
-from companion.run_folder import LIVE_FILE, OFF_SUFFIX, Fleet, HiAddress, ProcessStatus
-from services.console import fleet, runs, seen
+from companion.run_folder import LIVE_FILE, OFF_SUFFIX, Fleet, HiAddress, Judged, ProcessStatus
+from services.console import fleet, runs, seen, verdicts
 from services.console.errors import FleetError, UsageError
 from services.console.live import of_file
 from services.console.seen import Look, Seen
@@ -28,6 +28,10 @@ class Local:
     def live(self, offset: int) -> bytes:
         """What stands in the monitor's live.jsonl from a byte on."""
         return of_file(self.run / LIVE_FILE)(offset)
+
+    def verdicts(self) -> list[Judged]:
+        """What the monitor judged so far, in the order of time; of a run without a monitor its recording, now."""
+        return verdicts.told(self.run)
 
     def hi(self) -> HiAddress:
         """Where a_hi listens. HiError where it does not."""

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import IO, TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
@@ -18,11 +18,15 @@ from rich.console import Console
 
 from agent_runtime.options import Options
 from companion.filters import Filter
-from services.console import rates
+from services.console import pipes, rates, targets
 from services.console.errors import ConsoleError, UsageError
 from services.console.forms import Form, Format, RunDir, problems, tell_json
-from services.console.hearing import MONITOR, NothingHeardError, at_run, whose
+from services.console.hearing import MONITOR, NothingHeardError, meant, whose
+from services.console.pipes import LostError
 from services.console.wanted import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
+
+if TYPE_CHECKING:
+    from services.console.compose import Compose
 
 NO_ROUTER = 3
 """The recorder's exit code where no router answers."""
@@ -47,6 +51,7 @@ def record(
     performative: Performatives = None,
     count: Count = 0,
     for_: Seconds = 0.0,
+    target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -66,7 +71,7 @@ def record(
             raise UsageError(f"{file} is there already; name another --out, or remove it")
         if not file.parent.is_dir():
             raise UsageError(f"{file.parent} is no folder; make it, or name another --out")
-        last = _recorded(at_run(run_dir), file, which, count, for_, form)
+        last = _recorded(meant(target, run_dir), file, which, count, for_, form)
         done = msgspec.structs.replace(last, file=str(file))
         if form is Format.JSON:
             tell_json(done)
@@ -80,23 +85,42 @@ def sentence(done: Recorded) -> str:
     return what + (f"; {done.dropped} more came faster than they could be kept" if done.dropped else "")
 
 
-def _recorded(options: Options, file: Path, which: Filter, count: int, seconds: float, form: Form) -> Recorded:
+def _recorded(
+    fleet: "Options | Compose", file: Path, which: Filter, count: int, seconds: float, form: Form
+) -> Recorded:
     """Have it recorded, watched by who waits; what was recorded in the end. Raises ConsoleError."""
-    command = [sys.executable, "-m", MONITOR, "record", str(file), "--connect", options.connect]
-    command += ["--system", options.system, "--run-dir", str(options.run_dir), "--identity", whose(options)]
-    command += ["--keys", str(options.keys)] if options.keys else []
-    command += ["--which", msgspec.json.encode(which).decode(), "--count", str(count), "--seconds", str(seconds)]
+    asked = [msgspec.json.encode(which).decode(), "--count", str(count), "--seconds", str(seconds)]
+    command = [sys.executable, "-m", MONITOR, "record", str(file), "--which", *asked]
+    if isinstance(fleet, Options):
+        return _watched([*command, *_at(fleet)], form, at=fleet)
+    with pipes.hearing(fleet.hearing()) as heard:
+        last = _watched([*command, "--heard"], form, heard=heard.stdout)
+        if heard.poll() is not None:
+            raise ConsoleError(f"{LostError(heard)}; {file} has what was heard before")
+    return last
+
+
+def _at(options: Options) -> list[str]:
+    """How the recorder reaches the router."""
+    words = ["--connect", options.connect, "--system", options.system, "--run-dir", str(options.run_dir)]
+    return [*words, "--identity", whose(options), *(["--keys", str(options.keys)] if options.keys else [])]
+
+
+def _watched(command: list[str], form: Form, at: Options | None = None, heard: IO[bytes] | None = None) -> Recorded:
+    """Run a recorder that reaches the router `at`, or is given what was `heard`, telling how far it is."""
     console, last = Console(stderr=True), Recorded(0, 0, 0, 0.0, 0)
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    with subprocess.Popen(command, stdin=heard, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         with console.status("recording; Ctrl-C ends it") if form is Format.TEXT else contextlib.nullcontext() as line:
             for last in _told(process):
                 if line is not None:
                     line.update(f"recording: {sentence(last)}; Ctrl-C ends it")
         words = process.stderr.read().decode(errors="replace").strip() if process.stderr else ""
-    if process.returncode == NO_ROUTER:
-        raise NothingHeardError(options)
+    if process.returncode == NO_ROUTER and at is not None:
+        raise NothingHeardError(at)
     if process.returncode:
-        raise ConsoleError(f"the recorder ended with {process.returncode}; {file} has what was heard before. {words}")
+        raise ConsoleError(
+            f"the recorder ended with {process.returncode}; what was heard before is in its file. {words}"
+        )
     return last
 
 

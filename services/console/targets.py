@@ -10,7 +10,7 @@ from typing import Annotated, Protocol
 
 import typer
 
-from companion.run_folder import LATEST, RUN_FOLDER_VARIABLE, HiAddress
+from companion.run_folder import LATEST, RUN_FOLDER_VARIABLE, HiAddress, Judged
 from services.console import complete, runs
 from services.console.errors import NoRunError, UsageError
 from services.console.local import Local
@@ -37,6 +37,9 @@ class Target(Protocol):
 
     def live(self, offset: int) -> bytes:
         """What stands in the monitor's live.jsonl from a byte on."""
+
+    def verdicts(self) -> list[Judged]:
+        """What the monitor judged so far, in the order of time."""
 
     def hi(self) -> HiAddress:
         """Where a_hi listens. HiError where it does not."""

@@ -19,7 +19,7 @@ from companion.judgements import line
 from companion.languages import LANGUAGES
 from companion.run_folder import Judged
 from fipa_codec.communicate import Communicate
-from services.console import rates
+from services.console import rates, targets
 from services.console.forms import Form, Format, RunDir, problems, tell_json
 from services.console.hearing import Source, said, source
 from services.console.wanted import Agents, Channels, Count, Performatives, Protocols, Recorded, Seconds, wanted
@@ -41,6 +41,7 @@ def echo(
     run: Recorded = None,
     count: Count = 0,
     for_: Seconds = 0.0,
+    target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -53,11 +54,12 @@ def echo(
     Examples:
       roco traffic echo
       roco traffic echo --channel C4 --agent pl --count 10
+      roco traffic echo --target compose --wrong
       roco traffic echo --run runs/latest --performative request --format json
     """
     with problems(form):
         which = wanted(channel, agent, protocol, performative)
-        with source(run, run_dir) as heard:
+        with source(run, run_dir, target) as heard:
             _print(heard, which, form, count=count, seconds=for_, wrong=wrong)
 
 

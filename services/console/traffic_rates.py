@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.text import Text
 
 from companion.filters import Filter
-from services.console import rates
+from services.console import rates, targets
 from services.console.forms import Form, Format, RunDir, problems, tell_json
 from services.console.hearing import Source, said, source
 from services.console.tally import Tally
@@ -41,12 +41,13 @@ def _verb(kind: str, text: str) -> Callable[..., None]:
         run: Recorded = None,
         count: Count = 0,
         for_: Seconds = 0.0,
+        target: targets.Name = "",
         run_dir: RunDir = None,
         form: Form = Format.TEXT,
     ) -> None:
         with problems(form):
             which = wanted(channel, agent, protocol, performative)
-            watch(_Asked(kind, which, count, for_, form), run, run_dir)
+            watch(_Asked(kind, which, count, for_, form), run, run_dir, target)
 
     verb.__doc__, verb.__name__ = text, kind
     return verb
@@ -103,10 +104,10 @@ stats = _verb(
 )
 
 
-def watch(asked: _Asked, run: Path | None, run_dir: Path | None) -> None:
+def watch(asked: _Asked, run: Path | None, run_dir: Path | None, target: str = "") -> None:
     """Count until it is over, showing how far it is; then the whole."""
     tally = Tally(asked.which)
-    with source(run, run_dir) as heard:
+    with source(run, run_dir, target) as heard:
         if asked.form is Format.JSON:
             _count(asked, heard, tally, lambda: _tell(asked, heard, tally))
         else:

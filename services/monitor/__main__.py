@@ -70,11 +70,12 @@ def said(
 
 def record(
     out: Annotated[Path, typer.Argument(help="The recording to be made.")],
-    connect: Annotated[str, typer.Option(help="The router's endpoint.")],
-    run_dir: Annotated[Path, typer.Option(help="The run's folder.")],
+    connect: Annotated[str, typer.Option(help="The router's endpoint.")] = "",
+    run_dir: Annotated[Path, typer.Option(help="The run's folder.")] = Path(),
     system: Annotated[str, typer.Option(help="Prefix of every key.")] = "roco",
     keys: Annotated[Path | None, typer.Option(help="Folder of keys.")] = None,
     identity: Annotated[str, typer.Option(help="Whose certificate is shown.")] = RECORDER,
+    heard: Annotated[bool, typer.Option(help="Standard input has what `hear` prints; no router is asked.")] = False,
     which: Annotated[str, typer.Option(help="A companion.filters.Filter, in JSON.")] = "{}",
     count: Annotated[int, typer.Option(help="End after so many communicates.")] = 0,
     seconds: Annotated[float, typer.Option(help="End after so long.")] = 0.0,
@@ -86,6 +87,8 @@ def record(
     from services.monitor import keeping
 
     asked = keeping.Asked(out, msgspec.json.decode(which, type=Filter), count, seconds)
+    if heard:
+        raise typer.Exit(keeping.serve_heard(asked))
     options = Options(connect=connect, system=system, run_dir=run_dir, keys=keys)
     raise typer.Exit(keeping.serve(options, asked, identity))
 
@@ -103,7 +106,11 @@ VERBS: dict[str, Callable[..., None]] = {
 }
 
 if __name__ == "__main__":
-    if sys.argv[1:2] and sys.argv[1] in VERBS:
+    if sys.argv[1:2] == ["hear"]:
+        from services.monitor import hear
+
+        cli.app("monitor hear", str(hear.__doc__), hear.serve)(sys.argv[2:])
+    elif sys.argv[1:2] and sys.argv[1] in VERBS:
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         app.command()(VERBS[sys.argv[1]])
         app(sys.argv[2:], prog_name=f"python -m services.monitor {sys.argv[1]}")

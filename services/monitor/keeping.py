@@ -4,16 +4,18 @@ One tap, one queue, one thread; the file is whole up to FLUSH_S before a kill. N
 be judged, shown and replayed afterwards. It ends with the process that started it.
 """
 
+import contextlib
 import os
 import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
 import msgspec
 
 from agent_runtime.options import Options
-from agent_runtime.tap import Sample, Tap, open_tap
+from agent_runtime.tap import Sample, open_tap
 from agent_runtime.waiting import Waiting
 from companion.filters import Filter
 from companion.run_folder import TRAFFIC_FILE
@@ -100,14 +102,35 @@ def serve(options: Options, asked: Asked, identity: str) -> int:
         print(f"no router answers at {options.connect}; is the fleet up (`roco status`)?", file=sys.stderr)
         return NO_ROUTER
     keeper = Keeper(asked, first(options.run_dir / TRAFFIC_FILE))
-    _tell(keeper.kept(0))
     _keep(keeper, waiting, parent)
-    _end(keeper, waiting, tap)
+    tap.close()
+    _end(keeper, waiting)
     return 0
+
+
+def serve_heard(asked: Asked) -> int:
+    """Record what `hear` prints, from standard input to its end; the rest as `serve`."""
+    waiting, parent = Waiting(), os.getppid()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, waiting.stop)
+    threading.Thread(target=_read, args=(waiting,), daemon=True).start()
+    keeper = Keeper(asked, None)
+    _keep(keeper, waiting, parent)
+    _end(keeper, waiting)
+    return 0
+
+
+def _read(waiting: Waiting) -> None:
+    decoder = msgspec.json.Decoder(Sample)
+    for line in sys.stdin.buffer:
+        with contextlib.suppress(msgspec.DecodeError):  # the last one may be cut off
+            waiting.put(decoder.decode(line))
+    waiting.stop()
 
 
 def _keep(keeper: Keeper, waiting: Waiting, parent: int) -> None:
     flushed = told = time.monotonic()
+    _tell(keeper.kept(0))
     while not waiting.stopped and not keeper.over and os.getppid() == parent:
         sample = waiting.get(FLUSH_S)
         if sample is not None:
@@ -120,8 +143,7 @@ def _keep(keeper: Keeper, waiting: Waiting, parent: int) -> None:
                 told = now
 
 
-def _end(keeper: Keeper, waiting: Waiting, tap: Tap) -> None:
-    tap.close()
+def _end(keeper: Keeper, waiting: Waiting) -> None:
     for sample in waiting.left():
         if not keeper.over:
             keeper.take(sample)

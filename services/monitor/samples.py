@@ -37,10 +37,11 @@ def samples(found: tuple[Record, ...], *, everything: bool = False) -> Iterator[
     """
     for record in found:
         if everything or not isinstance(record, House):
-            yield _sample(record)
+            yield sampled(record)
 
 
-def _sample(record: Record) -> Sample:
+def sampled(record: Record) -> Sample:
+    """What the tap heard when this was recorded."""
     at = record.received
     match record:
         case Spoken():

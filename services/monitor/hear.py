@@ -1,0 +1,62 @@
+"""`python -m services.monitor hear`: what goes by in a running fleet, as samples, a JSON object a line, for a reader
+that does not reach its router: the command line, of a fleet in containers.
+
+It begins with the setting of the fleet's recording, and ends when its standard input does: whoever asked is gone then,
+however. Nothing is kept, and nobody is held: what comes faster than it is read is dropped and counted.
+"""
+
+import sys
+import threading
+import time
+
+import msgspec
+
+from agent_runtime.options import Options
+from agent_runtime.tap import Sample, open_tap
+from agent_runtime.waiting import Waiting
+from companion.run_folder import TRAFFIC_FILE
+from services.monitor.recording import first
+from services.monitor.samples import sampled
+
+ROUTER_S = 5.0
+"""How long a router is waited for (estimate: it answers in milliseconds)."""
+PAUSE_S = 0.5
+NO_ROUTER = 3
+
+
+def serve(options: Options) -> int:
+    """Print until standard input ends. 0: it did, or nobody reads any more; 3: no router answers."""
+    waiting, until = Waiting(), time.monotonic() + ROUTER_S
+    threading.Thread(target=_listen_for_the_end, args=(waiting,), daemon=True).start()
+    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until)
+    if tap is None:
+        print(f"no router answers at {options.connect}; is the fleet up (`roco status`)?", file=sys.stderr)
+        return NO_ROUTER
+    try:
+        _print(waiting, options)
+    except BrokenPipeError:
+        pass
+    finally:
+        tap.close()
+    return 0
+
+
+def _print(waiting: Waiting, options: Options) -> None:
+    setting = first(options.run_dir / TRAFFIC_FILE)
+    if setting is not None:
+        _line(sampled(setting))
+    while not waiting.stopped:
+        sample = waiting.get(PAUSE_S)
+        if sample is not None:
+            _line(sample)
+
+
+def _line(sample: Sample) -> None:
+    sys.stdout.buffer.write(msgspec.json.encode(sample) + b"\n")
+    sys.stdout.buffer.flush()
+
+
+def _listen_for_the_end(waiting: Waiting) -> None:
+    while sys.stdin.buffer.read(4096):
+        pass
+    waiting.stop()
