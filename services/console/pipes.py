@@ -14,6 +14,7 @@ from agent_runtime.waiting import Waiting
 from services.console.errors import ConsoleError
 
 END_S = 5.0
+"""How long its end is waited for (estimate: it takes a tenth)."""
 PAUSE_S = 0.1
 """How long nothing comes before the listener is given something else to do."""
 _decoder = msgspec.json.Decoder(Sample)
@@ -35,7 +36,12 @@ def hearing(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
         try:
             yield process
         finally:
-            process.kill()
+            assert process.stdin is not None
+            process.stdin.close()
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
 
 
 def samples(process: "subprocess.Popen[bytes]", waiting: Waiting) -> Iterator[Sample | None]:

@@ -5,6 +5,7 @@ It begins with the setting of the fleet's recording, and ends when its standard 
 however. Nothing is kept, and nobody is held: what comes faster than it is read is dropped and counted.
 """
 
+import os
 import sys
 import threading
 import time
@@ -20,7 +21,7 @@ from services.monitor.samples import sampled
 
 ROUTER_S = 5.0
 """How long a router is waited for (estimate: it answers in milliseconds)."""
-PAUSE_S = 0.5
+PAUSE_S = 0.1
 NO_ROUTER = 3
 
 
@@ -57,6 +58,6 @@ def _line(sample: Sample) -> None:
 
 
 def _listen_for_the_end(waiting: Waiting) -> None:
-    while sys.stdin.buffer.read(4096):
+    while os.read(0, 4096):  # sys.stdin may not be in use by a thread when Python ends
         pass
     waiting.stop()

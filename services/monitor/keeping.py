@@ -122,9 +122,10 @@ def serve_heard(asked: Asked) -> int:
 
 def _read(waiting: Waiting) -> None:
     decoder = msgspec.json.Decoder(Sample)
-    for line in sys.stdin.buffer:
-        with contextlib.suppress(msgspec.DecodeError):  # the last one may be cut off
-            waiting.put(decoder.decode(line))
+    with os.fdopen(os.dup(0), "rb") as lines:  # sys.stdin may not be in use by a thread when Python ends
+        for line in lines:
+            with contextlib.suppress(msgspec.DecodeError):  # the last one may be cut off
+                waiting.put(decoder.decode(line))
     waiting.stop()
 
 

@@ -33,7 +33,7 @@ def main(words: list[str]) -> int:
             print("\n".join(sorted(folder.name for folder in ROOT.iterdir())))
         case ["inspect", *ids]:
             print(json.dumps([described(ROOT / id) for id in ids]))
-        case ["exec", id, *command]:
+        case ["exec", "--interactive", id, *command] | ["exec", id, *command]:
             if (ROOT / id / "state").read_text() != "running":
                 print("container is not running", file=sys.stderr)
                 return 1

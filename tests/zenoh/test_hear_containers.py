@@ -1,4 +1,4 @@
-"""Traffic of a fleet in containers: heard by a process in the monitor's container, here a pretended one over a router."""
+"""Traffic of a fleet in containers: heard by a process in the monitor's container, here a pretended one."""
 
 import json
 import os
@@ -28,8 +28,9 @@ class Containers(Router):
         (root / "run").mkdir()
         super().__init__(root / "run")
         self.monitor, bin = root / "containers" / "one.monitor", root / "bin"
-        self.monitor.mkdir(parents=True)
-        (self.monitor / "state").write_text("running")
+        for service in ("monitor", "hi"):
+            (root / "containers" / f"one.{service}").mkdir(parents=True)
+            (root / "containers" / f"one.{service}" / "state").write_text("running")
         with_setting = recording.Recording(self.monitor / TRAFFIC_FILE)
         with_setting.add(House(SETTING, "monitor", "", time.time(), json.dumps({"seed": 5, "speed": "max"}).encode()))
         with_setting.finish()
@@ -106,9 +107,10 @@ def test_a_recording_is_made_here_with_the_fleets_setting(containers: Containers
 def test_a_monitor_that_stops_is_told(containers: Containers) -> None:
     """An endless verb does not hang when its source is gone; what was recorded is kept."""
     file = containers.run / "mine.mcap"
-    listening, keeping = containers.roco("traffic", "hz"), containers.roco("record", "--out", str(file))
+    keeping, listening = containers.roco("record", "--out", str(file)), containers.roco("traffic", "hz")
     containers.say(40)
     wait_for(lambda: sum(isinstance(one, Spoken) for one in recording.read(file).records) == 40, "all is in the file")
+    wait_for(lambda: len(containers.hearers()) == 2, "both are heard for")
     for pid in containers.hearers():
         os.kill(pid, signal.SIGKILL)
     for process in (listening, keeping):
@@ -132,4 +134,3 @@ def test_no_router_is_told(containers: Containers) -> None:
     containers.environment["ROCO_CONNECT"] = "tcp/127.0.0.1:1"
     _, error = containers.roco("traffic", "stats").communicate(timeout=30.0)
     assert b"no router answers at tcp/127.0.0.1:1" in error
-
