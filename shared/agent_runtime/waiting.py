@@ -1,11 +1,14 @@
 """Samples of a tap that wait for the one thread that takes them: bounded, so that a slow reader costs no memory."""
 
 import queue
+import threading
 
 from agent_runtime.tap import Sample
 
 MOST_WAITING = 100_000
 """Samples that may wait; beyond that they are dropped and counted. Estimate: minutes of traffic."""
+MOST_BYTES = 256 * 1024 * 1024
+"""All of their data together; estimate: a hundred seconds of a pour have 25 MB."""
 
 
 class Waiting:
@@ -13,25 +16,30 @@ class Waiting:
 
     def __init__(self) -> None:
         self._queue: queue.SimpleQueue[Sample | None] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._bytes = 0
         self.dropped = 0
         self.stopped = False
 
     def put(self, sample: Sample) -> None:
         """From Zenoh's threads; never blocks."""
-        if self._queue.qsize() < MOST_WAITING:
-            self._queue.put(sample)
-        else:
-            self.dropped += 1
+        size = len(sample.data)
+        with self._lock:
+            if self._queue.qsize() >= MOST_WAITING or self._bytes + size > MOST_BYTES:
+                self.dropped += 1
+                return
+            self._bytes += size
+        self._queue.put(sample)
 
     def stop(self, *_: object) -> None:
-        """From a signal: SimpleQueue's put may be called while the same thread is in it."""
+        """From a signal: takes no lock, and SimpleQueue's put may be called while the same thread is in it."""
         self.stopped = True
         self._queue.put(None)
 
     def get(self, timeout_s: float) -> Sample | None:
         """The oldest sample; None: stop, or none came in time."""
         try:
-            return self._queue.get(timeout=timeout_s)
+            return self._taken(self._queue.get(timeout=timeout_s))
         except queue.Empty:
             return None
 
@@ -39,7 +47,13 @@ class Waiting:
         """What still waits."""
         left = []
         while not self._queue.empty():
-            sample = self._queue.get()
+            sample = self._taken(self._queue.get())
             if sample is not None:
                 left.append(sample)
         return left
+
+    def _taken(self, sample: Sample | None) -> Sample | None:
+        if sample is not None:
+            with self._lock:
+                self._bytes -= len(sample.data)
+        return sample
