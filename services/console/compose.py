@@ -4,6 +4,7 @@ Each service has its own run folder, in its own volume. A container with several
 its fleet.json; of the others docker knows whether they run.
 """
 
+import string
 import time
 
 import msgspec
@@ -45,11 +46,14 @@ def projects(*, ended: bool = False) -> tuple[str, ...]:
 
 
 class Compose:
-    """The fleet of a compose project. Every call raises DockerError where docker does not do it."""
+    """The fleet of a compose project; of several robots in it, with `robot`, that one alone and what all share.
 
-    def __init__(self, project: str) -> None:
-        self.project = project
-        self.where = f"compose project {project}"
+    Every call raises DockerError where docker does not do it.
+    """
+
+    def __init__(self, project: str, robot: str = "") -> None:
+        self.project, self._robot = project, robot
+        self.where = f"compose project {project}" + (f", robot {robot}" if robot else "")
         self._ids: list[str] = []
 
     def look(self) -> Look:
@@ -70,16 +74,17 @@ class Compose:
 
     def live(self, offset: int) -> bytes:
         """What stands in the monitor's live.jsonl from a byte on."""
-        return self._shell(MONITOR, f'tail -c +{offset + 1} "${RUN_FOLDER_VARIABLE}/{LIVE_FILE}" 2>/dev/null || true')
+        return self._recorded(LIVE_FILE, f"tail -c +{offset + 1}")
 
     def verdicts(self) -> list[Judged]:
         """What the monitor judged so far, in the order of time."""
-        lines = self._shell(MONITOR, f'cat "${RUN_FOLDER_VARIABLE}/{VERDICTS_FILE}" 2>/dev/null || true').splitlines()
-        return verdicts.read(lines)
+        return verdicts.read(self._recorded(VERDICTS_FILE, "cat").splitlines())
 
     def hearing(self) -> list[str]:
         """The command that prints what goes by as samples, a JSON object a line, until its standard input ends."""
-        return command("exec", "--interactive", self._running(MONITOR).id, "python", "-m", "services.monitor", "hear")
+        monitor, system = self._running(MONITOR).id, self._system()
+        words = ["python", "-m", "services.monitor", "hear", "--systems", system]
+        return command("exec", "--interactive", monitor, *words)
 
     def hi(self) -> HiAddress:
         """Where a_hi listens: its port is published under the same number."""
@@ -123,11 +128,19 @@ class Compose:
             found = inspected(self._ids)
         except DockerError:  # made anew meanwhile, under other ids
             found = []
-        found = found or [one for one in ours() if one.project == self.project]
+        found = found or [one for one in ours() if one.project == self.project and self._meant(one)]
         self._ids = [one.id for one in found]
         if not found:
-            raise NoRunError(self.project, f"no container of compose project {self.project!r} is there any more")
+            raise NoRunError(self.project, f"no container of {self.where} is there any more")
         return sorted(found, key=lambda one: (ORDER.index(one.service) if one.service in ORDER else 9, one.service))
+
+    def _meant(self, container: Container) -> bool:
+        """Whether it is this robot's, or all robots'."""
+        systems = container.variable("ROCO_SYSTEMS") or container.variable("ROCO_SYSTEM")
+        return not self._robot or self._robot in systems.split(",")
+
+    def _named(self, container: Container) -> str:
+        return container.service.rstrip(string.digits) if self._robot else container.service
 
     def _home(self, name: str) -> Container:
         """The container in which a process runs. UsageError where there is none of that name."""
@@ -146,8 +159,21 @@ class Compose:
         """What a script prints in a service's container. DockerError where it does not run."""
         return docker("exec", self._running(service).id, "sh", "-c", script)
 
+    def _recorded(self, file: str, reading: str) -> bytes:
+        """What a file of the monitor has; of several robots each has a folder there. b"" where it is not there yet."""
+        run = f"${RUN_FOLDER_VARIABLE}"
+        script = (
+            f'for f in "{run}/{self._system()}/{file}" "{run}/{file}"; do [ -e "$f" ] && exec {reading} "$f"; done; :'
+        )
+        return self._shell(MONITOR, script)
+
+    def _system(self) -> str:
+        """The robot's name in all keys: that of the interface which people talk to."""
+        return self._robot or self._running(HI).variable("ROCO_SYSTEM")
+
     def _running(self, service: str) -> Container:
-        found = next((one for one in self._containers() if one.service == service), None)
+        """The container of a service, or of this robot's, whose name may end with a number. DockerError: none runs."""
+        found = next((one for one in self._containers() if self._named(one) == service), None)
         if found is None or not found.runs:
             raise DockerError(f"service {service} of {self.where} does not run; `roco agent start {service}` starts it")
         return found

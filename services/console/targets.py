@@ -21,7 +21,7 @@ Name = Annotated[
     str,
     typer.Option(
         "--target",
-        help="local, compose, a run's folder, or a compose project; else what runs.",
+        help="local, compose, a run's folder, a compose project, or PROJECT/ROBOT of several robots; else what runs.",
         autocompletion=complete.targets,
     ),
 ]
@@ -72,7 +72,7 @@ def _named(name: str) -> Target:
     folder = Path(name)
     if name != COMPOSE and folder.is_dir():
         return Local(folder.resolve())
-    found = _compose("" if name == COMPOSE else name)
+    found = _compose(name)
     if found is None:
         what = "no compose project of ours runs" if name == COMPOSE else f"{name!r} is no folder and no compose project"
         begin = "`docker compose -f deploy/compose.yaml up -d` starts one, `roco up` a local one"
@@ -90,9 +90,10 @@ def _compose(project: str) -> Target | None:
     """The project of this name, or the only one. UsageError where there are several."""
     from services.console.compose import Compose, projects
 
-    if project:
-        return Compose(project) if project in projects(ended=True) else None
+    project, _, robot = project.partition("/")
+    if project != COMPOSE and project:
+        return Compose(project, robot) if project in projects(ended=True) else None
     running = projects()
     if len(running) > 1:
         raise UsageError(f"several compose projects run; name one: --target {' or '.join(running)}")
-    return Compose(running[0]) if running else None
+    return Compose(running[0], robot) if running else None

@@ -21,9 +21,15 @@ def described(folder: Path) -> dict[str, object]:
     return {
         "Id": folder.name,
         "State": {"Status": (folder / "state").read_text(), "StartedAt": "", "ExitCode": 0, "Health": None},
-        "Config": {"Image": image, "Labels": labels, "Env": ["ROCO_SYSTEM=roco"]},
+        "Config": {"Image": image, "Labels": labels, "Env": environment(folder)},
         "RestartCount": 0,
     }
+
+
+def environment(folder: Path) -> list[str]:
+    """What stands in its file `environment`, if it has one."""
+    file = folder / "environment"
+    return file.read_text().splitlines() if file.exists() else ["ROCO_SYSTEM=roco"]
 
 
 def main(words: list[str]) -> int:

@@ -131,3 +131,32 @@ def test_without_docker_nothing_is_found_there(world: Path, monkeypatch: pytest.
     done = roco("status")
     assert done.exit_code == 3
     assert "roco up" in done.stderr
+
+
+def test_of_several_robots_one_is_meant(world: Path) -> None:
+    """PROJECT/ROBOT: its own services, though their names have numbers, and what all share; no other's."""
+    judged = (
+        '{"t":1.0,"verdict":"legal","bytes":1,"channel":"C2","sender":"hi","receiver":"co","conversation":"hi-1-1"}\n'
+    )
+    both = "velma1,velma2"
+    for service, system in {"router": both, "monitor": both, "hi": "velma1", "ex": "velma1", "hi2": "velma2",
+                            "ex2": "velma2"}.items():  # fmt: skip
+        folder = world / f"one.{service}"
+        folder.mkdir(exist_ok=True)
+        (folder / "state").write_text("running")
+        (folder / "stop").write_bytes(b"\0")
+        (folder / "environment").write_text(f"{'ROCO_SYSTEMS' if ',' in system else 'ROCO_SYSTEM'}={system}\n")
+    (world / "one.monitor" / "velma2").mkdir()
+    (world / "one.monitor" / "velma2" / "verdicts.jsonl").write_text(judged)
+    second = targets.find("one/velma2")
+    assert [one.home for one in second.look().seen] == ["router", "monitor", "ex2", "hi2"]
+    second.hold(True)
+    assert (world / "one.ex2" / "stop").read_bytes() == b"\x01"
+    assert (world / "one.ex" / "stop").read_bytes() == b"\x00"
+    assert [one.conversation for one in second.verdicts()] == ["hi-1-1"]
+    assert targets.find("compose/velma1").verdicts() == []
+    assert (
+        json.loads(roco("conversation", "list", "--target", "one/velma2", "--format", "json").stdout)[0]["id"]
+        == "hi-1-1"
+    )
+    assert roco("status", "--target", "one/velma3").exit_code == 3
