@@ -31,6 +31,8 @@ from services.console.sheets import SHEET, Sheet, sheet
 HI, MONITOR, LOOP = "hi", "monitor", "ex"
 END_S = 90.0
 """Docker waits up to a minute for the monitor's report (compose.yaml: stop_grace_period), and for the rest seconds."""
+GUARDED = ("--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-new-privileges:true", "--pids-limit=64")
+"""As the services themselves are (compose.yaml)."""
 ORDER = ("router", "monitor")
 """Started first and ended last."""
 CONTAINER = {"created": ProcessState.WAITING, "restarting": ProcessState.BACKING_OFF}
@@ -85,6 +87,16 @@ class Compose:
         monitor, system = self._running(MONITOR).id, self._system()
         words = ["python", "-m", "services.monitor", "hear", "--systems", system]
         return command("exec", "--interactive", monitor, *words)
+
+    def beside(self, service: str, words: list[str]) -> list[str]:
+        """The command that runs a module of ours beside a service: with its volumes, keys and network, as guarded."""
+        found = next((one for one in self._containers() if self._named(one) == service), None)
+        if found is None:
+            raise DockerError(f"{self.where} has no service {service}")
+        options = [f"--env={one}" for one in found.config.env if one.startswith("ROCO_")]
+        options += [f"--network={name}" for name in list(found.network_settings.networks)[:1]]
+        options += [f"--volumes-from={found.id}", *GUARDED]
+        return command("run", "--rm", *options, found.config.image, *words)
 
     def hi(self) -> HiAddress:
         """Where a_hi listens: its port is published under the same number."""

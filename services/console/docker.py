@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import msgspec
 
@@ -37,6 +38,12 @@ class Config(msgspec.Struct, rename="pascal"):
     env: list[str] = []
 
 
+class Networks(msgspec.Struct, rename="pascal"):
+    """Of `docker inspect`: the networks it is in, by name."""
+
+    networks: dict[str, Any] = {}
+
+
 class Container(msgspec.Struct, rename="pascal"):
     """A container, as far as it is wanted."""
 
@@ -44,6 +51,7 @@ class Container(msgspec.Struct, rename="pascal"):
     state: State
     config: Config
     restart_count: int = 0
+    network_settings: Networks = msgspec.field(default_factory=Networks)
 
     @property
     def service(self) -> str:

@@ -4,9 +4,9 @@ In the place of an agent that does not run it is a life of that agent, with its 
 lives it refuses, and with --force is a voice in its name: whoever hears cannot tell, and streams may break.
 """
 
+import subprocess
 import time
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import msgspec
 import typer
@@ -19,11 +19,15 @@ from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, encode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.performatives import Performative
-from services.console import runs, saying
+from services.console import saying, targets
 from services.console.errors import NO, ConsoleError
-from services.console.forms import Form, Format, tell_problem
+from services.console.forms import Form, Format, RunDir, tell_problem
+from services.console.local import Local
 from topdown.admission import Admission
 from topdown.design import Rule
+
+if TYPE_CHECKING:
+    from services.console.compose import Compose
 
 CHOICES = ("as", "to", "protocol", "performative")
 
@@ -50,12 +54,14 @@ def send(
         bool, typer.Option("--force", help="Say it though the design forbids it, or the agent lives.")
     ] = False,
     choices: Annotated[bool, typer.Option("--list", help="List what may be said, as far as it is chosen.")] = False,
-    run_dir: Annotated[Path | None, typer.Option("--run-dir", help="A run's folder; else runs/latest.")] = None,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
     """Be an agent: say one communicate to the running fleet, and print what comes back.
 
-    Exits with 1 where it could not be said, with 2 where the design has no such message (--force says it all the same).
+    Of a fleet in containers it is said in a container of its own beside the agent's. Exits with 1 where it could not be
+    said, with 2 where the design has no such message (--force says it all the same).
 
     Examples:
       roco send --list
@@ -68,6 +74,13 @@ def send(
         return
     try:
         draft = _draft(chosen, language, ontology, content, force=force)
+        fleet = targets.find(target, run_dir)
+        if not isinstance(fleet, Local):
+            told: dict[str, object] = dict(zip(CHOICES, chosen, strict=True))
+            told |= {"language": language, "content": content, "id": id}
+            told |= {"conversation": conversation, "in-reply-to": in_reply_to, "reply-with": reply_with}
+            told |= {"ontology": ontology or "", "reply-by": reply_by or "", "wait": wait, "format": form.value}
+            raise typer.Exit(_beside(cast("Compose", fleet), sender, told, force=force))
         draft = msgspec.structs.replace(
             draft,
             conversation=conversation,
@@ -76,13 +89,19 @@ def send(
             reply_by=None if reply_by is None else time.time() + reply_by,
             id=id,
         )
-        done = saying.say(runs.find(run_dir), draft, wait, _print if form is Format.TEXT else _hush, force=force)
+        done = saying.say(fleet.run, draft, wait, _print if form is Format.TEXT else _hush, force=force)
     except Usage as error:
         _stop(str(error), form, 2)
     except (ConsoleError, RuntimeFault, FipaError) as error:
         _stop(str(error), form, error.code if isinstance(error, ConsoleError) else NO)
     else:
         print(msgspec.json.encode(done).decode() if form is Format.JSON else saying.outcome(done))
+
+
+def _beside(fleet: "Compose", sender: str, told: dict[str, object], *, force: bool) -> int:
+    """The same verb where the agent's journal and keys are; its exit code."""
+    words = [f"--{name}={value}" for name, value in told.items() if value != ""] + ["--force"] * force
+    return subprocess.run(fleet.beside(sender, ["services.console", "send", *words]), check=False).returncode
 
 
 # --- what may be said -------------------------------------------------------------------------------------------------

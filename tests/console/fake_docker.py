@@ -47,6 +47,14 @@ def main(words: list[str]) -> int:
         case ["start" | "stop" as order, *ids]:
             for id in ids:
                 (ROOT / id / "state").write_text("running" if order == "start" else "exited")
+        case ["run", "--rm", *rest]:
+            given = {one.split("=", 1)[0]: one.split("=", 1)[1] for one in rest if one.startswith("--") and "=" in one}
+            module, *words = rest[rest.index("robot-companion/agent:test") + 1 :]
+            place = {"ROCO_RUN_DIR": str(ROOT / given["--volumes-from"])}
+            told = dict(one.removeprefix("--env=").split("=", 1) for one in rest if one.startswith("--env="))
+            return subprocess.run(
+                ["python", "-m", module, *words], env=os.environ | told | place, check=False
+            ).returncode
         case ["logs", *_]:
             print("a line of it")
         case _:

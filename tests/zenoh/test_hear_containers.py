@@ -31,6 +31,9 @@ class Containers(Router):
         for service in ("monitor", "hi"):
             (root / "containers" / f"one.{service}").mkdir(parents=True)
             (root / "containers" / f"one.{service}" / "state").write_text("running")
+            (root / "containers" / f"one.{service}" / "environment").write_text(
+                f"ROCO_SYSTEM=roco\nROCO_CONNECT={self.endpoint}\n"
+            )
         with_setting = recording.Recording(self.monitor / TRAFFIC_FILE)
         with_setting.add(House(SETTING, "monitor", "", time.time(), json.dumps({"seed": 5, "speed": "max"}).encode()))
         with_setting.finish()
@@ -134,3 +137,15 @@ def test_no_router_is_told(containers: Containers) -> None:
     containers.environment["ROCO_CONNECT"] = "tcp/127.0.0.1:1"
     _, error = containers.roco("traffic", "stats").communicate(timeout=30.0)
     assert b"no router answers at tcp/127.0.0.1:1" in error
+
+
+def test_a_person_is_an_agent_beside_its_container(containers: Containers) -> None:
+    """In its volume and with its environment; what it said is there, and its journal."""
+    file = containers.run / "mine.mcap"
+    keeping = containers.roco("record", "--out", str(file), "--channel", "C2", "--count", "1", "--format", "json")
+    saying = containers.roco("send", "--as", "hi", "--to", "co", "--protocol", "request", "--performative", "request",
+                             "--content", '{"type":"LookAround"}', "--wait", "0", "--format", "json")  # fmt: skip
+    (said,) = told(saying)
+    assert (said["sent"]["sender"], said["receipted"]) == ("hi", False)
+    assert told(keeping)[0]["communicates"] == 1
+    assert (containers.monitor.parent / "one.hi" / "journal" / "hi.journal").exists()
