@@ -16,11 +16,13 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from agent_runtime.pulse import Pulse
 from companion.run_folder import Fleet as FleetFile
 from companion.run_folder import ProcessState
 from services.supervisor import core, folder
 from services.supervisor.processes import Process
 
+NAME = "supervisor"
 PERIOD_S = 0.05  # estimate: a death is seen soon enough, and 20 looks a second cost next to nothing
 
 
@@ -55,11 +57,15 @@ class Shell:
         """Run the fleet until SIGTERM or SIGINT, and to the end of the last process."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: self.end_asked.set())
-        folder.pid_file(self.run, "supervisor").write_text(f"{os.getpid()}\n")
+        folder.pid_file(self.run, NAME).write_text(f"{os.getpid()}\n")
+        pulse, ready = Pulse(self.run, NAME), folder.ready_file(self.run, NAME)
+        ready.touch()
         while not self.fleet.ended:
+            pulse.beat()
             self.step(time.monotonic())
             self.end_asked.wait(PERIOD_S) if not self.fleet.stopping else time.sleep(PERIOD_S)
-        folder.pid_file(self.run, "supervisor").unlink(missing_ok=True)
+        for file in (ready, pulse.file, folder.pid_file(self.run, NAME)):
+            file.unlink(missing_ok=True)
 
     def step(self, now: float) -> None:
         """Look, decide, act, tell."""

@@ -18,7 +18,7 @@ KEEPER = FILE["services"]["keys"]
 SERVICES = {name: service for name, service in FILE["services"].items() if name != "keys"}
 DOCKERFILE = (ROOT / "deploy/Dockerfile").read_text()
 INSIDE = {"ex": {"ex", "loop"}}
-"""Services of more than one process."""
+"""Services of more than one process; there a supervisor keeps them."""
 
 every_service = pytest.mark.parametrize("name", SERVICES)
 
@@ -102,7 +102,7 @@ def test_health_starts_no_python(name):
     """It reads what the processes write anyway, for each process inside."""
     program, *names = SERVICES[name]["healthcheck"]["test"][1:]
     assert program == "healthy"
-    assert set(names) == INSIDE.get(name, {name})
+    assert set(names) == (INSIDE[name] | {"supervisor"} if name in INSIDE else {name})
     text = (ROOT / "deploy/healthy").read_text().lower().splitlines()
     assert not any("python" in line for line in text if not line.startswith("#"))
 

@@ -1,5 +1,6 @@
 """The supervisor's shell with real processes: short Python programs in place of the services."""
 
+import json
 import os
 import signal
 import subprocess
@@ -13,7 +14,7 @@ import pytest
 
 from companion.run_folder import OFF_SUFFIX, Fleet, ProcessState
 from services.supervisor import core, folder
-from services.supervisor.processes import FLEET, Process
+from services.supervisor.processes import Process
 from services.supervisor.shell import NotBuiltError, Shell, python_module
 
 READY = "import pathlib, sys, os; pathlib.Path(os.environ['RUN'], sys.argv[1] + '.ready').touch(); "
@@ -107,29 +108,25 @@ def test_a_service_without_a_program_is_named() -> None:
     assert python_module(Process("supervisor", "services.supervisor"))[1:] == ["-m", "services.supervisor"]
 
 
-def test_the_program_itself_stops_in_order_on_sigterm(tmp_path: Path) -> None:
-    """`python -m services.supervisor` with a process that has no program: told, not crashed; SIGTERM ends it with 0."""
+def test_the_program_itself_beats_and_stops_in_order_on_sigterm(tmp_path: Path) -> None:
+    """`python -m services.supervisor` with a real router: who looks from outside sees that it gets on, and its end."""
     run = tmp_path / "runs" / "one"
-    names = ",".join(process.name for process in FLEET if not _built(process))
-    if not names:
-        pytest.skip("every process has its program by now")
-    command = [sys.executable, "-m", "services.supervisor", "--run-dir", str(run), "--only", names]
+    command = [sys.executable, "-m", "services.supervisor", "--run-dir", str(run), "--only", "router"]
     with subprocess.Popen(command) as supervisor:
-        while not (run / "fleet.json").exists() or b"given-up" not in (run / "fleet.json").read_bytes():
+        while not all((run / f"{name}.ready").exists() for name in ("supervisor", "router")):
+            assert supervisor.poll() is None
+            time.sleep(0.02)
+        beat = run / "supervisor.heartbeat.json"
+        assert json.loads(beat.read_bytes())["pid"] == supervisor.pid
+        first = beat.stat().st_mtime_ns
+        while beat.stat().st_mtime_ns == first:
             assert supervisor.poll() is None
             time.sleep(0.02)
         supervisor.terminate()
-        assert supervisor.wait(10) == 0
+        assert supervisor.wait(30) == 0
+    assert not list(run.glob("supervisor.*"))
     assert (run.parent / "latest").resolve() == run.resolve()
     assert (run / "stop").read_bytes() == b"\x00"
-
-
-def _built(process: Process) -> bool:
-    try:
-        python_module(process)
-    except NotBuiltError:
-        return False
-    return True
 
 
 def test_the_file_beside_it_keeps_a_process_down(start: Callable[..., Shell]) -> None:
