@@ -90,8 +90,9 @@ def test_nobody_speaks_without_a_key(name):
 def test_a_service_is_bounded(name):
     """Memory, processes, the log that Docker keeps, and the time it may take to end."""
     service = FILE["services"][name]
-    assert re.fullmatch(r"\d+[mg]", service["deploy"]["resources"]["limits"]["memory"])
+    assert re.fullmatch(r"\d+[mg]", service["mem_limit"])
     assert service["pids_limit"] <= 256
+    assert "deploy" not in service  # limits of both kinds: Compose v2 refuses the file, v1 one of the kinds
     assert service["logging"]["options"] == {"max-size": "10m", "max-file": "3"}
     assert service["stop_grace_period"] in ("15s", "60s")
     assert service["restart"] == "unless-stopped"

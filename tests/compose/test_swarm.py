@@ -51,8 +51,9 @@ def test_what_guards_a_service_stays(name):
     assert service["read_only"] is True
     assert service["cap_drop"] == ["ALL"]
     assert service["init"] is True
-    assert service["deploy"]["resources"]["limits"]["memory"]
-    assert OVERRIDE["services"][name]["deploy"]["resources"]["limits"]["pids"] <= 256
+    whole = yaml.safe_load((DEPLOY / "compose.yaml").read_text())["services"][name]
+    limits = OVERRIDE["services"][name]["deploy"]["resources"]["limits"]
+    assert limits == {"memory": whole["mem_limit"], "pids": whole["pids_limit"]}
 
 
 @every_service

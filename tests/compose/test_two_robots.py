@@ -47,7 +47,7 @@ def test_nothing_else_is_there_or_changed():
         assert services[name] == {"environment": {"ROCO_SYSTEM": SYSTEMS[0]}}
     for name in SHARED:
         assert services[name]["environment"] == {"ROCO_SYSTEMS": ",".join(SYSTEMS)}
-        assert set(services[name]) <= {"environment", "volumes", "ports", "deploy", "stop_grace_period"}
+        assert set(services[name]) <= {"environment", "volumes", "ports", "mem_limit", "stop_grace_period"}
     mounted = {volume.split(":")[0] for name in AGENTS for volume in services[f"{name}2"]["volumes"]}
     assert set(TWO["volumes"]) == mounted
 
