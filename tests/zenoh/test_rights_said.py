@@ -72,6 +72,12 @@ def count(fleet: Processes, what: str) -> int:
     return fleet.beat("co").counts.get(what, 0)
 
 
+def planning(fleet: Processes) -> tuple[int, str]:
+    """How many requests to pl nobody has receipted, and co's state."""
+    beat = fleet.beat("co")
+    return beat.unreceipted.get("pl", 0), beat.state
+
+
 def said(fleet: Processes, what: str) -> dict[str, object]:
     """co's last log line of that name."""
     lines = [json.loads(line) for line in (fleet.run / "logs/co.jsonl").read_text().splitlines()]
@@ -94,7 +100,7 @@ def test_a_lie_inside_a_communicate_is_refused(fleet: Processes, lie: dict[str, 
 def test_a_recorded_communicate_does_nothing_when_its_sender_puts_it_again(fleet: Processes) -> None:
     """It is counted and named each time; the one task stays one."""
     copy = recorded(fleet)
-    before = len(fleet.beat("co").unreceipted), fleet.beat("co").state
+    wait_for(lambda: planning(fleet) == (1, "compSP"), "co asks for a plan, and nobody answers")
     with session(fleet, "hi") as thief:
         for number in range(1, 4):
             thief.put(KEY, copy)
@@ -102,7 +108,7 @@ def test_a_recorded_communicate_does_nothing_when_its_sender_puts_it_again(fleet
     one = decode_strictly(copy)
     line = said(fleet, "taken before")
     assert (line["sender"], line["id"]) == ("hi", one.id)
-    assert (len(fleet.beat("co").unreceipted), fleet.beat("co").state) == before
+    assert planning(fleet) == (1, "compSP")
 
 
 def test_a_recorded_communicate_of_another_does_nothing(fleet: Processes) -> None:
@@ -127,7 +133,9 @@ def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.
         made.ready("router")
         for name, module in (("monitor", "monitor"), ("co", "coordinator"), ("hi", "human_interface")):
             serve(made, name, f"services.{module}")
-        wait_for((made.run / "hi.json").exists, f"hi listens\n{made.logs()}", 40.0)
+        for file in ("hi.json", "hi.heartbeat.json"):
+            wait_for((made.run / file).exists, f"hi listens\n{made.logs()}", 40.0)
+        wait_for(lambda: "co" in made.beat("hi").peers, "hi knows of co", 40.0)
         assert Hi(runs.hi_address(made.run)).say("look around").task
         wait_for(lambda: made.beat("co").unheard, f"co notices\n{made.logs()}", 40.0)
         (one,) = made.beat("co").unheard
