@@ -90,7 +90,7 @@ class Compose:
 
     def beside(self, service: str, words: list[str]) -> list[str]:
         """The command that runs a module of ours beside a service: with its volumes, keys and network, as guarded."""
-        found = next((one for one in self._containers() if self._named(one) == service), None)
+        found = self._find(service)
         if found is None:
             raise DockerError(f"{self.where} has no service {service}")
         options = [f"--env={one}" for one in found.config.env if one.startswith("ROCO_")]
@@ -151,8 +151,10 @@ class Compose:
         systems = container.variable("ROCO_SYSTEMS") or container.variable("ROCO_SYSTEM")
         return not self._robot or self._robot in systems.split(",")
 
-    def _named(self, container: Container) -> str:
-        return container.service.rstrip(string.digits) if self._robot else container.service
+    def _find(self, service: str) -> Container | None:
+        """The container of a service; of one of several robots its own, whose name may end with a number."""
+        digits = string.digits if self._robot else ""
+        return next((one for one in self._containers() if one.service.rstrip(digits) == service), None)
 
     def _home(self, name: str) -> Container:
         """The container in which a process runs. UsageError where there is none of that name."""
@@ -184,8 +186,8 @@ class Compose:
         return self._robot or self._running(HI).variable("ROCO_SYSTEM")
 
     def _running(self, service: str) -> Container:
-        """The container of a service, or of this robot's, whose name may end with a number. DockerError: none runs."""
-        found = next((one for one in self._containers() if self._named(one) == service), None)
+        """The running container of a service. DockerError: none runs."""
+        found = self._find(service)
         if found is None or not found.runs:
             raise DockerError(f"service {service} of {self.where} does not run; `roco agent start {service}` starts it")
         return found

@@ -95,18 +95,17 @@ def at_run(run_dir: Path | None) -> Options:
 
     Raises ConsoleError where no fleet was started.
     """
-    endpoint = os.environ.get("ROCO_CONNECT")
+    around = runs.around()
     try:
         run = runs.find(run_dir)
         fleet = runs.living(run)
     except NoRunError:
-        if run_dir is not None or not endpoint:
+        if run_dir is not None or around is None:
             raise
         run, fleet = Path(), None
-    if fleet is None and endpoint and run_dir is None:
+    if fleet is None and around is not None and run_dir is None:
         keys = os.environ.get(KEYS_VARIABLE)
-        system = os.environ.get("ROCO_SYSTEM", Options().system)
-        return Options(connect=endpoint, system=system, run_dir=run, keys=Path(keys) if keys else None)
+        return Options(connect=around.connect, system=around.system, run_dir=run, keys=Path(keys) if keys else None)
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
     tls = identity.tls(run, fleet, IDENTITY)
@@ -145,7 +144,7 @@ def whose(options: Options) -> str:
 
 def meant(target: str, run_dir: Path | None) -> "Options | Compose":
     """How the running fleet is heard that is meant: by a session to its router, or in its containers."""
-    if not target and run_dir is None and os.environ.get("ROCO_CONNECT"):
+    if not target and run_dir is None and runs.around():
         return at_run(None)
     fleet = targets.find(target, run_dir)
     return at_run(fleet.run) if isinstance(fleet, Local) else cast("Compose", fleet)

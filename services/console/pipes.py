@@ -4,10 +4,8 @@
 
 import subprocess
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-
-import msgspec
 
 from agent_runtime.tap import Sample
 from agent_runtime.waiting import Waiting
@@ -17,7 +15,6 @@ END_S = 5.0
 """How long its end is waited for (estimate: it takes a tenth)."""
 PAUSE_S = 0.1
 """How long nothing comes before the listener is given something else to do."""
-_decoder = msgspec.json.Decoder(Sample)
 
 
 class LostError(ConsoleError):
@@ -47,14 +44,9 @@ def hearing(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
 def samples(process: "subprocess.Popen[bytes]", waiting: Waiting) -> Iterator[Sample | None]:
     """What it prints; None: nothing for a while. Raises LostError when it ends."""
     assert process.stdout is not None
-    threading.Thread(target=_read, args=(process.stdout, waiting), daemon=True).start()
+    threading.Thread(target=waiting.fill, args=(process.stdout,), daemon=True).start()
     while not waiting.stopped:
         yield waiting.get(PAUSE_S)
+    yield from waiting.left()
     process.wait(END_S)
     raise LostError(process)
-
-
-def _read(lines: Iterable[bytes], waiting: Waiting) -> None:
-    for line in lines:
-        waiting.put(_decoder.decode(line))
-    waiting.stop()

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import msgspec
 
+from agent_runtime.options import Options
 from companion.run_folder import (
     FLEET_FILE,
     HI_FILE,
@@ -60,6 +61,12 @@ def living(run: Path) -> Fleet | None:
         return told
     processes = tuple(status if is_service(status.pid) else _ended(status) for status in told.processes)
     return msgspec.structs.replace(told, supervisor=0, processes=processes)
+
+
+def around() -> Fleet | None:
+    """The fleet that the environment tells of: in a container no supervisor does. None: nor does the environment."""
+    connect = os.environ.get("ROCO_CONNECT")
+    return Fleet(os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, ()) if connect else None
 
 
 def _ended(status: ProcessStatus) -> ProcessStatus:

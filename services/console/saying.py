@@ -3,7 +3,6 @@
 Whoever calls gives what is to be said and is told what was said and heard, as it comes.
 """
 
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,6 @@ from typing import Any
 import msgspec
 
 from agent_runtime.errors import JournalError, RuntimeFault
-from agent_runtime.options import Options
 from agent_runtime.standin import StandIn, StandInError, Voice
 from companion.binding import wiring
 from companion.design import DESIGN
@@ -52,7 +50,7 @@ def say(run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool
 
     Raises ConsoleError where no fleet runs, or the agent does and nothing is forced.
     """
-    fleet = runs.living(run) or _around()
+    fleet = runs.living(run) or runs.around()
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
     if (draft.sender, draft.receiver, draft.protocol, draft.performative) not in DESIGN.rules:
@@ -69,12 +67,6 @@ def say(run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool
         return _lived(life, draft, wait_s, tell)
     finally:
         life.close()
-
-
-def _around() -> Fleet | None:
-    """In a container there is no supervisor that tells of the fleet; the environment does."""
-    connect, system = os.environ.get("ROCO_CONNECT"), os.environ.get("ROCO_SYSTEM", Options().system)
-    return Fleet(system, connect, 0, 0.0, ()) if connect else None
 
 
 def outcome(done: Sending) -> str:

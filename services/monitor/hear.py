@@ -8,30 +8,26 @@ however. Nothing is kept, and nobody is held: what comes faster than it is read 
 import os
 import sys
 import threading
-import time
 
 import msgspec
 
 from agent_runtime.options import Options
-from agent_runtime.tap import Sample, open_tap
+from agent_runtime.tap import RECORDER, Sample
 from agent_runtime.waiting import Waiting
 from companion.run_folder import TRAFFIC_FILE
+from services.monitor.keeping import NO_ROUTER, tapped
 from services.monitor.recording import first
 from services.monitor.samples import sampled
 
-ROUTER_S = 5.0
-"""How long a router is waited for (estimate: it answers in milliseconds)."""
 PAUSE_S = 0.1
-NO_ROUTER = 3
 
 
 def serve(options: Options) -> int:
     """Print until standard input ends. 0: it did, or nobody reads any more; 3: no router answers."""
-    waiting, until = Waiting(), time.monotonic() + ROUTER_S
+    waiting = Waiting()
     threading.Thread(target=_listen_for_the_end, args=(waiting,), daemon=True).start()
-    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until)
+    tap = tapped(options, waiting, RECORDER)
     if tap is None:
-        print(f"no router answers at {options.connect}; is the fleet up (`roco status`)?", file=sys.stderr)
         return NO_ROUTER
     try:
         _print(waiting, options)

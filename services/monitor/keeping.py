@@ -4,7 +4,6 @@ One tap, one queue, one thread; the file is whole up to FLUSH_S before a kill. N
 be judged, shown and replayed afterwards. It ends with the process that started it.
 """
 
-import contextlib
 import os
 import signal
 import sys
@@ -15,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.options import Options
-from agent_runtime.tap import Sample, open_tap
+from agent_runtime.tap import Sample, Tap, open_tap
 from agent_runtime.waiting import Waiting
 from companion.filters import Filter
 from companion.run_folder import TRAFFIC_FILE
@@ -94,12 +93,9 @@ class Keeper:
 
 def serve(options: Options, asked: Asked, identity: str) -> int:
     """Record; tells on standard output how far it is, a Kept a line. 0: ended in order; 3: no router answers."""
-    waiting, until, parent = Waiting(), time.monotonic() + ROUTER_S, os.getppid()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, waiting.stop)
-    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, identity)
+    waiting, parent = _until_told(), os.getppid()
+    tap = tapped(options, waiting, identity)
     if tap is None:
-        print(f"no router answers at {options.connect}; is the fleet up (`roco status`)?", file=sys.stderr)
         return NO_ROUTER
     keeper = Keeper(asked, first(options.run_dir / TRAFFIC_FILE))
     _keep(keeper, waiting, parent)
@@ -108,11 +104,18 @@ def serve(options: Options, asked: Asked, identity: str) -> int:
     return 0
 
 
+def tapped(options: Options, waiting: Waiting, identity: str) -> Tap | None:
+    """A tap that fills `waiting`; None, and it is said, where no router answers in time."""
+    until = time.monotonic() + ROUTER_S
+    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, identity)
+    if tap is None:
+        print(f"no router answers at {options.connect}; is the fleet up (`roco status`)?", file=sys.stderr)
+    return tap
+
+
 def serve_heard(asked: Asked) -> int:
     """Record what `hear` prints, from standard input to its end; the rest as `serve`."""
-    waiting, parent = Waiting(), os.getppid()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, waiting.stop)
+    waiting, parent = _until_told(), os.getppid()
     threading.Thread(target=_read, args=(waiting,), daemon=True).start()
     keeper = Keeper(asked, None)
     _keep(keeper, waiting, parent)
@@ -120,13 +123,17 @@ def serve_heard(asked: Asked) -> int:
     return 0
 
 
+def _until_told() -> Waiting:
+    """What a signal stops."""
+    waiting = Waiting()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, waiting.stop)
+    return waiting
+
+
 def _read(waiting: Waiting) -> None:
-    decoder = msgspec.json.Decoder(Sample)
     with os.fdopen(os.dup(0), "rb") as lines:  # sys.stdin may not be in use by a thread when Python ends
-        for line in lines:
-            with contextlib.suppress(msgspec.DecodeError):  # the last one may be cut off
-                waiting.put(decoder.decode(line))
-    waiting.stop()
+        waiting.fill(lines)
 
 
 def _keep(keeper: Keeper, waiting: Waiting, parent: int) -> None:

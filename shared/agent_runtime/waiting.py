@@ -2,6 +2,10 @@
 
 import queue
 import threading
+from collections.abc import Iterable
+from contextlib import suppress
+
+import msgspec
 
 from agent_runtime.tap import Sample
 
@@ -30,6 +34,14 @@ class Waiting:
                 return
             self._bytes += size
         self._queue.put(sample)
+
+    def fill(self, lines: Iterable[bytes]) -> None:
+        """From a thread of its own: put samples that another process wrote, a JSON object a line; then stop."""
+        decoder = msgspec.json.Decoder(Sample)
+        for line in lines:
+            with suppress(msgspec.DecodeError):  # the last one may be cut off
+                self.put(decoder.decode(line))
+        self.stop()
 
     def stop(self, *_: object) -> None:
         """From a signal: takes no lock, and SimpleQueue's put may be called while the same thread is in it."""

@@ -2,6 +2,7 @@
 
 import threading
 
+import msgspec
 import pytest
 
 from agent_runtime import waiting
@@ -56,3 +57,11 @@ def test_stop_ends_the_wait() -> None:
     assert one.get(60.0) is None
     assert one.stopped
     assert len(one.left()) == 1
+
+
+def test_what_another_process_wrote_waits_and_its_end_stops() -> None:
+    """A last line that is cut off is left out."""
+    one, lines = Waiting(), [msgspec.json.encode(sample(size)) for size in (1, 2)]
+    one.fill([*lines, lines[0][:9]])
+    assert one.stopped
+    assert [len(each.data) for each in one.left()] == [1, 2]
