@@ -1,10 +1,9 @@
 """The shell around the core: one loop thread that owns session, clock, journal and signals.
 
-Callbacks and devices only put into the inbox; the loop takes one entry at a time, steps the core, and carries the
-effects out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. Logs and step
-log, which nobody waits for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of
-the agent's own code ends the process with status 1: the journal is as before the step, whoever supervises starts it
-again.
+One step at a time, on the loop's thread or on the one that heard (see floor): it steps the core and carries the effects
+out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. Logs and step log,
+which nobody waits for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of the
+agent's own code ends the process with status 1: the journal is as before the step, whoever supervises starts it again.
 """
 
 import gc
@@ -37,7 +36,8 @@ from agent_runtime.events import (
     Started,
     Tick,
 )
-from agent_runtime.inbox import Class, Inbox
+from agent_runtime.floor import Failed, Floor
+from agent_runtime.inbox import Inbox
 from agent_runtime.journal import Journal
 from agent_runtime.logs import Log
 from agent_runtime.options import Options
@@ -108,7 +108,8 @@ class Shell:
         self._serving = False
         self._diary = Diary(self.log, self._steps, wiring)
         self._wake_at: float | None = None
-        self._beat_at = 0.0
+        self._beat_at = self._quiet_at = 0.0
+        self._floor = Floor(self._inbox, self._take, self._next_at)
 
     def _boot(self) -> CoreState:
         """Raise the incarnation and sync it before anything is sent under it."""
@@ -146,26 +147,28 @@ class Shell:
         session = open_client(self._options.connect, lambda: self._stop_came(stopping), tls=self._tls)
         if session is None:
             return
-        self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._inbox)
+        self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._floor)
         self._peers.router(True, time.time())
         if self._maker is not None:
-            self._device = self._maker(_Desk(self._inbox, self._wire))
+            self._device = self._maker(_Desk(self._floor, self._wire))
         first = self._state.incarnation == 1
         self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
         self._happen(Started(first))
         # What is there now stays: no collection need look at it again (34 ms each in km, at times amid an answer).
         gc.collect()
         gc.freeze()
+        self._floor.open()
         while True:
-            item = self._inbox.get(self._wait_s())
-            if item is None:
-                self._diary.write()
-            if isinstance(item, Stop):
-                self.log.write("stopping", signal=item.signal)
-                return
-            if item is not None:
-                self._take(item)
-            self._on_time()
+            item = self._inbox.get(self._floor.until - time.time())
+            with self._floor.held():
+                if isinstance(item, Stop):
+                    self.log.write("stopping", signal=item.signal)
+                    return
+                if isinstance(item, Failed):
+                    raise item.error
+                if item is not None:
+                    self._floor.step(item)
+                self._on_time()
 
     def _stop_came(self, stopping: list[Stop]) -> bool:
         """Whether a signal came while there is no router yet."""
@@ -174,13 +177,18 @@ class Shell:
             stopping.append(item)
         return bool(stopping)
 
-    def _wait_s(self) -> float:
-        times = [self._beat_at, self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None]
-        wait = min(at for at in times if at is not None) - time.time()
-        return min(wait, QUIET_S) if self._diary.pending else wait
+    def _next_at(self) -> float:
+        """When something is to be done though nothing happens [unix s]."""
+        at = self._beat_at
+        for other in (self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None):
+            if other is not None and other < at:
+                at = other
+        return min(at, self._quiet_at) if self._diary.pending else at
 
     def _on_time(self) -> None:
         now = time.time()
+        if self._quiet_at <= now:
+            self._diary.write()
         for gone in self._peers.gone(now):
             self._changed(gone)
         while self._later and self._later[0][0] <= now:
@@ -200,6 +208,7 @@ class Shell:
             self.log.write("unheard", level=level, peer=one.peer, channel=one.channel, what=one.what, why=why)
 
     def _close(self) -> None:
+        self._floor.close()
         self._serving = False
         self._diary.write()
         self._device.close()
@@ -264,6 +273,7 @@ class Shell:
             if after.state != before.state:
                 self._beat()
             following = Next() if effects.more else None
+            self._quiet_at = now + QUIET_S
         if self._diary.full or not self._serving:
             self._diary.write()
 
@@ -333,11 +343,11 @@ class _Posted(msgspec.Struct, frozen=True):
 class _Desk:
     """What devices post and publish by."""
 
-    def __init__(self, inbox: Inbox, wire: ZenohWire) -> None:
-        self._inbox, self._wire = inbox, wire
+    def __init__(self, floor: Floor, wire: ZenohWire) -> None:
+        self._floor, self._wire = floor, wire
 
     def __call__(self, content: Any, delay_s: float = 0.0) -> None:
-        self._inbox.put(Class.CONTROL, _Posted(content, time.time() + delay_s if delay_s > 0.0 else 0.0))
+        self._floor.post(_Posted(content, time.time() + delay_s if delay_s > 0.0 else 0.0))
 
     def publish(self, kind: str, data: bytes) -> None:
         self._wire.publish(kind, data)

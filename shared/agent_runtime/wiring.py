@@ -135,6 +135,14 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         pairs = sorted({(link.channel, link.peer) for link in self.links})
         return tuple(f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs)
 
+    def heard_keys(self) -> tuple[str, ...]:
+        """Every key on which the design has this agent hear something."""
+        return tuple(
+            communicate_key(self.system, link.channel, link.peer, self.agent, link.protocol, act)
+            for link in self.links
+            for act in link.hears
+        )
+
 
 def class_name(language: Language | None, content: Any) -> str:
     """LANGUAGE.Class of a content, "" for none: as the interfaces of a design name it."""

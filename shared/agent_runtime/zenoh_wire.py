@@ -1,4 +1,4 @@
-"""The one place that speaks Zenoh: a client session to the fleet's router, which only puts into the inbox and sends.
+"""The one place that speaks Zenoh: a client session to the fleet's router, which hands on what it hears, and sends.
 
 Every communicate is a put on its own key; receipts, pings and pongs are puts beside them; a liveliness token says
 which incarnation of the agent is alive. Settings and their reasons: scouting off (no way around the router's rights),
@@ -11,13 +11,13 @@ import json
 import socket
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 import zenoh
 
 from agent_runtime.effects import Receipt
-from agent_runtime.inbox import Class, Inbox
+from agent_runtime.inbox import Class
 from agent_runtime.wiring import Delivery, Wiring, service_key
 from fipa_codec.communicate import Communicate, encode
 
@@ -167,10 +167,17 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{one.getsockname()[1]}"
 
 
+class Entrance(Protocol):
+    """Where the wire leaves what it hears: an Inbox, or the Floor before one."""
+
+    def put(self, kind: Class, item: Any) -> object:
+        """Take it, or keep it, or drop it; must not wait."""
+
+
 class ZenohWire:
     """The session of one agent. All callbacks put into `inbox` and return."""
 
-    def __init__(self, session: zenoh.Session, wiring: Wiring, incarnation: int, inbox: Inbox) -> None:
+    def __init__(self, session: zenoh.Session, wiring: Wiring, incarnation: int, inbox: Entrance) -> None:
         """Declare what the agent listens to, then its token."""
         self._session, self._wiring, self._inbox = session, wiring, inbox
         self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any]] = {}
@@ -178,6 +185,10 @@ class ZenohWire:
         system, me = wiring.system, wiring.agent
         # References are kept: a dropped declaration is undeclared.
         self._declared: list[Any] = [
+            # Nothing is put by these. A router keeps the way of a key that somebody declared a publisher on, and finds
+            # that of any other anew each time: a tenth of a way there and back. The sender's own would do as well, but
+            # they drop what they put until the router tells of a subscriber, which no agent has the right to learn.
+            *(session.declare_publisher(key) for key in wiring.heard_keys()),
             session.info.declare_transport_events_listener(self._on_transport, history=True),
             *(session.declare_subscriber(key, self._on_communicate) for key in wiring.inbox_keys()),
             session.declare_subscriber(service_key(system, "receipt", "*", me), self._on_receipt),

@@ -162,7 +162,7 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Steppe
     watching.shell._beat_at = time.time() + 100.0
     watching.happen(Local(Seen("jar", 0)))
     assert written(tmp_path) == before
-    assert watching.shell._wait_s() <= shell.QUIET_S
+    assert watching.shell._next_at() <= time.time() + shell.QUIET_S
     watching.shell._diary.write()
     assert written(tmp_path) == before + 1
     for value in range(1, 3 * diary.MOST_UNWRITTEN):
