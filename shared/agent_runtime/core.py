@@ -111,7 +111,7 @@ class Core(Generic[M]):
         """The rest, which nobody waits for: whether it was a step of the design, and when to step again."""
         deed = out.deed(state.state, after.state, tuple(after.due))
         self._compare(after, out, deed)
-        waits = None if streams.blocked(after) is not None else _waits(after)
+        waits = None if after.outbox and streams.blocked(after) is not None else _waits(after)
         return out.sealed(self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
 
     def _compare(self, state: CoreState, out: Out, deed: Deed | None) -> None:
@@ -174,7 +174,7 @@ class Core(Generic[M]):
     # --- taking one event ---------------------------------------------------------------------------------------------
 
     def _take_one(self, state: CoreState, out: Out, now: float) -> None:
-        full = streams.blocked(state)
+        full = streams.blocked(state) if state.outbox else None
         if full is not None:
             if state.soft.full != full:
                 state.count("outbox full")
@@ -244,7 +244,8 @@ class Core(Generic[M]):
         return None
 
     def _take_waiting(self, state: CoreState, out: Out, waiting: Waiting, verdict: Verdict | None, now: float) -> None:
-        state.soft.inbox = tuple(one for one in state.soft.inbox if one is not waiting)
+        inbox = state.soft.inbox
+        state.soft.inbox = tuple(one for one in inbox if one is not waiting) if len(inbox) > 1 else ()
         event: Seen | None = waiting.event
         if verdict is not None:
             _note_taken(out, self.wiring, waiting, verdict)

@@ -15,7 +15,7 @@ from agent_runtime.steplog import StepLog
 from agent_runtime.wiring import Delivery, Wiring
 from fipa_codec.communicate import Communicate
 
-MOST_UNWRITTEN = 16
+MOST_UNWRITTEN = 64
 """Steps after which logs are written though there is no pause; the largest answer 16 times over is 14 MB (estimate)."""
 
 

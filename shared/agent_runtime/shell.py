@@ -360,9 +360,9 @@ def _opened(item: Bytes) -> AnyEvent:
     except MalformedError as error:
         return Garbled(item.key, str(error))
     one = communicate
-    told = f"{one.sender}/{one.receiver}/{one.protocol}/{one.performative}"
-    if item.told != told:
-        return Garbled(item.key, f"the communicate says {told}", forged=True)
+    says = (one.sender, one.receiver, one.protocol, one.performative)
+    if item.told != says:
+        return Garbled(item.key, f"the communicate says {'/'.join(says)}", forged=True)
     return Arrived(communicate)
 
 

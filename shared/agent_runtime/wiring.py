@@ -110,7 +110,7 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
 
     def required(self, peer: str, protocol: str) -> Link:
         """The link; LocalProtocolError names those there are."""
-        link = self.link(peer, protocol)
+        link = self._by_peer.get((peer, protocol))
         if link is None:
             known = ", ".join(f"{p}:{name}" for p, name in self._by_peer)
             raise LocalProtocolError("protocol", f"{self.agent!r} has no {protocol!r} with {peer!r}, it has {known}")

@@ -25,7 +25,7 @@ BULK_BYTES = 16 * 1024
 """Volatile content from here on goes at low priority, so that it delays nobody else (estimate)."""
 LEASE_MS = 2000
 KNOWN_KEYS = 1024
-"""Keys whose class is known; estimate: an agent hears on some dozen."""
+"""Keys that are known; estimate: an agent hears on some dozen."""
 KEPT_BYTES = 128 * 1024 * 1024
 """Free memory that a process keeps (estimate: some dozen of the largest messages, MAX_BYTES, with their copies)."""
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # glibc's malloc.h; its largest mmap threshold is 32 MB
@@ -41,20 +41,21 @@ _TRANSPORT: dict[str, Any] = {
     },
     "shared_memory": {"enabled": False},
 }
+_FIRST, _SECOND, _LAST = zenoh.Priority.INTERACTIVE_HIGH, zenoh.Priority.DATA, zenoh.Priority.DATA_LOW
+_BLOCK = zenoh.CongestionControl.BLOCK
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 _NO_SCOUTING = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
 
 
 class Bytes(msgspec.Struct, frozen=True):
-    """A communicate as it came off the wire, not decoded yet."""
+    """A communicate as it came off the wire, not decoded yet; `told`: what its key says of it.
+
+    That is sender, receiver, protocol and performative.
+    """
 
     key: str
+    told: tuple[str, ...]
     data: bytes
-
-    @property
-    def told(self) -> str:
-        """What the key says of it: sender/receiver/protocol/performative."""
-        return self.key.split("/", 3)[-1]
 
 
 class ReceiptBytes(msgspec.Struct, frozen=True):
@@ -180,8 +181,8 @@ class ZenohWire:
     def __init__(self, session: zenoh.Session, wiring: Wiring, incarnation: int, inbox: Entrance) -> None:
         """Declare what the agent listens to, then its token."""
         self._session, self._wiring, self._inbox = session, wiring, inbox
-        self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any]] = {}
-        self._kinds: dict[str, Class] = {}
+        self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any, Any]] = {}
+        self._known: dict[str, tuple[Class, tuple[str, ...]]] = {}
         system, me = wiring.system, wiring.agent
         # References are kept: a dropped declaration is undeclared.
         self._declared: list[Any] = [
@@ -210,28 +211,25 @@ class ZenohWire:
         route = self._routes.get(act)
         if route is None:
             route = self._routes[act] = self._route(communicate)
-        key, priority = route
-        if len(data) >= BULK_BYTES and priority == zenoh.Priority.DATA:
-            priority = zenoh.Priority.DATA_LOW
-        self._put(key, data, priority)
+        key, priority, bulky = route
+        self._put(key, data, priority if len(data) < BULK_BYTES else bulky)
         return len(data)
 
-    def _route(self, communicate: Communicate) -> tuple[zenoh.KeyExpr, Any]:
-        """Key and priority. One priority for a whole stream: an overtaking message would only be dropped as a gap."""
+    def _route(self, communicate: Communicate) -> tuple[zenoh.KeyExpr, Any, Any]:
+        """Key and priorities. One for a whole stream: an overtaking message would only be dropped as a gap."""
         link = self._wiring.required(communicate.receiver, communicate.protocol)
-        durable = link.delivery is Delivery.DURABLE
-        priority = zenoh.Priority.INTERACTIVE_HIGH if durable else zenoh.Priority.DATA
-        return self._session.declare_keyexpr(self._wiring.key(communicate)), priority
+        key = self._session.declare_keyexpr(self._wiring.key(communicate))
+        return (key, _FIRST, _FIRST) if link.delivery is Delivery.DURABLE else (key, _SECOND, _LAST)
 
     def send_receipt(self, receipt: Receipt) -> None:
         """Put a receipt."""
         key = service_key(self._wiring.system, "receipt", self._wiring.agent, receipt.peer)
-        self._put(key, msgspec.msgpack.encode(receipt), zenoh.Priority.INTERACTIVE_HIGH)
+        self._put(key, msgspec.msgpack.encode(receipt), _FIRST)
 
     def ping(self, peer: str, channel: bytes, *, pong: bool = False) -> None:
         """Ask whether `peer` is there on a channel, or answer its question."""
         key = service_key(self._wiring.system, "pong" if pong else "ping", self._wiring.agent, peer)
-        self._put(key, channel, zenoh.Priority.DATA)
+        self._put(key, channel, _SECOND)
 
     def publish(self, kind: str, data: bytes) -> None:
         """Put something for people: dropped where it would have to wait."""
@@ -245,26 +243,24 @@ class ZenohWire:
         self._declared.clear()
 
     def _put(self, key: zenoh.KeyExpr | str, data: bytes, priority: Any) -> None:
-        self._session.put(key, data, priority=priority, congestion_control=zenoh.CongestionControl.BLOCK)
+        self._session.put(key, data, priority=priority, congestion_control=_BLOCK)
 
     # --- in: on Zenoh's threads ---------------------------------------------------------------------------------------
 
     def _on_communicate(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
-        kind = self._kinds.get(key)
-        if kind is None:
-            kind = self._kind(key)
-        self._inbox.put(kind, Bytes(key, sample.payload.to_bytes()))
+        kind, told = self._known.get(key) or self._told(key)
+        self._inbox.put(kind, Bytes(key, told, sample.payload.to_bytes()))
 
-    def _kind(self, key: str) -> Class:
-        """The class of what comes on a key; kept, unless strangers make up keys without end."""
+    def _told(self, key: str) -> tuple[Class, tuple[str, ...]]:
+        """What a key says of what comes on it; kept, unless strangers make up keys without end."""
         chunks = key.split("/")
         link = self._wiring.link(chunks[3], chunks[5])
         durable = link is not None and link.delivery is Delivery.DURABLE
-        kind = Class.STREAM if durable else Class.VOLATILE
-        if len(self._kinds) < KNOWN_KEYS:
-            self._kinds[key] = kind
-        return kind
+        found = Class.STREAM if durable else Class.VOLATILE, tuple(chunks[3:])
+        if len(self._known) < KNOWN_KEYS:
+            self._known[key] = found
+        return found
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
         self._inbox.put(Class.CONTROL, ReceiptBytes(_owner(sample), sample.payload.to_bytes()))

@@ -136,7 +136,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             self._require_answer(protocol, performative, communicate.reply_with, reply_to)
         except LocalProtocolError as error:
             raise RemoteProtocolError(error.field, error.reason) from None
-        return self._after(protocol, row, communicate)
+        return self._after(protocol, table, row, communicate)
 
     def send(
         self,
@@ -157,6 +157,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         cancel where `kind` is CANCEL or nothing else can be answered here). LocalProtocolError if it is not allowed.
         """
         protocol = named(self.protocol)
+        table = protocol.tables[self.role]
         reply_to = self._default_reply(protocol, performative, kind) if in_reply_to is None else in_reply_to
         communicate = Communicate(
             performative=performative,
@@ -175,9 +176,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         )
         if performative is _COMPLAINT:
             return self._after_not_understood(SEND, reply_to), communicate
-        row = self._row(protocol.tables[self.role], SEND, performative, self.kind_of(performative, reply_to, kind))
+        row = self._row(table, SEND, performative, self.kind_of(performative, reply_to, kind))
         self._require_answer(protocol, performative, communicate.reply_with, reply_to)
-        return self._after(protocol, row, communicate), communicate
+        return self._after(protocol, table, row, communicate), communicate
 
     @property
     def _here(self) -> str:
@@ -266,7 +267,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             find(self.state, SEND, performative, _OF_CANCEL)
         )
 
-    def _after(self, protocol: Protocol, row: Row, communicate: Communicate) -> Self:
+    def _after(self, protocol: Protocol, table: Table, row: Row, communicate: Communicate) -> Self:
         performative, label = communicate.performative, communicate.reply_with
         unconfirmed = self.unconfirmed
         if performative in protocol.confirmed:
@@ -274,7 +275,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         elif performative is _CONFIRM:
             unconfirmed = tuple(entry for entry in unconfirmed if entry[0] != communicate.in_reply_to)
         opens = performative in protocol.openings and (self.state == START or performative in protocol.rounds)
-        state, deadline = str(row.to), self._next_deadline(row, communicate.reply_by)
+        state, deadline = str(row.to), None if row.to in table.ended else self._next_deadline(row, communicate.reply_by)
         plain = row.kind is not _OF_CANCEL and performative is not _CANCEL
         if plain and unconfirmed is self.unconfirmed and not (opens and self.asked):
             asked = label if opens else self.asked
@@ -299,8 +300,6 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     def _next_deadline(self, row: Row, reply_by: float | None) -> float | None:
         """An answer clears the deadline; what is asked again, or crosses a cancel, is no answer."""
-        if row.to in self.table.ended:
-            return None
         if reply_by is not None:
             return reply_by
         cancelling = bool(self.cancel) and self.role is _INITIATOR and row.kind is not _OF_CANCEL

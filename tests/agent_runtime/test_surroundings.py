@@ -62,7 +62,7 @@ def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory
         for act in ("request", "request", *map(str, range(KNOWN_KEYS + 5))):
             wire._on_communicate(MagicMock(key_expr=key + act))
         assert set(inbox._waiting) == {kind}
-        assert len(wire._kinds) == KNOWN_KEYS
+        assert len(wire._known) == KNOWN_KEYS
         wire._on_communicate(MagicMock(key_expr=f"roco/toy/{link.channel}/stranger/{to_asker.agent}/x/request"))
         assert inbox._waiting[Class.VOLATILE] > 0
 
