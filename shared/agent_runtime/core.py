@@ -41,7 +41,6 @@ from agent_runtime.state import CoreState, Held, Waiting, encode_memory, encode_
 from agent_runtime.turn import Seen, Turn, conversation_of
 from agent_runtime.verdict import Verdict, What, carry_out, judge
 from agent_runtime.wiring import Delivery, Wiring
-from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import SEND, Role
@@ -214,23 +213,22 @@ class Core(Generic[M]):
                 if waiting.forced or takes(state.memory, waiting.event):
                     return waiting, None
                 continue
-            verdict = judge(state, self.wiring, waiting)
+            verdict = judge(state, waiting)
             if verdict.what is not _TAKE:
                 return waiting, verdict
             communicate = waiting.event.communicate
-            if self._named(state, communicate, verdict) and takes(state.memory, Received(communicate, waiting.content)):
+            if self._named(state, waiting, verdict) and takes(state.memory, Received(communicate, waiting.content)):
                 return waiting, verdict
             if waiting.number:
                 passed.add(waiting.peer)
         return None
 
-    def _named(self, state: CoreState, communicate: Communicate, verdict: Verdict) -> bool:
+    def _named(self, state: CoreState, waiting: Waiting, verdict: Verdict) -> bool:
         """Whether a row of the state names this message; a complaint is always taken."""
-        rows, act = self.agent.rows, communicate.performative
+        rows, act = self.agent.rows, waiting.event.communicate.performative
         if rows is None or act is _COMPLAINT:
             return True
-        use = self.wiring.required(communicate.sender, communicate.protocol).use
-        place = state.state, use, act, verdict.kind  # words of the design, so there are only so many
+        place = state.state, waiting.link.use, act, verdict.kind  # words of the design, so there are only so many
         taken = self._taken_in.get(place)
         if taken is None:
             taken = self._taken_in[place] = rows.takes(*place)
@@ -248,7 +246,7 @@ class Core(Generic[M]):
         state.soft.inbox = tuple(one for one in inbox if one is not waiting) if len(inbox) > 1 else ()
         event: Seen | None = waiting.event
         if verdict is not None:
-            _note_taken(out, self.wiring, waiting, verdict)
+            _note_taken(out, waiting, verdict)
             event = carry_out(state, out, self.wiring, waiting, verdict, now)
         if event is not None:
             self._run(state, out, event, now)
@@ -341,14 +339,12 @@ class Core(Generic[M]):
         return min(times) if times else None
 
 
-def _note_taken(out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict) -> None:
+def _note_taken(out: Out, waiting: Waiting, verdict: Verdict) -> None:
     """What the message is in the words of the design."""
-    communicate: Communicate = waiting.event.communicate
-    use = wiring.required(communicate.sender, communicate.protocol).use
     if verdict.what is _TAKE:
-        out.took = (use, communicate.performative, verdict.kind)
+        out.took = (waiting.link.use, waiting.event.communicate.performative, verdict.kind)
     else:
-        out.about = use
+        out.about = waiting.link.use
 
 
 def _queue(state: CoreState, waiting: Waiting) -> None:

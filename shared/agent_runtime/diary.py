@@ -3,6 +3,7 @@
 Nobody waits for it, so nothing of it stands between a message and its answer. A kill -9 takes what was not written.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -11,12 +12,15 @@ from agent_runtime.effects import Effects
 from agent_runtime.events import AnyEvent, Received
 from agent_runtime.logs import Log
 from agent_runtime.state import CoreState
-from agent_runtime.steplog import StepLog
+from agent_runtime.steplog import StepLog, noted
 from agent_runtime.wiring import Delivery, Wiring
 from fipa_codec.communicate import Communicate
 
 MOST_UNWRITTEN = 64
-"""Steps after which logs are written though there is no pause; the largest answer 16 times over is 14 MB (estimate)."""
+"""Steps after which logs are written though there is no pause; estimate: who then waits, waits for half a millisecond.
+"""
+MOST_BYTES = 8 * 1024 * 1024
+"""Of communicates in such steps, likewise; estimate: ten of the largest answers (852 kB)."""
 
 
 class _Done(msgspec.Struct, frozen=True):
@@ -40,6 +44,7 @@ class Diary:
     def __init__(self, log: Log, steps: StepLog, wiring: Wiring) -> None:
         self._log, self._steps, self._wiring = log, steps, wiring
         self._unwritten: list[_Done] = []
+        self._bytes = 0
 
     @property
     def pending(self) -> bool:
@@ -49,26 +54,33 @@ class Diary:
     @property
     def full(self) -> bool:
         """Whether it must be written without waiting for a pause."""
-        return len(self._unwritten) >= MOST_UNWRITTEN
+        return len(self._unwritten) >= MOST_UNWRITTEN or self._bytes >= MOST_BYTES
 
     def note(self, event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]) -> None:
         """Keep a step in mind; `sizes`: bytes of each communicate sent."""
         received = effects.handled.communicate if isinstance(effects.handled, Received) else None
         rest = msgspec.structs.replace(effects, handled=None)
         self._unwritten.append(_Done(event, at, after.incarnation, after.soft.step, rest, sizes, received))
+        self._bytes += sum(sizes)
+        if received is not None and received.content is not msgspec.UNSET:
+            self._bytes += len(received.content)
 
     def write(self) -> None:
         """Write what is not written."""
-        done, self._unwritten = self._unwritten, []
-        for one in done:
-            effects = one.effects
-            lines = [(line.event, line.level, line.fields) for line in effects.logs]
-            lines += [self._spoken("sent", *sent) for sent in zip(effects.sends, one.sizes, strict=True)]
-            if one.received is not None:
-                lines.insert(0, self._spoken("received", one.received, 0))
-            if lines:
-                self._log.write_all(lines, one.at)
-            self._steps.step(one.incarnation, one.step, one.at, one.event, effects)
+        done, self._unwritten, self._bytes = self._unwritten, [], 0
+        lines = [line for one in done for line in self._lines(one)]
+        if lines:
+            self._log.write_all(lines)
+        if done:
+            self._steps.write(noted(one.incarnation, one.step, one.at, one.event, one.effects) for one in done)
+
+    def _lines(self, one: _Done) -> Iterator[tuple[float, str, str, dict[str, Any]]]:
+        if one.received is not None:
+            yield one.at, *self._spoken("received", one.received, 0)
+        for line in one.effects.logs:
+            yield one.at, line.event, line.level, line.fields
+        for sent, size in zip(one.effects.sends, one.sizes, strict=True):
+            yield one.at, *self._spoken("sent", sent, size)
 
     def _spoken(self, event: str, communicate: Communicate, size: int) -> tuple[str, str, dict[str, Any]]:
         peer = communicate.receiver if event == "sent" else communicate.sender

@@ -120,7 +120,7 @@ def _same(one: Communicate, other: Communicate) -> bool:
 
 def _wait(state: CoreState, wiring: Wiring, link: Link, communicate: Communicate, **place: Any) -> None:
     content, kind, fault = _read(wiring.languages, link, communicate)
-    waiting = Waiting(Arrived(communicate), content=content, kind=kind, fault=fault, **place)
+    waiting = Waiting(Arrived(communicate), link=link, content=content, kind=kind, fault=fault, **place)
     state.soft.inbox = (*state.soft.inbox, waiting)
 
 

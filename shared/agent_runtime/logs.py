@@ -53,18 +53,18 @@ class Log:
 
     def write(self, event: str, level: str = "info", **fields: Any) -> None:
         """One line."""
-        self.write_all([(event, level, fields)], time.time())
+        self.write_all([(time.time(), event, level, fields)])
 
-    def write_all(self, lines: Sequence[tuple[str, str, dict[str, Any]]], at: float) -> None:
-        """Lines of what happened at one time [unix s], each an event with its level and fields, in one go."""
+    def write_all(self, lines: Sequence[tuple[float, str, str, dict[str, Any]]]) -> None:
+        """Lines in one go: of each the time [unix s], the event, its level and its fields."""
         if self._file is not None:
             self._file.write(
                 b"".join(
                     _encoder.encode({"agent": self._agent, "t": at, "level": level, **fields, "event": event}) + b"\n"
-                    for event, level, fields in lines
+                    for at, event, level, fields in lines
                 )
             )
-        for event, level, fields in lines:
+        for at, event, level, fields in lines:
             if LEVELS.get(level, logging.ERROR) >= self._least:
                 self._short.msg(event, t=at, level=level, **fields)
 

@@ -53,6 +53,8 @@ from fipa_codec.errors import MalformedError
 
 QUIET_S = 0.005
 """Without anything new, after which logs are written; some ten round trips. A kill -9 takes what was not (estimate)."""
+COLLECT_AFTER = 10_000
+"""Objects made and not freed, after which the youngest are collected; Python's own 700 are a few steps' (estimate)."""
 HEARTBEAT_S = 1.0
 """Of the heartbeat file and of pings until they are answered; estimate: people look once a second."""
 
@@ -154,9 +156,11 @@ class Shell:
         first = self._state.incarnation == 1
         self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
         self._happen(Started(first))
-        # What is there now stays: no collection need look at it again (34 ms each in km, at times amid an answer).
+        # What is there now stays: no collection need look at it again (34 ms each in km, at times amid an answer). And
+        # what steps leave is free without one; every third question need not wait for one that finds nothing.
         gc.collect()
         gc.freeze()
+        gc.set_threshold(COLLECT_AFTER)
         self._floor.open()
         while True:
             item = self._inbox.get(self._floor.until - time.time())
@@ -223,7 +227,6 @@ class Shell:
     # --- what comes in ------------------------------------------------------------------------------------------------
 
     def _take(self, item: Any) -> None:
-        now = time.time()
         match item:
             case Bytes():
                 self._happen(_opened(item))
@@ -234,10 +237,10 @@ class Shell:
             case _Posted(content=content, at=at):
                 heapq.heappush(self._later, (at, id(item), content))
             case Token(agent=agent, incarnation=incarnation, alive=alive):
-                for change in self._peers.token(agent, incarnation, alive, now):
+                for change in self._peers.token(agent, incarnation, alive, time.time()):
                     self._changed(change)
             case RouterSeen(up=up):
-                for lost_or_back in self._peers.router(up, now):
+                for lost_or_back in self._peers.router(up, time.time()):
                     self._changed(lost_or_back)
             case Ping():
                 self._pinged(item)

@@ -72,8 +72,8 @@ class Ask(msgspec.Struct, frozen=True):
 class Waiting(msgspec.Struct, frozen=True):
     """An entry of the inbox: an event that was not taken yet. `number`: of the stream of `peer`, 0 for none.
 
-    `forced`: handed over whatever the behaviour takes. A communicate is read at once: content and kind, or what is
-    wrong.
+    `forced`: handed over whatever the behaviour takes. A communicate has its link, and is read at once: content and
+    kind, or what is wrong.
     """
 
     event: Any
@@ -82,6 +82,7 @@ class Waiting(msgspec.Struct, frozen=True):
     subject: str = ""
     version: Version = (0, 0)
     forced: bool = False
+    link: Any = None
     content: Any = None
     kind: Kind = Kind.PLAIN
     fault: RemoteProtocolError | None = None
@@ -127,14 +128,25 @@ class CoreState(Record, kw_only=True):
 
     def fork(self) -> "CoreState":
         """A copy that a step may change; dictionaries are copied, what they hold is frozen."""
-        soft = msgspec.structs.replace(self.soft)
-        after = msgspec.structs.replace(self, soft=soft)
-        after.conversations, after.taken, after.issued = {**self.conversations}, {**self.taken}, {**self.issued}
-        after.outbox, after.versions, after.due = {**self.outbox}, {**self.versions}, {**self.due}
-        after.wakes, after.counts = {**self.wakes}, {**self.counts}
-        soft.asks, soft.conversations = {**soft.asks}, {**soft.conversations}
-        soft.peers, soft.resend = {**soft.peers}, {**soft.resend}
-        return after
+        soft = self.soft
+        return msgspec.structs.replace(
+            self,
+            conversations={**self.conversations},
+            taken={**self.taken},
+            issued={**self.issued},
+            outbox={**self.outbox},
+            versions={**self.versions},
+            due={**self.due},
+            wakes={**self.wakes},
+            counts={**self.counts},
+            soft=msgspec.structs.replace(
+                soft,
+                asks={**soft.asks},
+                conversations={**soft.conversations},
+                peers={**soft.peers},
+                resend={**soft.resend},
+            ),
+        )
 
     def holder(self, delivery: Delivery) -> dict[str, Held]:
         """Where conversations of this delivery are kept."""

@@ -14,7 +14,7 @@ from agent_runtime.effects import Out
 from agent_runtime.errors import BehaviourError
 from agent_runtime.events import Broken, Late, Local, PeerChanged, Received, Settled, Started, Woken
 from agent_runtime.state import CoreState, Due, Held, anybodys
-from agent_runtime.wiring import Delivery, Link, Wiring, class_name
+from agent_runtime.wiring import Delivery, Link, Wiring
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import LocalProtocolError
@@ -249,8 +249,8 @@ class Turn:
         reply_by: float | None = None,
     ) -> Conversation:
         durable = link.delivery is _DURABLE
-        language = None if content is None else self._wiring.language(content)
-        link.require_said(performative, class_name(language, content))
+        language, name = (None, "") if content is None else self._wiring.spoken(content)
+        link.require_said(performative, name)
         if kind is None:
             kind = _PLAIN if language is None else language.kind(content)
         talk, communicate = held.conversation.send(

@@ -55,13 +55,13 @@ _INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 _CANCEL, _TAKE = Performative.CANCEL, What.TAKE
 
 
-def judge(state: CoreState, wiring: Wiring, waiting: Waiting) -> Verdict:
+def judge(state: CoreState, waiting: Waiting) -> Verdict:
     """The verdict; nothing is changed."""
     communicate: Communicate = waiting.event.communicate
     held = state.held(communicate.conversation, communicate.sender)
     try:
         if held is None:
-            return _judge_new(state, wiring, waiting, communicate)
+            return _judge_new(state, waiting, communicate)
         if waiting.fault is not None:
             return Verdict(What.REFUSE, held, waiting.fault)
         if _asked_again(held, communicate):
@@ -74,8 +74,8 @@ def judge(state: CoreState, wiring: Wiring, waiting: Waiting) -> Verdict:
     return Verdict(_TAKE, replace(held, conversation=talk), kind=kind)
 
 
-def _judge_new(state: CoreState, wiring: Wiring, waiting: Waiting, communicate: Communicate) -> Verdict:
-    link = wiring.required(communicate.sender, communicate.protocol)
+def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> Verdict:
+    link: Link = waiting.link
     opening = communicate.performative in named(link.protocol).openings
     if link.role is _INITIATOR or not (opening or communicate.performative is _CANCEL):
         return Verdict(What.DROP, error=RemoteProtocolError("conversation", "is not open here"))

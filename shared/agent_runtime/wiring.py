@@ -95,9 +95,9 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         return {(link.peer, link.protocol): link for link in self.links}
 
     @cached_property
-    def _by_class(self) -> dict[type, Language]:
+    def _by_class(self) -> dict[type, tuple[Language, str]]:
         named = [self.languages.named(name) for name in self.languages.names]
-        return {kind: language for language in named for kind in language.classes}
+        return {kind: (language, f"{language.name}.{kind.__name__}") for language in named for kind in language.classes}
 
     @cached_property
     def peers(self) -> tuple[str, ...]:
@@ -118,10 +118,14 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
 
     def language(self, content: Any) -> Language:
         """The language a content's class belongs to; LocalProtocolError where there is none."""
-        language = self._by_class.get(type(content))
-        if language is None:
+        return self.spoken(content)[0]
+
+    def spoken(self, content: Any) -> tuple[Language, str]:
+        """The language, and LANGUAGE.Class, as the interfaces of a design name it."""
+        found = self._by_class.get(type(content))
+        if found is None:
             raise LocalProtocolError("content", f"{type(content).__name__} belongs to none of {self.languages.names}")
-        return language
+        return found
 
     def key(self, communicate: Communicate) -> str:
         """The key expression a communicate of this agent is put on."""
@@ -142,11 +146,6 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
             for link in self.links
             for act in link.hears
         )
-
-
-def class_name(language: Language | None, content: Any) -> str:
-    """LANGUAGE.Class of a content, "" for none: as the interfaces of a design name it."""
-    return "" if language is None else f"{language.name}.{type(content).__name__}"
 
 
 def communicate_key(
