@@ -109,15 +109,14 @@ class Core(Generic[M]):
     def end(self, state: CoreState, after: CoreState, out: Out, now: float) -> Effects:
         """The rest, which nobody waits for: whether it was a step of the design, and when to step again."""
         deed = out.deed(state.state, after.state, tuple(after.due))
-        self._compare(after, out, deed)
+        if deed is not None and deed not in self._designed:
+            self._compare(after, out, deed)
         waits = None if after.outbox and streams.blocked(after) is not None else _waits(after)
         return out.sealed(self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
 
-    def _compare(self, state: CoreState, out: Out, deed: Deed | None) -> None:
+    def _compare(self, state: CoreState, out: Out, deed: Deed) -> None:
         """Say it where a step is none of the design's: what was proven of the design does not hold for it."""
-        if deed is None or self.agent.rows is None or deed in self._designed:
-            return
-        why = self.agent.rows.why_not(deed)
+        why = self.agent.rows.why_not(deed) if self.agent.rows is not None else ""
         if why:
             state.count(OUTSIDE)
             out.log(OUTSIDE, level="error", why=why)
@@ -184,7 +183,7 @@ class Core(Generic[M]):
         found = self._find_waiting(state)
         if found is not None:
             self._take_waiting(state, out, *found, now)
-        elif (name := _due_wake(state, now)) is not None:
+        elif state.wakes and (name := _due_wake(state, now)) is not None:
             del state.wakes[name]
             self._run(state, out, Woken(name), now)
         elif (held := self._find_late(state, _waits(state), now)) is not None:
@@ -194,16 +193,14 @@ class Core(Generic[M]):
         """Whether more can be taken at once; `waits` None: nothing is taken while an outbox is full."""
         if waits is None:
             return False
-        return (
-            self._find_waiting(state) is not None
-            or _due_wake(state, now) is not None
-            or self._find_late(state, waits, now) is not None
+        return bool(
+            (state.soft.inbox and self._find_waiting(state) is not None)
+            or (state.wakes and _due_wake(state, now) is not None)
+            or (waits and self._find_late(state, waits, now) is not None)
         )
 
     def _find_waiting(self, state: CoreState) -> tuple[Waiting, Verdict | None] | None:
         """The first entry of the inbox that can be taken; streams in order, so a number behind one not taken is not."""
-        if not state.soft.inbox:
-            return None
         passed: set[str] = set()
         takes = self._behaviour(state).takes
         for waiting in state.soft.inbox:
@@ -325,18 +322,17 @@ class Core(Generic[M]):
 
     def _wake_at(self, state: CoreState, waits: Sequence[Held] | None, now: float) -> float | None:
         """When the next Tick is wanted; what is past already waits for a behaviour that takes it, or for room."""
-        times: list[float] = []
-        if state.soft.up:
-            for at, _ in state.soft.resend.values():
-                times.append(at)
-            for one in state.soft.asks.values():
-                times.append(one.at)
+        soft, times = state.soft, []
+        if soft.up and soft.resend:
+            times += [at for at, _ in soft.resend.values()]
+        if soft.up and soft.asks:
+            times += [one.at for one in soft.asks.values()]
         if waits is not None:
             times += state.wakes.values()
             for held in waits:
                 if held.reply_by is not None and held.reply_by + LATE_AFTER > now:
                     times.append(held.reply_by + LATE_AFTER)
-        return min(times) if times else None
+        return min(times, default=None)
 
 
 def _note_taken(out: Out, waiting: Waiting, verdict: Verdict) -> None:
@@ -361,8 +357,6 @@ def _forget_unanswered(state: CoreState, now: float) -> None:
 
 
 def _due_wake(state: CoreState, now: float) -> str | None:
-    if not state.wakes:
-        return None
     due = [(at, name) for name, at in state.wakes.items() if at <= now]
     return min(due)[1] if due else None
 
