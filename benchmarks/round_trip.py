@@ -5,7 +5,11 @@
 km and pl are the agents of the design on channel C4 (its links, rows, interfaces and languages), as they stand in their
 processes: shell, core, journal, step log, wire. Only what they would compute is left out: km has its answers ready, pl
 asks one question after the other. Beside them the same two processes hold a bare session each: a queryable that gives
-bytes of the same number, and gets of them. pl asks in blocks by turns, both kinds on its one loop thread.
+bytes of the same number, and gets of them. pl asks in blocks by turns, both kinds on one thread.
+
+A question takes from where pl's behaviour says it (turn.open) to where that behaviour has the answer, decoded, in its
+hand, as a get takes from its call to its reply. With the own side's word before it (a step of its own) and the word to
+the own side after it, it takes longer; both times are kept.
 """
 
 import dataclasses
@@ -51,11 +55,15 @@ class Plan(msgspec.Struct, frozen=True):
 
 
 class Times(msgspec.Struct):
-    """Of one plan: round trips [us] of the agents and of the bare gets, one list a block; bytes of the answer."""
+    """Of one plan: round trips [us] of the agents and of the bare gets, one list a block; bytes of the answer.
+
+    `agents`: from behaviour to behaviour; `outside`: from the own side's word to the word to it.
+    """
 
     answer: str
     size: int
     agents: list[list[float]] = []
+    outside: list[list[float]] = []
     bare: list[list[float]] = []
 
 
@@ -164,7 +172,9 @@ class Go(msgspec.Struct, frozen=True, tag=True):
 
 
 class Came(msgspec.Struct, frozen=True, tag=True):
-    """The answer is here, read and in its turn."""
+    """The answer is here, read and in its turn; how long the behaviour waited for it [us]."""
+
+    took_us: float
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):
@@ -174,15 +184,18 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
 def pl() -> Agent[Any]:
     """a_pl in its state of search, where each word of its own side is a question to km."""
 
+    said: list[int] = []
+
     def forward(memory: planning.Memory, turn: Turn) -> planning.Memory:
         match turn.event:
             case Local(content=Begin()):
                 turn.tell(Begin())
             case Local(content=Go(answer=answer)):
                 query = wm.GraspSet(object=answer)
+                said[:] = [time.perf_counter_ns()]
                 turn.open("km", "query", Performative.QUERY_REF, query, reply_by_s=WITHIN_S)
             case Received(content=wm.Objects() | wm.Grasps()):
-                turn.tell(Came())
+                turn.tell(Came((time.perf_counter_ns() - said[0]) / 1000))
         return memory
 
     real = planning.agent()
@@ -195,7 +208,7 @@ def _never(memory: Any) -> bool:
 
 
 class Asker:
-    """pl's own side: on the loop thread, so that no thread has to be woken that the fleet would not wake."""
+    """pl's own side, on the thread that steps, so that no thread has to be woken that the fleet would not wake."""
 
     busy = False
 
@@ -204,7 +217,8 @@ class Asker:
         self._session = zenoh.open(client_config(endpoint))
         self._times: list[Times] = []
         self._read = msgspec.msgpack.Decoder(wm.Content).decode
-        self._left, self._block, self._warm, self._asked = 0, list[float](), True, 0
+        self._left, self._warm, self._asked = 0, True, 0
+        self._block, self._outside = list[float](), list[float]()
         post(Begin(), 1.0)
 
     def _begin(self) -> None:
@@ -226,7 +240,8 @@ class Asker:
         if isinstance(content, Begin):
             self._begin()
             return
-        self._block.append((now - self._asked) / 1000)
+        self._block.append(content.took_us)
+        self._outside.append((now - self._asked) / 1000)
         self._left -= 1
         if self._left:
             self._ask()
@@ -237,6 +252,7 @@ class Asker:
         plan, times = self._plans[0], self._times[-1]
         if not self._warm:
             times.agents.append(self._block)
+            times.outside.append(self._outside)
             times.bare.append(self._bare(plan.block))
             print(f"{plan.answer}: {len(times.bare)} of {plan.blocks} blocks", flush=True)
         self._warm = False
@@ -247,7 +263,7 @@ class Asker:
             self._begin()
 
     def _turn(self, count: int) -> None:
-        self._left, self._block = count, []
+        self._left, self._block, self._outside = count, [], []
         self._ask()
 
     def _ask(self) -> None:

@@ -30,6 +30,7 @@ class Floor:
         self._inbox, self._take, self._next_at = inbox, take, next_at
         self._lock = threading.Lock()
         self._open = False
+        self._wanted = False
         self._speaker = 0
         self._own: list[Any] = []
         self.until = 0.0
@@ -38,8 +39,10 @@ class Floor:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Have the floor; afterwards `until` is anew."""
+        """Have the floor, before whatever else is heard; afterwards `until` is anew."""
+        self._wanted = True
         with self._lock:
+            self._wanted = False
             try:
                 yield
             finally:
@@ -71,7 +74,7 @@ class Floor:
 
     def put(self, kind: Class, item: Any) -> None:
         """From a thread that hears: step with the item, or leave it in the inbox. Never waits for another step."""
-        if self._lock.acquire(blocking=False):
+        if not self._wanted and self._lock.acquire(blocking=False):
             try:
                 if self._open and self._inbox.idle:
                     self._step_here(item)

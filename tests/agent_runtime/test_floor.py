@@ -2,6 +2,7 @@
 
 import math
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -160,6 +161,30 @@ def test_the_loop_is_woken_where_a_step_wants_something_sooner(steps: Steps) -> 
     steps.floor.put(HEARD, "later")
     assert steps.inbox.idle
     assert steps.floor.until == 10.0
+
+
+def test_the_loop_has_the_floor_next_when_it_wants_it(steps: Steps) -> None:
+    """However fast others hear: else its times would pass, heartbeats and questions to be asked again."""
+
+    def look() -> None:
+        with steps.floor.held():
+            steps.done.append("the loop")
+
+    loop = threading.Thread(target=look)
+
+    def then(item: int) -> None:
+        if item == 1:
+            loop.start()
+            end = time.monotonic() + 10.0
+            while not steps.floor._wanted and time.monotonic() < end:
+                pass
+
+    steps.then = then
+    for number in range(1, 1000):
+        steps.floor.put(Class.CONTROL, number)
+    loop.join(timeout=10.0)
+    assert steps.done == [1, "the loop"], "the rest waits behind 2, which was heard while the loop wanted the floor"
+    assert steps.rest() == list(range(2, 1000))
 
 
 def test_many_threads_that_hear_keep_their_order_and_lose_nothing(steps: Steps) -> None:
