@@ -28,7 +28,7 @@ class Device(Protocol):
     def busy(self) -> bool: ...
 
     def tell(self, content: Any) -> None:
-        """Take a word of the agent; must not block."""
+        """Take a word of the agent; must not block. On one thread at a time, not always the same."""
 
     def close(self) -> None:
         """The agent's process ends (or died, in the pretend wires)."""

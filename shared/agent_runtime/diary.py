@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from agent_runtime.effects import Effects
-from agent_runtime.events import AnyEvent, Received
+from agent_runtime.events import AnyEvent, Arrived, Received
 from agent_runtime.logs import Log
 from agent_runtime.state import CoreState
 from agent_runtime.steplog import StepLog, noted
@@ -61,9 +61,9 @@ class Diary:
         received = effects.handled.communicate if isinstance(effects.handled, Received) else None
         rest = msgspec.structs.replace(effects, handled=None)
         self._unwritten.append(_Done(event, at, after.incarnation, after.soft.step, rest, sizes, received))
-        self._bytes += sum(sizes)
-        if received is not None and received.content is not msgspec.UNSET:
-            self._bytes += len(received.content)
+        heard = event.communicate if isinstance(event, Arrived) else received
+        content = b"" if heard is None or heard.content is msgspec.UNSET else heard.content
+        self._bytes += len(content) + sum(sizes)
 
     def write(self) -> None:
         """Write what is not written."""

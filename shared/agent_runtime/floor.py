@@ -1,7 +1,7 @@
 """Who steps an agent: its loop thread, or a thread that hears, where nothing waits before what it heard.
 
 Who steps has the floor, one at a time. What is heard while the floor is free is taken at once by the thread that heard
-it, and no second thread has to be woken for it: with that, a question and its answer took a quarter longer
+it, and no second thread has to be woken for it: with that, a question and its answer took a tenth longer
 (benchmarks/communicates.py). What is heard while the floor is taken waits in the inbox, in order; so does what devices
 post, whose threads have work of their own.
 """

@@ -170,6 +170,33 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Steppe
         assert before + value + 1 - written(tmp_path) < diary.MOST_UNWRITTEN
 
 
+def test_much_that_was_said_is_written_sooner(
+    watching: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is not written yet is bounded in bytes, too, of what was heard and what was said."""
+    monkeypatch.setattr(diary, "MOST_BYTES", 500)
+    subscribed = said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")
+    watching.shell._serving = True
+    watching.shell._beat_at = time.time() + 100.0
+    watching.happen(Arrived(subscribed))
+    before = written(tmp_path)
+    watching.shell._wire.send = lambda communicate: 400
+    watching.happen(Local(Seen("jar", 1)))
+    assert written(tmp_path) == before, "400 bytes and a few wait"
+    watching.happen(Local(Seen("jar", 2)))
+    assert written(tmp_path) > before + 1, "800 do not"
+    before = written(tmp_path)
+    watching.happen(Local(Seen("jar", 3)))
+    assert written(tmp_path) == before, "and the next 400 do again"
+    watching.shell._diary.write()
+    monkeypatch.setattr(diary, "MOST_BYTES", len(subscribed.content) + 1)
+    watching.shell._wire.send = lambda communicate: 0
+    before = written(tmp_path)
+    watching.happen(Arrived(subscribed))
+    watching.happen(Arrived(msgspec.structs.replace(subscribed, conversation="knower-1-2")))
+    assert written(tmp_path) == before + 2, "what was heard counts, taken or not"
+
+
 def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> None:
     """An end in order loses no step and no line."""
     one = Stepped(watcher(), tmp_path)
