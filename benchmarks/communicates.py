@@ -173,7 +173,9 @@ def trip(quick: bool, wanted: list[str]) -> list[Result]:
         together(run, "round_trip.py", plans)
         times = msgspec.json.decode((run / "times.json").read_bytes(), type=list[Times])
     rows = [(f"question and answer of {one.answer}", one.agents, one.bare, TRIPS[one.answer][0]) for one in times]
-    rows += [(f"{one.answer}, from the own side's word to the word to it", one.outside, one.bare, None) for one in times]
+    rows += [
+        (f"{one.answer}, from the own side's word to the word to it", one.outside, one.bare, None) for one in times
+    ]
     return [result(*row) for row in rows]
 
 

@@ -52,7 +52,7 @@ from fipa_codec.communicate import decode
 from fipa_codec.errors import MalformedError
 
 QUIET_S = 0.02
-"""Without anything new, after which logs are written; some thirty round trips. A kill -9 takes what was not (estimate)."""
+"""Without anything new, after which logs are written; some thirty round trips. A kill -9 takes the rest (estimate)."""
 COLLECT_AFTER = 10_000
 """Objects made and not freed, after which the youngest are collected; Python's own 700 are a few steps' (estimate)."""
 HEARTBEAT_S = 1.0

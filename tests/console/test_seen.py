@@ -23,8 +23,11 @@ IDLE = "import time; time.sleep(600)"
 
 @pytest.fixture
 def idle() -> Iterator[int]:
-    """The pid of a process that does nothing and looks like one of ours."""
+    """The pid of a process that does nothing and looks like one of ours, as soon as it does."""
     process = subprocess.Popen([sys.executable, "-c", IDLE, "services.pretended"])
+    line = Path(f"/proc/{process.pid}/cmdline")
+    while b"services.pretended" not in line.read_bytes():  # Popen returns amid the exec, on a busy machine long before
+        time.sleep(0.001)
     yield process.pid
     process.kill()
     process.wait()
