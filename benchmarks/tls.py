@@ -33,7 +33,7 @@ from companion.binding import wiring
 from companion.design import DESIGN
 
 LIMIT = 1.25
-SIZES = {"654 B": 100, "98 kB": 30, "852 kB": 8}
+SIZES = {"654 B": 100, "98 kB": 30, "852 kB": 20}
 """Answer (paper, section 5.7: mean and largest of C4, largest of all): trips of a block."""
 BLOCKS = 41
 WITHIN_S = 60.0
