@@ -17,10 +17,9 @@ from agent_runtime.wiring import Delivery, Wiring
 from fipa_codec.communicate import Communicate
 
 MOST_UNWRITTEN = 64
-"""Steps after which logs are written though there is no pause; estimate: who then waits, waits for half a millisecond.
-"""
-MOST_BYTES = 8 * 1024 * 1024
-"""Of communicates in such steps, likewise; estimate: ten of the largest answers (852 kB)."""
+"""Steps after which logs are written though there is no pause: half a millisecond, for which who asks next has to wait."""
+MOST_BYTES = 2 * 1024 * 1024
+"""Of communicates in such steps, likewise; estimate: some milliseconds."""
 
 
 class _Done(msgspec.Struct, frozen=True):
