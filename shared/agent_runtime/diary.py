@@ -17,7 +17,7 @@ from agent_runtime.wiring import Delivery, Wiring
 from fipa_codec.communicate import Communicate
 
 MOST_UNWRITTEN = 64
-"""Steps after which logs are written though there is no pause: half a millisecond, for which who asks next has to wait."""
+"""Steps after which logs are written though there is no pause: half a millisecond, for which who asks next waits."""
 MOST_BYTES = 2 * 1024 * 1024
 """Of communicates in such steps, likewise; estimate: some milliseconds."""
 

@@ -51,8 +51,8 @@ from agent_runtime.zenoh_wire import Bytes, Ping, ReceiptBytes, RouterSeen, Toke
 from fipa_codec.communicate import decode
 from fipa_codec.errors import MalformedError
 
-QUIET_S = 0.02
-"""Without anything new, after which logs are written; some thirty round trips. A kill -9 takes the rest (estimate)."""
+QUIET_S = 0.005
+"""Without anything new, after which logs are written; eight round trips. A kill -9 takes what was not (estimate)."""
 COLLECT_AFTER = 10_000
 """Objects made and not freed, after which the youngest are collected; Python's own 700 are a few steps' (estimate)."""
 HEARTBEAT_S = 1.0

@@ -11,6 +11,7 @@ import pytest
 from toy_fleet import wait_for
 
 from agent_runtime.steplog import deeds
+from fipa_codec.performatives import Performative
 from topdown.design import load
 from topdown.proving.paths import Follower
 
@@ -54,10 +55,16 @@ def outside(run: Path) -> list[str]:
     return [line for text in logs for line in text.splitlines() if "outside the design" in line]
 
 
+def took(run: Path, who: str, act: Performative) -> bool:
+    """Whether an agent's log says that it took one: a step is written a moment after it, and not by a kill -9."""
+    return any(agent == who and deed.took is not None and deed.took[1] is act for agent, deed in deeds(run / "steps"))
+
+
 def test_both_orders_are_delivered_though_the_robot_is_killed_on_its_way(depot: Path) -> None:
     """kill -9 while it drives: it comes back and drives on; each thing is delivered once, each step is as proven."""
     wait_for(lambda: said(depot, "mule -> dispatcher", "Carried(item='sheet')"), "the first is delivered")
     wait_for(lambda: said(depot, "dispatcher -> ox", "accept-proposal"), "the second is under way")
+    wait_for(lambda: took(depot, "ox", Performative.ACCEPT_PROPOSAL), "ox has written that it is under way")
     os.kill(int((depot / "ox.pid").read_text()), signal.SIGKILL)
     wait_for(lambda: said(depot, "Delivered(item='crate')"), f"the second is delivered\n{(depot / 'out').read_text()}")
     assert len(said(depot, "-> desk", "Delivered(")) == 2
