@@ -18,8 +18,8 @@ from fipa_codec.communicate import Communicate
 
 MOST_UNWRITTEN = 64
 """Steps after which logs are written though there is no pause: half a millisecond, for which who asks next waits."""
-MOST_BYTES = 2 * 1024 * 1024
-"""Of communicates in such steps, likewise; estimate: some milliseconds."""
+MOST_BYTES = 8 * 1024 * 1024
+"""Of communicates in such steps, likewise; estimate: ten of the largest answers (852 kB)."""
 
 
 class _Done(msgspec.Struct, frozen=True):
