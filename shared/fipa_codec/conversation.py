@@ -90,7 +90,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     @property
     def ended(self) -> bool:
         """Nothing more is to be said by me; late messages that the table allows may still come."""
-        return self.state == NOT_UNDERSTOOD or self.state in self.table.ended
+        state = self.state
+        return state == NOT_UNDERSTOOD or state in named(self.protocol).tables[self.role].ended
 
     @property
     def owes(self) -> bool:
