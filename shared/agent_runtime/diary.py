@@ -17,7 +17,7 @@ from agent_runtime.wiring import Delivery, Wiring
 from fipa_codec.communicate import Communicate
 
 MOST_UNWRITTEN = 64
-"""Steps after which logs are written though there is no pause: half a millisecond, for which who asks next waits."""
+"""Steps after which logs are written though there is no pause; 6 to 11 us each, warm, for which who asks next waits."""
 MOST_BYTES = 8 * 1024 * 1024
 """Of communicates in such steps, likewise; estimate: ten of the largest answers (852 kB)."""
 
