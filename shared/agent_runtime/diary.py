@@ -18,8 +18,11 @@ from fipa_codec.communicate import Communicate
 
 MOST_UNWRITTEN = 64
 """Steps after which logs are written though there is no pause; 6 to 11 us each, warm, for which who asks next waits."""
-MOST_BYTES = 8 * 1024 * 1024
-"""Of communicates in such steps, likewise; estimate: ten of the largest answers (852 kB)."""
+MOST_BYTES = 512 * 1024
+"""Of communicates in such steps, likewise: the largest are written at once. With 8 MB a question of 852 kB after the
+other took 2.8 of a get in the mean instead of 1.7: what is kept is memory that the next message cannot take, and such a
+batch is a wait of 20 ms (benchmarks/communicates.py).
+"""
 
 
 class _Done(msgspec.Struct, frozen=True):

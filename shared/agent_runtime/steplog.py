@@ -17,6 +17,7 @@ import msgspec
 from agent_runtime import events
 from agent_runtime.core import Core
 from agent_runtime.effects import Deed, Effects
+from fipa_codec.communicate import Communicate
 
 HEAD = struct.Struct("<I")
 BULK = struct.Struct("<II")
@@ -48,10 +49,19 @@ def fingerprint(effects: Effects) -> bytes:
 
     It is to tell two runs apart, not to withstand anybody: of much a checksum (a fifth of the time) and the length do.
     """
-    data = _encoder.encode((effects.record, effects.receipts, effects.sends, effects.tells))
+    sends = tuple(_brief(one) for one in effects.sends)
+    data = _encoder.encode((effects.record, effects.receipts, sends, effects.tells))
     if len(data) > MUCH_BYTES:
         return BULK.pack(len(data), zlib.crc32(data))
     return hashlib.blake2b(data, digest_size=8).digest()
+
+
+def _brief(said: Communicate) -> Communicate | tuple[Communicate, int, int]:
+    """A communicate without the content where that is much, but length and checksum of it."""
+    content = said.content
+    if content is msgspec.UNSET or len(content) <= MUCH_BYTES:
+        return said
+    return msgspec.structs.replace(said, content=msgspec.UNSET), len(content), zlib.crc32(content)
 
 
 def noted(incarnation: int, step: int, at: float, event: events.AnyEvent, effects: Effects) -> Step:
