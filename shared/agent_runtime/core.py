@@ -17,7 +17,7 @@ import msgspec
 from msgspec.structs import replace
 
 from agent_runtime import streams
-from agent_runtime.agent import Agent, Behaviour
+from agent_runtime.agent import Agent
 from agent_runtime.effects import Deed, Effects, LogLine, Out
 from agent_runtime.errors import AgentTableError, BehaviourError
 from agent_runtime.events import (
@@ -202,7 +202,7 @@ class Core(Generic[M]):
     def _find_waiting(self, state: CoreState) -> tuple[Waiting, Verdict | None] | None:
         """The first entry of the inbox that can be taken; streams in order, so a number behind one not taken is not."""
         passed: set[str] = set()
-        takes = self._behaviour(state).takes
+        takes = self.agent.behaviours[state.state].takes
         for waiting in state.soft.inbox:
             if waiting.number and waiting.peer in passed:
                 continue
@@ -232,7 +232,7 @@ class Core(Generic[M]):
         return taken
 
     def _find_late(self, state: CoreState, waits: Sequence[Held], now: float) -> Held | None:
-        takes = self._behaviour(state).takes
+        takes = self.agent.behaviours[state.state].takes
         for held in waits:
             if held.reply_by is not None and now > held.reply_by and takes(state.memory, Late(held.conversation.id)):
                 return held
@@ -243,7 +243,10 @@ class Core(Generic[M]):
         state.soft.inbox = tuple(one for one in inbox if one is not waiting) if len(inbox) > 1 else ()
         event: Seen | None = waiting.event
         if verdict is not None:
-            _note_taken(out, waiting, verdict)
+            if verdict.what is _TAKE:  # the message in the words of the design
+                out.took = (waiting.link.use, waiting.event.communicate.performative, verdict.kind)
+            else:
+                out.about = waiting.link.use
             event = carry_out(state, out, self.wiring, waiting, verdict, now)
         if event is not None:
             self._run(state, out, event, now)
@@ -262,16 +265,15 @@ class Core(Generic[M]):
 
     # --- the behaviour ------------------------------------------------------------------------------------------------
 
-    def _behaviour(self, state: CoreState) -> Behaviour[M]:
-        return self.agent.behaviours[state.state]
-
     def _run(self, state: CoreState, out: Out, event: Seen, now: float) -> None:
         """One elementary action, then the arcs it opens; entering a state runs its behaviour once without an event."""
         out.handled = event
         if isinstance(event, PeerChanged):
             out.about = event.agent if event.incarnation is not None else ""
-        behaviour = self._behaviour(state)
-        self._act(behaviour, state, out, event, now)
+        behaviour = self.agent.behaviours[state.state]
+        turn = Turn(state, self.wiring, out, event, now)
+        state.memory = behaviour.transition(state.memory, turn)
+        turn.event = None  # of what is done on entering the states that follow
         for _ in range(CHAIN_BOUND):
             if not (behaviour.terminal(state.memory) or behaviour.error(state.memory)):
                 return
@@ -287,18 +289,14 @@ class Core(Generic[M]):
                 LogLine("state", {"old": state.state, "new": target, "conversation": conversation_of(event)})
             )
             state.state = target
-            behaviour = self._behaviour(state)
-            self._act(behaviour, state, out, None, now)
+            behaviour = self.agent.behaviours[state.state]
+            state.memory = behaviour.transition(state.memory, turn)
         raise BehaviourError(
             self.agent.name,
             state.state,
             f"entered {CHAIN_BOUND} states in one step",
             "some state must wait for an event",
         )
-
-    def _act(self, behaviour: Behaviour[M], state: CoreState, out: Out, event: Seen | None, now: float) -> None:
-        turn = Turn(state, self.wiring, out, event, now)
-        state.memory = behaviour.transition(state.memory, turn)
 
     def _check_owed(self, before: CoreState, state: CoreState) -> None:
         """What a protocol wants said in the very step that took something must have been said."""
@@ -316,7 +314,7 @@ class Core(Generic[M]):
     # --- the record and the time --------------------------------------------------------------------------------------
 
     def _durable(self, before: CoreState, after: CoreState, out: Out) -> bool:
-        if not same_memory(before.memory, after.memory):
+        if before.memory is not after.memory and not same_memory(before.memory, after.memory):
             kept = encode_memory(after.memory)
             out.durable = out.durable or kept != before.kept
             after.kept = kept
@@ -335,14 +333,6 @@ class Core(Generic[M]):
                 if held.reply_by is not None and held.reply_by + LATE_AFTER > now:
                     times.append(held.reply_by + LATE_AFTER)
         return min(times, default=None)
-
-
-def _note_taken(out: Out, waiting: Waiting, verdict: Verdict) -> None:
-    """What the message is in the words of the design."""
-    if verdict.what is _TAKE:
-        out.took = (waiting.link.use, waiting.event.communicate.performative, verdict.kind)
-    else:
-        out.about = waiting.link.use
 
 
 def _queue(state: CoreState, waiting: Waiting) -> None:

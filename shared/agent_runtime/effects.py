@@ -66,22 +66,19 @@ class Effects(msgspec.Struct, frozen=True):
     deed: Deed | None = None
 
 
-class Out:
+class Out(msgspec.Struct, eq=False):
     """Collects the effects while a step runs."""
 
-    __slots__ = ("about", "durable", "handled", "logs", "receipts", "record", "said", "sends", "tells", "took")
-
-    def __init__(self) -> None:
-        self.durable = False
-        self.record: bytes | None = None
-        self.receipts: list[Receipt] = []
-        self.sends: list[Communicate] = []
-        self.tells: list[Any] = []
-        self.logs: list[LogLine] = []
-        self.handled: Any = None
-        self.said: list[Act] = []
-        self.took: Act | None = None
-        self.about = ""
+    durable: bool = False
+    record: bytes | None = None
+    receipts: list[Receipt] = []
+    sends: list[Communicate] = []
+    tells: list[Any] = []
+    logs: list[LogLine] = []
+    handled: Any = None
+    said: list[Act] = []
+    took: Act | None = None
+    about: str = ""
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
         """Add a line."""

@@ -15,7 +15,7 @@ from agent_runtime.streams import parse_observation, receipt_stream
 from agent_runtime.wiring import Delivery, Link, Wiring
 from fipa_codec.communicate import LONGEST_LABEL, Communicate
 from fipa_codec.errors import RemoteProtocolError
-from fipa_codec.languages import Kind, Languages
+from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
@@ -36,7 +36,7 @@ def admit(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) 
         )
     elif link.delivery is _DURABLE:
         _admit_durable(state, out, wiring, link, communicate)
-    elif _is_observation(link, communicate):
+    elif link.delivery is _LATEST and _is_observation(link, communicate):
         _admit_observation(state, out, wiring, link, communicate)
     else:
         _admit_volatile(state, out, wiring, link, communicate)
@@ -57,12 +57,8 @@ def reject(state: CoreState, out: Out, communicate: Communicate, what: str, why:
 
 
 def _is_observation(link: Link, communicate: Communicate) -> bool:
-    return (
-        link.delivery is _LATEST
-        and link.role is Role.INITIATOR
-        and communicate.performative is Performative.INFORM
-        and "@" in communicate.id
-    )
+    said = communicate.performative is Performative.INFORM and "@" in communicate.id
+    return said and link.role is Role.INITIATOR
 
 
 def _admit_durable(state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate) -> None:
@@ -119,16 +115,12 @@ def _same(one: Communicate, other: Communicate) -> bool:
 
 
 def _wait(state: CoreState, wiring: Wiring, link: Link, communicate: Communicate, **place: Any) -> None:
-    content, kind, fault = _read(wiring.languages, link, communicate)
-    waiting = Waiting(Arrived(communicate), link=link, content=content, kind=kind, fault=fault, **place)
-    state.soft.inbox = (*state.soft.inbox, waiting)
-
-
-def _read(languages: Languages, link: Link, communicate: Communicate) -> tuple[Any, Kind, RemoteProtocolError | None]:
+    fault: RemoteProtocolError | None = None
     try:
-        content, kind = languages.read(communicate)
+        content, kind = wiring.languages.read(communicate)
         name = f"{communicate.language}.{type(content).__name__}" if content is not None else ""
         link.require_heard(communicate.performative, name)
     except RemoteProtocolError as error:
-        return None, Kind.PLAIN, error
-    return content, kind, None
+        content, kind, fault = None, Kind.PLAIN, error
+    waiting = Waiting(Arrived(communicate), link=link, content=content, kind=kind, fault=fault, **place)
+    state.soft.inbox = (*state.soft.inbox, waiting)

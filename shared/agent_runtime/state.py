@@ -4,7 +4,6 @@ The journal record is the whole durable state. Soft: the inbox (unreceipted, so 
 the conversations of queries and subscriptions, who is alive, when to send again.
 """
 
-from functools import cache
 from typing import Any
 
 import msgspec
@@ -148,10 +147,6 @@ class CoreState(Record, kw_only=True):
             ),
         )
 
-    def holder(self, delivery: Delivery) -> dict[str, Held]:
-        """Where conversations of this delivery are kept."""
-        return self.conversations if delivery is _DURABLE else self.soft.conversations
-
     def held(self, conversation: str, peer: str = "") -> Held | None:
         """The open conversation of that id; of several, which are durable, that with the peer.
 
@@ -168,7 +163,8 @@ class CoreState(Record, kw_only=True):
 
     def keep(self, held: Held) -> None:
         """Put a conversation back after it went on; an ended one is forgotten."""
-        place, name = self.holder(held.delivery), held.key
+        place = self.conversations if held.delivery is _DURABLE else self.soft.conversations
+        name = held.key if held.several else held.conversation.id
         if held.conversation.ended:
             place.pop(name, None)
         else:
@@ -201,20 +197,9 @@ _encoder = msgspec.msgpack.Encoder()
 _decoder = msgspec.msgpack.Decoder(Record)
 
 
-def hard_fields(memory: Any) -> tuple[str, ...]:
-    """The fields of a memory that the journal keeps."""
-    kind: Any = type(memory)
-    return _hard_fields(kind)
-
-
-@cache
-def _hard_fields(kind: Any) -> tuple[str, ...]:
-    return tuple(name for name in kind.__struct_fields__ if name != "soft")
-
-
 def encode_memory(memory: Any) -> bytes:
     """The memory without its soft field."""
-    return _encoder.encode({name: getattr(memory, name) for name in hard_fields(memory)})
+    return _encoder.encode({name: getattr(memory, name) for name in memory.__struct_fields__ if name != "soft"})
 
 
 def same_memory(old: Any, new: Any) -> bool:
@@ -223,8 +208,8 @@ def same_memory(old: Any, new: Any) -> bool:
         return True
     if type(old) is not type(new):
         return False
-    for name in hard_fields(old):  # noqa: SIM110 - a generator of its own takes longer than all the rest
-        if getattr(old, name) is not getattr(new, name):
+    for name in old.__struct_fields__:  # noqa: SIM110 - a generator of its own takes longer than all the rest
+        if name != "soft" and getattr(old, name) is not getattr(new, name):
             return False
     return True
 

@@ -7,6 +7,7 @@ disk.
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import msgspec
 from msgspec.structs import replace
 
 from agent_runtime import streams
@@ -32,13 +33,14 @@ _PLAIN = Kind.PLAIN
 _OF_A_TALK = (Received, Late, Broken)
 
 
-class Turn:
+class Turn(msgspec.Struct, eq=False):
     """`event`: what happened, None where the state was just entered; `now`: unix seconds."""
 
-    def __init__(self, state: CoreState, wiring: Wiring, out: Out, event: Seen | None, now: float) -> None:
-        self.event = event
-        self.now = now
-        self._state, self._wiring, self._out = state, wiring, out
+    _state: CoreState
+    _wiring: Wiring
+    _out: Out
+    event: Seen | None
+    now: float
 
     # --- communicates -------------------------------------------------------------------------------------------------
 

@@ -81,7 +81,7 @@ def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> 
         return Verdict(What.DROP, error=RemoteProtocolError("conversation", "is not open here"))
     if waiting.fault is not None:
         return Verdict(What.REFUSE, error=waiting.fault)
-    if opening and _outlived(state, link, communicate):
+    if opening and link.delivery is _LATEST and _outlived(state, communicate):
         return Verdict(What.DROP, error=RemoteProtocolError("conversation", "a newer subscription took its place"))
     try:
         talk = Conversation.answering(communicate, state.agent).receive(communicate, waiting.kind)
@@ -90,15 +90,13 @@ def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> 
     return Verdict(What.TAKE if opening else What.LATE_CANCEL, Held(talk, link.delivery))
 
 
-def _outlived(state: CoreState, link: Link, communicate: Communicate) -> bool:
+def _outlived(state: CoreState, communicate: Communicate) -> bool:
     """Whether a subscription is a late copy of one that its subscriber has given up for a newer one.
 
     A subscriber asks again until agreed, so copies of its older `subscribe` may come in after the newer one. To take
     one would send the observations into a conversation that nobody holds, for ever. What is of the life that is there
     now is newer than all else: a subscriber whose journal was lost counts its lives from 1 again.
     """
-    if link.delivery is not _LATEST:
-        return False
     alive = state.soft.peers.get(communicate.sender)
 
     def rank(name: str) -> tuple[bool, int, int]:
@@ -130,13 +128,15 @@ def carry_out(
 ) -> Received | Broken | None:
     """Count the message as taken, do what the verdict says; the event for the behaviour, None where there is none."""
     communicate: Communicate = waiting.event.communicate
-    _mark_taken(state, out, waiting)
+    if waiting.number or waiting.subject:
+        _mark_taken(state, out, waiting)
     held = verdict.held
     match verdict.what:
         case What.TAKE if held is not None:
-            if held.conversation.ended or not held.conversation.cancel:  # what crosses a cancel is no answer to it
+            if not held.conversation.cancel or held.conversation.ended:  # what crosses a cancel is no answer to it
                 state.soft.asks.pop(communicate.conversation, None)
-            _supersede(state, held, communicate)
+            if held.delivery is _LATEST and held.conversation.role is _PARTICIPANT:
+                _supersede(state, held, communicate)
             state.keep(held)
             return Received(communicate, waiting.content, held.conversation)
         case What.REPEAT if held is not None:
@@ -163,7 +163,7 @@ def _mark_taken(state: CoreState, out: Out, waiting: Waiting) -> None:
         state.taken[waiting.peer] = waiting.number
         streams.receipt_stream(state, out, waiting.peer)
         out.durable = True
-    elif waiting.subject:
+    else:
         state.versions[waiting.peer] = state.versions.get(waiting.peer, {}) | {waiting.subject: waiting.version}
         out.receipts.append(Receipt(waiting.peer, subject=waiting.subject, version=waiting.version))
         out.durable = True
@@ -171,8 +171,6 @@ def _mark_taken(state: CoreState, out: Out, waiting: Waiting) -> None:
 
 def _supersede(state: CoreState, held: Held, communicate: Communicate) -> None:
     """A subscriber's new conversation takes the place of its older one."""
-    if held.delivery is not _LATEST or held.conversation.role is _INITIATOR:
-        return
     for name, other in list(state.soft.conversations.items()):
         if name != held.conversation.id and _same_subscriber(other, communicate):
             del state.soft.conversations[name]

@@ -96,7 +96,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     @property
     def owes(self) -> bool:
         """I have to send in this very step (confirm, failure in reply to a late cancel) before I take anything."""
-        return self.state in self.table.urgent
+        return self.state in named(self.protocol).tables[self.role].urgent
 
     def late(self, now: float) -> bool:
         """Has the deadline passed? Equal counts as in time (SC00061G)."""
@@ -276,7 +276,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         elif performative is _CONFIRM:
             unconfirmed = tuple(entry for entry in unconfirmed if entry[0] != communicate.in_reply_to)
         opens = performative in protocol.openings and (self.state == START or performative in protocol.rounds)
-        state, deadline = str(row.to), None if row.to in table.ended else self._next_deadline(row, communicate.reply_by)
+        state, deadline = str(row.to), None if row.to in table.ended else communicate.reply_by
+        if deadline is None and row.to not in table.ended:
+            deadline = self._next_deadline(row)
         plain = row.kind is not _OF_CANCEL and performative is not _CANCEL
         if plain and unconfirmed is self.unconfirmed and not (opens and self.asked):
             asked = label if opens else self.asked
@@ -299,10 +301,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         over = self.asked if opens else self.cancel if self._cancel_after(row) != self.cancel else ""
         return (*self.past, over) if over else self.past
 
-    def _next_deadline(self, row: Row, reply_by: float | None) -> float | None:
-        """An answer clears the deadline; what is asked again, or crosses a cancel, is no answer."""
-        if reply_by is not None:
-            return reply_by
+    def _next_deadline(self, row: Row) -> float | None:
+        """Without a new one an answer clears it; what is asked again, or crosses a cancel, is no answer."""
         cancelling = bool(self.cancel) and self.role is _INITIATOR and row.kind is not _OF_CANCEL
         repeats = row.way is SEND and row.to == self.state
         return self.deadline if cancelling or repeats else None

@@ -1,9 +1,19 @@
 """Protocols by name: those of this package, and those a system adds."""
 
+from collections.abc import Callable
+
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.tables import Protocol
 
-_registered: dict[str, Protocol] = {}
+
+class _Protocols(dict[str, Protocol]):
+    def __missing__(self, name: str) -> Protocol:
+        raise LocalProtocolError("protocol", f"{name!r} is unknown, known are {', '.join(sorted(self))}")
+
+
+_registered = _Protocols()
+named: Callable[[str], Protocol] = _registered.__getitem__
+"""LocalProtocolError names the protocols there are; one of a system is there once its module is imported."""
 
 
 def register(protocol: Protocol) -> Protocol:
@@ -14,12 +24,4 @@ def register(protocol: Protocol) -> Protocol:
     for name in (protocol.name, *protocol.aliases):
         if _registered.setdefault(name, protocol) is not protocol:
             raise LocalProtocolError("protocol", f"{name!r} is already another protocol")
-    return protocol
-
-
-def named(name: str) -> Protocol:
-    """LocalProtocolError names the protocols there are; one of a system is there once its module is imported."""
-    protocol = _registered.get(name)
-    if protocol is None:
-        raise LocalProtocolError("protocol", f"{name!r} is unknown, known are {', '.join(sorted(_registered))}")
     return protocol
