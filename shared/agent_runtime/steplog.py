@@ -1,7 +1,8 @@
 """The unsynced log of steps in the run folder: what came in, when, and a hash of what went out.
 
 It replays an agent to the same bytes: each life begins with the journal record it started from. Losing its tail costs
-nothing but that proof, so it is never synced. A line is <length u32><msgpack array>; a torn last line is ignored.
+nothing but that proof, so it is never synced. A line is <length u32><msgpack array>, and behind it the content of the
+communicate that came, where that is much; a torn last line is ignored.
 """
 
 import hashlib
@@ -23,12 +24,14 @@ HEAD = struct.Struct("<I")
 BULK = struct.Struct("<II")
 MUCH_BYTES = 64 * 1024  # estimate: blake2b needs 80 us for that
 BOOT = "boot"
+NOTHING = msgspec.Raw()
 
 
 class Step(msgspec.Struct, frozen=True, array_like=True):
     """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8 bytes of hash.
 
-    `deed`: what was done, in the words of the design; None where no event reached the behaviour.
+    `deed`: what was done, in the words of the design; None where no event reached the behaviour. `apart`: bytes of the
+    content that stand behind the line instead of in `input`; 0 in what `read` gives.
     """
 
     incarnation: int
@@ -38,6 +41,7 @@ class Step(msgspec.Struct, frozen=True, array_like=True):
     input: bytes
     output: bytes = b""
     deed: Deed | None = None
+    apart: int = 0
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=repr)
@@ -49,25 +53,37 @@ def fingerprint(effects: Effects) -> bytes:
 
     It is to tell two runs apart, not to withstand anybody: of much a checksum (a fifth of the time) and the length do.
     """
-    sends = tuple(_brief(one) for one in effects.sends)
+    parted = [_parted(one) for one in effects.sends]
+    sends = [(one, len(content), zlib.crc32(content)) if content else one for one, content in parted]
     data = _encoder.encode((effects.record, effects.receipts, sends, effects.tells))
     if len(data) > MUCH_BYTES:
         return BULK.pack(len(data), zlib.crc32(data))
     return hashlib.blake2b(data, digest_size=8).digest()
 
 
-def _brief(said: Communicate) -> Communicate | tuple[Communicate, int, int]:
-    """A communicate without the content where that is much, but length and checksum of it."""
-    content = said.content
+def noted(incarnation: int, step: int, at: float, event: events.AnyEvent, effects: Effects) -> tuple[Step, msgspec.Raw]:
+    """One step of the core as it is written, and the content that stands behind it."""
+    content = NOTHING
+    if isinstance(event, events.Arrived):
+        bare, content = _parted(event.communicate)
+        event = events.Arrived(bare)
+    kind, data = type(event).__name__, _encoder.encode(event)
+    return Step(incarnation, step, at, kind, data, fingerprint(effects), effects.deed, len(content)), content
+
+
+def _parted(communicate: Communicate) -> tuple[Communicate, msgspec.Raw]:
+    """Without its content, and that, where it is much: who asks next waits for each copy. Else itself, and nothing."""
+    content = communicate.content
     if content is msgspec.UNSET or len(content) <= MUCH_BYTES:
-        return said
-    return msgspec.structs.replace(said, content=msgspec.UNSET), len(content), zlib.crc32(content)
+        return communicate, NOTHING
+    return msgspec.structs.replace(communicate, content=msgspec.UNSET), content
 
 
-def noted(incarnation: int, step: int, at: float, event: events.AnyEvent, effects: Effects) -> Step:
-    """One step of the core as it is written."""
-    kind = type(event).__name__
-    return Step(incarnation, step, at, kind, _encoder.encode(event), fingerprint(effects), effects.deed)
+def _joined(step: Step, content: bytes) -> Step:
+    """A step whose input has its content again."""
+    arrived = msgspec.msgpack.decode(step.input, type=events.Arrived)
+    whole = msgspec.structs.replace(arrived.communicate, content=msgspec.Raw(content))
+    return msgspec.structs.replace(step, input=_encoder.encode(events.Arrived(whole)), apart=0)
 
 
 class StepLog:
@@ -79,12 +95,13 @@ class StepLog:
 
     def boot(self, incarnation: int, record: bytes, now: float) -> None:
         """A life begins from this record (b"": the first one)."""
-        self.write([Step(incarnation, 0, now, BOOT, record)])
+        self.write([(Step(incarnation, 0, now, BOOT, record), NOTHING)])
 
-    def write(self, steps: Iterable[Step]) -> None:
-        """Steps of the core, in one go; at most 512 (POSIX: 1024 parts of a write)."""
-        lines = [_encoder.encode(step) for step in steps]
-        os.writev(self._file.fileno(), [part for line in lines for part in (HEAD.pack(len(line)), line)])
+    def write(self, steps: Iterable[tuple[Step, msgspec.Raw]]) -> None:
+        """Steps of the core, in one go; at most 341 (POSIX: 1024 parts of a write)."""
+        lines = [(_encoder.encode(step), content) for step, content in steps]
+        parts = [part for line, content in lines for part in (HEAD.pack(len(line)), line, content)]
+        os.writev(self._file.fileno(), parts)
 
     def close(self) -> None:
         """Close the file."""
@@ -99,8 +116,12 @@ def read(path: Path) -> Iterator[Step]:
         body = data[at + HEAD.size : at + HEAD.size + length]
         if len(body) < length:
             return
-        yield _decoder.decode(body)
-        at += HEAD.size + length
+        step, at = _decoder.decode(body), at + HEAD.size + length
+        content = data[at : at + step.apart]
+        if len(content) < step.apart:
+            return
+        yield _joined(step, content) if step.apart else step
+        at += step.apart
 
 
 def deeds(folder: Path) -> list[tuple[str, Deed]]:

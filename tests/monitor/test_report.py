@@ -95,7 +95,7 @@ def test_what_only_agents_heard_is_taken_from_their_logs(pouring: Run, tmp_path:
     for one in unheard:
         if one.receiver == "km":
             event = msgspec.msgpack.encode(Arrived(one.communicate))
-            log.write([steplog.Step(1, 1, one.received, "Arrived", event)])
+            log.write([(steplog.Step(1, 1, one.received, "Arrived", event), steplog.NOTHING)])
     log.close()
     heard = [*pouring.samples[: cut.start], *pouring.samples[cut.stop :]]
     past = history.merged(records(heard), {"km": tuple(history.arrivals(tmp_path / "steps" / "km.steps"))})

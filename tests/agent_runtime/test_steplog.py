@@ -1,11 +1,15 @@
-"""The hash of a step's output: the same for the same, another for whatever differs, however much was said."""
+"""The step log where much is said: hashes tell apart whatever differs, and what came is read as it came."""
+
+import tempfile
+from pathlib import Path
 
 import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
 from agent_runtime.effects import Effects
-from agent_runtime.steplog import MUCH_BYTES, fingerprint
+from agent_runtime.events import Arrived
+from agent_runtime.steplog import MUCH_BYTES, StepLog, fingerprint, noted, read
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 
@@ -40,3 +44,22 @@ def test_what_was_said_to_whom_and_in_which_order_counts(one: int, other: int) -
     found = {fingerprint(effects) for effects in (both, turned, elsewhere, saying("x" * one))}
     assert len(found) == 4
     assert len({fingerprint(saying("x" * one, record=record)) for record in (None, b"1", b"2")}) == 3
+
+
+@given(st.lists(SIZES, min_size=1, max_size=3), st.floats(0.0, 1.0))
+def test_what_came_is_read_as_it_came_up_to_where_the_log_is_torn(sizes: list[int], share: float) -> None:
+    """Its content stands in the line or behind it; a line whose content is not whole is none."""
+    came = [Arrived(saying("x" * size).sends[0]) for size in sizes]
+    with tempfile.TemporaryDirectory() as folder:
+        path, ends = Path(folder) / "km.steps", [0]
+        log = StepLog(path)
+        for number, event in enumerate(came):
+            log.write([noted(1, number, 0.0, event, Effects())])
+            ends.append(path.stat().st_size)
+        log.close()
+        whole = path.read_bytes()
+        assert [msgspec.msgpack.decode(step.input, type=Arrived) for step in read(path)] == came
+        assert not any(step.apart for step in read(path))
+        cut = int(share * len(whole))
+        path.write_bytes(whole[:cut])
+        assert len(list(read(path))) == sum(end <= cut for end in ends[1:])
