@@ -18,10 +18,13 @@ from fipa_codec.communicate import Communicate
 
 MOST_UNWRITTEN = 64
 """Steps after which logs are written though there is no pause; 6 to 11 us each, warm, for which who asks next waits."""
-MOST_BYTES = 512 * 1024
-"""Of communicates in such steps, likewise: the largest are written at once. With 8 MB a question of 852 kB after the
-other took 2.8 of a get in the mean instead of 1.7: what is kept is memory that the next message cannot take, and such a
-batch is a wait of 20 ms (benchmarks/communicates.py).
+MOST_HEARD = 512 * 1024
+"""Bytes of content in such steps; with more they are copied into the step log's buffer at once. Else the next message
+would have to take other memory, which is in no cache: of 852 kB a get and a half.
+"""
+MOST_SAID = 8 * 1024 * 1024
+"""Bytes of communicates in such steps, after which logs are written, too: they wait longer, since to hash them takes
+time of those who hear them. Estimate: ten of the largest answers (852 kB).
 """
 
 
@@ -46,17 +49,17 @@ class Diary:
     def __init__(self, log: Log, steps: StepLog, wiring: Wiring) -> None:
         self._log, self._steps, self._wiring = log, steps, wiring
         self._unwritten: list[_Done] = []
-        self._bytes = 0
+        self._heard = self._said = 0
 
     @property
     def pending(self) -> bool:
         """Whether something is to be written."""
-        return bool(self._unwritten)
+        return bool(self._unwritten) or self._steps.waiting > 0
 
     @property
     def full(self) -> bool:
         """Whether it must be written without waiting for a pause."""
-        return len(self._unwritten) >= MOST_UNWRITTEN or self._bytes >= MOST_BYTES
+        return len(self._unwritten) >= MOST_UNWRITTEN or self._said >= MOST_SAID
 
     def note(self, event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]) -> None:
         """Keep a step in mind; `sizes`: bytes of each communicate sent."""
@@ -65,16 +68,22 @@ class Diary:
         self._unwritten.append(_Done(event, at, after.incarnation, after.soft.step, rest, sizes, received))
         heard = event.communicate if isinstance(event, Arrived) else received
         content = b"" if heard is None or heard.content is msgspec.UNSET else heard.content
-        self._bytes += len(content) + sum(sizes)
+        self._heard += len(content)
+        self._said += sum(sizes)
+        if self._heard >= MOST_HEARD:
+            self._put_down()
 
     def write(self) -> None:
         """Write what is not written."""
-        done, self._unwritten, self._bytes = self._unwritten, [], 0
+        self._put_down()
+        self._steps.flush()
+
+    def _put_down(self) -> None:
+        done, self._unwritten, self._heard, self._said = self._unwritten, [], 0, 0
         lines = [line for one in done for line in self._lines(one)]
         if lines:
             self._log.write_all(lines)
-        if done:
-            self._steps.write(noted(one.incarnation, one.step, one.at, one.event, one.effects) for one in done)
+        self._steps.write(noted(one.incarnation, one.step, one.at, one.event, one.effects) for one in done)
 
     def _lines(self, one: _Done) -> Iterator[tuple[float, str, str, dict[str, Any]]]:
         if one.received is not None:

@@ -173,8 +173,8 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Steppe
 def test_much_that_was_said_is_written_sooner(
     watching: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is not written yet is bounded in bytes, too, of what was heard and what was said."""
-    monkeypatch.setattr(diary, "MOST_BYTES", 500)
+    """What is not written yet is bounded in bytes, too."""
+    monkeypatch.setattr(diary, "MOST_SAID", 500)
     subscribed = said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")
     watching.shell._serving = True
     watching.shell._beat_at = time.time() + 100.0
@@ -188,13 +188,26 @@ def test_much_that_was_said_is_written_sooner(
     before = written(tmp_path)
     watching.happen(Local(Seen("jar", 3)))
     assert written(tmp_path) == before, "and the next 400 do again"
-    watching.shell._diary.write()
-    monkeypatch.setattr(diary, "MOST_BYTES", len(subscribed.content) + 1)
-    watching.shell._wire.send = lambda communicate: 0
+
+
+def test_much_that_was_heard_is_let_go_at_once(
+    watching: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its memory is for the next message; the log has it at the next pause."""
+    subscribed = said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")
+    assert isinstance(subscribed.content, msgspec.Raw)
+    monkeypatch.setattr(diary, "MOST_HEARD", len(subscribed.content) + 1)
+    watching.shell._serving = True
+    watching.shell._beat_at = time.time() + 100.0
     before = written(tmp_path)
     watching.happen(Arrived(subscribed))
+    assert len(watching.shell._diary._unwritten) == 1
     watching.happen(Arrived(msgspec.structs.replace(subscribed, conversation="knower-1-2")))
-    assert written(tmp_path) == before + 2, "what was heard counts, taken or not"
+    assert watching.shell._diary._unwritten == [], "what was heard counts, taken or not"
+    assert written(tmp_path) == before
+    assert watching.shell._next_at() <= time.time() + shell.QUIET_S
+    watching.shell._diary.write()
+    assert written(tmp_path) == before + 2
 
 
 def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> None:

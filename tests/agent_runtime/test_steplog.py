@@ -4,9 +4,11 @@ import tempfile
 from pathlib import Path
 
 import msgspec
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agent_runtime import steplog
 from agent_runtime.effects import Effects
 from agent_runtime.events import Arrived
 from agent_runtime.steplog import MUCH_BYTES, StepLog, fingerprint, noted, read
@@ -55,6 +57,7 @@ def test_what_came_is_read_as_it_came_up_to_where_the_log_is_torn(sizes: list[in
         log = StepLog(path)
         for number, event in enumerate(came):
             log.write([noted(1, number, 0.0, event, Effects())])
+            log.flush()
             ends.append(path.stat().st_size)
         log.close()
         whole = path.read_bytes()
@@ -63,3 +66,20 @@ def test_what_came_is_read_as_it_came_up_to_where_the_log_is_torn(sizes: list[in
         cut = int(share * len(whole))
         path.write_bytes(whole[:cut])
         assert len(list(read(path))) == sum(end <= cut for end in ends[1:])
+
+
+@given(st.lists(st.integers(1, 40), min_size=1, max_size=20))
+def test_whatever_waits_the_file_ends_with_a_whole_line(sizes: list[int]) -> None:
+    """So a kill -9 takes steps, and what the next life writes is readable."""
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(steplog, "BUFFER_BYTES", 200)
+        path = Path(folder) / "km.steps"
+        log = StepLog(path)
+        for number, size in enumerate(sizes):
+            log.write([noted(1, number, 0.0, Arrived(saying("x" * size).sends[0]), Effects())])
+            there, lines = path.stat().st_size, list(read(path))
+            assert log.waiting <= 200
+            assert [step.step for step in lines] == list(range(len(lines)))
+            assert sum(4 + len(msgspec.msgpack.encode(step)) for step in lines) == there, "nothing after the last one"
+        log.close()
+        assert len(list(read(path))) == len(sizes)
