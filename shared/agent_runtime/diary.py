@@ -49,7 +49,7 @@ class Diary:
     def __init__(self, log: Log, steps: StepLog, wiring: Wiring) -> None:
         self._log, self._steps, self._wiring = log, steps, wiring
         self._unwritten: list[_Done] = []
-        self._heard = self._said = 0
+        self._noted = self._heard = self._said = 0
 
     @property
     def pending(self) -> bool:
@@ -59,7 +59,7 @@ class Diary:
     @property
     def full(self) -> bool:
         """Whether it must be written without waiting for a pause."""
-        return len(self._unwritten) >= MOST_UNWRITTEN or self._said >= MOST_SAID
+        return self._noted >= MOST_UNWRITTEN or self._said >= MOST_SAID
 
     def note(self, event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]) -> None:
         """Keep a step in mind; `sizes`: bytes of each communicate sent."""
@@ -68,6 +68,7 @@ class Diary:
         self._unwritten.append(_Done(event, at, after.incarnation, after.soft.step, rest, sizes, received))
         heard = event.communicate if isinstance(event, Arrived) else received
         content = b"" if heard is None or heard.content is msgspec.UNSET else heard.content
+        self._noted += 1
         self._heard += len(content)
         self._said += sum(sizes)
         if self._heard >= MOST_HEARD:
@@ -77,6 +78,7 @@ class Diary:
         """Write what is not written."""
         self._put_down()
         self._steps.flush()
+        self._noted = 0
 
     def _put_down(self) -> None:
         done, self._unwritten, self._heard, self._said = self._unwritten, [], 0, 0

@@ -165,9 +165,12 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Steppe
     assert watching.shell._next_at() <= time.time() + shell.QUIET_S
     watching.shell._diary.write()
     assert written(tmp_path) == before + 1
+    seen = set()
     for value in range(1, 3 * diary.MOST_UNWRITTEN):
         watching.happen(Local(Seen("jar", value)))
+        seen.add(written(tmp_path))
         assert before + value + 1 - written(tmp_path) < diary.MOST_UNWRITTEN
+    assert len(seen) == 3, "written in batches"
 
 
 def test_much_that_was_said_is_written_sooner(
@@ -208,6 +211,9 @@ def test_much_that_was_heard_is_let_go_at_once(
     assert watching.shell._next_at() <= time.time() + shell.QUIET_S
     watching.shell._diary.write()
     assert written(tmp_path) == before + 2
+    for number in range(3, 3 * diary.MOST_UNWRITTEN):
+        watching.happen(Arrived(msgspec.structs.replace(subscribed, conversation=f"knower-1-{number}")))
+        assert before + number - written(tmp_path) < diary.MOST_UNWRITTEN
 
 
 def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> None:
