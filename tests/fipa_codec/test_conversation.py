@@ -178,6 +178,13 @@ def test_deadline_of_a_cancel_stands_until_its_answer(asked):
     assert [side.deadline for side in asked.sides.values()] == [None, None]
 
 
+def test_the_last_word_leaves_no_deadline_though_it_names_a_time(asked):
+    """Nobody waits for an answer to it."""
+    asked.say(PARTICIPANT, P.INFORM, reply_by=30.0)
+    assert asked.states == ("done", "done")
+    assert [side.deadline for side in asked.sides.values()] == [None, None]
+
+
 def test_late_answer_is_still_taken(asked):
     """A deadline that passed ends nothing by itself: the conversation stays open until the peer's last word."""
     assert asked.sides[INITIATOR].late(11.0)
