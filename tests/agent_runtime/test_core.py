@@ -265,6 +265,8 @@ def test_out_of_sequence_breaks_the_conversation() -> None:
     one.step(request(2))
     assert one.sends()[-1].performative is P.NOT_UNDERSTOOD
     assert one.state.memory.seen == ("Received", "Broken")
+    deeds = [effects.deed for effects in one.out if effects.deed is not None]
+    assert [(deed.event, deed.took) for deed in deeds] == [("Broken", None)], "nothing was taken"
     assert not one.state.conversations
 
 
