@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from agent_runtime import streams
 from agent_runtime.agent import Agent
-from agent_runtime.effects import Deed, Effects, LogLine, Out
+from agent_runtime.effects import Deed, Effects, Out
 from agent_runtime.errors import AgentTableError, BehaviourError
 from agent_runtime.events import (
     AnyEvent,
@@ -285,9 +285,7 @@ class Core(Generic[M]):
                 raise BehaviourError(
                     self.agent.name, state.state, "ended, and no arc may be taken", f"arcs: {arcs or 'none'}"
                 )
-            out.logs.append(
-                LogLine("state", {"old": state.state, "new": target, "conversation": conversation_of(event)})
-            )
+            out.log("state", old=state.state, new=target, conversation=conversation_of(event))
             state.state = target
             behaviour = self.agent.behaviours[state.state]
             state.memory = behaviour.transition(state.memory, turn)

@@ -287,9 +287,7 @@ class Shell:
             self._journal.append(out.record)
         for receipt in out.receipts:
             self._wire.send_receipt(receipt)
-        sizes = []
-        for communicate in out.sends:
-            sizes.append(self._wire.send(communicate))
+        sizes = [self._wire.send(communicate) for communicate in out.sends]
         for content in out.tells:
             self._device.tell(content)
         return sizes

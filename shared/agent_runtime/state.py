@@ -204,8 +204,6 @@ def encode_memory(memory: Any) -> bytes:
 
 def same_memory(old: Any, new: Any) -> bool:
     """Whether nothing durable was touched: the same objects in all hard fields."""
-    if old is new:
-        return True
     if type(old) is not type(new):
         return False
     for name in old.__struct_fields__:  # noqa: SIM110 - a generator of its own takes longer than all the rest

@@ -26,6 +26,7 @@ BUFFER_BYTES = 4 * 1024 * 1024
 """Of lines that wait in memory for `flush`; estimate: some of the largest messages (852 kB), a wait of 1 to 10 ms."""
 BOOT = "boot"
 NOTHING = msgspec.Raw()
+"""What stands behind a line whose input is whole."""
 
 
 class Step(msgspec.Struct, frozen=True, array_like=True):
@@ -103,7 +104,7 @@ class StepLog:
     def write(self, steps: Iterable[tuple[Step, msgspec.Raw]]) -> None:
         """Steps of the core, into the file at the next flush, or before it where they are too many to wait.
 
-        The file ends with a whole line at all times, but while a line of more than BUFFER_BYTES is written.
+        Nothing is left of a line for a later write but of one that is longer than BUFFER_BYTES.
         """
         for step, content in steps:
             line = _encoder.encode(step)

@@ -90,8 +90,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     @property
     def ended(self) -> bool:
         """Nothing more is to be said by me; late messages that the table allows may still come."""
-        state = self.state
-        return state == NOT_UNDERSTOOD or state in named(self.protocol).tables[self.role].ended
+        # Not by `table`, here and in `owes`: one function more on a message's way, 0.009 of a get (nine runs by turns).
+        return self.state == NOT_UNDERSTOOD or self.state in named(self.protocol).tables[self.role].ended
 
     @property
     def owes(self) -> bool:

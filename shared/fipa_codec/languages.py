@@ -39,11 +39,11 @@ class Reason(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, 
 
 
 class Language:
-    """`name` (L of the communicate), `classes` (what may be said), `checks` (there is a `check`), `.kind(content)`.
+    """`name` (L of the communicate), `classes` (what may be said), `.kind(content)`, `check`.
 
     `union`: a Struct class or a union of tagged ones, or of other types that msgspec can tell apart.
     `kind`: the guard word of a sentence; without it every sentence is PLAIN. `check(performative, content)`: raises
-    ContentError where a sentence is not one that the act carries; without it every act carries all.
+    ContentError where a sentence (None: no content) is not one that the act carries; None: every act carries all.
     LocalProtocolError where the name is no word.
     """
 
@@ -61,8 +61,7 @@ class Language:
         self.union = union
         self.classes: frozenset[type] = frozenset(get_args(union) or (union,))
         self._kind = kind
-        self._check = check
-        self.checks = check is not None
+        self.check = check
         self._decoder = msgspec.msgpack.Decoder(union)
 
     def __repr__(self) -> str:
@@ -75,7 +74,7 @@ class Language:
         """
         if type(content) not in self.classes:
             raise LocalProtocolError("content", f"{type(content).__name__} is no class of {self.name}: {self._known()}")
-        if performative is not None and self.checks:
+        if performative is not None and self.check:
             try:
                 self.check(performative, content)
             except ContentError as error:
@@ -94,11 +93,6 @@ class Language:
         except Exception as error:
             field, reason = explain(error, "content")
             raise ContentError(field, f"does not fit language {self.name}: {reason}") from error
-
-    def check(self, performative: Performative, content: Any) -> None:
-        """ContentError where the act does not carry this sentence (None: no content)."""
-        if self._check:
-            self._check(performative, content)
 
     def kind(self, content: object) -> Kind:
         """Which use of its performative a sentence makes."""
@@ -137,13 +131,14 @@ class Languages:
             known = ", ".join(self.names)
             raise ContentError("language", f"{communicate.language!r} is unknown, known are {known}")
         if communicate.content is msgspec.UNSET:
-            if communicate.language:
-                self._named[communicate.language].check(communicate.performative, None)
+            silent = self._named[communicate.language].check if communicate.language else None
+            if silent:
+                silent(communicate.performative, None)
             return None, _PLAIN
         if not communicate.language:
             raise ContentError("language", "is absent, so the content cannot be read")
         language = self._named[communicate.language]
         content = language.decode(communicate.content)
-        if language.checks:
+        if language.check:
             language.check(communicate.performative, content)
         return content, language.kind(content)
