@@ -1,29 +1,29 @@
-"""What our layers cost: the codec, a step of a conversation, a question and its answer through the router.
+"""What our layers cost: the codec, a step of a conversation, a question and its answer as shipped and in parts.
 
     python benchmarks/communicates.py [--quick] [--only codec|conversation|trip|stages] [--out results file]
 
-Each row sets ours against the bare thing in the same process, by turns in blocks, so that noise hits both alike; the
-ratio is that of the medians. A row is appended to the results file with the commit and the machine's load; rows of this
-commit that stand there are skipped (--again measures them once more). A full run takes two to three minutes.
+Each row sets ours against the bare thing, by turns in blocks, so that noise hits both alike; the ratio is that of the
+medians. A row is appended to the results file with the commit and the machine's load before and while it was
+measured; rows of this commit that stand there are skipped (--again measures them once more). A full run takes some
+minutes.
 """
 
 import os
-import signal
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 import typer
-from round_trip import WM, Plan, Times
+from fleets import KINDS, PARTS, Fleet
+from round_trip import WM
 from stages import stage_times
 
-from agent_runtime.zenoh_wire import free_endpoint
 from companion.languages import wm
 from fipa_codec.communicate import _LETTERS, LABEL, WORD, Communicate, decode, encode
 from fipa_codec.conversation import Conversation
@@ -31,13 +31,9 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
 HERE = Path(__file__).parent
-START_S, RUN_S = 30.0, 600.0  # estimates: the processes are up in 2 s, the longest plan takes a minute
 STEP_LIMIT_US, CODEC_LIMIT = 10.0, 1.3
-TRIPS = {"654 B": (1.4, Plan("654 B", 100, 40, 300)), "98 kB": (None, Plan("98 kB", 50, 20, 100))} | {
-    "852 kB": (1.5, Plan("852 kB", 20, 25, 60)),
-    "852 kB of grasps": (None, Plan("852 kB of grasps", 5, 8, 10)),
-}
-"""Answer -> limit of the ratio (None: none was set), how it is measured."""
+TRIPS = {"654 B": (100, 41), "98 kB": (30, 21), "852 kB": (20, 21)}
+"""Answer -> questions of a block, blocks of each fleet: eight of 852 kB begin cold."""
 SIZES = {"231 B": 231, "654 B": 654, "98 kB": 98_000, "852 kB": 852_000}
 """Smallest, mean and largest of C4 and largest of all communicates (paper, section 5.7)."""
 
@@ -54,6 +50,7 @@ class Result(msgspec.Struct, omit_defaults=True):
     spread: tuple[float, ...] = ()
     n: int = 0
     load: tuple[float, ...] = ()
+    load_before: tuple[float, ...] = ()
     at: float = 0.0
 
 
@@ -164,56 +161,55 @@ def timed(work: Callable[[], Any]) -> float:
 
 
 def trip(quick: bool, wanted: list[str]) -> list[Result]:
-    """query-ref -> inform-ref between two agents against a bare get, both over one router; see round_trip.py."""
-    with tempfile.TemporaryDirectory(prefix="communicates-") as folder:
-        run = Path(folder)
-        plans = [TRIPS[name][1] for name in wanted]
-        if quick:
-            plans = [msgspec.structs.replace(p, blocks=max(3, p.blocks // 5), warm=p.warm // 3) for p in plans]
-        together(run, "round_trip.py", plans)
-        times = msgspec.json.decode((run / "times.json").read_bytes(), type=list[Times])
-    rows = [(f"question and answer of {one.answer}", one.agents, one.bare, TRIPS[one.answer][0]) for one in times]
-    rows += [
-        (f"{one.answer}, from the own side's word to the word to it", one.outside, one.bare, None) for one in times
-    ]
-    return [result(*row) for row in rows]
+    """query-ref -> inform-ref between two agents of each kind of fleet against a bare get; see fleets.py."""
+    before = os.getloadavg()
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="communicates-") as folder, ExitStack() as stack:
+        fleets = {}
+        for kind in KINDS:
+            fleets[kind] = Fleet(Path(folder) / kind.name.replace(" ", "-"), kind)
+            stack.callback(fleets[kind].end)
+        for answer in wanted:
+            bare, *others = turns(list(fleets.values()), answer, quick)
+            rows += [
+                result(asked(answer, kind.name), times, bare, None)
+                for kind, times in zip(KINDS[1:], others, strict=True)
+            ]
+    return [msgspec.structs.replace(row, load_before=before) for row in rows]
 
 
-def together(run: Path, script: str, plans: list[Plan]) -> None:
-    """Router, km and pl as processes, until pl has done its plans."""
-    endpoint = free_endpoint()
-    environment = os.environ | {"ROCO_LISTEN": endpoint, "ROCO_RUN_DIR": str(run)}
-    started = [subprocess.Popen([sys.executable, "-m", "services.router"], env=environment, stdout=sys.stderr)]
-    try:
-        wait_for(run / "router.ready")
-        command = [sys.executable, str(HERE / script)]
-        started.append(subprocess.Popen([*command, "km", endpoint, str(run)], stdout=sys.stderr))
-        asked = msgspec.json.encode(plans).decode()
-        subprocess.run([*command, "pl", endpoint, str(run), asked], check=True, timeout=RUN_S, stdout=sys.stderr)
-    finally:
-        for process in reversed(started):
-            process.send_signal(signal.SIGTERM)
-            process.wait(timeout=START_S)
+def asked(answer: str, kind: str) -> str:
+    """What a row of a question is called."""
+    return f"question and answer of {answer}, {kind}"
+
+
+def turns(fleets: list[Fleet], answer: str, quick: bool) -> list[list[list[float]]]:
+    """Blocks of each, by turns."""
+    count, blocks = TRIPS[answer]
+    for fleet in fleets:
+        fleet.block(answer, 3 * count)
+        fleet.rest()
+    taken: list[list[list[float]]] = [[] for _ in fleets]
+    for _ in range(blocks // 5 if quick else blocks):
+        for times, fleet in zip(taken, fleets, strict=True):
+            times.append(fleet.block(answer, count))
+            fleet.rest()
+    return taken
 
 
 def stages(quick: bool) -> None:
     """Where the time of a question goes: medians between stamps in both processes; the stamps themselves cost 5 us."""
-    for name in ("654 B", "852 kB"):
+    for name, (count, blocks) in TRIPS.items():
         with tempfile.TemporaryDirectory(prefix="communicates-") as folder:
-            plan = msgspec.structs.replace(TRIPS[name][1], blocks=6 if quick else 20)
-            together(Path(folder), "stages.py", [plan])
-            typer.echo(f"{name}, from the own side's word to the answer's, us at p50:")
-            for what, middle in stage_times(Path(folder)):
+            run = Path(folder) / "fleet"
+            fleet = Fleet(run, PARTS[0], "stages.py")
+            try:
+                fleet.block(name, count * (6 if quick else blocks // 2))
+            finally:
+                fleet.end()
+            typer.echo(f"{name}, {PARTS[0].name}, us at p50:")
+            for what, middle in stage_times(run):
                 typer.echo(f"  {what:58} {middle:8.0f}")
-
-
-def wait_for(path: Path) -> None:
-    """Until the file is there."""
-    end = time.monotonic() + START_S
-    while not path.exists():
-        if time.monotonic() > end:
-            raise typer.BadParameter(f"{path.name} is not there after {START_S:g} s: the router did not start")
-        time.sleep(0.02)
 
 
 def result(what: str, ours: list[list[float]], bare: list[list[float]] | None, limit: float | None) -> Result:
@@ -270,7 +266,7 @@ def main(
     """Measure, print a table (us: p50 p99 ours, p50 p99 bare, ratio with the middle half of the blocks), append."""
     lines = out.read_bytes().splitlines() if out.exists() and not (again or quick) else []
     known = {row.what for row in (msgspec.json.decode(line, type=Result) for line in lines) if row.run == RUN}
-    wanted = [name for name in TRIPS if f"question and answer of {name}" not in known]
+    wanted = [name for name in TRIPS if any(asked(name, kind.name) not in known for kind in KINDS[1:])]
     parts: dict[str, Callable[[], list[Result]]] = {
         "codec": lambda: codec(quick),
         "conversation": lambda: conversation(quick),

@@ -1,23 +1,24 @@
-"""Two agents and a bare Zenoh get over the same router, turn by turn: the processes that communicates.py starts.
+"""Two agents on channel C4, or two bare Zenoh sessions: the processes that fleets.py starts.
 
-    python benchmarks/round_trip.py km|pl <endpoint> <run folder> [<plan as JSON>]
+    python benchmarks/round_trip.py km|pl|queryable|getter <address> <run folder> <where times go: a descriptor>
 
 km and pl are the agents of the design on channel C4 (its links, rows, interfaces and languages), as they stand in their
 processes: shell, core, journal, step log, wire. Only what they would compute is left out: km has its answers ready, pl
-asks one question after the other. Beside them the same two processes hold a bare session each: a queryable that gives
-bytes of the same number, and gets of them. pl asks in blocks by turns, both kinds on one thread.
+asks one question after the other. queryable and getter are the bare thing: a session each with the settings of the
+agents' sessions, a queryable that gives bytes of the same number, and gets of them.
 
 A question takes from where pl's behaviour says it (turn.open) to where that behaviour has the answer, decoded, in its
-hand, as a get takes from its call to its reply. With the own side's word before it (a step of its own) and the word to
-the own side after it, it takes longer; both times are kept.
+hand, as a get takes from its call to its reply. pl and getter ask a block for each line of standard input, and give its
+times as a line.
 """
 
 import dataclasses
 import os
 import signal
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from agent_runtime.devices import Post
 from agent_runtime.events import Local, Received
 from agent_runtime.options import Options
 from agent_runtime.turn import Turn
-from agent_runtime.zenoh_wire import client_config
+from agent_runtime.zenoh_wire import client_config, keep_memory
 from companion.binding import wiring
 from companion.languages import LANGUAGES, wm
 from companion.languages.values import Pose
@@ -45,26 +46,11 @@ WITHIN_S = 30.0
 WM = LANGUAGES.named("WM")
 
 
-class Plan(msgspec.Struct, frozen=True):
-    """Which answer, asked for how often in a block, how many blocks of each kind, after how many to warm up."""
+class Block(msgspec.Struct, frozen=True):
+    """Ask `count` questions for this answer, one after the other."""
 
     answer: str
-    block: int
-    blocks: int
-    warm: int
-
-
-class Times(msgspec.Struct):
-    """Of one plan: round trips [us] of the agents and of the bare gets, one list a block; bytes of the answer.
-
-    `agents`: from behaviour to behaviour; `outside`: from the own side's word to the word to it.
-    """
-
-    answer: str
-    size: int
-    agents: list[list[float]] = []
-    outside: list[list[float]] = []
-    bare: list[list[float]] = []
+    count: int
 
 
 # --- the answers ------------------------------------------------------------------------------------------------------
@@ -136,30 +122,16 @@ def km() -> Agent[Any]:
     return dataclasses.replace(real, memory=memory, behaviours={**real.behaviours, state: mine})
 
 
-class Queryable:
-    """The bare side in km's process; a device only so that it ends with it."""
+class Store:
+    """km's own side, which has nothing to keep."""
 
     busy = False
-
-    def __init__(self, endpoint: str) -> None:
-        self._session = zenoh.open(client_config(endpoint))
-        ready = {name: make() for name, make in ANSWERS.items()}
-        sized = {name: bytes(len(encode(_said(Performative.INFORM_REF, content)))) for name, content in ready.items()}
-
-        def reply(query: zenoh.Query) -> None:
-            with query:
-                name = bytes(query.payload or b"").rstrip(b"\0").decode()
-                data = msgspec.msgpack.encode(ready[name]) if name in READ_TOO else sized[name]
-                query.reply(query.key_expr, data)
-
-        self._declared = self._session.declare_queryable("bare/km", reply)
 
     def tell(self, content: Any) -> None:
         """What km tells its store."""
 
     def close(self) -> None:
-        """End with the process."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        """Nothing to close."""
 
 
 # --- pl ---------------------------------------------------------------------------------------------------------------
@@ -207,96 +179,109 @@ def _never(memory: Any) -> bool:
     return False
 
 
-class Asker:
-    """pl's own side, on the thread that steps, so that no thread has to be woken that the fleet would not wake."""
+class Turns:
+    """pl's own side: a block of questions for each line of standard input, its times [us] as a line of `out`.
+
+    It is told on the thread that steps, so that no thread has to be woken that the fleet would not wake.
+    """
 
     busy = False
 
-    def __init__(self, post: Post, endpoint: str, run: Path, plans: list[Plan]) -> None:
-        self._post, self._run, self._plans = post, run, plans
-        self._session = zenoh.open(client_config(endpoint))
-        self._times: list[Times] = []
-        self._read = msgspec.msgpack.Decoder(wm.Content).decode
-        self._left, self._warm, self._asked = 0, True, 0
-        self._block, self._outside = list[float](), list[float]()
-        post(Begin(), 1.0)
+    def __init__(self, post: Post, out: int) -> None:
+        self._post, self._out = post, out
+        self._left, self._times, self._answer = 0, list[float](), ""
+        threading.Thread(target=self._read, daemon=True).start()
 
-    def _begin(self) -> None:
-        """The next plan, or the end."""
-        if not self._plans:
-            (self._run / "times.json").write_bytes(msgspec.json.encode(self._times))
-            os.kill(os.getpid(), signal.SIGTERM)
-            return
-        plan = self._plans[0]
-        size = len(encode(_said(Performative.INFORM_REF, ANSWERS[plan.answer]())))
-        self._times.append(Times(plan.answer, size))
-        self._warm = True
-        self._bare(plan.warm)
-        self._turn(plan.warm)
+    def _read(self) -> None:
+        for block in blocks():
+            self._left, self._times, self._answer = block.count, [], block.answer
+            self._post(Go(self._answer))
 
     def tell(self, content: Any) -> None:
-        """An answer came: take the time, ask on, or let the bare gets have their turn."""
-        now = time.perf_counter_ns()
-        if isinstance(content, Begin):
-            self._begin()
+        """An answer came: ask on, or give the times."""
+        if not isinstance(content, Came):
             return
-        self._block.append(content.took_us)
-        self._outside.append((now - self._asked) / 1000)
+        self._times.append(content.took_us)
         self._left -= 1
         if self._left:
-            self._ask()
+            self._post(Go(self._answer))
         else:
-            self._over()
-
-    def _over(self) -> None:
-        plan, times = self._plans[0], self._times[-1]
-        if not self._warm:
-            times.agents.append(self._block)
-            times.outside.append(self._outside)
-            times.bare.append(self._bare(plan.block))
-            print(f"{plan.answer}: {len(times.bare)} of {plan.blocks} blocks", flush=True)
-        self._warm = False
-        if len(times.bare) < plan.blocks:
-            self._turn(plan.block)
-        else:
-            self._plans.pop(0)
-            self._begin()
-
-    def _turn(self, count: int) -> None:
-        self._left, self._block, self._outside = count, [], []
-        self._ask()
-
-    def _ask(self) -> None:
-        self._asked = time.perf_counter_ns()
-        self._post(Go(self._plans[0].answer))
-
-    def _bare(self, count: int) -> list[float]:
-        """So many gets one after the other; the time of one ends with its last reply in hand as bytes."""
-        name = self._plans[0].answer
-        size = len(encode(_said(Performative.QUERY_REF, wm.GraspSet(object=name))))
-        asked, took = name.encode().ljust(size, b"\0"), []
-        for _ in range(count):
-            begin = time.perf_counter_ns()
-            for reply in self._session.get("bare/km", payload=asked, timeout=WITHIN_S):
-                data = reply.ok.payload.to_bytes()
-                if name in READ_TOO:
-                    self._read(data)
-            took.append((time.perf_counter_ns() - begin) / 1000)
-        return took
+            give(self._out, self._times)
 
     def close(self) -> None:
         """End with the process."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        os.close(self._out)
 
 
-def main(name: str, endpoint: str, run: Path, plans: list[Plan]) -> int:
-    """Serve as one of the two until told to stop, pl until its plans are done."""
-    options = Options(connect=endpoint, run_dir=run, system=SYSTEM, log_level="warning")
+def blocks() -> Iterator[Block]:
+    """What standard input asks for."""
+    with os.fdopen(0, "rb", buffering=0, closefd=False) as lines:  # unbuffered: its lock would hold up the end
+        for line in lines:
+            yield msgspec.json.decode(line, type=Block)
+
+
+def give(out: int, times: list[float]) -> None:
+    """The times of a block, as a line."""
+    data = msgspec.json.encode(times) + b"\n"
+    while data:
+        data = data[os.write(out, data) :]
+
+
+# --- the bare thing ---------------------------------------------------------------------------------------------------
+
+
+def queryable(address: str, run: Path) -> int:
+    """Reply until told to stop."""
+    keep_memory()
+    ready = {name: make() for name, make in ANSWERS.items()}
+    sized = {name: bytes(len(encode(_said(Performative.INFORM_REF, content)))) for name, content in ready.items()}
+
+    def reply(query: zenoh.Query) -> None:
+        with query:
+            name = bytes(query.payload or b"").rstrip(b"\0").decode()
+            query.reply(query.key_expr, msgspec.msgpack.encode(ready[name]) if name in READ_TOO else sized[name])
+
+    ended = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    with zenoh.open(client_config(address)) as session:
+        declared = session.declare_queryable("bare/km", reply)
+        (run / "queryable.ready").touch()
+        ended.wait()
+        declared.undeclare()
+    return 0
+
+
+def getter(address: str, out: int) -> int:
+    """Gets, as asked for, until standard input ends; the time of one ends with its last reply in hand as bytes."""
+    keep_memory()
+    read = msgspec.msgpack.Decoder(wm.Content).decode
+    with zenoh.open(client_config(address)) as session:
+        for block in blocks():
+            size = len(encode(_said(Performative.QUERY_REF, wm.GraspSet(object=block.answer))))
+            asked, took = block.answer.encode().ljust(size, b"\0"), list[float]()
+            while len(took) < block.count:
+                begin = time.perf_counter_ns()
+                for reply in session.get("bare/km", payload=asked, timeout=WITHIN_S):
+                    data = reply.ok.payload.to_bytes()
+                    if block.answer in READ_TOO:
+                        read(data)
+                took.append((time.perf_counter_ns() - begin) / 1000)
+            give(out, took)
+    return 0
+
+
+def main(name: str, address: str, run: Path, out: int) -> int:
+    """Serve as one of the four until told to stop."""
+    if name == "queryable":
+        return queryable(address, run)
+    if name == "getter":
+        return getter(address, out)
+    keys = Path(os.environ["ROCO_TLS_DIR"]) if os.environ.get("ROCO_TLS_DIR") else None
+    options = Options(connect=address, run_dir=run, system=SYSTEM, log_level="error", keys=keys)
     if name == "km":
-        return shell.run(km(), wiring("km", SYSTEM), options, lambda post: Queryable(endpoint))
-    return shell.run(pl(), wiring("pl", SYSTEM), options, lambda post: Asker(post, endpoint, run, plans))
+        return shell.run(km(), wiring("km", SYSTEM), options, lambda post: Store())
+    return shell.run(pl(), wiring("pl", SYSTEM), options, lambda post: Turns(post, out))
 
 
 if __name__ == "__main__":
-    asked = msgspec.json.decode(sys.argv[4], type=list[Plan]) if len(sys.argv) > 4 else []
-    sys.exit(main(sys.argv[1], sys.argv[2], Path(sys.argv[3]), asked))
+    sys.exit(main(sys.argv[1], sys.argv[2], Path(sys.argv[3]), int(sys.argv[4])))

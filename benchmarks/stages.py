@@ -1,6 +1,6 @@
 """round_trip.py with a stamp of the common clock at each place a question passes: where its time goes.
 
-Started like round_trip.py, by communicates.py --only stages; each process leaves its stamps in the run folder.
+Started like it by fleets.py, for communicates.py --only stages; each process leaves its stamps in the run folder.
 """
 
 import statistics
@@ -65,18 +65,17 @@ def stage_times(run: Path) -> list[tuple[str, float]]:
     return [(what, statistics.median(times)) for what, times in stages]
 
 
-def main(name: str, endpoint: str, run: Path, plans: list[round_trip.Plan]) -> int:
+def main(name: str, address: str, run: Path, out: int) -> int:
     """As round_trip.main."""
     stamps: list[tuple[str, int]] = []
     stamped(zenoh_wire.ZenohWire, "_put", "put", "sent", stamps)
     stamped(zenoh_wire.ZenohWire, "_on_communicate", "heard", "", stamps)
     stamped(shell.Shell, "_take", "take", "", stamps)
-    stamped(round_trip.Asker, "tell", "told", "", stamps)
-    code = round_trip.main(name, endpoint, run, plans)
+    stamped(round_trip.Turns, "tell", "told", "", stamps)
+    code = round_trip.main(name, address, run, out)
     (run / f"{name}.stamps").write_bytes(msgspec.json.encode(stamps))
     return code
 
 
 if __name__ == "__main__":
-    asked = msgspec.json.decode(sys.argv[4], type=list[round_trip.Plan]) if len(sys.argv) > 4 else []
-    sys.exit(main(sys.argv[1], sys.argv[2], Path(sys.argv[3]), asked))
+    sys.exit(main(sys.argv[1], sys.argv[2], Path(sys.argv[3]), int(sys.argv[4])))

@@ -22,6 +22,7 @@ from typing import Annotated
 import msgspec
 import typer
 from communicates import commit
+from fleets import tree
 from round_trip import SYSTEM
 
 from agent_runtime.zenoh_wire import free_endpoint
@@ -95,9 +96,7 @@ class Bench:
 
     def watched(self) -> dict[str, int]:
         """Monitor, drawing, server: name -> pid."""
-        drawing = next(iter(_children(self.monitor)), 0)
-        server = next(iter(_children(drawing)), 0) if drawing else 0
-        return {"monitor": self.monitor, "drawing": drawing, "server": server}
+        return dict(zip(("monitor", "drawing", "server"), (*tree(self.monitor), 0, 0), strict=False))
 
     def phase(self, name: str, seconds: float) -> Phase:
         """So many seconds after WARM_S."""
@@ -131,11 +130,11 @@ def measure(run: Path, freeze: str, frozen_s: float) -> Row:
         first = bench.phase("without", frozen_s)
         viewer = bench.viewer()
         time.sleep(15.0)  # it connects, takes what there is, draws
-        stopped = _tree(viewer) if freeze == "viewer" else [bench.watched()["drawing"]]
+        stopped = tree(viewer) if freeze == "viewer" else [bench.watched()["drawing"]]
         for pid in stopped:
             os.kill(pid, signal.SIGSTOP)
         if freeze != "viewer":
-            _kill(_tree(viewer))
+            _kill(tree(viewer))
         held = bench.phase(f"{freeze} frozen", frozen_s)
         if freeze == "viewer":
             _kill(stopped)
@@ -174,18 +173,6 @@ def main(
     raise typer.Exit(0 if row.ratio <= LIMIT else 1)
 
 
-def _children(pid: int) -> list[int]:
-    """What any of its threads has started."""
-    try:
-        return [int(word) for file in Path(f"/proc/{pid}/task").glob("*/children") for word in file.read_text().split()]
-    except OSError:
-        return []
-
-
-def _tree(pid: int) -> list[int]:
-    return [pid, *(below for child in _children(pid) for below in _tree(child))]
-
-
 def _kill(pids: list[int]) -> None:
     for pid in pids:
         if Path(f"/proc/{pid}").exists():
@@ -210,14 +197,14 @@ def _dropped(run: Path) -> int:
 
 def _end(process: subprocess.Popen[bytes]) -> None:
     """In order, else by kill, with all that it started."""
-    tree = _tree(process.pid)
+    started = tree(process.pid)
     process.terminate()
     try:
         process.wait(30.0)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-    _kill([pid for pid in tree if pid != process.pid])
+    _kill([pid for pid in started if pid != process.pid])
 
 
 if __name__ == "__main__":

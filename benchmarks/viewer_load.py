@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import zenoh
-from round_trip import SYSTEM, Begin, Came, Go, Queryable, km, pl
+from round_trip import SYSTEM, Begin, Came, Go, Store, km, pl
 
 from agent_runtime import shell
 from agent_runtime.devices import Post
@@ -67,7 +67,7 @@ def role(name: str, endpoint: str, run: Path) -> int:
     if name == "robot":
         robot(endpoint)
     if name == "km":
-        return shell.run(km(), wiring("km", SYSTEM), options, lambda post: Queryable(endpoint))
+        return shell.run(km(), wiring("km", SYSTEM), options, lambda post: Store())
     return shell.run(pl(), wiring("pl", SYSTEM), options, lambda post: Asker(post, run))
 
 

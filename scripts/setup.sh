@@ -56,7 +56,7 @@ setup() {
         return
     fi
     setup_venv
-    say "installing what requirements/all.txt locks (about 600 MB the first time)"
+    say "installing what requirements/all.txt locks (about 550 MB the first time)"
     .venv/bin/uv pip install --python .venv/bin/python --require-hashes -r requirements/all.txt || die "uv could not install (see above)"
     say "installing the project itself, editable"
     .venv/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable . ||

@@ -3,6 +3,8 @@
 The verbs are in services.console.verbs; docs/roco.md has the exit codes, which are the same for all.
 """
 
+from typing import Annotated
+
 import typer
 
 from services.console.lazy import Verbs
@@ -12,8 +14,21 @@ app = typer.Typer(
 )
 
 
+def tell_version(asked: bool) -> None:
+    """Print the installed version, and end."""
+    if asked:
+        from services.console.machine import installed  # no verb needs it to begin
+
+        print(f"roco {installed()}")
+        raise typer.Exit
+
+
 @app.callback()
-def roco() -> None:
+def roco(
+    version: Annotated[
+        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Show the version, and end.")
+    ] = False,
+) -> None:
     """The operator's command line of the Robot Companion."""
 
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from companion.run_folder import KEYS_FOLDER, ProcessState
-from services.console import runs
+from services.console import beside
 from services.console.checkup import Check, Level
 from services.console.errors import ConsoleError
 from services.console.hi import Hi
@@ -138,15 +138,13 @@ def clock(fleet: Target, now: Look) -> Iterator[Check]:
 def stale(fleet: Target, now: Look) -> Iterator[Check]:
     """Processes of other runs that were left behind."""
     here = fleet.run if isinstance(fleet, Local) else None
-    for folder in sorted(runs.RUNS.glob("*")) if runs.RUNS.is_dir() else []:
-        if folder.is_symlink() or not folder.is_dir() or folder.resolve() == here:
+    for one in beside.here():
+        if one.run.resolve() == here:
             continue
-        told = runs.living(folder)
-        alive = [status.name for status in told.processes if status.pid] if told else []
-        if alive and told is not None:
-            what = f"{len(alive)} processes of {folder} live too{'' if told.supervisor else ', without a supervisor'}"
-            level = Level.NOTE if told.supervisor else Level.WRONG
-            yield Check("other runs", level, what, f"`roco down --run-dir {folder}`")
+        alone = "" if one.fleet.supervisor else ", without a supervisor"
+        what = f"{len(one.names)} processes of {one.run} live too{alone}"
+        level = Level.NOTE if one.fleet.supervisor else Level.WRONG
+        yield Check("other runs", level, what, f"`roco down --run-dir {one.run}`")
 
 
 FLEET: dict[str, Callable[[Target, Look], Iterator[Check]]] = {

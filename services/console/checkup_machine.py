@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from services.console import beside, pace
 from services.console.checkup import Check, Level
 from services.console.docker import docker
 from services.console.errors import DockerError
@@ -128,7 +129,7 @@ def processors() -> Iterator[Check]:
     count, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
     words = f"{count} processors, load {load:.1f}"
     if load > BUSY * count:
-        yield Check("processor", Level.NOTE, words, "end other programs: a start takes longer, acts may come late")
+        yield Check("processor", Level.NOTE, words, "end other programs: starts, plans and acts take longer")
     else:
         yield Check("processor", Level.FINE, words)
     governors = {
@@ -142,7 +143,16 @@ def processors() -> Iterator[Check]:
 
 
 def real_time() -> Iterator[Check]:
-    """Whether the loop may ask for SCHED_FIFO."""
+    """Whether the loop holds 500 Hz with what runs now, and whether it may ask for SCHED_FIFO.
+
+    Timed only where no fleet runs here: its own loop would be in the way, and tells its timing in the report.
+    """
+    measured = None if beside.here() else pace.measure()
+    if measured is not None and measured.held:
+        yield Check("real time", Level.FINE, f"{measured.words}: real time is held")
+    elif measured is not None:
+        remedy = "end other programs, or start with `--speed max`, which needs no real time"
+        yield Check("real time", Level.WRONG, f"{measured.words}: real time cannot be held", remedy)
     _, most = resource.getrlimit(resource.RLIMIT_RTPRIO)
     if most > 0 or most == resource.RLIM_INFINITY or os.geteuid() == 0:
         yield Check("real time", Level.FINE, "the loop may ask for a real-time priority")

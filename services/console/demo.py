@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from rich.live import Live
 from companion.languages.cmd import TaskState
 from companion.run_folder import LIVE_FILE, REPORT_FILE, Fleet, LiveLine, ProcessState, TaskLine
 from companion.words import plain
-from services.console import draw, fleet, live, runs
+from services.console import draw, fleet, interrupts, live, runs
 from services.console.errors import ConsoleError
 from services.console.hi import Hi
 
@@ -52,7 +53,7 @@ class Watch:
         self._live: Live | None = None
         self._told: dict[str, str] = {}
         if not self.pictures and not json_lines:
-            console.out(f"{title}; everything is written to {near(run)}", highlight=False)
+            console.out(f"{title}; everything is written to {runs.near(run)}", highlight=False)
 
     @contextmanager
     def showing(self) -> Iterator["Watch"]:
@@ -101,7 +102,7 @@ class Watch:
             self.console.out(f"{max(0.0, t - self.scene.began):7.1f} s  {words}", highlight=False)
 
     def _picture(self) -> RenderableType:
-        return draw.picture(self.scene, lines=self.console.height)
+        return draw.picture(self.scene, lines=self.console.height, width=self.console.width)
 
 
 def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
@@ -109,16 +110,19 @@ def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
 
     The fleet is brought down whatever happens. ConsoleError: it did not come up, or there is no report.
     """
-    supervisor = fleet.start(run, supervisor_arguments)
-    try:
-        with watch.showing():
-            fleet.wait_ready(run, supervisor, watch.look)
-            first_look(watch, lambda: supervisor.poll() is None)
-            follow(Hi(runs.hi_address(run)), SENTENCE, watch, lambda: supervisor.poll() is None)
-    finally:
-        watch.ending()
-        fleet.down(run)
-        fleet.end(supervisor)
+    with interrupts.held() as let_go:
+        supervisor = fleet.start(run, supervisor_arguments)
+        try:
+            let_go()
+            with watch.showing():
+                fleet.wait_ready(run, supervisor, watch.look)
+                first_look(watch, lambda: supervisor.poll() is None)
+                follow(Hi(runs.hi_address(run)), SENTENCE, watch, lambda: supervisor.poll() is None)
+        finally:
+            try:
+                watch.ending()
+            finally:  # a closed terminal takes no words
+                fleet.bring_down(run, supervisor)
     report = runs.read(run / REPORT_FILE, Report)
     if report is None:
         raise ConsoleError(f"the run ended without a report ({run / REPORT_FILE} is not there); see {run}/monitor.log")
@@ -157,17 +161,18 @@ def follow(hi: Hi, sentence: str, watch: Watch, alive: Callable[[], bool]) -> Ta
     return task
 
 
-def verdict(report: Report, run: Path) -> str:
-    """The end of it, in lines for a person."""
-    lines = ["success" if report.success else f"no success: {report.failure or 'see the report'}"]
+def verdict(report: Report, run: Path, width: int | None = None) -> str:
+    """The end of it, in lines for a person; `width`: of a terminal, so that no word of a reason is broken there."""
+    said = "success" if report.success else f"no success: {report.failure or 'see the report'}"
+    lines = [textwrap.fill(said, width, break_long_words=False, break_on_hyphens=False)] if width else [said]
     if report.poured_fraction is not None:
         lines.append(f"{100 * report.poured_fraction:.0f} % of the content is in the bowl")
     if report.sim_time_s is not None and report.wall_time_s is not None:
         acts = f"{report.sim_time_s:.0f} s of simulated acts"
         lines.append(f"{acts}; {report.wall_time_s:.0f} s of wall time from the command to its end")
-    lines.append(f"report: {near(run / 'report.html')}")
+    lines.append(f"report: {runs.near(run / 'report.html')}")
     if (run / PICTURES).exists():
-        lines.append(f"to look at it again: {near(RERUN)} {near(run / PICTURES)}")
+        lines.append(f"to look at it again: {runs.near(RERUN)} {runs.near(run / PICTURES)}")
     return "\n".join(lines)
 
 
@@ -177,11 +182,6 @@ def show(run: Path) -> None:
         quiet = subprocess.DEVNULL
         command = [str(RERUN), str(run / PICTURES)]
         subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
-
-
-def near(path: Path) -> Path:
-    """A path as one would type it here."""
-    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def verdict_json(report: Report, run: Path) -> str:

@@ -3,7 +3,7 @@
 import time
 
 import msgspec
-from rich.console import Group, RenderableType
+from rich.console import Console, Group, RenderableType
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
@@ -12,9 +12,11 @@ from companion.design import DESIGN
 from companion.run_folder import Fleet, TaskLine
 from companion.words import plain
 from services.console.doing import COLOURS, doing, waited_for
-from services.console.live import Plan, View, leaves
+from services.console.live import Event, Plan, View, leaves
 
 PLAN_LINES = 17  # as high as the panels beside it
+LEAST_COLUMN = 20  # in a narrower terminal lines are folded again
+_MEASURE = Console(width=80)  # what measures texts; nothing is printed to it
 ENDED = {"replan": "a new plan is wanted"}
 
 
@@ -29,8 +31,8 @@ class Scene(msgspec.Struct, frozen=True):
     stop_held: bool = False
 
 
-def picture(scene: Scene, now: float | None = None, lines: int = 40) -> RenderableType:
-    """Draw it all, as many events as fit into `lines`; `now`: unix time [s]."""
+def picture(scene: Scene, now: float | None = None, lines: int = 40, width: int = 80) -> RenderableType:
+    """Draw it all, as many events as fit into `lines` of a terminal so wide; `now`: unix time [s]."""
     upper = Table.grid(expand=True, padding=(0, 1))
     upper.add_column(ratio=6)
     upper.add_column(ratio=5)
@@ -42,8 +44,8 @@ def picture(scene: Scene, now: float | None = None, lines: int = 40) -> Renderab
     upper.add_row(left, Panel(plan_tree(scene.view), title=title, title_align="left", border_style="dim"))
     top = header(scene, time.time() if now is None else now)
     processes = len(scene.fleet.processes) if scene.fleet else 1
-    height = len(top.plain.splitlines()) + processes + len(DESIGN.channels) + 4  # four lines of frames
-    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1)))
+    height = len(wrapped(top, width)) + processes + len(DESIGN.channels) + 4  # four lines of frames
+    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width))
 
 
 def header(scene: Scene, now: float) -> Text:
@@ -138,16 +140,28 @@ def shown(plan: Plan, lines: int) -> tuple[str, ...]:
     return tuple(paths[first : first + lines])
 
 
-def events(view: View, began: float, lines: int) -> Text:
-    """The latest events, one line each, in seconds after `began` [unix s]."""
-    text = Text(no_wrap=True, overflow="ellipsis")
-    for number, event in enumerate(view.events[-lines:]):
-        text.append("\n" if number else "")
-        text.append(f"{max(0.0, event.t - began):5.0f} s  ", "dim")
-        text.append(event.who)
-        if event.text:
-            text.append(f": {plain(event.text)}", "dim")
-    return text
+def events(view: View, began: float, lines: int, width: int = 80) -> Text:
+    """The latest events that fit, each whole, in seconds after `began` [unix s]; of the last one what fits."""
+    shown: list[Text] = []
+    for event in reversed(view.events):
+        told = _event(event, began, width)
+        if shown and len(shown) + len(told) > lines:
+            break
+        shown = [*told, *shown]
+    return Text("\n").join(shown[:lines])
+
+
+def _event(event: Event, began: float, width: int) -> list[Text]:
+    """An event in lines: what it says stands in a column beside its time."""
+    at = Text(f"{max(0.0, event.t - began):5.0f} s  ", "dim")
+    words = Text.assemble(event.who, (f": {plain(event.text)}" if event.text else "", "dim"))
+    column = max(LEAST_COLUMN, width - len(at))
+    return [(at if not number else Text(" " * len(at))) + line for number, line in enumerate(wrapped(words, column))]
+
+
+def wrapped(text: Text, width: int) -> list[Text]:
+    """A text in lines of a terminal so wide."""
+    return list(text.wrap(_MEASURE, width))
 
 
 def within(path: str, machine: str) -> bool:

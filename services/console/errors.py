@@ -5,6 +5,7 @@ ConsoleError
     NoRunError      there is no run to talk about
     HiError         a_hi does not answer, or says no
     FleetError      the fleet did not come up, or not go down
+    NotWaitedError  Ctrl-C while the fleet ends: it goes on ending
     DockerError     docker is not there, or did not do what was asked
 """
 
@@ -16,7 +17,7 @@ WRONG_USE = 2
 NOTHING_RUNS = 3
 """There is nothing to ask: no run, no fleet, no human interface."""
 INTERRUPTED = 130
-"""Ctrl-C, as shells count it: 128 and the signal's number."""
+"""Ctrl-C, as shells count it: 128 and the signal's number; for SIGTERM and SIGHUP, which end a command alike, too."""
 
 
 class ConsoleError(Exception):
@@ -58,6 +59,17 @@ class FleetError(ConsoleError):
         self.what = what
         self.processes = processes
         super().__init__("\n  ".join([what, *processes]))
+
+
+class NotWaitedError(ConsoleError):
+    """Ctrl-C while the fleet ends; it goes on ending in the background."""
+
+    code = INTERRUPTED
+
+    def __init__(self, run: str, names: tuple[str, ...]) -> None:
+        of = f" of {', '.join(names)}" if names else ""
+        goes_on = f"the end{of} goes on in the background; `roco down --run-dir {run}` waits for it"
+        super().__init__(f"not waited for: {goes_on}")
 
 
 class DockerError(ConsoleError):

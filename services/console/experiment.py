@@ -3,7 +3,6 @@
 Interrupted, it says how to go on. Must not know: what the results come to (services.monitor.experiment).
 """
 
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -16,13 +15,12 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from services.console import machine, trials
+from services.console import beside, fleet, interrupts, machine, trials
 from services.console.analysis import analysed
 from services.console.errors import ConsoleError, UsageError
 from services.console.forms import Form, Format, problems, tell_problem
 from services.console.up import Rate, SceneFile, Speed
 
-EXPERIMENTS = Path("experiments")
 FIRST_S = 75.0  # a run before any was timed: measured 2026-11-21 at --speed max on two idle cores
 DONE = "done"
 PATIENCE_S = 3600.0  # for a quiet machine, before each run; estimate: longer than other work on it lasts
@@ -113,10 +111,12 @@ def pour(
       roco experiment pour --runs 30 --seed 1
       roco experiment pour --runs 30 --out experiments/mine --resume
     """
-    with problems(form), _terminated_as_interrupted():
+    with problems(form), interrupts.heard():
         if resume and out is None:
             raise UsageError("--resume needs the experiment to go on with; name its folder with --out")
-        place = (out or EXPERIMENTS / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")).resolve()
+        fleet.check(["--seed", str(seed), *(["--scene", str(scene)] if scene else [])])
+        beside.refuse("beside it the figures would not be those of the robot alone")
+        place = (out or beside.EXPERIMENTS / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")).resolve()
         wanted = trials.here("pour", runs, seed, speed.value, scene, timeout, most_load)
         setting, done = trials.begun(place, wanted, resume)
         console = Console()
@@ -160,20 +160,6 @@ def _finish(place: Path, form: Form, console: Console) -> None:
     for line in told["lines"]:
         console.out(line, highlight=False)
     console.out(f"report: {place / 'report.html'}", highlight=False)
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends an experiment as Ctrl-C does: the fleet under way is brought down."""
-
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
-    for number in before:  # a handler, not "ignore" as under nohup: children would inherit that
-        signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def span(seconds: float) -> str:

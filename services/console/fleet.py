@@ -6,17 +6,31 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from companion.run_folder import Fleet, ProcessState, ProcessStatus
 from services.console import runs
-from services.console.errors import FleetError
+from services.console.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
 
 SUPERVISOR = "services.supervisor"
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, doubled; to be measured
+CHECK_S = 60.0  # estimate: it takes half a second
 STOP_S = 150.0  # the monitor may take two minutes for its reports, the others seconds
+
+
+def check(arguments: list[str]) -> None:
+    """Have a supervisor look at its options before it starts anything. UsageError says what is wrong with them.
+
+    Only where they name a scene or processes: all others were checked when they were read.
+    """
+    if not {"--scene", "--only"} & set(arguments):
+        return
+    command = [sys.executable, "-m", SUPERVISOR, "--run-dir", ".", *arguments, "--check"]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=CHECK_S, check=False)
+    if done.returncode == WRONG_USE:
+        raise UsageError(done.stderr.decode(errors="replace").strip().removeprefix("supervisor: "))
 
 
 def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
@@ -80,8 +94,26 @@ def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
     return names
 
 
+def bring_down(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
+    """End the fleet that this command started, whatever it has told of itself. NotWaitedError: Ctrl-C meanwhile."""
+    with patient(run):
+        end(supervisor)
+        down(run)
+
+
+@contextlib.contextmanager
+def patient(run: Path) -> Iterator[None]:
+    """The end of a fleet is waited for. NotWaitedError says what goes on where Ctrl-C ends the waiting."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        told = runs.living(run)
+        names = tuple(status.name for status in told.processes if status.pid) if told else ()
+        raise NotWaitedError(str(runs.near(run)), names) from error
+
+
 def end(supervisor: subprocess.Popen[bytes], patience_s: float = STOP_S) -> None:
-    """End a supervisor that `down` could not find: it was interrupted before it had told of itself."""
+    """End a supervisor that this command started, with all that it keeps."""
     if supervisor.poll() is None:
         supervisor.terminate()
         try:

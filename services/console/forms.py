@@ -68,7 +68,7 @@ def problems(form: Format) -> Iterator[None]:
         tell_problem(error, form)
         raise typer.Exit(error.code) from error
     except KeyboardInterrupt as error:
-        print("interrupted", file=sys.stderr)
+        tell_problem("interrupted", form)
         raise typer.Exit(INTERRUPTED) from error
 
 

@@ -1,8 +1,10 @@
 """A group of verbs whose modules are imported when they are called: `roco status` does not pay for `roco design`."""
 
 import inspect
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
+from itertools import pairwise
 from typing import Any, cast
 
 import typer
@@ -12,6 +14,8 @@ from services.console.verbs import VERBS
 
 ROOM = "services.console"
 EXAMPLES = "\nExamples:\n"
+WrongUse = cast(type[typer.BadParameter], typer.BadParameter.__mro__[1])
+"""Any error of options and arguments; typer has it under other names from version to version."""
 
 
 class Verbs(TyperGroup):
@@ -20,6 +24,28 @@ class Verbs(TyperGroup):
     def __init__(self, *, words: str = "", commands: object = None, **settings: Any) -> None:
         self.words = words
         super().__init__(commands=dict(_listed(words)), **settings)
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """As typer does; to a program that asked for JSON a wrong use is told as one object, not as a box."""
+        words = sys.argv[1:] if args is None else list(args)
+        if not (standalone_mode and wants_json(words)):
+            return super().main(args, prog_name, complete_var, standalone_mode, windows_expand_args, **extra)
+        try:
+            # A verb gives nothing back: what comes is the exit code of an end in the middle.
+            sys.exit(super().main(args, prog_name, complete_var, False, windows_expand_args, **extra) or 0)
+        except WrongUse as error:
+            from services.console.forms import Format, tell_problem  # the lists of verbs do without
+
+            tell_problem(error.format_message(), Format.JSON)
+            sys.exit(error.exit_code)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """As click does, and a summary becomes the verb."""
@@ -36,6 +62,11 @@ class Summary(TyperCommand):
         """The verb itself. Raises ImportError or AttributeError where the table is wrong."""
         module, name = self.place.split(":")
         return made(cast(str, self.name), getattr(import_module(f"{ROOM}.{module}"), name))
+
+
+def wants_json(words: Sequence[str]) -> bool:
+    """Whether a command line asks for JSON; it may be one that cannot be read as a whole."""
+    return "--format=json" in words or ("--format", "json") in pairwise(words)
 
 
 def made(name: str, function: Callable[..., None]) -> TyperCommand:

@@ -127,7 +127,9 @@ def _begins(name: str) -> bool:
 
 def _told_elsewhere(name: str) -> bool:
     """A plan that is there, and a task that ended, say more in a line of their own."""
-    return (name.startswith("plan ") and name.endswith(" received")) or name.startswith(("finished", "ended, "))
+    return (name.startswith("plan ") and name.endswith(" received")) or name.startswith(
+        ("finished", "ended, ", "refused")
+    )
 
 
 def _moved(plan: Plan, at: str, outcome: str) -> Plan:

@@ -51,8 +51,9 @@ class Local:
             off.touch()
 
     def down(self) -> tuple[str, ...]:
-        """End the fleet in order; who was ended."""
-        return fleet.down(self.run)
+        """End the fleet in order; who was ended. NotWaitedError: Ctrl-C meanwhile."""
+        with fleet.patient(self.run):
+            return fleet.down(self.run)
 
     def log(self, name: str, lines: int) -> tuple[str, ...]:
         """The last lines that a process wrote."""

@@ -6,8 +6,10 @@ import platform
 import subprocess
 import time
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+PROJECT = "robot-companion"
 LOOK_S = 5.0
 """Linux renews its load that often."""
 
@@ -30,6 +32,14 @@ def quiet(most: float, patience_s: float, tick: Callable[[float, float], None]) 
         tick(now, waited)
         time.sleep(min(LOOK_S, patience_s))
     return True
+
+
+def installed() -> str:
+    """The version of the project that is installed."""
+    try:
+        return version(PROJECT)
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def commit() -> str:

@@ -18,7 +18,7 @@ from rich.console import Console
 
 from agent_runtime.options import Options
 from companion.filters import Filter
-from services.console import pipes, rates, targets
+from services.console import interrupts, pipes, rates, targets
 from services.console.errors import ConsoleError, UsageError
 from services.console.forms import Form, Format, RunDir, problems, tell_json
 from services.console.hearing import MONITOR, NothingHeardError, meant, whose
@@ -64,7 +64,7 @@ def record(
       roco record
       roco record --out c4.mcap --channel C4 --for 60
     """
-    with problems(form):
+    with problems(form), interrupts.heard():
         which = wanted(channel, agent, protocol, performative)
         file = (out or Path(f"recording-{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap")).resolve()
         if file.exists():

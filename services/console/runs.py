@@ -24,12 +24,18 @@ from companion.run_folder import (
 from services.console.errors import HiError, NoRunError
 
 RUNS = Path("runs")
+SUPERVISOR, HUMAN_INTERFACE = "services.supervisor", "services.human_interface"
 T = TypeVar("T")
 
 
 def new_run(now: datetime) -> Path:
     """The folder of a run that starts now."""
     return RUNS / now.strftime("%Y-%m-%d_%H-%M-%S")
+
+
+def near(path: Path) -> Path:
+    """A path as one would type it here."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def find(run: Path | None) -> Path:
@@ -67,6 +73,29 @@ def around() -> Fleet | None:
     """The fleet that the environment tells of: in a container no supervisor does. None: nor does the environment."""
     connect = os.environ.get("ROCO_CONNECT")
     return Fleet(os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, ()) if connect else None
+
+
+def begins(run: Path) -> bool:
+    """Whether a supervisor lives that keeps this run, or the run that is to be the latest where this is the latest one.
+
+    It says so before anything of it is in a run folder. In a container a_hi itself is looked for.
+    """
+    if around() is not None:
+        return any(HUMAN_INTERFACE in words for words in _called())
+    mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}
+    kept = [Path(words[words.index("--run-dir") + 1]) for words in _called() if {SUPERVISOR, "--run-dir"} <= {*words}]
+    return any(folder in mine or folder.parent in mine for folder in kept)
+
+
+def _called() -> list[list[str]]:
+    """The words with which each process of this machine was called; one that ends meanwhile is left out."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            found.append(path.read_bytes().decode(errors="replace").split("\0"))
+        except OSError:
+            continue
+    return found
 
 
 def _ended(status: ProcessStatus) -> ProcessStatus:

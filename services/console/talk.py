@@ -1,5 +1,8 @@
 """`roco say`, `cancel`, `stop`, `release`: talking to the robot, and holding it."""
 
+import http
+import sys
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -7,8 +10,12 @@ import typer
 
 from companion.run_folder import TaskLine
 from services.console import targets
+from services.console.errors import ConsoleError, HiError
 from services.console.forms import Form, Format, Reply, RunDir, problems, tell, tell_json
 from services.console.hi import Hi
+
+STARTING_S = 90.0  # as long as `roco up` waits
+PERIOD_S = 0.2  # estimate: nobody notices
 
 
 def say(
@@ -19,16 +26,57 @@ def say(
 ) -> None:
     """Say a sentence to the robot, such as "pour the jar into the bowl". Exits with 1 where it is refused.
 
+    A fleet that is starting is waited for, at most 90 s.
+
     Examples:
       roco say "pour the content of the jar into the bowl"
       roco say "take the jar" --format json
       roco say status
     """
     with problems(form):
-        task = Hi(targets.find(target, run_dir).hi()).say(text)
+        task = _said_when_started(text, target, run_dir, form)
         tell_task(task, form)
         if task.state == "refused":
             raise typer.Exit(1)
+
+
+def _said_when_started(text: str, target: str, run_dir: Path | None, form: Format) -> TaskLine:
+    """The task that a sentence became, once there is somebody to say it to."""
+    until = 0.0
+    while True:
+        said = _said(text, target, run_dir)
+        if isinstance(said, TaskLine):
+            return said
+        if not (_without_coordinator(said) or targets.starting(target, run_dir)):
+            raise said
+        if not until:
+            until = time.monotonic() + STARTING_S
+            if form is Format.TEXT:
+                print(f"roco: the fleet is starting; waiting for it, at most {STARTING_S:.0f} s", file=sys.stderr)
+        elif time.monotonic() > until:
+            words = f"the fleet is still starting after {STARTING_S:.0f} s; see `roco status` ({said})"
+            raise HiError(0, words) from said
+        time.sleep(PERIOD_S)
+
+
+def _said(text: str, target: str, run_dir: Path | None) -> TaskLine | ConsoleError:
+    """The task, or why nobody heard the sentence. What may have been heard is never said again."""
+    try:
+        hi = Hi(targets.find(target, run_dir).hi())
+        hi.tasks()
+    except ConsoleError as nobody:
+        return nobody
+    try:
+        return hi.say(text)
+    except HiError as error:
+        if not _without_coordinator(error):
+            raise
+        return error
+
+
+def _without_coordinator(error: ConsoleError) -> bool:
+    """Whether the human interface listens, but has nobody to ask yet."""
+    return isinstance(error, HiError) and error.status == http.HTTPStatus.SERVICE_UNAVAILABLE
 
 
 def cancel(

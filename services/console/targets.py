@@ -1,27 +1,32 @@
 """Which fleet is meant, and what may be asked of any: one on this machine, or one in containers.
 
 Without a word from the user it is what runs: the run of --run-dir or ROCO_RUN_DIR, else runs/latest where something of
-it lives, else the containers of a compose project, else runs/latest as it was left.
+it lives, else the only other one of runs/ that lives, else the containers of a compose project, else runs/latest as it
+was left.
 """
 
+import contextlib
 import os
 from pathlib import Path
 from typing import Annotated, Protocol
 
 import typer
 
-from companion.run_folder import LATEST, RUN_FOLDER_VARIABLE, HiAddress, Judged
-from services.console import complete, runs
-from services.console.errors import NoRunError, UsageError
+from companion.run_folder import LATEST, RUN_FOLDER_VARIABLE, HiAddress, Judged, ProcessState
+from services.console import beside, complete, runs
+from services.console.errors import ConsoleError, NoRunError, UsageError
 from services.console.local import Local
 from services.console.seen import Look
 
 LOCAL, COMPOSE = "local", "compose"
+HI = "hi"
+ON_ITS_WAY = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF)
 Name = Annotated[
     str,
     typer.Option(
         "--target",
-        help="local, compose, a run's folder, a compose project, or PROJECT/ROBOT of several robots; else what runs.",
+        help="local, compose, a run's folder or its name in runs/, a compose project, or PROJECT/ROBOT of several "
+        "robots; else what runs.",
         autocompletion=complete.targets,
     ),
 ]
@@ -65,13 +70,24 @@ def find(name: str = "", run_dir: Path | None = None) -> Target:
         return _named(name)
     if os.environ.get(RUN_FOLDER_VARIABLE) or _lives(runs.RUNS / LATEST):
         return Local(runs.find(None))
-    return _compose("") or Local(runs.find(None))
+    return _other() or _compose("") or Local(runs.find(None))
+
+
+def starting(name: str = "", run_dir: Path | None = None) -> bool:
+    """Whether the human interface that is meant is on its way, so that it is worth waiting for."""
+    with contextlib.suppress(ConsoleError):
+        look = find(name, run_dir).look()
+        if any(one.name == HI and one.status.state in ON_ITS_WAY for one in look.seen):
+            return True
+        if look.fleet is not None and look.fleet.supervisor:
+            return False
+    return name in ("", LOCAL) and runs.begins(run_dir or runs.RUNS / LATEST)
 
 
 def _named(name: str) -> Target:
-    folder = Path(name)
-    if name != COMPOSE and folder.is_dir():
-        return Local(folder.resolve())
+    for folder in (Path(name), runs.RUNS / name):
+        if name != COMPOSE and folder.is_dir():
+            return Local(folder.resolve())
     found = _compose(name)
     if found is None:
         what = "no compose project of ours runs" if name == COMPOSE else f"{name!r} is no folder and no compose project"
@@ -82,8 +98,15 @@ def _named(name: str) -> Target:
 
 def _lives(run: Path) -> bool:
     """Whether anything of a run is there."""
-    told = runs.living(run) if run.is_dir() else None
-    return told is not None and bool(told.supervisor or any(status.pid for status in told.processes))
+    return any(beside.living(run.resolve()))
+
+
+def _other() -> Target | None:
+    """The fleet that runs here while runs/latest, of another one, does not. UsageError where there are several."""
+    found = beside.here()
+    if len(found) > 1:
+        raise UsageError(f"several fleets run; name one: --target {' or '.join(one.run.name for one in found)}")
+    return Local(found[0].run.resolve()) if found else None
 
 
 def _compose(project: str) -> Target | None:

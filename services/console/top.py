@@ -127,7 +127,7 @@ class Watched:
             Text(),
             channels(screen, self.view),
             Text(),
-            events(self.view, self._began, max(0, height - used - 1)),
+            events(self.view, self._began, max(0, height - used - 1), width),
         )
 
     def _task(self) -> TaskLine | None:

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import msgspec
@@ -82,10 +81,6 @@ def here(
     task: str, runs: int, seed: int, speed: str, scene: Path | None, timeout_s: float, most_load: float
 ) -> Setting:
     """The setting of an experiment that starts now on this machine."""
-    try:
-        ours = version("robot-companion")
-    except PackageNotFoundError:
-        ours = "not installed"
     return Setting(
         task=task,
         runs=runs,
@@ -95,7 +90,7 @@ def here(
         timeout_s=timeout_s,
         most_load=most_load,
         began=time.time(),
-        version=ours,
+        version=machine.installed(),
         commit=machine.commit(),
         machine=machine.processor(),
         cores=os.cpu_count() or 0,

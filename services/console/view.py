@@ -3,22 +3,25 @@
 The monitor of a running fleet serves them (view.json says where); of a recorded run there is run.rrd.
 """
 
+import contextlib
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import time
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import IO, Annotated
 from urllib.parse import quote
 
 import msgspec
 import typer
 
 from companion.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
-from services.console import complete, runs, targets
+from services.console import complete, interrupts, runs, targets
 from services.console.errors import ConsoleError, NoRunError, UsageError
 from services.console.forms import Form, Format, problems, tell_json
 from services.console.local import Local
@@ -28,6 +31,10 @@ GRPC, WEB = "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
 CONTAINERS = ViewAddress(9876, 9090)
 """Where deploy/compose.yaml publishes them, unless the variables above say otherwise."""
 CONNECT_S = 1.0
+END_S = 5.0
+"""How long Rerun may take to end (estimate: it takes a tenth)."""
+PERIOD_S = 0.02
+"""How often it is looked whether it has ended."""
 
 
 class Seen(msgspec.Struct, frozen=True):
@@ -56,7 +63,7 @@ def view(
       roco view runs/latest
       roco view --target compose --web --format json
     """
-    with problems(form):
+    with problems(form), interrupts.heard():
         seen = found(run, target, web)
         if form is Format.JSON:
             tell_json(seen)
@@ -141,12 +148,41 @@ def window(seen: Seen, web: bool) -> int:
     else:
         print(f"Rerun shows {seen.what}{' while it runs' if seen.live else ''}; closing its window ends nothing else")
     with tempfile.TemporaryFile() as words:
-        code = subprocess.call(seen.command, stdin=subprocess.DEVNULL, stdout=words, stderr=words)
+        code = shown(seen.command, words)
         if code > 0:
             words.seek(0)
             last = words.read().decode(errors="replace").strip().splitlines()[-1:]
             raise ConsoleError(f"the viewer ended with code {code}: {''.join(last)}")
     return 0
+
+
+def shown(command: tuple[str, ...], words: IO[bytes]) -> int:
+    """Run a viewer or a server to its end, its words into a file; its exit code. Interrupted, it ends it.
+
+    Rerun's command is a Python program that runs another one: both are in a group of their own, and end together.
+    """
+    quiet = subprocess.DEVNULL
+    with (
+        interrupts.held() as let_go,
+        subprocess.Popen(command, stdin=quiet, stdout=words, stderr=words, start_new_session=True) as process,
+    ):
+        try:
+            let_go()
+            return process.wait()
+        finally:
+            _end(process)
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """End a process with its group, at last by SIGKILL; nothing where all have ended."""
+    with contextlib.suppress(ProcessLookupError):
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            os.killpg(process.pid, number)
+            until = time.monotonic() + END_S
+            while time.monotonic() < until:
+                process.poll()
+                os.killpg(process.pid, 0)  # ProcessLookupError: nobody of the group is left
+                time.sleep(PERIOD_S)
 
 
 def program() -> str:

@@ -55,7 +55,8 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
         return memory
     job = replace(job, plans=job.plans + 1)
     talk = turn.open(AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s)
-    words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {job.at}" if job.at else ""))
+    if job.looks < 2 or job.at != words.LOOKS:
+        words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {job.at}" if job.at else ""))
     return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at=""))
 
 

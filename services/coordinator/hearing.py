@@ -86,8 +86,16 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, "while the plan was made")
     if isinstance(received.content, hfsm.HierarchicalPlan):
         return memory.with_job(replace(job, stage=Stage.PLANNED, talk="", plan=received.content))
+    if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
+        return _not_yet(memory, job)
     why = words.reason(received.content) or f"the planner said {received.communicate.performative} and no reason"
     return _failed(memory, turn, job, why)
+
+
+def _not_yet(memory: Memory, job: Job) -> Memory:
+    """The same plan is asked for again: the robot still looks around."""
+    job = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, at=words.LOOKS)
+    return memory.with_job(job)
 
 
 # --- ta ---------------------------------------------------------------------------------------------------------------

@@ -14,11 +14,14 @@ from companion.languages import cmd, hfsm
 class Limits(msgspec.Struct, frozen=True):
     """How long co waits, how much it takes on. Seconds of wall time but where `speed` scales them."""
 
-    planning_s: float = 60.0  # reply-by of a request for a plan; the paper's plan #1 took 55 s (estimate)
+    planning_s: float = (
+        180.0  # reply-by of a request for a plan: 6 s on two cores, over 60 s at a load of 17 (measured)
+    )
     cancel_planning_s: float = 10.0  # pl forwards only, so a cancel is taken at once (estimate)
     cancel_acting_s: float = 240.0  # two things put down and two arms home take 60 s, tried twice (measured)
     patience_s: float = 60.0  # how long waiting tasks wait on when pl or ta is late (estimate)
     replans: int = 6  # new plans of one task before it is given up (estimate)
+    looks: int = 120  # askings while the robot looks around; km holds each for 5 s, so that is 10 min (estimate)
     waiting: int = 5  # open tasks: an agree and two last words each stay below the outbox bound, should hi be dead
     speed: float = 1.0  # simulated seconds in a wall second; "max" counts as 1: it is no slower (estimate)
 
@@ -48,6 +51,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING) or ta (RUNNING).
 
     `arrived`, `started`: unix time [s]; `plans`: how many were asked for; `at`: the state of the plan hi was told last.
+    `looks`: how often the plan had to wait for a look around.
     """
 
     conversation: str
@@ -57,6 +61,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     stage: Stage = Stage.WAITING
     talk: str = ""
     plans: int = 0
+    looks: int = 0
     plan: hfsm.HierarchicalPlan | None = None
     at: str = ""
     cancelling: bool = False

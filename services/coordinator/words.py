@@ -15,6 +15,7 @@ from services.coordinator.memory import Job
 
 LONGEST_TEXT = 280
 """Bytes of a report's text: 500 of the budget, less an envelope of at most 200 and the report's frame."""
+LOOKS = "the robot looks around first"
 
 
 def network(job: Job) -> hfsm.GroundTaskNetwork:

@@ -104,11 +104,11 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
         case Local(content=Ended(number=number, outcome=outcome, remembered=kept)) if number == memory.number:
             return replace(memory, doing=replace(doing, outcome=outcome), remembered=kept)
         case Local(content=Lost(number=number, reason=reason)) if number == memory.number:
-            return _given_up(memory, turn, "failed", reason)
+            return _given_up(memory, turn, "interrupted", reason)
         case Local(content=words.Crashed(code=code)):
-            return _given_up(memory, turn, "failed", f"the skill's process ended (exit status {code})")
+            return _given_up(memory, turn, "interrupted", f"the skill's process ended (exit status {code})")
         case Woken(name=name) if name == PATIENCE:
-            return _given_up(memory, turn, "failed", f"the skill found no motion in {SKILL_WITHIN_S:g} s")
+            return _given_up(memory, turn, "interrupted", f"the skill found no motion in {SKILL_WITHIN_S:g} s")
         case Received(communicate=word, conversation=name) if _cancels(doing, word.performative, name):
             memory = replace(memory, doing=replace(doing, cancelling=True))
             return _given_up(memory, turn, "cancelled", "cancelled before anything moved")

@@ -142,11 +142,11 @@ def _wanted(memory: Memory, turn: Turn, move: Move) -> Memory:
 
 
 def _without_skill(memory: Memory, turn: Turn, reason: str) -> Memory:
-    """A robot at rest has failed its act; of one that moves nobody knows how it will have ended."""
+    """The act of a robot at rest is interrupted; of one that moves nobody knows how it will have ended."""
     doing = memory.doing
     assert doing is not None
     if memory.soft.moving:
         return lost(memory, reason)
     turn.tell(Drop(memory.number))
-    outcome = memory.remembered.not_done(doing.command.key, "failed", reason)
+    outcome = memory.remembered.not_done(doing.command.key, "interrupted", reason)
     return replace(memory, doing=replace(doing, outcome=outcome))

@@ -2,12 +2,14 @@
 
 Another loop process (its file was replaced) or one that stands still loses the motion under way: Lost. Whatever holds
 the robot after a fault is released when the agent asks where it stands; a person's stop is not.
+
+Waits for the loop end after a number of looks, not at a time: a machine that suspends this process loses no motion.
 """
 
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +21,9 @@ from services.executor.words import Brake, Do, Felt, Halt, Lost, Moved, Stands, 
 from velma.errors import SlotError
 from velma.names import SIDES
 
-BEAT_S = 0.01  # the loop goes to damping after 0.1 s without a beat
+BEAT_S = 0.01  # the loop brings the arms to rest after 0.1 s without a beat
 IDLE_S = 0.1
+LOOK_S = 0.001
 TAKEN_WITHIN_S = 2.0  # estimate: a loop takes a command within a cycle or a rest of 2 ms
 SILENT_S = 2.0  # estimate: during a motion its state changes every 10 ms
 READ_WITHIN_S = 1.0  # estimate: one read in thousands fails at full speed, two in a row are not seen
@@ -38,7 +41,8 @@ class SlotLoop:
 
     def __init__(self, post: Post, path: Path) -> None:
         self._post, self._path = post, path
-        self._words: queue.SimpleQueue[ToLoop | None] = queue.SimpleQueue()
+        # No SimpleQueue: in CPython 3.11 its get with a time-out may never come back (seen on 3.11.2 and 3.11.7).
+        self._words: queue.Queue[ToLoop | None] = queue.Queue()
         self._link: AgentLink | None = None
         self._thread = threading.Thread(target=self._serve, name="loop link", daemon=True)
         self._thread.start()
@@ -110,7 +114,7 @@ class SlotLoop:
         except SlotError as error:
             self._post(Moved(word.number, _felt(_state(link), link.told(), Phase.FAILED, str(error))))
             return True
-        cycles, changed = -1, time.monotonic()
+        cycles, alike = -1, 0
         while True:
             told, state = link.told(), _state(link)
             if told.refusal and told.taken == sent:
@@ -119,9 +123,8 @@ class SlotLoop:
             if told.taken >= sent and told.report.phase is not Phase.RUNNING:
                 self._post(Moved(word.number, _felt(_state(link), told, told.report.phase, told.report.reason)))
                 return True
-            if state.cycles != cycles:
-                cycles, changed = state.cycles, time.monotonic()
-            if link.file.replaced or time.monotonic() - changed > SILENT_S:
+            cycles, alike = state.cycles, alike + 1 if state.cycles == cycles else 0
+            if link.file.replaced or alike * BEAT_S > SILENT_S:
                 raise Gone("the loop ended in the middle of a motion")
             link.beat()
             if not self._meanwhile(link, word):
@@ -147,30 +150,36 @@ class SlotLoop:
         return number
 
     def _until(self, link: AgentLink, reached: Callable[[Told], bool]) -> None:
-        end = time.monotonic() + TAKEN_WITHIN_S
-        while not reached(link.told()):
-            if time.monotonic() > end or link.file.replaced:
-                raise Gone("the loop takes no commands")
+        for _ in _looks(TAKEN_WITHIN_S):
+            if reached(link.told()):
+                return
+            if link.file.replaced:
+                break
             link.beat()
-            time.sleep(0.001)
+        raise Gone("the loop takes no commands")
 
     def _rest(self, link: AgentLink) -> Felt:
         """How the robot stands; released first, if it is held after a fault."""
-        end = time.monotonic() + RELEASED_WITHIN_S
-        while _state(link).mode in (Mode.DAMPING, Mode.HOLD) and time.monotonic() < end:
+        for _ in _looks(RELEASED_WITHIN_S, IDLE_S):
+            if _state(link).mode not in (Mode.DAMPING, Mode.HOLD):
+                break
             self._command(link, Release())
-            time.sleep(IDLE_S)
         return _felt(_state(link), link.told(), Phase.IDLE, "")
 
 
 def _state(link: AgentLink) -> LoopState:
     """The newest state; a reader that met the writer again and again (it never waits for us) tries once more."""
-    end = time.monotonic() + READ_WITHIN_S
-    while (state := link.state()) is None:
-        if time.monotonic() > end:
-            raise Gone("the loop says nothing")
-        time.sleep(0.001)
-    return state
+    for _ in _looks(READ_WITHIN_S):
+        if (state := link.state()) is not None:
+            return state
+    raise Gone("the loop says nothing")
+
+
+def _looks(within_s: float, pause_s: float = LOOK_S) -> Iterator[None]:
+    """One look after the other, as many as fit into `within_s` [s] with a pause between them."""
+    for _ in range(round(within_s / pause_s)):
+        yield
+        time.sleep(pause_s)
 
 
 def _felt(state: LoopState, told: Told, ended: Phase, reason: str) -> Felt:

@@ -81,6 +81,7 @@ def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> Rob
         realtime=timing.realtime,
         faults=state.faults,
         last_fault=state.last_fault,
+        saturated=state.saturated,
     )
 
 

@@ -23,9 +23,11 @@ from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
 
 OBSERVER = "ta"
-PATIENCE_S = 20.0  # estimate: a look around takes 5 s, the robot some seconds more to come up
+HELD_S = 5.0  # estimate: a look around takes 5 s, so that most questions are put off once at most
+ALONE_S = 20.0  # estimate: an observer that died is restarted within seconds
 AGAIN_S = 1.0  # after a subscription was declined; estimate
-FIRST_LOOK, SUBSCRIBE_AGAIN = "first look", "subscribe again"
+HELD, ALONE, SUBSCRIBE_AGAIN = "held", "alone", "subscribe again"
+NOT_YET = wm.Unknown("the look around is not over", later=True)
 QUERIES, OBSERVATIONS = get_args(wm.AnyQuery), get_args(wm.AnyObservation)
 
 
@@ -45,20 +47,26 @@ class News(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """Hypothetical states, the subscription with the observer's incarnation it is for, what was just taken."""
+    """Hypothetical states, the subscription with the observer's incarnation it is for, what was just taken.
+
+    `agreed`: the observer took the subscription. `held`: the next question was held long enough.
+    """
 
     overlays: Overlays = Overlays()
     subscription: str = ""
     incarnation: int = 0
+    agreed: bool = False
+    held: bool = False
     question: Question | None = None
     news: News | None = None
 
 
 class Memory(msgspec.Struct, frozen=True):
-    """What was observed. `patient`: questions wait, since the first look around may still come."""
+    """What was observed. `patient`: questions wait, since a look around will end. `blind`: why none showed anything."""
 
     scene: Scene = Scene()
     patient: bool = True
+    blind: str = ""
     soft: Soft = Soft()
 
 
@@ -86,11 +94,8 @@ def agent() -> Agent[Memory]:
 
 
 def takes(memory: Memory, event: Taken) -> bool:
-    """A question of facts waits until the world was looked at once, but not for ever.
-
-    The posture is what an observer tells last of a look: once it is known, the rest is.
-    """
-    if not memory.patient or "torso" in memory.scene.joints:
+    """A question waits until the look around is over, for a while; then it is put off, and asked again."""
+    if not memory.patient or memory.soft.held:
         return True
     return not (isinstance(event, Received) and isinstance(event.content, QUERIES))
 
@@ -102,44 +107,76 @@ def await_message(memory: Memory, turn: Turn) -> Memory:
             return _soft(memory, question=Question(received.conversation, content))
         case Received(content=content) as received if isinstance(content, OBSERVATIONS):
             return _noted(memory, turn, received, content)
-        case PeerChanged(agent=agent, incarnation=int(incarnation)) if agent == OBSERVER:
-            return _subscribed(memory, turn, incarnation)
+        case PeerChanged(agent=agent, incarnation=incarnation) if agent == OBSERVER:
+            return _alone(memory, turn) if incarnation is None else _met(memory, turn, incarnation)
         case Received(communicate=word) as received if received.conversation == memory.soft.subscription:
-            return _declined(memory, turn) if word.performative is not Performative.AGREE else memory
+            return (_agreed if word.performative is Performative.AGREE else _declined)(memory, turn)
         case Broken(conversation=conversation) if conversation == memory.soft.subscription:
             return _declined(memory, turn)
-        case Woken(name=name) if name == FIRST_LOOK:
-            return replace(memory, patient=False)
-        case Woken(name=name) if name == SUBSCRIBE_AGAIN and OBSERVER in turn.peers:
-            return _subscribed(memory, turn, turn.peers[OBSERVER])
+        case Woken(name=name):
+            return _woken(memory, turn, name)
         case Started():
-            return _started(memory, turn)
+            turn.tell(Mirror(memory.scene))
+            return _hopeful(memory, turn) if memory.patient else memory
         case _:
             return memory
 
 
-def _started(memory: Memory, turn: Turn) -> Memory:
-    turn.tell(Mirror(memory.scene))
-    if memory.patient:
-        turn.wake(FIRST_LOOK, turn.now + PATIENCE_S)
+# --- the observer -----------------------------------------------------------------------------------------------------
+
+
+def _woken(memory: Memory, turn: Turn, name: str) -> Memory:
+    if name == SUBSCRIBE_AGAIN and OBSERVER in turn.peers:
+        return _subscribed(memory, turn, turn.peers[OBSERVER])
+    if name == HELD and memory.patient:
+        return _soft(memory, held=True)
+    if name == ALONE and memory.patient:
+        return replace(memory, patient=False, blind=f"{OBSERVER}, which has the robot look, is not there")
     return memory
 
 
-def _subscribed(memory: Memory, turn: Turn, incarnation: int) -> Memory:
-    """Subscribe, unless this life of the observer is subscribed to already."""
+def _hopeful(memory: Memory, turn: Turn) -> Memory:
+    """A look around is awaited: till its end is told, or for a while without an observer."""
+    turn.wake(HELD, turn.now + HELD_S)
+    turn.wake(ALONE, turn.now + ALONE_S)
+    return replace(memory, patient=True, blind="")
+
+
+def _met(memory: Memory, turn: Turn, incarnation: int) -> Memory:
+    """The observer is there. Each of its lives looks around for a new subscriber, or says why not."""
     if memory.soft.subscription and memory.soft.incarnation == incarnation:
-        return memory
+        return _agreed(memory, turn) if memory.soft.agreed else memory
+    if memory.patient or memory.blind:
+        memory = _hopeful(memory, turn)
+    return _subscribed(memory, turn, incarnation)
+
+
+def _subscribed(memory: Memory, turn: Turn, incarnation: int) -> Memory:
+    """Subscribe, in place of an older subscription."""
     if memory.soft.subscription:
         turn.drop(memory.soft.subscription)
-    if memory.patient:
-        turn.wake(FIRST_LOOK, turn.now + PATIENCE_S)
     name = turn.open(OBSERVER, "subscribe", Performative.SUBSCRIBE, wm.ObserveWorld())
-    return _soft(memory, subscription=name, incarnation=incarnation)
+    return _soft(memory, subscription=name, incarnation=incarnation, agreed=False)
+
+
+def _agreed(memory: Memory, turn: Turn) -> Memory:
+    turn.unwake(ALONE)
+    return _soft(memory, agreed=True)
+
+
+def _alone(memory: Memory, turn: Turn) -> Memory:
+    """Nobody observes at present."""
+    if memory.patient and memory.soft.agreed:
+        turn.wake(ALONE, turn.now + ALONE_S)
+    return memory
 
 
 def _declined(memory: Memory, turn: Turn) -> Memory:
     turn.wake(SUBSCRIBE_AGAIN, turn.now + AGAIN_S)
-    return _soft(memory, subscription="", incarnation=0)
+    return _soft(_alone(memory, turn), subscription="", incarnation=0, agreed=False)
+
+
+# --- what was taken ---------------------------------------------------------------------------------------------------
 
 
 def _noted(memory: Memory, turn: Turn, received: Received, content: wm.AnyObservation) -> Memory:
@@ -151,23 +188,47 @@ def _noted(memory: Memory, turn: Turn, received: Received, content: wm.AnyObserv
 
 
 def answer_question(memory: Memory, turn: Turn) -> Memory:
-    """questionAnswering: a pure function of the scene, the hypothetical states and the query."""
+    """questionAnswering: a pure function of the scene, the hypothetical states and the query; or it is put off."""
     question = memory.soft.question
     assert question is not None
-    overlays, answer = ask(memory.scene, memory.soft.overlays, question.query)
-    unknown = isinstance(answer, wm.Unknown | wm.UnknownState)
-    turn.say(question.conversation, Performative.FAILURE if unknown else Performative.INFORM_REF, answer)
-    return _soft(memory, overlays=overlays, question=None)
+    overlays, said = answer(memory, question.query)
+    if memory.patient:
+        turn.wake(HELD, turn.now + HELD_S)
+    unknown = isinstance(said, wm.Unknown | wm.UnknownState)
+    turn.say(question.conversation, Performative.FAILURE if unknown else Performative.INFORM_REF, said)
+    return _soft(memory, overlays=overlays, question=None, held=False)
+
+
+def answer(memory: Memory, query: wm.AnyQuery) -> tuple[Overlays, wm.AnyAnswer]:
+    """The hypothetical states after the query, and its answer; where nothing was seen, why."""
+    if memory.patient:
+        return memory.soft.overlays, NOT_YET
+    if memory.blind and not memory.scene.things and isinstance(query, wm.ListObjects):
+        return memory.soft.overlays, wm.Unknown(f"nothing has been looked at: {memory.blind}")
+    return ask(memory.scene, memory.soft.overlays, query)
 
 
 def save_knowledge(memory: Memory, turn: Turn) -> Memory:
     """knowledgeSaving: the newest observation of a subject is the true one."""
     news = memory.soft.news
     assert news is not None
+    if isinstance(news.observation, wm.NothingSeen):
+        return _soft(_looked_around(memory, turn, news.observation.reason), news=None)
+    if isinstance(news.observation, wm.SeenBody):  # what an observer tells last of a look
+        memory = _looked_around(memory, turn)
     scene = observed(memory.scene, news.observation, news.version, news.at)
     if scene is not memory.scene:
         turn.tell(Mirror(scene))
     return _soft(replace(memory, scene=scene), news=None)
+
+
+def _looked_around(memory: Memory, turn: Turn, failed: str = "") -> Memory:
+    """Nobody waits any more; a failure after a success changes nothing."""
+    turn.unwake(HELD)
+    turn.unwake(ALONE)
+    if not failed:
+        return replace(memory, patient=False, blind="")
+    return replace(memory, patient=False, blind=failed) if memory.patient else memory
 
 
 def _soft(memory: Memory, **changes: object) -> Memory:

@@ -15,7 +15,7 @@ Version = tuple[int, int]
 """Incarnation of the observer and its count."""
 
 
-def subject_of(observation: wm.AnyObservation) -> str:
+def subject_of(observation: wm.AnySight) -> str:
     """What an observation is about; the latest version of each subject counts."""
     match observation:
         case wm.SeenObject(object=name):
@@ -28,7 +28,7 @@ def subject_of(observation: wm.AnyObservation) -> str:
             return "body"
 
 
-def observed(scene: Scene, observation: wm.AnyObservation, version: Version, now: float = 0.0) -> Scene:
+def observed(scene: Scene, observation: wm.AnySight, version: Version, now: float = 0.0) -> Scene:
     """The scene with this observation in it, or the very same scene if it has this subject as new or newer.
 
     `now`: time of observations that do not carry one themselves [s].
@@ -43,7 +43,7 @@ def observed(scene: Scene, observation: wm.AnyObservation, version: Version, now
     return _noted(stamped, observation, at)
 
 
-def apply(store: Store, observation: wm.AnyObservation, version: Version, now: float = 0.0) -> bool:
+def apply(store: Store, observation: wm.AnySight, version: Version, now: float = 0.0) -> bool:
     """Store an observation and its version in one transaction; False if the store has this subject as new or newer."""
     scene = observed(store.scene, observation, version, now)
     if scene is store.scene:
@@ -52,7 +52,7 @@ def apply(store: Store, observation: wm.AnyObservation, version: Version, now: f
     return True
 
 
-def _noted(scene: Scene, observation: wm.AnyObservation, at: float) -> Scene:
+def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
     match observation:
         case wm.SeenObject(object=name, model=model, pose=pose):
             # What a hand holds moves with it: its pose holds for the moment it was seen in, and for no longer.

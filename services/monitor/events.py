@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import msgspec
 
-from companion.languages import rc, wm
+from companion.languages import cmd, rc, wm
 from services.monitor.history import History
 from services.monitor.plans import (
+    REFUSED,
     Act,
     Made,
     Ran,
@@ -17,11 +18,15 @@ from services.monitor.plans import (
     asked,
     commands,
     made,
+    outcome,
     ran,
     reason,
     task_command,
     task_end,
 )
+
+ENDS = {cmd.TaskState.DONE: "finished", REFUSED: REFUSED}
+"""What the end of a command is called where its state alone would not say it."""
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -67,8 +72,7 @@ def _commands(history: History) -> Iterator[Event]:
         yield Event(command.received, f"command received{of}", ("C2",))
         end = task_end(history, command)
         if end is not None:
-            state = getattr(end.content, "state", end.performative)
-            name = "finished" if state == "done" else f"ended, {state}"
+            name = ENDS.get(outcome(end)) or f"ended, {outcome(end)}"
             yield Event(end.received, f"{name}{of}", ("C2",), reason(end))
 
 

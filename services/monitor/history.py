@@ -16,7 +16,7 @@ import msgspec
 from agent_runtime import steplog
 from agent_runtime.effects import Receipt
 from agent_runtime.events import Arrived
-from companion.run_folder import Judged
+from companion.run_folder import FLEET_FILE, Fleet, Judged, ProcessState, ProcessStatus
 from companion.telemetry import Picture, RobotState, TrueState
 from fipa_codec.communicate import encode
 from fipa_codec.errors import FipaError
@@ -26,6 +26,7 @@ from services.monitor.records import SETTING, Garbage, House, Origin, Record, Re
 
 T = TypeVar("T")
 STEPS = "steps"
+NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
 
 
 class Hole(msgspec.Struct, frozen=True):
@@ -68,7 +69,8 @@ class History(msgspec.Struct, frozen=True):
 
     `robot`, `pictures` and `truth`: when heard, and what. `judged`: what the judge says of what was recorded.
     `houses`: how many of each kind of what is no communicate. `setting`: as the recorder was told it, None in a
-    recording without.
+    recording without. `down`: processes that the fleet needs and that died or were given up, as its supervisor told
+    last.
     """
 
     said: tuple[Spoken, ...] = ()
@@ -83,6 +85,7 @@ class History(msgspec.Struct, frozen=True):
     holes: tuple[Hole, ...] = ()
     judged: tuple[Judged, ...] = ()
     setting: Setting | None = None
+    down: tuple[ProcessStatus, ...] = ()
 
     @property
     def begin(self) -> float:
@@ -109,7 +112,16 @@ def load(run: Path) -> History:
     """The history of a run folder. What cannot be read is a hole, never an error."""
     heard = recording.read(run / recording.FILE)
     logs = {path.stem: tuple(arrivals(path)) for path in sorted((run / STEPS).glob(f"*.{STEPS}"))}
-    return merged(heard.records, logs, whole=heard.whole)
+    return msgspec.structs.replace(merged(heard.records, logs, whole=heard.whole), down=_down(run))
+
+
+def _down(run: Path) -> tuple[ProcessStatus, ...]:
+    """Who did not run in the end, by the supervisor's file; nobody where there is none: in a container, for one."""
+    try:
+        told = msgspec.json.decode((run / FLEET_FILE).read_bytes(), type=Fleet)
+    except (OSError, msgspec.DecodeError):
+        return ()
+    return tuple(one for one in told.processes if one.state in NOT_UP and not one.optional)
 
 
 def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, whole: bool = True) -> History:

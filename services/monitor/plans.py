@@ -11,10 +11,12 @@ from services.monitor.history import History
 from services.monitor.records import Spoken
 
 TASK_ENDS = (cmd.TaskState.DONE, cmd.TaskState.FAILED, cmd.TaskState.CANCELLED)
+REFUSALS = (Performative.REFUSE, Performative.NOT_UNDERSTOOD)
+REFUSED = "refused"
 
 
 class Made(msgspec.Struct, frozen=True):
-    """A plan asked for: `number` counts from 1, `plan` is its id ("": none came).
+    """A plan asked for: `number` counts from 1, `network` names the request, `plan` is the plan's id ("": none came).
 
     `wall_s`, `outcome` and `end` None: no answer came.
     `queries`: what pl asked km meanwhile; `waits`: from each of them to its answer, [(start, end)] in unix seconds;
@@ -22,6 +24,7 @@ class Made(msgspec.Struct, frozen=True):
     """
 
     number: int
+    network: str
     plan: str
     conversation: str
     task: str
@@ -65,8 +68,10 @@ class Act(msgspec.Struct, frozen=True):
 
 
 def made(history: History) -> tuple[Made, ...]:
-    """All requests for a plan, in the order of time."""
+    """All requests for a plan, in the order of time; one that pl put off is asked again, and counts then."""
     asked = [one for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)]
+    put_off = {one.conversation for one in history.said if isinstance(one.content, hfsm.NoPlan) and one.content.later}
+    asked = [one for one in asked if one.conversation not in put_off]
     return tuple(_made(history, number, one) for number, one in enumerate(asked, start=1))
 
 
@@ -95,14 +100,32 @@ def asked(command: Spoken) -> str:
 
 
 def task_command(history: History) -> Spoken | None:
-    """The first command of a person to pour; without one the first command of any kind; None where there is none."""
+    """The first command of a person to pour that was not refused; without one the first to pour, else the first of any
+    kind; None where there is none.
+    """
     all_commands = commands(history)
-    return next((one for one in all_commands if isinstance(one.content, cmd.PourInto)), next(iter(all_commands), None))
+    pours = [one for one in all_commands if isinstance(one.content, cmd.PourInto)]
+    taken = [one for one in pours if outcome(task_end(history, one)) != REFUSED]
+    return next(iter((*taken, *pours, *all_commands)), None)
+
+
+def outcome(end: Spoken | None) -> str:
+    """How a command ended: a state of its task, or that it was refused, and never became one; "" where it did not."""
+    if end is None:
+        return ""
+    return REFUSED if end.performative in REFUSALS else str(getattr(end.content, "state", end.performative))
+
+
+def others_plans(history: History, command: Spoken) -> frozenset[str]:
+    """The ids of plans that were asked for, or carried out, for other commands than this one: co names them by it."""
+    marks = tuple(f"{one.conversation}-plan" for one in commands(history) if one.conversation != command.conversation)
+    named = (one.content.id for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork))
+    return frozenset(name for name in named if name.startswith(marks))
 
 
 def task_end(history: History, command: Spoken) -> Spoken | None:
     """co's last word about a command: refuse, failure, or the inform with its result."""
-    ends = (Performative.REFUSE, Performative.FAILURE, Performative.NOT_UNDERSTOOD)
+    ends = (*REFUSALS, Performative.FAILURE)
     for one in _answers(history, command):
         if one.performative in ends:
             return one
@@ -134,6 +157,7 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
     plan = end.content if end is not None and isinstance(end.content, hfsm.HierarchicalPlan) else None
     return Made(
         number=number,
+        network=asked.content.id,
         plan="" if plan is None else plan.id,
         conversation=asked.conversation,
         task=", then ".join(_task(task) for task in asked.content.tasks),

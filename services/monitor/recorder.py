@@ -1,12 +1,15 @@
 """The recorder: one tap, one queue, one thread that writes and judges, for each system apart; then the reports.
 
-Callbacks only enqueue. Everything is with the operating system within FLUSH_S, so a kill costs no more than that; what
-is lost then, agents' own step logs have. SIGTERM ends the recording in order and makes report and pictures.
+That thread, and those of the tap, which it opens, take what the fleet leaves of the processor. Callbacks only enqueue.
+Everything is with the operating system within FLUSH_S, so a kill costs no more than that; what is lost then, agents'
+own step logs have. SIGTERM ends the recording in order and makes report and pictures.
 """
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -29,6 +32,10 @@ from services.monitor.systems import SystemNameError, folders
 
 NAME = "monitor"
 FLUSH_S = 0.1
+NICENESS = 10
+"""The fleet comes first (benchmarks/README.md). In the class SCHED_IDLE the tap reads so late on a busy machine that
+the router closes its session; at 19 it was slower there than at 10.
+"""
 TOLD = ("verdict", "why", "channel", "sender", "receiver", "protocol", "performative", "conversation", "id", "key")
 """What the log says of a communicate that is not as designed."""
 
@@ -114,6 +121,7 @@ class Recorders:
         feeds = feeding(where, say)
         self._of = {name: Recorder(run, partial(say, system=name), feeds.get(name)) for name, run in where.items()}
         self._all = tuple(self._of.values())
+        self.files = {name: str(run / FILE) for name, run in where.items()}
 
     @property
     def counts(self) -> dict[str, int]:
@@ -145,14 +153,8 @@ def serve(options: Options) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, waiting.stop)
     recorders, ready = Recorders(where, log.write), run / f"{NAME}.ready"
-    tap = open_tap(options, waiting.put, lambda: waiting.stopped)
-    if tap is not None:
-        ready.write_text("taps")
-        log.write("recording", **{name: str(folder / FILE) for name, folder in where.items()})
-        scene = str(options.scene) if options.scene else ""
-        setting = Setting(seed=options.seed, speed=options.speed, scene=scene)
-        recorders.each(lambda recorder: recorder.begin(setting))
-        _record(recorders, waiting, tap, Pulse(run, NAME))
+    with ThreadPoolExecutor(1, initializer=_give_way) as pool:  # the reports have the priority of this thread again
+        pool.submit(_tap, options, recorders, waiting, ready, log.write).result()
     recorders.each(Recorder.finish)
     ready.unlink(missing_ok=True)
     log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
@@ -161,6 +163,23 @@ def serve(options: Options) -> int:
     made = [make.everything(folder, partial(log.write, system=name)) for name, folder in where.items()]
     log.close()
     return 0 if all(made) else 1
+
+
+def _give_way() -> None:
+    os.setpriority(os.PRIO_PROCESS, 0, os.getpriority(os.PRIO_PROCESS, 0) + NICENESS)  # of this thread alone
+
+
+def _tap(options: Options, recorders: Recorders, waiting: Waiting, ready: Path, say: Say) -> None:
+    """Record as soon as the router is there, until no more is wanted."""
+    tap = open_tap(options, waiting.put, lambda: waiting.stopped)
+    if tap is None:
+        return
+    ready.write_text("taps")
+    say("recording", **recorders.files)
+    scene = str(options.scene) if options.scene else ""
+    setting = Setting(seed=options.seed, speed=options.speed, scene=scene)
+    recorders.each(lambda recorder: recorder.begin(setting))
+    _record(recorders, waiting, tap, Pulse(options.run_dir, NAME))
 
 
 def _record(recorders: Recorders, waiting: Waiting, tap: Tap, pulse: Pulse) -> None:

@@ -61,7 +61,8 @@ class Loop(msgspec.Struct, frozen=True):
     """The control loop's figures, as it told them last.
 
     `paced`: it kept a clock (speed 1); else no cycle has a deadline, and what counts against one is null. `realtime`:
-    with the kernel's real-time priority. `compute_us`: how long a cycle takes.
+    with the kernel's real-time priority. `compute_us`: how long a cycle takes. `saturated`: cycles whose torque was cut
+    to what the robot accepts.
     """
 
     paced: bool
@@ -72,6 +73,7 @@ class Loop(msgspec.Struct, frozen=True):
     lateness_us: Us
     compute_us: Us
     faults: int
+    saturated: int
 
 
 class HoleAt(msgspec.Struct, frozen=True):
@@ -264,6 +266,7 @@ def _loop(history: History) -> Loop | None:
         lateness_us=_us(last.lateness_us) if paced else Us(),
         compute_us=_us(last.compute_us) if last.compute_us.max else Us(),
         faults=last.faults,
+        saturated=last.saturated,
     )
 
 

@@ -12,7 +12,7 @@ from companion.languages import cmd, rc, sw
 from companion.words import plain, spaced
 from services.monitor.figures import ACCENT, FAINT, INK, WIDTH_IN, drawing
 from services.monitor.history import History
-from services.monitor.plans import Act, acts, asked, commands, made, ran, task_end
+from services.monitor.plans import REFUSED, Act, acts, asked, commands, made, outcome, ran, task_end
 
 LANES = ("person, hi", "co, pl", "km", "ta", "ex: left hand", "ex: right hand", "ex: head")
 WORDS: dict[type[rc.Command], tuple[str, str]] = {
@@ -67,8 +67,10 @@ def _bars(history: History) -> Iterator[Bar]:
     free = history.begin
     for command in commands(history):  # one that waits for another one begins where that ends
         end = task_end(history, command)
+        if outcome(end) == REFUSED:
+            continue  # it took no time of anybody; the table of events has it
         until = end.received if end is not None else history.said[-1].received
-        state = str(getattr(end.content, "state", "refused")) if end is not None else "not ended"
+        state = outcome(end) or "not ended"
         colour = ACCENT if state == cmd.TaskState.DONE else "#b91c1c"
         yield Bar(LANES[0], max(free, command.received), until, colour, (f"{asked(command)}: {state}", state))
         free = max(free, until)

@@ -14,7 +14,8 @@ from companion.models import MODELS
 from companion.telemetry import TrueState
 from services.monitor.history import History
 from services.monitor.placing import KNOWN_AS
-from services.monitor.plans import asked, made, ran, reason, task_command, task_end
+from services.monitor.plans import asked, made, others_plans, outcome, ran, reason, task_command, task_end
+from services.monitor.records import Spoken
 
 LEAST_POURED = 0.9
 MOST_TILT_DEG = 10.0
@@ -56,27 +57,34 @@ def failure(history: History) -> str | None:
     command = task_command(history)
     if command is not None and not isinstance(command.content, cmd.PourInto):
         return f"nobody asked to pour, but to {asked(command)}"
-    # What plans say comes first: where one failed, an empty bowl follows from that and needs no words.
-    reasons = list(_of_plans(history)) or list(_of_truth(poured(history), bool(history.truth)))
-    return "; ".join(reasons) or None
-
-
-def _of_plans(history: History) -> Iterator[str]:
-    command = task_command(history)
     if command is None:
-        yield "no command of a person was heard"
-        return
-    end = task_end(history, command)
+        return "; ".join(_not_whole(history)) or "no command of a person was heard"
+    # What plans say comes first: where one failed, an empty bowl follows from that and needs no words.
+    reasons = list(_of_plans(history, command)) or list(_of_truth(poured(history), bool(history.truth)))
+    return "; ".join((*_not_whole(history), *reasons)) if reasons else None
+
+
+def _not_whole(history: History) -> Iterator[str]:
+    """Processes of the fleet that did not run in the end, though nobody had ended them: the cause of all else."""
+    for process in history.down:
+        yield f"{process.name} did not run ({process.state}{': ' + process.note if process.note else ''})"
+
+
+def _of_plans(history: History, command: Spoken) -> Iterator[str]:
+    """What went wrong with the command and its plans; plans of other commands are not the job."""
+    end, of_others = task_end(history, command), others_plans(history, command)
     why = ""
     if end is None:
         yield "the task did not end"
-    elif getattr(end.content, "state", None) != cmd.TaskState.DONE:
-        state, why = getattr(end.content, "state", end.performative), reason(end)
-        yield f"the task ended, {state}{': ' + why if why else ''}"
+    elif outcome(end) != cmd.TaskState.DONE:
+        why = reason(end)
+        yield f"the task ended, {outcome(end)}{': ' + why if why else ''}"
     for plan in made(history):
+        if plan.network in of_others:
+            continue
         if plan.outcome != "found" and not (plan.reason and plan.reason in why):
             yield f"plan {plan.number}: {plan.reason or plan.outcome or 'no answer came'}"
-    plans = ran(history)
+    plans = [run for run in ran(history) if run.plan not in of_others]
     if not plans and not why:
         yield "no plan was carried out"
     for run in plans:

@@ -18,7 +18,7 @@ from fipa_codec.performatives import Performative
 from services.planner import search_process
 from services.planner.search_process import Answer, Ask, Begin, Died, Found, NotFound, Stop
 
-ANSWER_WITHIN_S = 30.0  # estimate: km waits up to 20 s for the first look around, answers in ms, comes back in seconds
+ANSWER_WITHIN_S = 30.0  # estimate: km holds a question for 5 s, answers in ms, comes back in seconds
 DROP_WITHIN_S = 5.0  # hypothetical states nobody drops are km's to forget
 MOST_ATTEMPTS = 5  # estimate: km dies less often than that during one search
 
@@ -124,7 +124,9 @@ def initialize_problem(memory: Memory, turn: Turn) -> Memory:
     if memory.cancelled:
         return memory
     match turn.event:
-        case Received(conversation=conversation) if conversation == memory.soft.question:
+        case Received(content=wm.Unknown(later=True, reason=reason), conversation=name) if name == memory.soft.question:
+            return _no_plan(replace(memory, soft=Soft()), reason, later=True)
+        case Received(conversation=name) if name == memory.soft.question:
             return replace(memory, ready=True, soft=Soft())
         case Started():
             return _ask(memory, turn, _drop(memory))
@@ -159,9 +161,9 @@ def _unanswered(memory: Memory, turn: Turn) -> Memory:
             return memory
 
 
-def _no_plan(memory: Memory, reason: str) -> Memory:
+def _no_plan(memory: Memory, reason: str, *, later: bool = False) -> Memory:
     assert memory.problem is not None
-    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, reason))
+    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, reason, later))
 
 
 # --- search -----------------------------------------------------------------------------------------------------------
@@ -199,6 +201,8 @@ def _searching(memory: Memory, turn: Turn) -> Memory:
 
 
 def _answered(memory: Memory, turn: Turn, content: wm.AnyAnswer) -> Memory:
+    if isinstance(content, wm.Unknown) and content.later:
+        return _no_plan(replace(memory, soft=Soft()), content.reason, later=True)
     if isinstance(content, wm.UnknownState):
         turn.log("hypothesis lost", level="warning", state=content.id)
         return replace(memory, soft=Soft(lost=True))
@@ -220,5 +224,6 @@ def answer_problem(memory: Memory, turn: Turn) -> Memory:
     if turn.holds(problem.conversation) and memory.result is not None:
         plan = isinstance(memory.result, hfsm.HierarchicalPlan)
         turn.say(problem.conversation, Performative.INFORM if plan else Performative.FAILURE, memory.result)
-    turn.open("km", "query", Performative.QUERY_REF, _drop(memory), reply_by_s=DROP_WITHIN_S)
+    if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):  # put off: nothing was made, km is busy
+        turn.open("km", "query", Performative.QUERY_REF, _drop(memory), reply_by_s=DROP_WITHIN_S)
     return Memory(seed=memory.seed, waiting=memory.waiting, attempt=memory.attempt)

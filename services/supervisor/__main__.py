@@ -13,10 +13,13 @@ import typer
 from agent_runtime.cli import Level, Speed
 from agent_runtime.secured import ROUTER
 from companion.run_folder import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, SLOTS_FILE
-from services.supervisor import folder
+from services.supervisor import core, folder
 from services.supervisor.processes import FLEET, Process
 from services.supervisor.securing import DAYS, Keys
 from services.supervisor.shell import Shell
+
+LOOP = "loop"
+"""The process that has the robot in its scene."""
 
 
 def main(
@@ -28,7 +31,7 @@ def main(
     speed: Annotated[
         Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
     ] = Speed.REAL,
-    seed: Annotated[int, typer.Option(envvar="ROCO_SEED", help="Varies poses and noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, envvar="ROCO_SEED", help="Varies poses and noise.")] = 1,
     scene: Annotated[
         str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
     ] = "",
@@ -46,21 +49,33 @@ def main(
         float, typer.Option(min=1e-4, help="How long keys hold that it makes; they are renewed before they end.")
     ] = DAYS,
     only: Annotated[str, typer.Option(help="Names of processes, comma between; empty: all.")] = "",
+    latest: Annotated[bool, typer.Option(help="Let `latest` beside the run's folder point to it.")] = True,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only look at scene, seed and processes; start nothing.")
+    ] = False,
 ) -> None:
-    """Run the processes of the Robot Companion: start, watch, restart, stop in order."""
+    """Run the processes of the Robot Companion: start, watch, restart, stop in order.
+
+    Ends with 2 and a sentence, before anything is started, where the options do not make sense.
+    """
     run = run_dir.resolve()
-    processes = chosen(only)
-    folder.make(run)
-    router = any(process.name == ROUTER for process in processes)
     try:
+        processes = chosen(only)
+        if any(process.name == LOOP for process in processes):
+            possible(scene, seed)
+        if check:
+            return
+        folder.make(run, latest=latest)
+        router = any(process.name == ROUTER for process in processes)
         made = Keys(run, system, connect, keys, insecure=insecure, router=router, days=key_days)
     except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
+        typer.echo(f"supervisor: {error}", err=True)
+        raise typer.Exit(core.USAGE_ERROR) from error
     options = {
         RUN_FOLDER_VARIABLE: str(run),
         "ROCO_SYSTEM": system,
-        "ROCO_CONNECT": made.address,
-        "ROCO_LISTEN": made.address,
+        "ROCO_CONNECT": made.own,
+        "ROCO_LISTEN": made.listen,
         "ROCO_SPEED": speed.value,
         "ROCO_SEED": str(seed),
         "ROCO_SLOTS": str(run / SLOTS_FILE),
@@ -71,16 +86,35 @@ def main(
         "PYTHONUNBUFFERED": "1",
         "PYTHONSAFEPATH": "1",
     }
-    Shell(run, processes, system, made.address, os.environ | options, tend=made.tend).serve()
+    Shell(run, processes, system, made.own, os.environ | options, tend=made.tend).serve()
+
+
+def possible(scene: str, seed: int) -> None:
+    """Look at a scene as the loop will, varied by the seed. ValueError says what cannot be.
+
+    The canonical scene, for which no file is named, is one for every seed.
+    """
+    if not scene:
+        return
+    from velma.errors import SceneError  # numpy: half of a start's time, and most starts name no scene
+    from velma.model import scene as scenes
+
+    try:
+        scenes.vary(scenes.load(Path(scene)), seed)
+    except (SceneError, OSError) as error:
+        raise ValueError(str(error) if scene in str(error) else f"{scene}: {error}") from error
 
 
 def chosen(only: str) -> tuple[Process, ...]:
-    """The processes of the table with these names (comma between), each after those of them it waits for."""
+    """The processes of the table with these names (comma between), each after those of them it waits for.
+
+    ValueError names one that is not there.
+    """
     names = [name.strip() for name in only.split(",") if name.strip()]
     unknown = set(names) - {process.name for process in FLEET}
     if unknown:
         there_are = ", ".join(process.name for process in FLEET)
-        raise typer.BadParameter(f"no process is called {', '.join(sorted(unknown))}; there are {there_are}")
+        raise ValueError(f"no process is called {', '.join(sorted(unknown))}; there are {there_are}")
     if not names:
         return FLEET
     wanted = [process for process in FLEET if process.name in names]

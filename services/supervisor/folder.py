@@ -8,19 +8,19 @@ import msgspec
 from companion.run_folder import FLEET_FILE, LATEST, OFF_SUFFIX, STOP_FILE, STOP_RELEASED, Fleet
 
 
-def make(run: Path) -> None:
-    """Make the folder with its stop flag, nobody switched off, and let `latest` beside it point to it."""
+def make(run: Path, *, latest: bool = True) -> None:
+    """Make the folder with its stop flag, nobody switched off; `latest`: let the link beside it point to it."""
     run.mkdir(parents=True, exist_ok=True)
     flag = run / STOP_FILE
     if not flag.exists():
         flag.write_bytes(STOP_RELEASED)
     for name in off(run):
         (run / f"{name}{OFF_SUFFIX}").unlink(missing_ok=True)
-    latest = run.parent / LATEST
-    if latest.is_symlink() or not latest.exists():
+    link = run.parent / LATEST
+    if latest and (link.is_symlink() or not link.exists()):
         beside = run.parent / f".{LATEST}-{os.getpid()}"
         beside.symlink_to(run.name)
-        beside.replace(latest)
+        beside.replace(link)
 
 
 def tell(run: Path, fleet: Fleet) -> None:

@@ -16,6 +16,7 @@ from agent_runtime.secured import ROUTER, key_file
 from companion.run_folder import KEYS_FOLDER
 
 TLS, PLAIN = "tls/", "tcp/"
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
 DAYS = 7.0
 """How long keys hold, as agent_runtime.keys has it (a test compares): that module is loaded beside the start."""
 LAST = 1 / 7
@@ -24,7 +25,11 @@ AGAIN_S = 60.0  # estimate: a day is left
 
 
 class Keys:
-    """Where the router is, and the folder of keys: None where nothing is encrypted."""
+    """Where the router is, and the folder of keys: None where nothing is encrypted.
+
+    `own`: where the processes of this host meet; `listen`: where the router listens. One that others reach, too, has a
+    listener on loopback for its own: a flood of handshakes locks the listener that it hits, and no other.
+    """
 
     def __init__(
         self,
@@ -50,6 +55,9 @@ class Keys:
             raise ValueError(f"with keys the router's address begins with {TLS}, {self.address!r} not; or --insecure")
         if not self.folder and self.address.startswith(TLS):
             raise ValueError(f"{self.address!r} wants keys, and there are none: --keys names their folder")
+        outside = router and host_of(self.address) not in LOOPBACK
+        self.own = f"{self.address.partition('/')[0]}/127.0.0.1:{free_port()}" if outside else self.address
+        self.listen = f"{self.address},{self.own}" if outside else self.address
         self._making = threading.Thread(target=self._begin, name="keys", daemon=True)
         self._failed: Exception | None = None
         if self.folder and mine:

@@ -45,7 +45,7 @@ def hear(memory: Memory, turn: Turn) -> tuple[Memory, Outcome | None]:
         case Received(conversation=name, content=content) as received if name == act.conversation:
             return _told(memory, turn, act, received, content)
         case Broken(conversation=name, reason=reason) if name == act.conversation:
-            return _over(memory, turn), rc.NotDone(act.command.key, "failed", f"ex: {reason}")
+            return _over(memory, turn), rc.NotDone(act.command.key, "interrupted", f"ex: {reason}")
         case _:
             return memory, None
 
@@ -91,9 +91,20 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
     """
     if outcome.body is None or (isinstance(command, rc.Look) and isinstance(outcome, rc.NotDone)):
         return memory
-    news: list[wm.AnyObservation] = sorted(observations(outcome), key=lambda one: isinstance(one, wm.SeenBody))
+    news: list[wm.AnySight] = sorted(observations(outcome), key=lambda one: isinstance(one, wm.SeenBody))
     if isinstance(outcome, rc.Done) and isinstance(command, rc.Pour):
         news.insert(0, wm.SeenContent(source=command.source, destination=command.destination))
     for one in news:
         turn.observe(OBSERVER, subject(one), one, last=isinstance(one, wm.SeenBody))
     return replace(memory, hands={side: held[0] for side, held in outcome.held.items()})
+
+
+def nothing_seen(turn: Turn, reason: str) -> None:
+    """Owe km why a look around showed nothing."""
+    over = wm.NothingSeen(reason)
+    turn.observe(OBSERVER, subject(over), over)
+
+
+def look_owed(turn: Turn) -> bool:
+    """Whether km is still to be told the posture, which ends a look around, so that it needs no other."""
+    return (OBSERVER, "body") in turn.due

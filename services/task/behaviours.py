@@ -19,6 +19,7 @@ from services.task.survey import SURVEY
 
 SURVEYS = 3  # tries of a look around; estimate: ex may still be coming up at the first
 AGAIN_S, AGAIN = 2.0, "survey again"
+STOPPED_S, STOPPED = 20.0, "survey stopped"  # estimate: ex brakes in a second and comes back in seconds
 BARRIER_S, BARRIER = 30.0, "barrier"  # estimate: km is restarted within seconds, or it is gone for good
 REASON_CHARS = 200  # a report is to stay within its 400 bytes
 
@@ -47,7 +48,7 @@ def await_plan(memory: Memory, turn: Turn) -> Memory:
             return _taken(memory, turn, received.conversation, plan)
         case Received(content=wm.ObserveWorld()) as received:
             turn.say(received.conversation, Performative.AGREE)
-            return replace(memory, survey=SURVEYS)
+            return memory if acts.look_owed(turn) else replace(memory, survey=SURVEYS)
         case _:
             return memory
 
@@ -62,7 +63,7 @@ def _taken(memory: Memory, turn: Turn, conversation: str, plan: hfsm.Hierarchica
 
 
 def survey(memory: Memory, turn: Turn) -> Memory:
-    """surveying: one look around, tried again a few times where ex cannot do it yet."""
+    """surveying: one look around, tried again a few times where ex cannot do it yet; km is told how it ended."""
     match turn.event:
         case None:
             return _look_around(memory, turn)
@@ -71,18 +72,25 @@ def survey(memory: Memory, turn: Turn) -> Memory:
         case Received(content=wm.ObserveWorld()) as received:
             turn.say(received.conversation, Performative.AGREE)
             return memory
+        case Woken(name=name) if name == STOPPED and memory.act is not None:
+            acts.nothing_seen(turn, "the robot does not answer: ex was asked to look around and is late")
+            return memory
     if acts.overdue(memory, turn):
+        turn.wake(STOPPED, turn.now + STOPPED_S)
         return acts.stop(memory, turn)
     looked = memory.act is not None
     memory, outcome = acts.hear(memory, turn)
     if memory.act is not None or not (looked or outcome):
         return memory
+    turn.unwake(STOPPED)
     if isinstance(outcome, rc.Done):
         return replace(memory, survey=0)
     why = outcome.reason if outcome else "its end crossed the cancel"
     turn.log("survey failed", level="warning", reason=why)
     if memory.survey > 1:
         turn.wake(AGAIN, turn.now + AGAIN_S)
+    else:
+        acts.nothing_seen(turn, f"the look around failed: {why}"[:REASON_CHARS])
     return replace(memory, survey=memory.survey - 1)
 
 
@@ -133,9 +141,8 @@ def _report(memory: Memory, turn: Turn, reason: str) -> Memory:
 
 def await_acknowledgement(memory: Memory, turn: Turn) -> Memory:
     """finished: until co has confirmed the final report, which ends the conversation."""
+    running.observed(turn)
     match turn.event:
-        case Received(content=wm.ObserveWorld()) as received:
-            turn.say(received.conversation, Performative.AGREE)
         case Broken() | Received() | None if not turn.holds(memory.conversation):
             return Memory(hands=memory.hands, acts=memory.acts)
     return memory

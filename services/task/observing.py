@@ -6,7 +6,7 @@ from companion.languages import rc, wm
 from companion.languages.values import Side
 
 
-def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnyObservation]:
+def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
     """The posture, what each hand holds, then everything seen that is in no hand."""
     if outcome.body is not None:
         yield wm.SeenBody(body=outcome.body)
@@ -26,6 +26,8 @@ def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnyObservation]:
 
 def subject(observation: wm.AnyObservation) -> str:
     """What an observation is about: the newest of a subject replaces the older ones."""
+    if isinstance(observation, wm.NothingSeen):
+        return "look"
     if isinstance(observation, wm.SeenBody):
         return "body"
     if isinstance(observation, wm.SeenHand):

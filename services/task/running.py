@@ -28,18 +28,25 @@ ENDS = {
     Outcome.REPLAN: sw.WorkerState.REPLAN,
     Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
 }
-OF_KIND = {"replan": Outcome.REPLAN, "unknown": Outcome.REPLAN}
-"""Kinds of NotDone that are no failure: the world is not as planned."""
+OF_KIND = dict.fromkeys(("replan", "busy", "interrupted", "unknown"), Outcome.REPLAN)
+"""Kinds of NotDone after which a new plan may do it: the world is not as planned, or the machine was in the way."""
 
 
 def always(memory: Memory, turn: Turn) -> Memory:
     """What is taken in every state of a plan: an observer comes (back), the conversation with co breaks."""
+    observed(turn)
     match turn.event:
-        case Received(content=wm.ObserveWorld()) as received:
-            turn.say(received.conversation, Performative.AGREE)
         case Broken(conversation=name, reason=reason) if name == memory.conversation and memory.end is None:
             return _preempted(memory, turn, f"the conversation with co broke: {reason}")
     return memory
+
+
+def observed(turn: Turn) -> None:
+    """An observer that comes in the middle of a plan: no look around is made for it, and it does not wait for one."""
+    match turn.event:
+        case Received(content=wm.ObserveWorld()) as received:
+            turn.say(received.conversation, Performative.AGREE)
+            acts.nothing_seen(turn, "no look around is made while a plan is carried out")
 
 
 # --- running ----------------------------------------------------------------------------------------------------------
@@ -134,7 +141,8 @@ def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
     if acts.overdue(memory, turn):
         assert memory.act is not None
         words = f"ex took too long for {memory.act.command.key}"
-        return replace(acts.stop(memory, turn), end=sw.WorkerState.FAILED, reason=words)
+        end = sw.WorkerState.FAILED if memory.cancelled else sw.WorkerState.REPLAN
+        return replace(acts.stop(memory, turn), end=end, reason=words)
     if memory.soft.question or isinstance(turn.event, Started):
         return _answered(memory, turn, finish)
     memory, outcome = acts.hear(memory, turn)

@@ -41,7 +41,8 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
     def main(
         connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint.")] = _DEFAULT.connect,
         listen: Annotated[
-            str, typer.Option(envvar="ROCO_LISTEN", help="Where the router listens (only the router does).")
+            str,
+            typer.Option(envvar="ROCO_LISTEN", help="Where the router listens (only the router does); comma between."),
         ] = _DEFAULT.listen,
         system: Annotated[
             str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot.")

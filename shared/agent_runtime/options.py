@@ -6,7 +6,8 @@ import msgspec
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
-    """`connect`: the router's endpoint; `listen`: where the router itself listens; `run_dir`: files of this run.
+    """`connect`: the router's endpoint; `listen`: where the router itself listens, several with a comma between;
+    `run_dir`: files of this run.
 
     `systems`: of a router or recorder that serves several robots, else () and `system` alone; `links`: endpoints of
     other routers that the router joins. `speed`: "1" (simulated time is real time) or "max"; `seed`: varies poses and

@@ -34,7 +34,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     `body`: 15 joints (velma.names.BODY), `head`: pan, tilt, `spread`: right, left, `proximal` and `distal`: fingers
     one, two, three of the right hand, then of the left [rad]. `act`: key of the act under way, "" for none; `skill`:
     what it is in a word. `work_J`: work of the body joints since the start. `lateness_us` is all zeros where nothing
-    paces the loop (it runs as fast as it can); `realtime`: it has the kernel's real-time priority.
+    paces the loop (it runs as fast as it can); `realtime`: it has the kernel's real-time priority. `saturated`: cycles
+    whose torque was cut to what the robot accepts.
     """
 
     sim_time_s: float
@@ -55,6 +56,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     realtime: bool = False
     faults: int = 0
     last_fault: str = ""
+    saturated: int = 0
 
 
 class Contact(msgspec.Struct, frozen=True, array_like=True):

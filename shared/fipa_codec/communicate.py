@@ -21,6 +21,8 @@ from fipa_codec.performatives import Performative
 
 MAX_BYTES = 4 * 1024 * 1024
 """Longest communicate taken or made. The paper's largest has 852 kB (section 5.7); four times that, estimate."""
+MAX_CONTENT_BYTES = MAX_BYTES - 1024
+"""Longest content said: all other fields together have less, five words of 64 characters and four labels at most."""
 LONGEST_LABEL = 128
 """Characters of an id. Ids are chosen by agents and only compared; an estimate that keeps logs and journals small."""
 KNOWN_BOUND = 4096

@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from fipa_codec.communicate import MAX_BYTES, WORD, Communicate, explain, is_word
+from fipa_codec.communicate import MAX_BYTES, MAX_CONTENT_BYTES, WORD, Communicate, explain, is_word
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.performatives import Performative
 
@@ -70,7 +70,8 @@ class Language:
     def encode(self, content: object, performative: Performative | None = None) -> msgspec.Raw:
         """A sentence as content of a communicate.
 
-        LocalProtocolError if its class is not of this language, or if `performative`, where given, does not carry it.
+        LocalProtocolError if its class is not of this language, if `performative`, where given, does not carry it, or
+        if it is too long: said here, before an agent has noted it down, it cannot be re-sent for ever.
         """
         if type(content) not in self.classes:
             raise LocalProtocolError("content", f"{type(content).__name__} is no class of {self.name}: {self._known()}")
@@ -80,9 +81,13 @@ class Language:
             except ContentError as error:
                 raise LocalProtocolError(error.field, error.reason) from error
         try:
-            return msgspec.Raw(_encoder.encode(content))
+            data = _encoder.encode(content)
         except Exception as error:
             raise LocalProtocolError("content", f"cannot be encoded in {self.name}: {error}") from error
+        if len(data) > MAX_CONTENT_BYTES:
+            reason = f"has {len(data)} bytes in {self.name}, at most {MAX_CONTENT_BYTES} are sent; say it in parts"
+            raise LocalProtocolError("content", reason)
+        return msgspec.Raw(data)
 
     def decode(self, raw: bytes | msgspec.Raw) -> Any:
         """The sentence in `raw`, an object of one of `classes`. ContentError names the field and the reason."""

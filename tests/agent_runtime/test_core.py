@@ -138,6 +138,23 @@ def test_not_taken_waits_unreceipted_and_holds_its_stream_up() -> None:
     assert [r.taken for effects in one.out for r in effects.receipts] == [1, 2]
 
 
+def test_a_message_behind_one_that_is_not_taken_is_not_taken_either() -> None:
+    """Though it could be: a receipt for the second would say that the first was taken, and it would be lost."""
+    wanting = {"go": False}
+
+    def takes(memory: Seen, event: Any) -> bool:
+        return wanting["go"] or not isinstance(event, Received) or event.content != Double(1)
+
+    one = Driven(recording(said=agree, takes=takes), TO_ASKER)
+    assert one.step(request(1, content=Raw(pack(Double(1))))).receipts == ()
+    assert one.step(request(2, conversation="b", content=Raw(pack(Double(2))))).receipts == ()
+    assert one.state.memory.seen == ()
+    wanting["go"] = True
+    one.step(Tick())
+    assert [r.taken for effects in one.out for r in effects.receipts] == [1, 2]
+    assert one.state.memory.seen == ("Received", "Received")
+
+
 def test_back_pressure() -> None:
     """With a full outbox nothing is taken; receipts still count, and then it goes on."""
     one = Driven(asker(*range(3)), TO_SERVER)

@@ -98,6 +98,15 @@ def test_a_service_is_bounded(name):
     assert service["restart"] == "unless-stopped"
 
 
+@pytest.mark.parametrize("file", ["compose.yaml", "compose.two.yaml"])
+def test_what_is_built_is_not_pulled(file):
+    """Nobody publishes the images: Compose v2 would try first."""
+    services = yaml.safe_load((ROOT / "deploy" / file).read_text())["services"]
+    assert services
+    for service in services.values():
+        assert ("build" in service) == ("image" in service) == (service.get("pull_policy") == "build")
+
+
 @every_service
 def test_health_starts_no_python(name):
     """It reads what the processes write anyway, for each process inside."""

@@ -1,6 +1,7 @@
 """A pretended fleet for the console's tests: one process that writes a run folder, answers as a_hi, reports at SIGTERM.
 
-Called as `fake_fleet.py services.supervisor RUN SUCCESS`; the first word makes it look like the supervisor.
+Called as `fake_fleet.py services.supervisor RUN SUCCESS [MODE]`; the first word makes it look like the supervisor. MODE
+`starting`: it never gets ready; `slow`: nor does it end at once, but when RUN/may-end is there.
 """
 
 import http.server
@@ -66,7 +67,7 @@ class Answers(http.server.BaseHTTPRequestHandler):
         """Say nothing."""
 
 
-def main(run: Path, success: bool) -> None:
+def main(run: Path, success: bool, mode: str) -> None:
     """Be a fleet until SIGTERM."""
     server = http.server.HTTPServer(("127.0.0.1", 0), Answers)
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -76,15 +77,18 @@ def main(run: Path, success: bool) -> None:
     (run / run_folder.STOP_FILE).write_bytes(run_folder.STOP_RELEASED)
     (run / run_folder.HI_FILE).write_bytes(encode(HiAddress(server.server_port, TOKEN)))
     (run / run_folder.LIVE_FILE).write_bytes(b"".join(encode(line) + b"\n" for line in STORY))
-    processes = (ProcessStatus("ta", run_folder.ProcessState.READY, os.getpid()),)
+    state = run_folder.ProcessState.READY if mode == "ready" else run_folder.ProcessState.STARTING
+    processes = (ProcessStatus("ta", state, os.getpid()),)
     whole = run / "beside"
     whole.write_bytes(encode(Fleet("test", "", os.getpid(), time.time(), processes)))
     whole.replace(run / run_folder.FLEET_FILE)
     end.wait()
+    while mode == "slow" and not (run / "may-end").exists():
+        time.sleep(0.02)
     server.shutdown()
     report = {"success": success, "failure": None if success else "the jar slipped", "poured_fraction": 0.97}
     (run / run_folder.REPORT_FILE).write_bytes(encode({**report, "sim_time_s": 98.5, "wall_time_s": 120.0}))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[2]), sys.argv[3] == "True")
+    main(Path(sys.argv[2]), sys.argv[3] == "True", *(sys.argv[4:] or ["ready"]))

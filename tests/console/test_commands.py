@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from services.console import fleet
 from services.console.__main__ import app
+from services.console.pace import Pace
 
 
 def roco(*words: object) -> Result:
@@ -93,6 +95,36 @@ def test_the_demo_tells_its_story_in_lines_and_exits_by_the_report(
     assert done.stdout.count("into the bowl: done") == 1
     assert ("success" if success else "no success: the jar slipped") in done.stdout
     assert "97 % of the content" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "pace", "speed", "said"),
+    [
+        ([], Pace(500, 20, held=True), "1", False),
+        ([], Pace(500, 200, held=False), "max", True),
+        ([], None, "1", False),
+        (["--speed", "1"], Pace(500, 200, held=False), "1", False),
+        (["--speed", "max"], Pace(500, 20, held=True), "max", False),
+    ],
+)
+def test_the_demo_takes_the_speed_that_the_machine_holds(
+    words: list[str],
+    pace: Pace | None,
+    speed: str,
+    said: bool,
+    pretend: Callable[[bool], None],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    """Unless a person says which; and says so where it is not real time."""
+    pretend(True)
+    monkeypatch.setattr("services.console.pace.measure", lambda: pace)
+    start, started = fleet.start, []
+    monkeypatch.setattr(fleet, "start", lambda run, given: started.append(given) or start(run, given))
+    done = roco("demo", "--out", tmp_path / "out", *words)
+    assert done.exit_code == 0, done.output
+    assert started[0][started[0].index("--speed") + 1] == speed
+    assert ("40 % of the control loop's cycles are late" in done.stdout) is said
 
 
 def test_the_demo_speaks_json_line_by_line(pretend: Callable[[bool], None], tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from companion.run_folder import (
     Sent,
     TaskLine,
 )
-from services.console import doing, draw, live
+from services.console import demo, doing, draw, live
 
 STATES = ("main", "main/take", "main/take/approach", "main/take/grasp", "main/pour", "main/pour/tilt")
 
@@ -111,8 +111,37 @@ def test_the_picture_fits_the_terminal(told: list[LiveLine], height: int, width:
     """From 80 x 24 on nothing is cut off, however much has happened."""
     console = Console(width=width, height=height, force_terminal=True, file=io.StringIO())
     fleet = Fleet("t", "", 9, 0.0, tuple(ProcessStatus(f"p{n}", ProcessState.READY, 1) for n in range(9)))
-    whole = draw.Scene("a run", 0.0, fleet, (TaskLine("hi-1-1", "planning", "plan 1", "pour"),), folded(*told))
-    assert len(console.render_lines(draw.picture(whole, 12.0, height))) < height
+    reason = " ".join(["a long reason"] * 24) if height > 30 else "plan 1"  # five lines instead of one
+    task = TaskLine("hi-1-1", "planning", reason, "pour")
+    many = (Happened(t=float(n), name="event", text=str(n)) for n in range(live.LATEST_EVENTS))
+    whole = draw.Scene("a run", 0.0, fleet, (task,), folded(*told, *many))
+    assert len(console.render_lines(draw.picture(whole, 12.0, height, width))) < height
+
+
+REASON = "the task failed: " + " ".join(f"reason-{number}" for number in range(30))
+
+
+def test_a_reason_can_be_read_whole() -> None:
+    """Longer than a line at 80 columns: of an event, of a task, and of the verdict; no word is broken."""
+    view = folded(Happened(t=1.0, name="ended, failed", text=REASON))
+    told = draw.Scene("a run", 0.0, None, (TaskLine("hi-1-1", "failed", REASON, "pour"),), view)
+    console = Console(width=80, height=40, record=True, force_terminal=True, file=io.StringIO())
+    console.print(draw.picture(told, 12.0, console.height, console.width))
+    text = console.export_text()
+    assert " ".join(text.split()).count(REASON) == 2
+    assert len(text.splitlines()) < console.height
+    said = demo.verdict(demo.Report(success=False, failure=REASON), Path("run"), 80).splitlines()
+    assert max(map(len, said)) <= 80
+    assert " ".join(" ".join(said[:-1]).split()) == f"no success: {REASON}"
+
+
+def test_an_event_longer_than_the_picture_is_cut_where_it_ends() -> None:
+    """The latest one comes first, older ones as long as they fit whole."""
+    view = folded(Happened(t=1.0, name="old", text=REASON), Happened(t=2.0, name="new", text=REASON))
+    lines = draw.events(view, 0.0, 5, 80).plain.splitlines()
+    assert len(lines) <= 5
+    assert lines[0].startswith("    2 s  new: the task failed")
+    assert len(draw.events(view, 0.0, 3, 40).plain.splitlines()) == 3
 
 
 def test_the_start_says_whom_it_waits_for() -> None:

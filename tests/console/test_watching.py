@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner, Result
 
-from services.console import checkup_machine, top
+from services.console import checkup_machine, pace, runs, top
 from services.console.__main__ import app
 from services.console.local import Local
 
@@ -127,6 +127,36 @@ def test_doctor_names_what_died_and_what_was_left_behind(
     assert checks["other runs"]["level"] == "wrong"
     assert "roco down --run-dir runs/before" in checks["other runs"]["remedy"]
     assert "✗" in roco("doctor", "--run-dir", run).stdout
+
+
+@pytest.mark.parametrize(("late", "level"), [(20, "fine"), (300, "wrong")])
+def test_doctor_says_whether_real_time_can_be_held(
+    late: int, level: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a second of the loop, and what to do where it cannot."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(pace, "measure", lambda: pace.Pace(500, late, held=late < 50))
+    check = next(iter(checkup_machine.real_time()))
+    assert check.level == level
+    assert ("real time cannot be held" in check.what) == (level == "wrong")
+    assert ("--speed max" in check.remedy) == (level == "wrong")
+    assert f"{late / 5:.0f} % of the control loop's cycles" in check.what
+
+
+def test_doctor_times_no_loop_beside_a_fleet(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both would be late; nor where nothing can be measured."""
+    monkeypatch.chdir(run.parent)
+    monkeypatch.setattr(runs, "RUNS", run.parent)
+    monkeypatch.setattr(pace, "measure", lambda: pytest.fail("a loop was timed"))
+    assert [check.what for check in checkup_machine.real_time() if "late" in check.what] == []
+
+
+def test_the_load_of_a_fleet_of_ones_own_is_only_told(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At --speed max nothing fails by it."""
+    monkeypatch.chdir(run.parent)
+    (run.parent / "runs").symlink_to(run.parent)
+    monkeypatch.setattr(os, "getloadavg", lambda: (99.0, 0.0, 0.0))
+    assert next(iter(checkup_machine.processors())).level == "note"
 
 
 def test_doctor_names_libraries_that_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:

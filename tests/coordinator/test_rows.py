@@ -396,3 +396,51 @@ def test_policy_stop_planning_is_what_pl_does(scene):
     name = scene.command()
     scene.cancel(name)
     assert scene.said(name)[-1] == "inform cancelled"
+
+
+# --- the world is still being looked at -------------------------------------------------------------------------------
+
+
+def still_looking(scene):
+    """Pl puts a plan off."""
+    scene.pl(P.FAILURE, hfsm.NoPlan("p", "the look around is not over", later=True))
+
+
+def test_a_plan_that_is_put_off_is_asked_for_again(scene):
+    """The same plan; hi is told once what is waited for, and no plan is counted."""
+    name = scene.command()
+    for _ in range(3):
+        still_looking(scene)
+    asked = [content.id for act, content in scene.heard("pl") if act is P.REQUEST]
+    assert len(asked) == 4
+    assert len(set(asked)) == 1
+    assert [content.text for _, content in scene.heard("hi", name)][1:] == [
+        "plan 1",
+        "plan 1: the robot looks around first",
+    ]
+    scene.plan()
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(name)[-1] == "inform done"
+    assert scene.at_rest()
+
+
+def test_a_plan_is_not_put_off_for_ever():
+    """After so many times the task fails with the planner's words."""
+    scene = Scene(limits=Limits(looks=2))
+    name = scene.command()
+    for _ in range(3):
+        still_looking(scene)
+    assert (scene.said(name)[-1], scene.last_text(name)) == ("failure failed", "the look around is not over")
+    assert scene.at_rest()
+    assert scene.serves()
+
+
+def test_a_cancel_while_a_plan_is_put_off():
+    """Pl's words cross the cancel, whose answer ends the task."""
+    scene = Scene(pl=lambda turn, received: None)
+    name = scene.command()
+    still_looking(scene)
+    scene.cancel(name)
+    scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
+    assert scene.said(name)[-1] == "inform cancelled"
+    assert scene.at_rest()

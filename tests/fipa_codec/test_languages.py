@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fipa_codec.communicate import MAX_BYTES, Communicate
+from fipa_codec.communicate import LONGEST_LABEL, MAX_BYTES, MAX_CONTENT_BYTES, Communicate, encode_strictly
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import REASON, Kind, Language, Languages, Reason
 from fipa_codec.performatives import Performative
@@ -104,6 +104,23 @@ def test_own_content_outside_the_language_is_a_local_error(content):
     """We do not say what the peer could not read."""
     with pytest.raises(LocalProtocolError):
         TREES.encode(content)
+
+
+def test_content_that_is_too_long_is_not_said():
+    """The longest content fits with the longest words and labels; one byte more is a local error that says how much."""
+    frame = len(TREES.encode(Leaf(1.0, ("x" * 100_000,)))) - 100_000
+    most = TREES.encode(Leaf(1.0, ("x" * (MAX_CONTENT_BYTES - frame),)))
+    word, label = "w" * 64, "l" * LONGEST_LABEL
+    words = dict.fromkeys(("language", "ontology", "protocol", "sender", "receiver"), word)
+    labels = dict.fromkeys(("reply_with", "in_reply_to", "conversation", "id"), label)
+    act = max(Performative, key=len)
+    one = Communicate(performative=act, content=most, reply_by=1.5e9, sent=1.5e9, **words, **labels)
+    assert len(most) == MAX_CONTENT_BYTES
+    assert len(encode_strictly(one)) <= MAX_BYTES
+    with pytest.raises(
+        LocalProtocolError, match=f"{MAX_CONTENT_BYTES + 1} bytes in TREES, at most {MAX_CONTENT_BYTES}"
+    ):
+        TREES.encode(Leaf(1.0, ("x" * (MAX_CONTENT_BYTES - frame + 1),)))
 
 
 def test_read_decodes_by_the_language_named():

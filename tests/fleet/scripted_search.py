@@ -61,6 +61,8 @@ def pour(network: hfsm.GroundTaskNetwork) -> Searching:
     if network.tasks[0].name == "look_around":
         return plan_of(network, [("look around", [look("jar_1")])])
     known = yield wm.ListObjects()
+    if isinstance(known, wm.Unknown):
+        return known.reason
     names = {one.id for one in known.objects} if isinstance(known, wm.Objects) else set()
     if not {"jar_1", "bowl_1"} <= names:
         return f"no jar or no bowl has been seen (seen so far: {', '.join(sorted(names)) or 'nothing'})"

@@ -6,16 +6,16 @@ from typing import Any
 
 import pytest
 from scripted_partner import Open, Say, partner
-from scripted_search import Script
+from scripted_search import Script, look, plan_of
 
 from agent_runtime.wires import Wires
 from companion.binding import wiring
-from companion.languages import hfsm, wm
+from companion.languages import LANGUAGES, hfsm, wm
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours as knowledge
 from services.knowledge import mirror
 from services.planner import behaviours
-from services.planner.search_process import Answer, Ask, Begin, Local, NotFound, Stop
+from services.planner.search_process import Answer, Ask, Begin, Found, Local, NotFound, Stop
 from services.planner.searcher import Searcher
 
 
@@ -34,14 +34,14 @@ class Slow(Script):
 class Scene:
     """pl with the true km, a scripted co and a scripted ta."""
 
-    def __init__(self, search: Any) -> None:
+    def __init__(self, search: Any, settle_s: float = knowledge.ALONE_S + 1.0) -> None:
         self.wires = Wires()
         self.heard: list[tuple[int, str, Any]] = []
         self.asked: list[Any] = []
         self.wires.add(partner("co", self.heard), wiring("co", "test"))
         self.wires.add(behaviours.agent(), wiring("pl", "test"), lambda post: search(post, self.asked))
         self.wires.add(knowledge.agent(), wiring("km", "test"), mirror.at(None))
-        self.wires.run_for(knowledge.PATIENCE_S + 1.0)
+        self.wires.run_for(settle_s)
 
     def ask(self, name: str) -> None:
         self.wires.post("co", Open("pl", "request", P.REQUEST, network(name)))
@@ -49,6 +49,13 @@ class Scene:
     def until(self, count: int) -> list[tuple[int, str]]:
         self.wires.run(lambda: len(self.heard) >= count)
         return [(number, word) for number, word, _ in self.heard]
+
+
+def questions(scene: Scene) -> list[Any]:
+    """What pl asked km, once each."""
+    said = [one for one in scene.wires.traffic if one.sender == "pl" and one.receiver == "km"]
+    opened = {one.conversation: one for one in said if one.performative is P.QUERY_REF}
+    return [LANGUAGES.read(one)[0] for one in opened.values()]
 
 
 def test_a_plan() -> None:
@@ -93,9 +100,35 @@ def test_words_of_an_earlier_attempt_are_ignored() -> None:
     scene.ask("p1")
     scene.until(1)
     scene.wires.run_for(0.2)
-    scene.wires.post("pl", NotFound(0, "from before"))
+    asked, old = len(questions(scene)), plan_of(network("old"), [("look around", [look("jar_1")])])
+    for word in (NotFound(0, "from before"), Found(0, old), Ask(0, wm.DropStates("x"))):
+        scene.wires.post("pl", word)
     scene.wires.run_for(0.2)
     assert len(scene.heard) == 1
+    assert len(questions(scene)) > asked, "the search of now goes on"
+    assert wm.DropStates("x") not in questions(scene)
+
+
+class Forgotten(Script):
+    """Each search asks about a hypothetical state that km has not, as if km had died meanwhile."""
+
+    begun = 0
+
+    def tell(self, content: object) -> None:
+        """Ask at once."""
+        if isinstance(content, Begin):
+            Forgotten.begun += 1
+            self._post(Ask(content.attempt, wm.ObjectPose(state="gone", object="jar_1")), 0.01)
+
+
+def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever() -> None:
+    """Five times, then the person is told why."""
+    scene = Scene(Forgotten)
+    Forgotten.begun = 0
+    scene.ask("p1")
+    assert scene.until(2) == [(0, "agree"), (0, "failure")]
+    assert "hypothetical states of 5 searches" in scene.heard[-1][2].reason
+    assert Forgotten.begun == 5
 
 
 @pytest.mark.timeout(120)
@@ -120,3 +153,19 @@ def test_the_true_search_is_killed_and_replaced() -> None:
         assert "nothing was observed" in ended.reason
     finally:
         searcher.close()
+
+
+def test_a_problem_is_put_off_while_the_world_is_looked_at() -> None:
+    """km says that it may know later; pl says the same at once, and begins no search."""
+    scene = Scene(Script, settle_s=0.1)
+    scene.ask("p1")
+    assert scene.until(2) == [(0, "agree"), (0, "failure")]
+    put_off = scene.heard[-1][2]
+    assert isinstance(put_off, hfsm.NoPlan)
+    assert put_off.later
+    assert not scene.asked
+    scene.wires.run_for(1.0)
+    assert len(questions(scene)) == 1, "nothing was made, so nothing is dropped"
+    scene.wires.run_for(knowledge.ALONE_S)
+    scene.ask("p2")
+    assert scene.until(4)[2:] == [(1, "agree"), (1, "inform")]

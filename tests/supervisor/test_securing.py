@@ -39,6 +39,22 @@ def test_a_free_port_is_reached_by_tls(tmp_path: Path) -> None:
     assert keys(tmp_path).address.startswith("tls/127.0.0.1:")
 
 
+@pytest.mark.parametrize("insecure", [False, True])
+def test_a_router_that_others_reach_has_a_listener_of_its_own_for_this_host(tmp_path: Path, insecure: bool) -> None:
+    """On loopback, at a port of its own; the processes of this host meet there."""
+    way = "tcp/" if insecure else "tls/"
+    made = keys(tmp_path, f"{way}192.0.2.7:7447", insecure=insecure)
+    assert made.own.startswith(f"{way}127.0.0.1:")
+    assert made.listen == f"{way}192.0.2.7:7447,{made.own}"
+
+
+@pytest.mark.parametrize(("connect", "router"), [("tls/127.0.0.1:7447", True), ("tls/router:7447", False)])
+def test_elsewhere_all_meet_at_the_address_that_was_asked_for(tmp_path: Path, connect: str, router: bool) -> None:
+    """It is on loopback already, or the router is not started here."""
+    made = keys(tmp_path, connect, "some", router=router)
+    assert (made.own, made.listen) == (connect, connect)
+
+
 def test_insecure_is_said_and_makes_no_keys(tmp_path: Path) -> None:
     """Also where keys stand in the environment."""
     made = keys(tmp_path, given=str(tmp_path), insecure=True)

@@ -1,12 +1,18 @@
 """ta's agent with scripted partners: refusals, unknown outcomes, late acts, and who is told what and when."""
 
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
 from scripted_partner import Open, Say
 from ta_alone import BODY, HOME, LOOK, OK, Scene, plan
 
+from agent_runtime.events import Woken
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from services.task import acts
+from services.task import acts, behaviours
+from services.task.memory import Act, Memory
 
 
 def test_a_plan_that_leads_nowhere_is_refused() -> None:
@@ -55,19 +61,33 @@ def test_an_unknown_outcome() -> None:
 
 
 def test_a_late_act_is_cancelled() -> None:
-    """Five times its expected time and a margin after the agree; then Failed, once ex has had its last word."""
+    """Five times its expected time and a margin after the agree; then Replan, once ex has had its last word."""
     scene = Scene()
     scene.start(plan(hfsm.ActState("home", HOME)))
     scene.hears("ex", 1)
     began = scene.wires.now
     scene.ex(P.AGREE, rc.Accepted("plan/2", 4.0))
     scene.wires.run(lambda: scene.heard["ex"][-1][1] == "cancel")
-    assert abs(scene.wires.now - began - (acts.SLACK * 4.0 + acts.MARGIN_S)) < 0.5
+    assert abs(scene.wires.now - began - (5 * 4.0 + 10.0)) < 0.5, "the ruling: 5 x its expected duration + 10 s"
     stopped = rc.NotDone("plan/2", "cancelled", "cancelled")
     scene.wires.post("ex", Say(0, P.INFORM, stopped, Kind.CANCEL))
     report = scene.hears("co", 2)
-    assert report.state is sw.WorkerState.FAILED
+    assert report.state is sw.WorkerState.REPLAN
     assert "too long" in report.reason
+
+
+@pytest.mark.parametrize(
+    ("kind", "end"),
+    [("interrupted", sw.WorkerState.REPLAN), ("busy", sw.WorkerState.REPLAN), ("failed", sw.WorkerState.FAILED)],
+)
+def test_what_the_machine_ended_is_planned_again(kind: str, end: sw.WorkerState) -> None:
+    """An act that the world ended is not: the person is told."""
+    scene = Scene()
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.ex(P.FAILURE, rc.NotDone("plan/2", kind, "why"))
+    report = scene.hears("co", 2)
+    assert (report.state, report.reason) == (end, "why")
 
 
 def test_a_question_without_an_answer() -> None:
@@ -98,3 +118,60 @@ def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
     assert scene.heard["ex"][1][1] == P.CANCEL
     scene.ex(P.FAILURE, rc.NotDone("survey", "failed", "too late"))
     assert isinstance(scene.hears("ex", 3), rc.Look)
+
+
+def test_what_was_cancelled_is_not_cancelled_again() -> None:
+    """ex agreed while the cancel was on its way, and its time passes again: nothing more is said to it."""
+    memory = Memory(act=Act("ta-1-1", HOME, agreed=True, stopped=True))
+    turn: Any = SimpleNamespace(event=Woken(acts.PATIENCE), say=lambda *_: pytest.fail("a second cancel"))
+    assert not acts.overdue(memory, turn)
+    assert acts.stop(memory, turn) is memory
+
+
+def looks_told(scene: Scene) -> list[str]:
+    """Why each look around that showed nothing did so, as km was told."""
+    return [content.reason for _, _, content in scene.heard["km"] if isinstance(content, wm.NothingSeen)]
+
+
+def test_the_posture_is_told_last() -> None:
+    """It ends a look around; nothing else is said of that."""
+    scene = Scene()
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.hears("ex", 1)
+    scene.ex(P.INFORM, rc.Done("survey-1", BODY))
+    scene.wires.run_for(5.0)
+    assert looks_told(scene) == []
+    assert isinstance(scene.heard["km"][-1][2], wm.SeenBody)
+
+
+def test_a_look_around_that_fails_is_told_after_the_last_try() -> None:
+    """With the reason; tries before it say nothing."""
+    scene = Scene()
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    for number in range(behaviours.SURVEYS):
+        assert looks_told(scene) == []
+        scene.hears("ex", number + 1)
+        scene.ex(P.REFUSE, rc.NotDone(f"survey-{number + 1}", "refused", "no light", BODY), number)
+        scene.wires.run_for(0.5)
+    assert looks_told(scene) == ["the look around failed: no light"]
+
+
+def test_a_look_around_that_never_ends_is_told_as_failed() -> None:
+    """ex neither agrees nor answers the cancel."""
+    scene = Scene()
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.hears("ex", 2)
+    scene.wires.run_for(behaviours.STOPPED_S + 1.0)
+    (why,) = looks_told(scene)
+    assert "does not answer" in why
+
+
+def test_an_observer_that_comes_amid_a_plan_does_not_wait_for_a_look() -> None:
+    """None is made for it, and it is told so."""
+    scene = Scene()
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.wires.run_for(1.0)
+    (why,) = looks_told(scene)
+    assert "while a plan is carried out" in why

@@ -16,11 +16,13 @@ _ARM = (10.0, 10.0, 5.0, 5.0, 2.0, 1.0, 1.0)
 VISCOSITY = np.array([20.0, *_ARM, *_ARM])  # Nms/rad, VS
 # VS: at least so many cycles are spent in the safe state before a command may leave it.
 DWELL_CYCLES = 500
-# Beyond this a speed is a fault of its sensor, and the torque is at its limit anyway. rad/s
-FASTEST = 100.0
+FASTEST = 100.0  # rad/s; estimate: beyond it, 50 times what the joints can do, a speed is a fault of its sensor
 
 
 def torque(v: Array) -> Array:
-    """tau (15,) for speeds v (15,) rad/s, inside the accepted torques. A speed that is no number gets no torque."""
-    known = np.clip(np.nan_to_num(v, posinf=0.0, neginf=0.0), -FASTEST, FASTEST)
+    """tau (15,) for speeds v (15,) rad/s, inside the accepted torques.
+
+    A speed that is no number, or beyond FASTEST, gets no torque: what it would push may stand still.
+    """
+    known = np.where(np.abs(v) <= FASTEST, v, 0.0)
     return np.asarray(np.clip(-VISCOSITY * known, -TORQUE, TORQUE))

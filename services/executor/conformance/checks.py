@@ -2,7 +2,7 @@
 
 from services.executor.conformance import bounds, meeting, readings, stopping, timing
 from services.executor.conformance.judging import Area, Check
-from services.executor.loop.process import HEARTBEAT_S, UNHURRIED_HEARTBEAT_S
+from services.executor.loop.process import GONE_TURNS, LATE_TURNS
 from velma.sim.backend import PERIOD_S
 
 T, R, L, S, M, P = Area.TIMING, Area.READINGS, Area.LIMITS, Area.STOP, Area.SAFE_MODE, Area.SLOTS
@@ -91,8 +91,8 @@ CHECKS = (
     Check("safe-rest", M, "after a fault the robot comes to rest", 0.1, "rad/s",
           "estimate; 0.05 rad/s in simulation (measured)", "use the command of this cycle and none before",
           stopping.fault_rest),
-    Check("silent-agent", M, "a motion ends in the first turn after its agent was silent for too long", 0.0, "turns",
-          f"executor/loop/process.py: {HEARTBEAT_S:g} s of silence, {UNHURRIED_HEARTBEAT_S:g} s at speed max", LOOP,
+    Check("silent-agent", M, "a motion rests while its agent is silent, and ends when that lasts", 0.0, "turns",
+          f"executor/loop/process.py: {LATE_TURNS} turns of silence, {GONE_TURNS} turns", LOOP,
           stopping.heartbeat),
     Check("last-commands", M, "the last commands of a loop are damping", 0.0, "commands",
           "executor/loop/process.py: end()", LOOP, stopping.last_commands),

@@ -1,5 +1,6 @@
 """Whether the robot stops when it must: for a person, after a fault, and when nobody commands it any more."""
 
+import math
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -14,10 +15,11 @@ from services.executor.conformance.judging import Measured
 from services.executor.conformance.subject import Bench, Subject, bench, dynamics
 from services.executor.loop.core import DAMPING_CYCLES, LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
-from services.executor.loop.process import HEARTBEAT_S, UNHURRIED_HEARTBEAT_S, LoopProcess, Speed
+from services.executor.loop.process import GONE_TURNS, LATE_TURNS, LoopProcess, Speed
 from services.executor.loop.program import Mode, Motion, Phase, motion
+from services.executor.loop.track import BRAKE_S
 from velma.control import damping
-from velma.sim.backend import Backend, Command, State
+from velma.sim.backend import PERIOD_S, Backend, Command, State
 
 REACH = 0.1  # rad, of the motion that is stopped
 
@@ -191,17 +193,17 @@ def stop_file(subject: Subject) -> Measured:
 
 
 def heartbeat(subject: Subject) -> Measured:
-    """Turns of the loop that let a motion go on though its agent has been silent for too long."""
+    """Turns of the loop that move the set-point, or stay in a motion, though its agent was silent for too long."""
+    at_rest, late = LATE_TURNS + math.ceil(BRAKE_S / PERIOD_S), 0
     with turning(subject) as (loop, _, path):
-        agent = AgentLink(path)
-        agent.send(rising(loop.core, 60.0))
+        AgentLink(path).send(rising(loop.core, 60.0))
         loop.turn()
-        heard, late, patience = time.monotonic(), 0, HEARTBEAT_S if subject.paced else UNHURRIED_HEARTBEAT_S
-        while loop.core.mode is Mode.MOTION and late < 100:
-            silent = time.monotonic() - heard > patience
+        for silent in range(1, GONE_TURNS + 10):
+            before = loop.core.setpoint.copy()
             loop.turn()
-            late += silent and loop.core.mode is Mode.MOTION
-        return late, f"mode {loop.core.mode} {time.monotonic() - heard:.2f} s after the last sign of life"
+            moved = silent > at_rest and bool((loop.core.setpoint != before).any())
+            late += loop.core.mode is Mode.MOTION and (moved or silent > GONE_TURNS)
+        return late, f"mode {loop.core.mode} after {silent} turns of silence"
 
 
 def last_commands(subject: Subject) -> Measured:

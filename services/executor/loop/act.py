@@ -31,6 +31,11 @@ class Act:
         if self.track is not None:
             self.track.brake()
 
+    def pause(self, paused: bool) -> None:
+        """Come to rest along the path, or go on from there. Hands and head are not held up."""
+        if self.track is not None:
+            self.track.pause() if paused else self.track.resume()
+
     def judge(self, now_s: float, error: Array, *, hands_done: bool, head_done: bool) -> tuple[Phase, str] | None:
         """How it ends in this cycle and why, or None. `error` (12,) is the hands' distance from their set-points."""
         beside = self._beside(error)

@@ -21,16 +21,34 @@ from velma.control.dynamics import Dynamics, Terms
 from velma.control.joint import JointGains
 from velma.errors import MotionError, VelmaError
 from velma.model.build import ROBOT_XML
+from velma.names import BODY, LOWER, UPPER
 from velma.sim.backend import Backend, State, no_command
 
 Array = NDArray[np.float64]
 
 DAMPING_CYCLES = 20  # of viscous damping after a fault, then the posture is held
 HEAD_NEAR = 0.02  # rad: the head has arrived
+BEYOND = 0.5  # rad beyond its end no joint can be; estimate: a conforming robot's joints give by 0.1 at most
+_LEAST, _MOST = LOWER - BEYOND, UPPER + BEYOND
 
 
 class Fault(VelmaError):
     """The loop saw something it must not go on with."""
+
+
+def impossible(state: State) -> str:
+    """Return why no robot can be in this state, joint and reading; "" where one can."""
+    # One comparison each in every cycle; what is no number fails them, too.
+    if (np.abs(state.v) <= damping.FASTEST).all() and ((state.q >= _LEAST) & (state.q <= _MOST)).all():
+        return ""
+    if not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
+        return "a joint measurement is no number"
+    fastest = int(np.argmax(np.abs(state.v)))
+    if abs(state.v[fastest]) > damping.FASTEST:
+        return f"{BODY[fastest]} is measured at {state.v[fastest]:.3g} rad/s, at most {damping.FASTEST:g} is possible"
+    farthest = int(np.argmax(np.maximum(LOWER - state.q, state.q - UPPER)))
+    possible = f"{_LEAST[farthest]:.2f} to {_MOST[farthest]:.2f}"
+    return f"{BODY[farthest]} is measured at {state.q[farthest]:.3g} rad, possible are {possible}"
 
 
 class LoopCore:
@@ -100,6 +118,11 @@ class LoopCore:
             self._act.cancel()
             self._fingers.freeze()
 
+    def pause(self, paused: bool = True) -> None:
+        """Bring the running motion to rest along its path, or let it go on from there."""
+        if self._act is not None:
+            self._act.pause(paused)
+
     def stop(self) -> None:
         """A person's stop: hold the joints, whatever runs."""
         if self.mode is not Mode.STOPPED:
@@ -110,9 +133,9 @@ class LoopCore:
         self._release = self.mode is not Mode.MOTION
 
     def abandon(self, reason: str) -> None:
-        """Whoever commands is gone: damping, then hold."""
+        """Enter damping, then hold: nobody commands any more."""
         if self.mode is Mode.MOTION:
-            self._enter(Mode.DAMPING, reason)
+            self._enter(Mode.DAMPING, reason, Phase.INTERRUPTED)
 
     def run(self, asked: Motion) -> Result:
         """Start a motion and cycle until it has ended. Result.phase says how. Raises MotionError while another runs."""
@@ -148,6 +171,9 @@ class LoopCore:
         self.cycles += 1
 
     def _send(self, tau: Array) -> None:
+        if not np.isfinite(tau).all():
+            self._fault(Fault("the torque of the control law is no number"))
+            tau = damping.torque(self.state.v)
         self.command.tau[:] = limits.accepted(tau)
         self.saturated += not limits.is_accepted(tau)
         try:
@@ -156,8 +182,9 @@ class LoopCore:
             self._fault(error)
 
     def _check(self, state: State) -> None:
-        if not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
-            raise Fault("a joint measurement is no number")
+        wrong = impossible(state)
+        if wrong:
+            raise Fault(wrong)
         self._dwell += 1
         if self.mode is Mode.DAMPING and self._dwell >= DAMPING_CYCLES:
             self.mode = Mode.HOLD
@@ -218,11 +245,10 @@ class LoopCore:
         self.last_fault = f"{type(error).__name__}: {error}"
         self._enter(Mode.DAMPING, self.last_fault)
 
-    def _enter(self, mode: Mode, reason: str) -> None:
+    def _enter(self, mode: Mode, reason: str, phase: Phase = Phase.FAILED) -> None:
         """Leave the present motion, if any, for a safe mode."""
         self.mode, self._dwell, self._release = mode, 0, False
-        self._fingers.freeze()
-        if np.isfinite(self.state.q).all():
+        if not impossible(self.state):
             self.setpoint = self.state.q.copy()
         if self._act is not None:
-            self._end(Phase.FAILED, reason)
+            self._end(phase, reason)

@@ -27,6 +27,7 @@ class LoopState(msgspec.Struct, frozen=True):
     work_J: float
     faults: int
     last_fault: str
+    saturated: int  # cycles whose torque was cut to what the lower level accepts
     body: bytes  # q, v, set-point: (3, 15)
     hands: bytes  # head 2, spread 2, proximal 6, distal 6
     world: bytes  # every coordinate of the world model, for the receptor's mirror

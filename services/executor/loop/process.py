@@ -2,6 +2,10 @@
 
 `--speed 1`: a cycle every 2 ms of wall time, always. `--speed max`: simulated time goes on only while something
 happens, as fast as it can; between acts the world stands still.
+
+An agent beats all through an act. Where a beat is late, the arms come to rest along their path and go on with the next
+one (at `--speed max` time stands still meanwhile); where none comes for long, the act is interrupted. Silence is
+counted in turns, so a machine that was suspended, agent and loop alike, has missed nothing.
 """
 
 import time
@@ -11,12 +15,12 @@ import msgspec
 
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink, LoopState, Told
-from services.executor.loop.program import Cancel, Mode, Motion, Phase, Release
+from services.executor.loop.program import Cancel, Motion, Phase, Release
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
 
-HEARTBEAT_S = 0.1  # of wall time without a beat during an act
-UNHURRIED_HEARTBEAT_S = 1.0  # at `--speed max`: estimate; on a machine with load 17, 0.1 s ended one run of three
+LATE_TURNS = 50  # without a beat, 0.1 s: ten beats of the agent (services/executor/reaching.py)
+GONE_TURNS = 2500  # 5 s; estimate: a killed agent is back after 3.3 s (measured), and finds its motion at rest
 SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody looks
 SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
 IDLE_S = 0.002  # how long to look away while the world stands still
@@ -37,8 +41,7 @@ class LoopProcess:
     ) -> None:
         self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
         self._told, self._shown = Told(), core.mode
-        self._beat, self._heard = link.heartbeat(), time.monotonic()
-        self._patience_s = HEARTBEAT_S if speed is Speed.REAL else UNHURRIED_HEARTBEAT_S
+        self._beat, self._silent = link.heartbeat(), 0
         core.hold(SETTLE_S)
         self._publish()
 
@@ -52,7 +55,7 @@ class LoopProcess:
             self.core.cycle()
             self._pacer.done()
             self._show()
-        elif self.core.busy:
+        elif self.core.busy and not self._late:
             self._pacer.go()
             self.core.cycle()
             self._pacer.done()
@@ -85,7 +88,7 @@ class LoopProcess:
         match command:
             case Motion():
                 refusal = self.core.begin(command)
-                self._heard = time.monotonic()  # a motion is a sign of life
+                self._hear()  # a motion is a sign of life
             case Cancel():
                 self.core.cancel(command.key)
             case Release():
@@ -96,11 +99,25 @@ class LoopProcess:
         self._publish()
 
     def _listen(self) -> None:
-        beat, now = self._link.heartbeat(), time.monotonic()
+        beat = self._link.heartbeat()
         if beat != self._beat or self.core.report.phase is not Phase.RUNNING:
-            self._beat, self._heard = beat, now
-        elif now - self._heard > self._patience_s and self.core.mode is Mode.MOTION:
-            self.core.abandon(f"the agent's heartbeat stood still for {self._patience_s:g} s")
+            self._beat = beat
+            self._hear()
+            return
+        self._silent += 1
+        if self._silent == LATE_TURNS:
+            self.core.pause()
+        elif self._silent == GONE_TURNS:
+            self.core.abandon(f"the agent's heartbeat stood still for {GONE_TURNS * self.core.backend.period_s:g} s")
+
+    @property
+    def _late(self) -> bool:
+        return self._silent >= LATE_TURNS
+
+    def _hear(self) -> None:
+        if self._late:
+            self.core.pause(False)
+        self._silent = 0
 
     def _show(self) -> None:
         core = self.core
@@ -131,6 +148,7 @@ class LoopProcess:
             work_J=core.backend.work_J,
             faults=core.faults,
             last_fault=core.last_fault,
+            saturated=core.saturated,
             body=b"",
             hands=b"",
             world=core.backend.configuration().tobytes(),

@@ -138,6 +138,7 @@ class Phase(StrEnum):
     RUNNING = "running"
     DONE = "done"
     FAILED = "failed"
+    INTERRUPTED = "interrupted"  # nobody commanded any more: the machine ended it, not the world
     CANCELLED = "cancelled"
 
 

@@ -13,7 +13,7 @@ from velma.names import BODY
 
 Array = NDArray[np.float64]
 
-BRAKE_S = 0.3  # a cancelled motion comes to rest along its path in this time; estimate: 0.35 m/s over 5 cm
+BRAKE_S = 0.3  # a motion comes to rest along its path, or starts off again, in this time; estimate: 0.35 m/s over 5 cm
 BLEND_S = 0.3
 FARTHEST_START = 0.05  # rad: what a blend may bridge; a hand then moves at most 4 cm beside its path
 
@@ -29,22 +29,32 @@ class Track:
             found = f"{abs(self._offset[worst]):.3f} rad from the set-point in {BODY[worst]}"
             raise MotionError("first knot", found, f"within {FARTHEST_START} rad: start at the reported set-point")
         self.duration = (len(knots) - 1) * KNOT_S
-        self._time, self._since, self._rate, self._braking = 0.0, 0.0, 1.0, False
+        self._time, self._since, self._rate, self._wanted, self._braked = 0.0, 0.0, 1.0, 1.0, False
         self.q, self.v = told.copy(), np.zeros_like(told)
 
     @property
     def ended(self) -> bool:
-        """Whether it has come to rest: at its last knot, or where it was braked."""
-        return self._rate == 0.0 or (self._time >= self.duration and not self._offset.any())
+        """Whether it has come to rest for good: at its last knot, or where it was braked."""
+        at_end = self._time >= self.duration and not self._offset.any()
+        return at_end or (self._braked and self._rate == 0.0)
 
     def brake(self) -> None:
-        """Come to rest along the path."""
-        self._braking = True
+        """Come to rest along the path, for good."""
+        self._braked, self._wanted = True, 0.0
+
+    def pause(self) -> None:
+        """Come to rest along the path, until `resume`."""
+        self._wanted = 0.0
+
+    def resume(self) -> None:
+        """Go on from where it was paused. Without effect on a braked track."""
+        self._wanted = 0.0 if self._braked else 1.0
 
     def advance(self, dt: float) -> None:
         """Let dt pass: `q` and `v` (15,) are the new set-points."""
-        if self._braking:
-            self._rate = max(0.0, self._rate - dt / BRAKE_S)
+        if self._rate != self._wanted:
+            change = dt / BRAKE_S
+            self._rate = min(max(self._wanted, self._rate - change), self._rate + change)
         self._time = min(self.duration, self._time + self._rate * dt)
         self._since += self._rate * dt
         self._sample()

@@ -96,11 +96,12 @@ class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fie
     queries: int
 
 
-class NoPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """There is no plan, and why, in words."""
+class NoPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+    """There is no plan, and why, in words. `later`: ask again, the world is still being looked at."""
 
     id: str
     reason: str
+    later: bool = False
 
 
 class Taken(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

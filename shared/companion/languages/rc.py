@@ -121,7 +121,12 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
 
 
 class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """An act ended otherwise. `kind`: refused, failed, replan (the world is not as planned), cancelled, unknown."""
+    """An act ended otherwise.
+
+    `kind`: refused, busy, failed, replan (the world is not as planned), cancelled,
+    interrupted (the machine was too slow, or a process died while the robot stood still),
+    unknown (a process died while the robot moved).
+    """
 
     key: str
     kind: str

@@ -354,9 +354,10 @@ class Made(Answer, frozen=True):
 
 
 class Unknown(Answer, frozen=True):
-    """km cannot answer, and why: an unknown object, nothing observed yet."""
+    """km cannot answer, and why: an unknown object, nothing observed. `later`: it may be able to soon."""
 
     reason: str
+    later: bool = False
 
 
 class UnknownState(Answer, frozen=True):
@@ -415,7 +416,14 @@ class SeenContent(Observation, frozen=True):
     destination: str
 
 
-AnyObservation = SeenObject | SeenBody | SeenHand | SeenContent
+class NothingSeen(Observation, frozen=True):
+    """A look around is over, and showed nothing: why. One that showed something ends with the posture."""
+
+    reason: str
+
+
+AnySight = SeenObject | SeenBody | SeenHand | SeenContent
+AnyObservation = AnySight | NothingSeen
 
 
 class ObserveWorld(msgspec.Struct, frozen=True, tag=True):

@@ -2,7 +2,8 @@
 
 import queue
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import LoopProcess, Speed
-from services.executor.loop.program import Mode, motion
+from services.executor.loop.program import Mode, Phase, motion
 from services.executor.loop.timing import Pacer
 from services.executor.reaching import SlotLoop
 from services.executor.telling import robot_state
@@ -56,6 +57,14 @@ class Heard:
 
     def next(self) -> object:
         return self.words.get(timeout=PATIENCE_S)
+
+
+def until(so: Callable[[], bool]) -> None:
+    """Look again and again, and leave the loop's thread the interpreter meanwhile."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not so():
+        assert time.monotonic() < deadline
+        threading.Event().wait(0.005)
 
 
 @pytest.fixture
@@ -153,6 +162,7 @@ def test_a_new_loop_loses_the_motion(turned: Turned, reach: SlotLoop, heard: Hea
     """Another loop's file in the same place: nobody knows how the motion ended; the new loop is found at once."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 200.0))))
+    until(lambda: turned.process.core.report.phase is Phase.RUNNING)  # or the new loop would be given it
     turned.end()
     second = Turned(slots)
     word = heard.next()
@@ -191,13 +201,11 @@ def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: SlotLoop, 
     felt = where(reach, heard)
     stranger = AgentLink(slots)
     stranger.send(motion("nobody beats for this", path(felt, 200.0)))
-    while stranger.state().mode is Mode.MOTION:
-        pass
+    until(lambda: stranger.state().mode is not Mode.MOTION)
     where(reach, heard)
     assert stranger.state().mode is Mode.MOTION
     StopLink(slots).stop()
-    while stranger.state().mode is Mode.MOTION:
-        pass
+    until(lambda: stranger.state().mode is not Mode.MOTION)
     where(reach, heard)
     assert stranger.state().mode is Mode.STOPPED
 

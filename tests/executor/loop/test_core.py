@@ -11,7 +11,7 @@ from velma.control import damping
 from velma.control.dynamics import Dynamics
 from velma.errors import MotionError
 from velma.model.build import ROBOT_XML
-from velma.names import START, TORQUE
+from velma.names import BODY, START, TORQUE
 from velma.sim.mock_backend import MockBackend
 
 DYNAMICS = Dynamics(ROBOT_XML)
@@ -30,6 +30,8 @@ class Watched(MockBackend):
             raise RuntimeError("sensor bus is gone")
         if self.broken.get("observe") == "lies":
             state.v[3] = np.nan
+        for name, value in self.broken.get("reading", {}).items():
+            getattr(state, name)[3] = value
         return state
 
     def step(self, command):
@@ -202,6 +204,59 @@ def test_whatever_breaks_every_cycle_ends_in_an_accepted_command(broken, when):
     assert core.report.phase is Phase.FAILED
     assert core.faults >= 5
     assert core.mode is Mode.DAMPING
+
+
+@pytest.mark.parametrize("reading", [{"v": 1e8}, {"v": -101.0}, {"v": 1e308}, {"q": 1e308}, {"q": -1e200}, {"q": 4.0}])
+def test_an_impossible_reading_pushes_nothing(reading):
+    """One joint's sensor is wrong: the motion ends in this cycle, and no torque goes where a speed is not known."""
+    backend = Watched()
+    core = LoopCore(backend, dynamics=DYNAMICS)
+    core.begin(motion("up", rise(core)))
+    cycles(core, 100)
+    backend.broken["reading"] = reading
+    cycles(core, 1)
+    assert (core.mode, core.report.phase, core.faults) == (Mode.DAMPING, Phase.FAILED, 1)
+    assert np.isfinite(backend.taus[-1]).all()
+    assert (np.abs(backend.taus[-1]) <= TORQUE).all()
+    assert BODY[3] in core.last_fault
+    if "v" in reading:
+        assert backend.taus[-1][3] == 0.0
+    cycles(core, 50)
+    assert np.isfinite(backend.taus).all()
+    assert core.mode is Mode.DAMPING, "no posture is held that nobody can be in"
+    assert np.abs(core.setpoint).max() < 4.0
+
+
+def test_a_law_without_an_answer_is_a_fault(core):
+    """What is not finite is never sent: damping goes out in the same cycle."""
+    core.begin(motion("up", rise(core)))
+    cycles(core, 100)
+    core._impedance.torque = lambda *_: np.full(15, np.nan)
+    cycles(core, 1)
+    assert (core.mode, core.report.phase, core.faults) == (Mode.DAMPING, Phase.FAILED, 1)
+    np.testing.assert_allclose(core.backend.taus[-1], damping.torque(core.state.v), atol=0.5)
+    assert np.isfinite(core.backend.taus[-1]).all()
+
+
+def test_a_fault_stops_moving_fingers(core):
+    """Twenty cycles of damping and the hold after them find the hand where it was."""
+    core.begin(motion("up", rise(core), left=Move((1.0, 1.0, 1.0), speed=0.5)))
+    cycles(core, 200)
+    core.backend.broken["observe"] = "throws"
+    cycles(core, 1)
+    core.backend.broken.clear()
+    before = core.state.proximal.copy()
+    cycles(core, 200)
+    np.testing.assert_allclose(core.state.proximal, before, atol=0.01)
+
+
+def test_damping_lasts_twenty_cycles(core):
+    """velma_core_ve_body leaves its safe state by joint impedance after that."""
+    core.abandon("nobody commands")
+    cycles(core, 19)
+    assert core.mode is Mode.DAMPING
+    cycles(core, 1)
+    assert core.mode is Mode.HOLD
 
 
 def test_after_a_fault_damping_becomes_hold_and_hold_waits_for_a_release(core):

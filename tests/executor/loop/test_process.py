@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from services.executor.loop import process as process_module
+from services.executor.loop import timing as timing_module
 from services.executor.loop.__main__ import BackendName, build
 from services.executor.loop.link import AgentLink, StopLink
-from services.executor.loop.process import HEARTBEAT_S, UNHURRIED_HEARTBEAT_S, Speed
+from services.executor.loop.process import Speed
 from services.executor.loop.program import Cancel, Mode, Phase, motion
 from services.executor.loop.timing import Histogram, Pacer
 from velma.errors import SlotError
@@ -113,27 +114,82 @@ def test_a_cancel_reaches_the_motion(pair):
     assert agent.told().report.phase is Phase.CANCELLED
 
 
-@pytest.mark.parametrize(("speed", "patience_s"), [(Speed.REAL, HEARTBEAT_S), (Speed.MAX, UNHURRIED_HEARTBEAT_S)])
-def test_an_agent_that_falls_silent_during_an_act_ends_it(tmp_path, clock, speed, patience_s):
-    """After 100 ms of wall time, a second where no time is kept: damping, then hold; between acts it is no matter."""
-    path = tmp_path / "loop.slots"
-    loop = build(path, asked=scene.load(), speed=speed, backend=BackendName.MOCK, realtime=False)
-    agent = AgentLink(path)
-    clock.now += 10.0
-    loop.turn()
-    assert agent.state().mode is Mode.MOTION
+@pytest.fixture(params=[Speed.REAL, Speed.MAX])
+def at_speed(request, tmp_path, clock):
+    """A loop on the pretended robot in a motion of 2 s, its agent, and the clock, at both speeds."""
+    monkeypatched = pytest.MonkeyPatch()
+    monkeypatched.setattr(timing_module, "time", clock)
+    loop = build(
+        tmp_path / "loop.slots", asked=scene.load(), speed=request.param, backend=BackendName.MOCK, realtime=False
+    )
+    agent = AgentLink(tmp_path / "loop.slots")
+    for _ in range(5000):
+        loop.turn()
+    assert agent.state().mode is Mode.MOTION, "between acts nobody need beat"
     agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
     loop.turn()
-    clock.now += patience_s / 2
-    loop.turn()
-    assert agent.told().report.phase is Phase.RUNNING
-    clock.now += patience_s
-    loop.turn()
-    assert agent.told().report.phase is Phase.FAILED
-    assert "heartbeat" in agent.told().report.reason
-    for _ in range(30):
+    yield loop, agent, clock
+    monkeypatched.undo()
+
+
+def silent(loop, clock, seconds):
+    """Turn for a while of wall time, at least as long as a turn of 2 ms takes; the set-points on the way."""
+    end, points = clock.now + seconds, []
+    while clock.now < end:
+        before = clock.now
         loop.turn()
+        clock.now = max(clock.now, before + 0.002)
+        points.append(loop.core.setpoint[0])
+    return points
+
+
+def test_a_late_beat_brings_the_arms_to_rest_and_the_next_one_lets_them_go_on(request, at_speed):
+    """0.5 s after the last beat nothing moves (at speed max nor does time); with beats the motion arrives."""
+    loop, agent, clock = at_speed
+    goal = rise(agent.state().setpoint, 2.0)[-1]
+    points, began = silent(loop, clock, 0.5), loop.core.state.time
+    points += silent(loop, clock, 3.5)
+    passed = loop.core.state.time - began
+    assert points[0] < points[-1] < 0.5 * goal[0], "it moved, and not to the end"
+    rest = points[250:]
+    assert min(rest) == max(rest), "at rest within half a second"
+    assert passed == pytest.approx(3.5 if request.node.callspec.params["at_speed"] is Speed.REAL else 0.0, abs=0.01)
+    assert agent.told().report.phase is Phase.RUNNING
+    turn(loop, agent)
+    assert agent.told().report.phase is Phase.DONE
+    np.testing.assert_allclose(agent.state().setpoint, goal)
+
+
+def test_an_agent_that_stays_silent_loses_its_act(at_speed):
+    """After 5 s: damping, then hold; the word for it says that the machine ended it."""
+    loop, agent, clock = at_speed
+    silent(loop, clock, 4.5)
+    assert agent.told().report.phase is Phase.RUNNING
+    silent(loop, clock, 1.0)
+    assert agent.told().report.phase is Phase.INTERRUPTED
+    assert "heartbeat" in agent.told().report.reason
     assert agent.state().mode is Mode.HOLD
+
+
+def test_a_machine_that_stood_still_has_interrupted_nothing(at_speed):
+    """Loop and agent were suspended together for a minute: both go on where they were."""
+    loop, agent, clock = at_speed
+    clock.now += 60.0
+    loop.turn()
+    assert loop.core.report.phase is Phase.RUNNING
+    turn(loop, agent)
+    assert agent.told().report.phase is Phase.DONE
+
+
+def test_a_motion_of_a_dead_agent_can_be_cancelled_by_the_next_one(at_speed):
+    """It is at rest; the new agent's cancel ends it, at once and without a step further."""
+    loop, agent, clock = at_speed
+    silent(loop, clock, 2.0)
+    at = loop.core.setpoint.copy()
+    agent.send(Cancel("up"))
+    turn(loop, agent)
+    assert agent.told().report.phase is Phase.CANCELLED
+    np.testing.assert_allclose(agent.state().setpoint, at, atol=1e-3)
 
 
 def test_a_person_stops_and_releases_without_any_agent(pair):
@@ -157,7 +213,7 @@ def test_the_end_is_damping(pair):
     agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
     loop.turn()
     loop.end()
-    assert agent.told().report.phase is Phase.FAILED
+    assert agent.told().report.phase is Phase.INTERRUPTED
     assert agent.state().mode is not Mode.MOTION
 
 

@@ -60,6 +60,52 @@ def test_braking_comes_to_rest_on_the_path(after):
     assert track.ended
 
 
+@settings(max_examples=25, deadline=None)
+@given(after=st.integers(0, 400), rest=st.integers(0, 400))
+def test_a_paused_motion_rests_on_its_path_and_arrives_all_the_same(after, rest):
+    """Paused anywhere and for any time: no jump of position or velocity, and the last knot is reached."""
+    path = knots()
+    track = Track(path, START)
+    speeds = []
+    for k in range(after + rest + 1000):
+        if k == after:
+            track.pause()
+        if k == after + rest:
+            track.resume()
+        track.advance(DT)
+        speeds.append(track.v[0])
+        if k > after and track.ended:
+            break
+        if after + round(0.3 / DT) <= k < after + rest and not track.ended:
+            assert speeds[-1] == 0.0, "0.3 s after the pause it stands still"
+    assert np.abs(np.diff(speeds)).max() < 0.02
+    np.testing.assert_allclose(track.q, path[-1])
+
+
+def test_braking_takes_the_way_it_was_meant_to():
+    """At 0.35 m/s a hand comes to rest over 5 cm: at 1 rad/s a joint over 0.15 rad, in 0.3 s."""
+    path = START + np.arange(0.0, 2.0, KNOT_S)[:, None]
+    track = Track(path, START)
+    for _ in range(250):
+        track.advance(DT)
+    at = track.q[0]
+    track.brake()
+    q, _ = walk(track)
+    assert track.q[0] - at == pytest.approx(0.15, abs=0.004)
+    assert (len(q) - 1) * DT == pytest.approx(0.3, abs=0.005)
+
+
+def test_what_was_braked_is_not_resumed():
+    """A cancel is for good."""
+    track = Track(knots(), START)
+    for _ in range(100):
+        track.advance(DT)
+    track.brake()
+    track.resume()
+    walk(track)
+    assert track.q[0] < knots()[-1, 0] - 0.1
+
+
 def test_a_start_far_away_is_refused_with_the_joint():
     """The loop does not jump to where a motion would like to begin."""
     with pytest.raises(MotionError, match="torso_0_joint"):

@@ -1,0 +1,255 @@
+"""A command given before the world was looked at: it waits for the end of the look around, however long that takes."""
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import pytest
+from msgspec.structs import replace
+from pretended_fleet import Fleet
+from pretended_robot import Robot, World
+
+from agent_runtime.devices import Post
+from agent_runtime.events import PeerChanged
+from agent_runtime.wires import Faults, Point
+from companion.languages import CMD, WM, rc, wm
+from companion.languages.cmd import TaskReport
+from companion.languages.values import Pose
+from services.coordinator import words
+from services.executor.words import Ended, Felt, Move, Perform
+from services.knowledge import behaviours as knowledge
+from services.knowledge.observe import observed
+from services.knowledge.scene import Scene
+
+POUR = "pour the jar into the bowl"
+SLOW_S = 25.0
+TIRED_S = 300.0  # by then every command has ended that waits for a robot which never looks: estimate, some tries long
+
+Later = Callable[[float, Callable[[], None]], None]
+
+
+class Slow(Robot):
+    """Its look around takes minutes: 50 s until the first motion, 25 s and more for each; it says so beforehand."""
+
+    def __init__(self, post: Post, world: World, later: Later) -> None:
+        def frank(word: Any, delay_s: float = 0.0) -> None:
+            post(replace(word, expected=60.0) if isinstance(word, Move) else word, delay_s)
+
+        super().__init__(frank, world, later)
+
+    @property
+    def _surveys(self) -> bool:
+        return self._perform is not None and self._perform.command.key.startswith("survey")
+
+    def _go_on(self, number: int, felt: Felt | None) -> None:
+        right = super()._go_on
+        self._later(2 * SLOW_S if self._surveys else 0.0, lambda: right(number, felt))
+
+    def _begin(self, number: int, asked: Any) -> None:
+        right = super()._begin
+        self._later(SLOW_S if self._surveys else 0.0, lambda: right(number, asked))
+
+
+class Blind(Robot):
+    """Cannot look, and says so."""
+
+    def tell(self, content: object) -> None:
+        """Have no look done."""
+        if isinstance(content, Perform) and isinstance(content.command, rc.Look):
+            kept = content.remembered
+            self._post(Ended(content.number, kept.not_done(content.command.key, "failed", "no light"), kept), 0.01)
+        else:
+            super().tell(content)
+
+
+class Silent(Robot):
+    """Never says what came of an act."""
+
+    def tell(self, content: object) -> None:
+        """Say nothing of it."""
+        if not isinstance(content, Perform):
+            super().tell(content)
+
+
+def fleet_with(robot: type[Robot]) -> Fleet:
+    """The fleet with a robot of this kind."""
+    made = Fleet(robot=lambda post: robot(post, made.world, lambda s, call: made.wires._at(made.wires.now + s, call)))
+    return made
+
+
+def reports(fleet: Fleet) -> list[TaskReport]:
+    """What co told hi, in order."""
+    said = [one for one in fleet.wires.traffic if one.sender == "co" and one.receiver == "hi" and one.content]
+    return [report for one in said if isinstance(report := CMD.decode(one.content), TaskReport)]
+
+
+def refused(fleet: Fleet, within_s: float) -> str:
+    """The words with which the first command fails, in this time."""
+    fleet.wires.run(fleet.ended, limit_s=within_s)
+    assert [str(task.state) for task in fleet.tasks] == ["failed"]
+    return str(fleet.tasks[0].text)
+
+
+def test_a_look_around_of_minutes() -> None:
+    """The command was given before it began, and is carried out; the person is told once what is waited for."""
+    fleet = fleet_with(Slow)
+    fleet.say(POUR)
+    fleet.wires.run(lambda: fleet.wires.up("ex") and fleet.wires.nodes["ex"].state.state == "preparing")
+    assert fleet.wires.memory("co").jobs, "the command came first"
+    began = fleet.wires.now
+    fleet.wires.run(lambda: fleet.wires.nodes["ta"].state.state != "surveying", limit_s=600.0)
+    assert fleet.wires.now - began > 120.0
+    assert fleet.finish() == ["done"]
+    texts = [one.text for one in reports(fleet)]
+    assert texts.count(f"plan 1: {words.LOOKS}") == 1
+    assert texts.count("plan 1") == 1, "what waited for the look around is no further plan"
+    fleet.close()
+
+
+def test_a_cancel_meanwhile() -> None:
+    """It ends the command at once; the next one waits again, and is carried out."""
+    fleet = fleet_with(Slow)
+    fleet.say(POUR)
+    fleet.wires.run_for(40.0)
+    fleet.cancel()
+    fleet.wires.run(fleet.ended, limit_s=1.0)
+    fleet.say(POUR)
+    assert fleet.finish(2) == ["cancelled", "done"]
+    fleet.close()
+
+
+@pytest.mark.parametrize("victim", ["km", "ta", "ex", "pl", "co"])
+@pytest.mark.parametrize("point", list(Point))
+@pytest.mark.parametrize("at_s", [5.0, 80.0])
+def test_a_death_amid_a_long_look_around(victim: str, point: Point, at_s: float) -> None:
+    """Whoever dies while the robot looks around, and comes back, the command is carried out."""
+    fleet = fleet_with(Slow)
+    fleet.say(POUR)
+    fleet.wires.run_for(at_s)
+    fleet.wires.crash(victim, point, restart_s=3.0)
+    assert fleet.finish() == ["done"]
+    fleet.close()
+
+
+def test_km_away_at_the_end_of_it(fleet: Fleet) -> None:
+    """ta keeps what the look around told, and that it is over, until km has it."""
+    fleet.wires.run(lambda: fleet.up("ta") and fleet.wires.nodes["ta"].state.state == "surveying")
+    fleet.wires.crash("km", Point.BEFORE, restart_s=15.0)
+    fleet.wires.run(lambda: not fleet.up("km"), limit_s=20.0)
+    fleet.say(POUR)
+    fleet.wires.run(lambda: fleet.wires.nodes["ta"].state.state == "idle")
+    assert not fleet.up("km")
+    assert fleet.finish() == ["done"]
+
+
+def test_the_robot_cannot_look() -> None:
+    """After some tries the reason is told; once it can, the next command is carried out."""
+    fleet = fleet_with(Blind)
+    fleet.say(POUR)
+    assert refused(fleet, 30.0) == "nothing has been looked at: the look around failed: no light"
+    fleet.close()
+
+
+def test_ex_dead_for_good(fleet: Fleet) -> None:
+    """The wait for a look around that nobody makes ends in words; once ex is back, commands are served."""
+    fleet.wires.crash("ex", Point.BEFORE, restart_s=900.0)
+    fleet.say(POUR)
+    assert "nothing has been looked at: the robot does not answer" in refused(fleet, 120.0)
+    fleet.wires.run(fleet.at_rest, limit_s=1200.0)
+    fleet.say(POUR)
+    assert fleet.finish(2) == ["failed", "done"]
+
+
+def test_ta_dead_for_good(fleet: Fleet) -> None:
+    """km waits a while for an observer, and says that there is none; once ta is there, commands are served."""
+    fleet.wires.crash("ta", Point.BEFORE, restart_s=900.0)
+    fleet.say(POUR)
+    assert "nothing has been looked at: ta, which has the robot look, is not there" in refused(fleet, 60.0)
+    fleet.wires.run(fleet.at_rest, limit_s=1200.0)
+    fleet.say(POUR)
+    assert fleet.finish(2) == ["failed", "done"]
+
+
+def test_a_command_right_after_ta_came_late(fleet: Fleet) -> None:
+    """km had said already that nobody has the robot look; from here on questions wait again."""
+    fleet.wires.crash("ta", Point.BEFORE, restart_s=100.0)
+    fleet.wires.run(lambda: bool(fleet.up("km") and fleet.wires.memory("km").blind))
+    fleet.wires.run(lambda: fleet.up("ta"), limit_s=200.0)
+    fleet.say(POUR)
+    assert fleet.finish() == ["done"]
+
+
+def test_ta_seems_to_be_gone_for_a_moment() -> None:
+    """The same life of it is seen again: its look around goes on, and is waited for."""
+    fleet = fleet_with(Slow)
+    fleet.say(POUR)
+    fleet.wires.run_for(30.0)
+    life = fleet.wires.nodes["ta"].state.incarnation
+    fleet.wires._later("km", PeerChanged("ta", None))
+    fleet.wires._later("km", PeerChanged("ta", life), 5.0)
+    assert fleet.finish() == ["done"]
+    fleet.close()
+
+
+def test_ta_dies_for_good_amid_it() -> None:
+    """Likewise where it had agreed to tell."""
+    fleet = fleet_with(Slow)
+    fleet.say(POUR)
+    fleet.wires.run_for(30.0)
+    fleet.wires.crash("ta", Point.BEFORE, restart_s=9000.0)
+    fleet.wires.run(lambda: not fleet.up("ta"))
+    assert "is not there" in refused(fleet, 60.0)
+    fleet.close()
+
+
+def test_a_silent_robot() -> None:
+    """ex gives its skill up each time, ta after some tries."""
+    fleet = fleet_with(Silent)
+    fleet.say(POUR)
+    assert "the look around failed: the skill found no motion" in refused(fleet, TIRED_S)
+    fleet.close()
+
+
+def test_a_look_around_on_command(fleet: Fleet) -> None:
+    """A look around that failed is made good by one that a person asks for."""
+    fleet.world.poses.clear()
+    fleet.wires.crash("ex", Point.BEFORE, restart_s=200.0)
+    fleet.say(POUR)
+    assert "does not answer" in refused(fleet, 120.0)
+    fleet.wires.run(fleet.at_rest, limit_s=400.0)
+    fleet.say("look around")
+    assert fleet.finish(2) == ["failed", "done"]
+    fleet.say(POUR)
+    fleet.finish(3)
+    assert "seen so far: nothing" in fleet.tasks[-1].text, "the world was looked at: it is empty"
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_who_knows_of_its_end_knows_the_rest(seed: int) -> None:
+    """Whatever is lost on the way: no question is answered before all that the look around showed is known."""
+    fleet = Fleet(seed=seed, faults=Faults(loss=0.3))
+    fleet.wires.run(lambda: fleet.up("km") and not fleet.wires.memory("km").patient, limit_s=300.0)
+    assert set(fleet.wires.memory("km").scene.things) == set(fleet.world.poses)
+    fleet.close()
+
+
+def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known() -> None:
+    """ta was gone for good before it told the end."""
+    jar = wm.SeenObject("jar_1", "jar", Pose((0.8, 0.0, 0.9)), 1.0)
+    memory = knowledge.Memory(observed(Scene(), jar, (1, 1)), patient=False, blind="ta is not there")
+    assert isinstance(knowledge.answer(memory, wm.ListObjects())[1], wm.Objects)
+    assert knowledge.answer(replace(memory, scene=Scene()), wm.ListObjects())[1] == wm.Unknown(
+        "nothing has been looked at: ta is not there"
+    )
+
+
+def test_what_was_looked_at_stays_looked_at(fleet: Fleet) -> None:
+    """Where a later look around fails, nobody is told that nothing was looked at."""
+    fleet.wires.run(lambda: fleet.up("km") and not fleet.wires.memory("km").patient)
+    fleet.wires.run(fleet.at_rest)
+    late = wm.NothingSeen("the look around failed: no light")
+    ta = fleet.wires.nodes["ta"].state.incarnation
+    told = next(one for one in fleet.wires.traffic if one.sender == "ta" and str(one.performative) == "inform")
+    fleet.wires.deliver(replace(told, id=f"look@{ta}.9999", content=msgspec.Raw(WM.encode(late))))
+    fleet.wires.run_for(1.0)
+    assert not fleet.wires.memory("km").blind
