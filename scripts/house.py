@@ -1,0 +1,78 @@
+"""The picture of docs/architecture.md: which room imports which, read off the code.
+
+    scripts/house.py           print it
+    scripts/house.py --write   put it into the page
+
+A room is a row of the import contracts (pyproject.toml) down to two words, such as services.task or companion.tools.
+"""
+
+import sys
+import tomllib
+from pathlib import Path
+
+import grimp
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "architecture.md"
+OPEN, CLOSE = "<!-- house: made by scripts/figures -->\n", "<!-- :house -->\n"
+SIX = ("human_interface", "coordinator", "planner", "knowledge", "task", "executor")
+THIN = ("monitor", "supervisor", "router")
+KINDS = {"any": "any design", "this": "this system", "process": "processes"}
+ROOMS = {
+    "fipa_codec": "any",
+    "agent_runtime": "any",
+    "topdown": "any",
+    "operate": "any",
+    "companion": "this",
+    "companion.tools": "this",
+    "velma": "this",
+    "agents": "process",
+    "monitor, supervisor, router": "process",
+}
+"""Room -> what it is for; in the order of the picture."""
+
+
+def room_of(module: str) -> str:
+    """The room of the picture that a module belongs to."""
+    first, _, rest = module.partition(".")
+    second = rest.partition(".")[0]
+    if first == "services":
+        return "agents" if second in SIX else "monitor, supervisor, router"
+    return "companion.tools" if (first, second) == ("companion", "tools") else first
+
+
+def edges() -> set[tuple[str, str]]:
+    """Which room imports which other one, directly."""
+    roots = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["root_packages"]
+    graph = grimp.build_graph(*roots, cache_dir=None)
+    modules = graph.modules - {"services"}
+    pairs = ((module, other) for module in modules for other in graph.find_modules_directly_imported_by(module))
+    return {(room_of(one), room_of(other)) for one, other in pairs if room_of(one) != room_of(other)}
+
+
+def picture() -> str:
+    """The rooms as a mermaid graph; an arrow goes from the room that imports to the one that is imported."""
+    ids = {room: f"r{number}" for number, room in enumerate(ROOMS)}
+    lines = ["```mermaid", "graph TD"]
+    for kind, title in KINDS.items():
+        lines.append(f'  subgraph {kind}["{title}"]')
+        lines += [f'    {ids[room]}["{room}"]' for room, of in ROOMS.items() if of == kind]
+        lines.append("  end")
+    lines += sorted(f"  {ids[one]} --> {ids[other]}" for one, other in edges())
+    return "\n".join([*lines, "```", ""])
+
+
+def page(text: str) -> str:
+    """The page with the picture as it is now. Raise ValueError where the page has no place for it."""
+    before, begun, rest = text.partition(OPEN)
+    _, ended, after = rest.partition(CLOSE)
+    if not begun or not ended:
+        raise ValueError(f"{PAGE} needs the lines {OPEN.strip()} and {CLOSE.strip()}")
+    return before + OPEN + picture() + CLOSE + after
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--write"]:
+        PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    else:
+        print(picture(), end="")
