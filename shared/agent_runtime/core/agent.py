@@ -8,16 +8,14 @@ memory and turn.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import AgentTableError
 from agent_runtime.core.events import Late, Local, Received
+from agent_runtime.core.turn import Turn
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-
-if TYPE_CHECKING:
-    from agent_runtime.core.turn import Turn
 
 M = TypeVar("M")
 Taken = Received | Local | Late
@@ -48,7 +46,7 @@ class Behaviour(Generic[M]):
     in order. Started, Woken and PeerChanged are handed over always; ignore those you do not know.
     """
 
-    transition: "Callable[[M, Turn], M]"
+    transition: Callable[[M, Turn], M]
     terminal: Callable[[M], bool] = never
     error: Callable[[M], bool] = never
     takes: Callable[[M, Taken], bool] = everything

@@ -4,11 +4,10 @@ The journal record is the whole durable state. Soft: the inbox (unreceipted, so 
 the conversations of queries and subscriptions, who is alive, when to send again.
 """
 
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
-from agent_runtime.core.agent import Agent
 from agent_runtime.core.wiring import Delivery
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
@@ -218,7 +217,23 @@ def encode_record(state: CoreState) -> bytes:
     return _encoder.encode(Record(**(parts | {"memory": msgspec.Raw(state.kept)})))
 
 
-def fresh(agent: Agent[Any]) -> CoreState:
+class Start(Protocol):
+    """What of an agent's table (agent_runtime.core.agent.Agent) its first state is made of."""
+
+    @property
+    def name(self) -> str:
+        """The agent's name."""
+
+    @property
+    def start(self) -> str:
+        """The state it starts in."""
+
+    @property
+    def memory(self) -> Any:
+        """The memory of its first start."""
+
+
+def fresh(agent: Start) -> CoreState:
     """The state before the first start: incarnation 0."""
     return CoreState(
         agent=agent.name,
@@ -231,7 +246,7 @@ def fresh(agent: Agent[Any]) -> CoreState:
     )
 
 
-def restored(agent: Agent[Any], record: bytes) -> CoreState:
+def restored(agent: Start, record: bytes) -> CoreState:
     """The state a journal record tells of, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
     stored = _decoder.decode(record)
     memory = msgspec.msgpack.decode(stored.memory, type=type(agent.memory))

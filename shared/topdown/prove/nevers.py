@@ -1,7 +1,7 @@
 """Rules of a design that must never be broken: an agent says something while others are in a certain state."""
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 from fipa_codec.tables import Role
 from topdown.model import elements
@@ -10,10 +10,20 @@ from topdown.model.errors import DesignError
 from topdown.model.machines import NONE, Machine, Said
 from topdown.model.own_tables import act_word
 
-if TYPE_CHECKING:
-    from topdown.prove.parts import Parts
-
 IN, OWES = "in", "owes"
+
+
+class Composed(Protocol):
+    """What a rule asks of the composed model (topdown.prove.parts.Parts): agents are numbered, uses are named."""
+
+    def state_of(self, agent: int, state: tuple[int, ...]) -> str:
+        """The name of the state that an agent is in."""
+
+    def owes(self, use: str, state: tuple[int, ...]) -> bool:
+        """Whether the newest news of a use is not yet told."""
+
+    def talk_of(self, agent: int, use: str, state: tuple[int, ...]) -> str:
+        """State of an agent's conversation of a use, "" where none is open."""
 
 
 class While(NamedTuple):
@@ -23,14 +33,13 @@ class While(NamedTuple):
     what: str
     words: frozenset[str]
 
-    def holds(self, parts: "Parts", state: tuple[int, ...]) -> bool:
+    def holds(self, model: Composed, state: tuple[int, ...]) -> bool:
         """Whether it holds in a state of the composed model."""
-        local = parts.local(self.agent, state[self.agent])
         if self.what == IN:
-            return local.state in self.words
+            return model.state_of(self.agent, state) in self.words
         if self.what == OWES:
-            return any(parts.net(state[parts.net_of[use]]).stale for use in self.words)
-        return (parts.agents[self.agent].talk(local, self.what) or NONE) in self.words
+            return any(model.owes(use, state) for use in self.words)
+        return (model.talk_of(self.agent, self.what, state) or NONE) in self.words
 
 
 class Never(NamedTuple):
@@ -42,9 +51,9 @@ class Never(NamedTuple):
     says: frozenset[Said]
     whiles: tuple[While, ...]
 
-    def broken(self, parts: "Parts", state: tuple[int, ...]) -> bool:
+    def broken(self, model: Composed, state: tuple[int, ...]) -> bool:
         """Whether saying it in this state breaks the rule."""
-        return all(condition.holds(parts, state) for condition in self.whiles)
+        return all(condition.holds(model, state) for condition in self.whiles)
 
 
 def nevers(design: Design, place: Mapping[str, int], machines: Mapping[str, Machine]) -> tuple[Never, ...]:

@@ -89,6 +89,18 @@ class Parts:
         """State of an agent's conversation of a use."""
         return self.agents[number].talk(self.local(number, local), use)
 
+    def state_of(self, agent: int, state: tuple[int, ...]) -> str:
+        """The name of the state that an agent is in."""
+        return self.local(agent, state[agent]).state
+
+    def owes(self, use: str, state: tuple[int, ...]) -> bool:
+        """Whether the newest news of a use is not yet told."""
+        return self.net(state[self.net_of[use]]).stale
+
+    def talk_of(self, agent: int, use: str, state: tuple[int, ...]) -> str:
+        """State of an agent's conversation of a use, "" where none is open."""
+        return self.talk(agent, state[agent], use)
+
     def without_talk(self, number: int, local: int, use: str) -> int:
         """The local state that has forgotten its conversation of a volatile use."""
         return self._changed(number, local, "talk", use)
