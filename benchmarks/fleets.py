@@ -17,8 +17,8 @@ from typing import Any
 import msgspec
 from round_trip import SYSTEM, Block
 
-from agent_runtime import issuing
-from agent_runtime.zenoh_wire import free_endpoint
+from agent_runtime.io import issuing
+from agent_runtime.io.zenoh_wire import free_endpoint
 from companion.design import DESIGN
 
 HERE = Path(__file__).resolve().parent

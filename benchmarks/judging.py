@@ -18,9 +18,9 @@ from pathlib import Path
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
 from fipa_codec.communicate import decode
-from services.monitor import recording
-from services.monitor.records import Record, Spoken, Token
-from topdown.judging import Judge
+from operate.recording import mcap_file
+from operate.recording.records import Record, Spoken, Token
+from topdown.judge.judge import Judge
 
 POUR = Path(__file__).parents[1] / "tests" / "histories" / "pour_seed_7" / "traffic.mcap"
 Times = dict[str, list[float]]
@@ -68,8 +68,8 @@ def main() -> None:
     parser.add_argument("recording", type=Path, nargs="?", default=POUR)
     parser.add_argument("--rounds", type=int, default=20)
     options = parser.parse_args()
-    file = options.recording / recording.FILE if options.recording.is_dir() else options.recording
-    records = recording.read(file).records
+    file = options.recording / mcap_file.FILE if options.recording.is_dir() else options.recording
+    records = mcap_file.read(file).records
     times: Times = defaultdict(list)
     decoding: list[float] = []
     reading: list[float] = []

@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 
 from companion.design import FILE
-from topdown.design import load
-from topdown.proving.verify import tasks
+from topdown.model.design import load
+from topdown.prove.verify import tasks
 
 RESULTS = Path(__file__).parent / "results" / "proof.jsonl"
 GONE = ("ta", "ex", "pl", "km")

@@ -26,13 +26,13 @@ import msgspec
 import zenoh
 from msgspec.structs import replace
 
-from agent_runtime import shell
-from agent_runtime.agent import Agent
-from agent_runtime.devices import Post
-from agent_runtime.events import Local, Received
-from agent_runtime.options import Options
-from agent_runtime.turn import Turn
-from agent_runtime.zenoh_wire import client_config, keep_memory
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.events import Local, Received
+from agent_runtime.core.turn import Turn
+from agent_runtime.io import shell
+from agent_runtime.io.devices import Post
+from agent_runtime.io.options import Options
+from agent_runtime.io.zenoh_wire import client_config, keep_memory
 from companion.binding import wiring
 from companion.languages import LANGUAGES, wm
 from companion.languages.values import Pose

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import round_trip
 
-from agent_runtime import shell, zenoh_wire
+from agent_runtime.io import shell, zenoh_wire
 
 PATH = {
     "pl take": "",

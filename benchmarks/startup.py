@@ -14,13 +14,15 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from agent_runtime.options import Options
-from agent_runtime.tap import Sample, open_tap
-from companion.run_folder import KEYS_FOLDER, ProcessState
+from agent_runtime.io.options import Options
+from agent_runtime.io.run_files import KEYS_FOLDER
+from agent_runtime.io.tap import Sample, open_tap
 from companion.telemetry import RobotState, told
-from services.console import fleet, runs
-from services.console.demo import SENTENCE
-from services.console.hi import Hi
+from companion.tools.verbs.demo import SENTENCE
+from companion.tools.verbs.hi import Hi
+from operate.cli.fleet import starting
+from operate.cli.runs import folders
+from operate.run_folder import ProcessState
 
 MOVED = 0.02  # [rad], above what the body sways at rest (1 mrad) and what gravity pulls at the start
 LIMIT_S = 120.0
@@ -60,12 +62,12 @@ def main(
     with tempfile.TemporaryDirectory() as scratch:
         run = keep or Path(scratch) / "run"
         began = time.time()
-        supervisor = fleet.start(run, ["--speed", speed, "--seed", str(seed), *(["--insecure"] if insecure else [])])
+        supervisor = starting.start(run, ["--speed", speed, "--seed", str(seed), *(["--insecure"] if insecure else [])])
         motion, ready = Motion(began), dict[str, float]()
         tap = None
         try:
             while time.time() - began < LIMIT_S and "body" not in motion.moved:
-                now, told = time.time() - began, runs.fleet(run)
+                now, told = time.time() - began, folders.fleet(run)
                 for status in told.processes if told else ():
                     if status.state is ProcessState.READY:
                         ready.setdefault(status.name, now)
@@ -74,7 +76,7 @@ def main(
                     tap = open_tap(options, motion.heard, lambda: False)
                 if told and "all" not in ready and all(s.name in ready or s.optional for s in told.processes):
                     ready["all"] = now
-                    Hi(runs.hi_address(run)).say(SENTENCE)
+                    Hi(folders.hi_address(run)).say(SENTENCE)
                     ready["said"] = time.time() - began
                 time.sleep(0.02)
         finally:
@@ -84,7 +86,7 @@ def main(
                 print(f"{at:6.2f} s  {name} moves")
             if tap is not None:
                 tap.close()
-            fleet.down(run)
+            starting.down(run)
             supervisor.wait(timeout=90.0)
 
 

@@ -13,10 +13,10 @@ from typing import Any
 import zenoh
 from round_trip import SYSTEM, Begin, Came, Go, Store, km, pl
 
-from agent_runtime import shell
-from agent_runtime.devices import Post
-from agent_runtime.options import Options
-from agent_runtime.zenoh_wire import client_config
+from agent_runtime.io import shell
+from agent_runtime.io.devices import Post
+from agent_runtime.io.options import Options
+from agent_runtime.io.zenoh_wire import client_config
 from companion.binding import wiring
 from scripts.replaying import samples
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import msgspec
 
-from topdown.checks import check
-from topdown.design import load
-from topdown.findings import Finding, Kind
+from topdown.check import check
+from topdown.model.design import load
+from topdown.model.findings import Finding, Kind
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs/design/paper-contradictions.md"

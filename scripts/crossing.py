@@ -7,8 +7,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from services.monitor import recording
-from services.monitor.records import House, Record, Spoken
+from operate.recording import mcap_file
+from operate.recording.records import House, Record, Spoken
 
 FAR = "ex"
 PAPER = 1 + 14 + 24
@@ -19,7 +19,7 @@ Row = tuple[str, int, int]
 def crossed(run: Path) -> tuple[Row, ...]:
     """What crossed, how often, how many bytes of it; largest first. Copies that were sent again count again."""
     found: dict[str, list[int]] = defaultdict(list)
-    for record in recording.read(run / recording.FILE).records:
+    for record in mcap_file.read(run / mcap_file.FILE).records:
         for what, size in _crossing(record):
             found[what].append(size)
     rows = [(what, len(sizes), sum(sizes)) for what, sizes in found.items()]

@@ -3,18 +3,18 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from agent_runtime.tap import Sample
-from agent_runtime.wiring import service_key
+from agent_runtime.core.wiring import service_key
+from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
-from services.monitor import recording
-from services.monitor.records import Garbage, House, Record, Spoken, Token
+from operate.recording import mcap_file
+from operate.recording.records import Garbage, House, Record, Spoken, Token
 
 SYSTEM = "roco"
 
 
 def samples(run: Path, until_s: float, now: float) -> Iterator[tuple[float, Sample]]:
     """(Seconds after the first record, sample heard as long after `now`) of a run folder's recording."""
-    records = recording.read(run / recording.FILE).records
+    records = mcap_file.read(run / mcap_file.FILE).records
     for record in records:
         at = record.received - records[0].received
         if at > until_s:

@@ -10,15 +10,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("shared/fipa_codec", "shared/agent_runtime", "shared/topdown", "shared/companion", "velma", "services")
+ROOMS = (
+    *(f"shared/{room}" for room in ("fipa_codec", "agent_runtime", "topdown", "operate", "companion")),
+    "velma",
+    "services",
+)
 BUILT_IN = {"Exception", "ValueError", "TypeError", "LookupError", "RuntimeError", "MemoryError", "KeyError", "OSError"}
 LEVELS = ("warning", "error")
 ENUMS = {  # words that a person meets as the reason of something; each member has its row
-    "verdicts": ("shared/topdown/verdicts.py", "Verdict"),
-    "states": ("shared/companion/run_folder.py", "ProcessState"),
+    "verdicts": ("shared/topdown/judge/verdicts.py", "Verdict"),
+    "states": ("shared/operate/run_folder.py", "ProcessState"),
 }
-DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}  # members of agent_runtime.verdict.What
-CODES = "services/console/errors.py"
+DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}  # members of agent_runtime.core.verdict.What
+CODES = "shared/operate/cli/errors.py"
 
 
 class Declared(NamedTuple):

@@ -14,7 +14,7 @@ ELSEWHERE = {"demo": "README.md; a fleet of its own, which takes minutes"}
 def every(command: Any = None, path: tuple[str, ...] = ()) -> Iterator[str]:
     """`design check`, `status`, ...: all commands that do something, in the order of `--help`; hidden ones too."""
     if command is None:
-        from services.console.__main__ import app
+        from operate.cli.__main__ import app
 
         command = typer.main.get_command(app)
     commands = getattr(command, "commands", None)

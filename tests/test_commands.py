@@ -11,9 +11,9 @@ ROOT = Path(__file__).parents[1]
 MODULES = sorted(".".join(path.relative_to(ROOT).parent.parts) for path in (ROOT / "services").rglob("__main__.py"))
 SHARED = {"CONNECT", "LISTEN", "SYSTEM", "RUN_DIR", "LOG_LEVEL", "SPEED", "SEED", "SCENE"}
 OWN = {
-    "services.console": set(),
+    "operate.cli": set(),
     "services.executor.conformance": set(),
-    "services.monitor.rerun_show": set(),
+    "operate.pictures": set(),
     "services.executor.loop": {"SLOTS", "SCENE", "SEED", "SPEED"},
     "services.supervisor": SHARED - {"LISTEN"},
 }

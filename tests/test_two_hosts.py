@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from services.monitor import recording
-from services.monitor.records import House, Spoken
+from operate.recording import mcap_file
+from operate.recording.records import House, Spoken
 
 ROOT = Path(__file__).resolve().parents[1]
 HISTORY = ROOT / "tests/histories/pour_seed_7"
@@ -71,7 +71,7 @@ def test_what_is_not_root_is_told_what_to_do(monkeypatch: pytest.MonkeyPatch) ->
 def test_what_crosses_is_what_ex_says_and_hears() -> None:
     """Of a recorded pour: every communicate and every other thing that ex sends or gets, none of others."""
     rows = crossed(HISTORY)
-    records = recording.read(HISTORY / recording.FILE).records
+    records = mcap_file.read(HISTORY / mcap_file.FILE).records
     said = [one for one in records if isinstance(one, Spoken) and "ex" in (one.sender, one.receiver)]
     other = [one for one in records if isinstance(one, House) and "ex" in (one.owner, one.peer)]
     assert said

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -92,6 +93,21 @@ def test_both_distributions_say_the_same_of_the_codec() -> None:
     (row,) = (row for row in whole["tool"]["importlinter"]["contracts"] if row.get("room") == "fipa_codec")
     assert [re.split("[<>=]", one)[0] for one in codec["project"]["dependencies"]] == row["may_import"]
     assert set(codec["project"]["dependencies"]) <= set(whole["project"]["dependencies"])
+
+
+def test_every_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
+    """No pattern of .gitignore, which the build obeys too, leaves one out."""
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path], cwd=ROOT, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        inside = set(archive.namelist())
+    targets = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    left_out = {ROOT / path.strip("/") for path in targets["exclude"]}
+    for package in targets["packages"]:
+        folder = ROOT / package
+        files = [path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        assert {str(path.relative_to(folder.parent)) for path in files if path not in left_out} <= inside
+    assert not [name for name in inside if "/runs/" in name and name.startswith("robot_companion")]
 
 
 @pytest.mark.long

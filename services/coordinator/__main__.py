@@ -1,8 +1,8 @@
 """a_co, the coordinator: `python -m services.coordinator --help`."""
 
-from agent_runtime import cli, shell
-from agent_runtime.agent import Agent
-from agent_runtime.options import Options
+from agent_runtime.core.agent import Agent
+from agent_runtime.io import cli, shell
+from agent_runtime.io.options import Options
 from companion.binding import wiring
 from companion.design import AgentName
 from services.coordinator.behaviours import coordinator

@@ -8,8 +8,8 @@ from functools import partial
 
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.turn import Turn
 from companion.binding import Transition, bind
 from companion.design import AgentName
 from companion.languages.cmd import TaskState

@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from agent_runtime.events import Broken, Late, Received, Woken
-from agent_runtime.turn import Turn
+from agent_runtime.core.events import Broken, Late, Received, Woken
+from agent_runtime.core.turn import Turn
 from companion.design import AgentName
 from companion.languages import cmd, hfsm, sw
 from companion.languages.cmd import TaskState

@@ -5,7 +5,7 @@ Reports stay within their size budget on C2 (500 bytes with the envelope). Must 
 
 from typing import Any
 
-from agent_runtime.turn import Turn
+from agent_runtime.core.turn import Turn
 from companion.design import AgentName
 from companion.languages import cmd, hfsm
 from companion.languages.cmd import TaskReport, TaskState

@@ -3,11 +3,11 @@
 import os
 from pathlib import Path
 
-from agent_runtime import cli, shell
-from agent_runtime.devices import Post
-from agent_runtime.options import Options
+from agent_runtime.io import cli, shell
+from agent_runtime.io.devices import Post
+from agent_runtime.io.options import Options
 from companion.binding import wiring
-from companion.run_folder import SLOTS_FILE
+from companion.run_files import SLOTS_FILE
 from services.executor import behaviours
 from services.executor.body import Body
 from services.executor.pictures import Pictures

@@ -9,9 +9,9 @@ skills' geometry.
 import numpy as np
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent
-from agent_runtime.events import Local, Received, Started, Woken
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.events import Local, Received, Started, Woken
+from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.languages import rc
 from fipa_codec.languages import Kind, Reason

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from agent_runtime.devices import Device
+from agent_runtime.io.devices import Device
 from services.executor.telling import Telling
 from services.executor.words import Brake, Do, Halt, Perform, Where
 

@@ -3,8 +3,8 @@
 import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.events import Local, Woken
-from agent_runtime.turn import Turn
+from agent_runtime.core.events import Local, Woken
+from agent_runtime.core.turn import Turn
 from companion.languages import rc
 from services.executor.loop.program import KNOT_S, Motion, Phase
 from services.executor.remembered import Remembered

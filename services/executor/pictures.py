@@ -9,8 +9,8 @@ import time
 import msgspec
 import numpy as np
 
-from agent_runtime.devices import Post
-from agent_runtime.worker import Worker
+from agent_runtime.io.devices import Post
+from agent_runtime.io.worker import Worker
 from companion.telemetry import PICTURE_S, Picture
 from services.executor.words import Array, Setup
 

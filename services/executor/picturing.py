@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agent_runtime.worker import Link
+from agent_runtime.io.worker import Link
 from companion.telemetry import picture
 from services.executor.camera import HEIGHT, WIDTH, Camera
 from services.executor.pictures import Show

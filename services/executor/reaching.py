@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agent_runtime.devices import Post
+from agent_runtime.io.devices import Post
 from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told
 from services.executor.loop.program import Cancel, Mode, Phase, Release
 from services.executor.words import Brake, Do, Felt, Halt, Lost, Moved, Stands, ToLoop, Where

@@ -1,7 +1,7 @@
 """The worker of ex as a device: one child process, killed by Drop, started anew at once so that it is warm again."""
 
-from agent_runtime.devices import Post
-from agent_runtime.worker import Worker
+from agent_runtime.io.devices import Post
+from agent_runtime.io.worker import Worker
 from services.executor.words import Crashed, Drop, Feel, FromWorker, Perform, Setup
 
 ENTRY = "services.executor.worker:serve"

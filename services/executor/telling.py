@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.devices import Post
+from agent_runtime.io.devices import Post
 from companion.telemetry import RATE_HZ, Lateness, RobotState
 from services.executor.loop.link import AgentLink, LoopState, Timing, Told
 from services.executor.loop.program import Phase

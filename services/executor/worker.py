@@ -6,7 +6,7 @@ the agent remembers, so a new worker goes on where the old one died.
 
 import numpy as np
 
-from agent_runtime.worker import Link
+from agent_runtime.io.worker import Link
 from companion.languages import rc, rs
 from companion.languages.values import Pose, Side
 from services.executor import virtual

@@ -3,9 +3,9 @@
 import os
 import sys
 
-from agent_runtime import cli, shell
-from agent_runtime.agent import Agent
-from agent_runtime.options import Options
+from agent_runtime.core.agent import Agent
+from agent_runtime.io import cli, shell
+from agent_runtime.io.options import Options
 from companion.binding import wiring
 from companion.design import AgentName
 from services.human_interface.behaviours import human_interface

@@ -7,14 +7,14 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent
-from agent_runtime.events import Broken, Local, PeerChanged, Received, Started
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.events import Broken, Local, PeerChanged, Received, Started
+from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import cmd
 from companion.languages.cmd import TaskState
-from companion.run_folder import HiEvent, TaskLine
+from companion.run_files import HiEvent, TaskLine
 from fipa_codec.performatives import Performative as P
 from services.human_interface.grammar import CancelTask, NotUnderstood, TellStatus, in_words, understand
 from services.human_interface.memory import (

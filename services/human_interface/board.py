@@ -9,7 +9,7 @@ import time
 from collections import deque
 from typing import Any
 
-from companion.run_folder import Events, HiEvent, TaskLine, Tasks
+from companion.run_files import Events, HiEvent, TaskLine, Tasks
 from services.human_interface.memory import Answer, Shown, Told
 
 KEPT_EVENTS = 1000

@@ -6,7 +6,7 @@ Must not know: HTTP, grammar.
 import msgspec
 
 from companion.languages.cmd import TaskState
-from companion.run_folder import HiEvent, TaskLine
+from companion.run_files import HiEvent, TaskLine
 
 KEPT_TASKS = 50  # ended tasks that are remembered; the journal holds them all in each record (estimate)
 FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})

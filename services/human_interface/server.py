@@ -16,8 +16,8 @@ from urllib.parse import parse_qs, urlsplit
 
 import msgspec
 
-from agent_runtime.devices import Post
-from companion.run_folder import HI_FILE, Cancel, HiAddress, Problem, Say
+from agent_runtime.io.devices import Post
+from companion.run_files import HI_FILE, Cancel, HiAddress, Problem, Say
 from services.human_interface.board import Board
 from services.human_interface.memory import CancelWanted, Said
 

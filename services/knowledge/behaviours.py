@@ -10,10 +10,10 @@ from typing import get_args
 import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent, Taken
-from agent_runtime.events import Broken, PeerChanged, Received, Started, Woken
-from agent_runtime.streams import parse_observation
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent, Taken
+from agent_runtime.core.events import Broken, PeerChanged, Received, Started, Woken
+from agent_runtime.core.streams import parse_observation
+from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.languages import wm
 from fipa_codec.performatives import Performative

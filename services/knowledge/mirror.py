@@ -5,7 +5,7 @@ Never read by the agent: the journal is the truth, and after a death the store i
 
 from pathlib import Path
 
-from agent_runtime.devices import DeviceMaker, Post
+from agent_runtime.io.devices import DeviceMaker, Post
 from services.knowledge.behaviours import Mirror
 from services.knowledge.store import Store
 

@@ -9,12 +9,12 @@ from typing import Annotated
 
 import typer
 
-from agent_runtime import cli
-from agent_runtime.logs import Log
-from agent_runtime.options import Options
-from agent_runtime.tap import RECORDER
-from services.monitor.experiment.verbs import again, compare, experiment, export
-from services.monitor.recorder import serve
+from agent_runtime.io import cli
+from agent_runtime.io.logs import Log
+from agent_runtime.io.options import Options
+from agent_runtime.io.tap import RECORDER
+from operate.experiments.verbs import again, compare, experiment, export
+from operate.recording.recorder import serve
 
 TEXT = "The recorder: taps all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
 
@@ -24,14 +24,14 @@ def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traff
     if not run_dir.is_dir():
         typer.echo(f"{run_dir} is no folder; give one that a run was recorded in", err=True)
         raise typer.Exit(2)
-    from services.monitor import make
+    from operate.reports import make
 
     raise typer.Exit(0 if make.everything(run_dir, Log("monitor").write) else 1)
 
 
 def observations(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=True, file_okay=False)]) -> None:
     """Print what was said in a run folder, as JSON: who to whom, which act, how large, when."""
-    from services.monitor import observations as told
+    from operate.recording import observations as told
 
     told.main(run_dir)
 
@@ -44,7 +44,7 @@ def judge(
     ] = "",
 ) -> None:
     """Print the verdict about each communicate of a recording. Exits with 2 where there is nothing to judge."""
-    from services.monitor import judged, rejudge
+    from operate.judging import judged, rejudge
 
     try:
         lines = rejudge.judge(file, design, languages)
@@ -59,7 +59,7 @@ def said(
     everything: Annotated[bool, typer.Option("--everything", help="Receipts, heartbeats and telemetry, too.")] = False,
 ) -> None:
     """Print what a recording holds as samples of a tap, one JSON object a line. Exits with 2 where there is none."""
-    from services.monitor import samples
+    from operate.recording import samples
 
     try:
         samples.main(file, everything=everything)
@@ -76,15 +76,15 @@ def record(
     keys: Annotated[Path | None, typer.Option(help="Folder of keys.")] = None,
     identity: Annotated[str, typer.Option(help="Whose certificate is shown.")] = RECORDER,
     heard: Annotated[bool, typer.Option(help="Standard input has what `hear` prints; no router is asked.")] = False,
-    which: Annotated[str, typer.Option(help="A companion.filters.Filter, in JSON.")] = "{}",
+    which: Annotated[str, typer.Option(help="A operate.filters.Filter, in JSON.")] = "{}",
     count: Annotated[int, typer.Option(help="End after so many communicates.")] = 0,
     seconds: Annotated[float, typer.Option(help="End after so long.")] = 0.0,
 ) -> None:
     """Record a running fleet beside its own recorder, until SIGINT. Exits with 3 where no router answers."""
     import msgspec
 
-    from companion.filters import Filter
-    from services.monitor import keeping
+    from operate.filters import Filter
+    from operate.recording import keeping
 
     asked = keeping.Asked(out, msgspec.json.decode(which, type=Filter), count, seconds)
     if heard:
@@ -107,7 +107,7 @@ VERBS: dict[str, Callable[..., None]] = {
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["hear"]:
-        from services.monitor import hear
+        from operate.recording import hear
 
         cli.app("monitor hear", str(hear.__doc__), hear.serve)(sys.argv[2:])
     elif sys.argv[1:2] and sys.argv[1] in VERBS:

@@ -8,9 +8,9 @@ soft: after a death of either the search begins anew. Must not know: geometry, t
 import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent
-from agent_runtime.events import Broken, Late, Local, Received, Started
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.events import Broken, Late, Local, Received, Started
+from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.languages import hfsm, wm
 from fipa_codec.languages import Kind

@@ -7,7 +7,7 @@ said before is not taken for the words of the next one.
 
 import msgspec
 
-from agent_runtime.worker import Link
+from agent_runtime.io.worker import Link
 from companion.languages import hfsm, wm
 
 

@@ -4,8 +4,8 @@ Loading the geometry takes a child some seconds, so it does that before it is ne
 once; the next child is started in its place.
 """
 
-from agent_runtime.devices import Post
-from agent_runtime.worker import Worker
+from agent_runtime.io.devices import Post
+from agent_runtime.io.worker import Worker
 from services.planner.search_process import Answer, Begin, Died, Found, FromSearch, NotFound, Stop
 
 ENTRY = "services.planner.search_process:serve"

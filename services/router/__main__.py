@@ -4,8 +4,8 @@ It listens, says so by `router.ready` in the run folder and a line, and waits fo
 process: the router's access rules would not hold for it.
 """
 
-from agent_runtime import cli
-from agent_runtime.router import serve
+from agent_runtime.io import cli
+from agent_runtime.io.router import serve
 
 if __name__ == "__main__":
     cli.run("router", "The fleet's Zenoh router.", serve)

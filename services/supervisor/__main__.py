@@ -10,13 +10,14 @@ from typing import Annotated
 import msgspec
 import typer
 
-from agent_runtime.cli import Level, Speed
-from agent_runtime.secured import ROUTER
-from companion.run_folder import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, SLOTS_FILE
-from services.supervisor import core, folder
-from services.supervisor.processes import FLEET, Process
-from services.supervisor.securing import DAYS, Keys
-from services.supervisor.shell import Shell
+from agent_runtime.io.cli import Level, Speed
+from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
+from agent_runtime.io.secured import ROUTER
+from companion.run_files import SLOTS_FILE
+from operate.supervisor import core, folder
+from operate.supervisor.processes import FLEET, Process
+from operate.supervisor.securing import DAYS, Keys
+from operate.supervisor.shell import Shell
 
 LOOP = "loop"
 """The process that has the robot in its scene."""

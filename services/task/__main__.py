@@ -1,7 +1,7 @@
 """a_ta as a process: `python -m services.task --help`."""
 
-from agent_runtime import cli, shell
-from agent_runtime.options import Options
+from agent_runtime.io import cli, shell
+from agent_runtime.io.options import Options
 from companion.binding import wiring
 from services.task import behaviours
 

@@ -6,8 +6,8 @@ cancel behind the request, and the act is over with ex's last word (delivery: re
 
 from msgspec.structs import replace
 
-from agent_runtime.events import Broken, Late, Received, Woken
-from agent_runtime.turn import Turn
+from agent_runtime.core.events import Broken, Late, Received, Woken
+from agent_runtime.core.turn import Turn
 from companion.languages import rc, wm
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative

@@ -6,9 +6,9 @@ where a plan is cancelled or an act is late. Must not know: pl, geometry.
 
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent
-from agent_runtime.events import Broken, Received, Settled, Started, Woken
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.events import Broken, Received, Settled, Started, Woken
+from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.performatives import Performative

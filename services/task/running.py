@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from agent_runtime.events import Broken, Late, Received, Started
-from agent_runtime.turn import Turn
+from agent_runtime.core.events import Broken, Late, Received, Started
+from agent_runtime.core.turn import Turn
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.performatives import Performative
 from services.task import acts

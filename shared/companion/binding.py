@@ -1,4 +1,4 @@
-"""agent_runtime.binding for this system: agents and wirings of design.toml, in the languages of this room.
+"""agent_runtime.core.binding for this system: agents and wirings of design.toml, in the languages of this room.
 
 Must not know: what any agent does, Zenoh. The only module of this room that sees agent_runtime, and only its tables.
 """
@@ -6,13 +6,13 @@ Must not know: what any agent does, Zenoh. The only module of this room that see
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from agent_runtime import binding
-from agent_runtime.agent import Agent
-from agent_runtime.binding import BindingError, Condition, Takes, Transition
-from agent_runtime.wiring import Wiring
+from agent_runtime.core import binding
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.binding import BindingError, Condition, Takes, Transition
+from agent_runtime.core.wiring import Wiring
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
-from topdown.design import Design
+from topdown.model.design import Design
 
 __all__ = ["BindingError", "Condition", "Takes", "Transition", "bind", "wiring"]
 
@@ -29,7 +29,7 @@ def bind(
     local: Any = None,
     design: Design = DESIGN,
 ) -> Agent[M]:
-    """The agent `name` of the design; see agent_runtime.binding.bind."""
+    """The agent `name` of the design; see agent_runtime.core.binding.bind."""
     return binding.bind(name, memory, behaviours, conditions, design=design, takes=takes, local=local)
 
 

@@ -1,6 +1,6 @@
 """The design of the Robot Companion, read once from design.toml; every agent, tool and document gets it here.
 
-`DESIGN.key(system, communicate)`, `DESIGN.rule(communicate)`, `DESIGN.agent("co")` and so on are in topdown.design.
+`DESIGN.key(system, communicate)`, `DESIGN.rule(communicate)`, `DESIGN.agent("co")` ... are in topdown.model.design.
 Must not know: agents' code, Zenoh.
 """
 
@@ -11,8 +11,8 @@ from companion.languages import LANGUAGES
 from fipa_codec import protocols
 from fipa_codec.interfaces import ClassInterfaceInfo
 from fipa_codec.languages import REASON, Language
-from topdown.design import Design, load
-from topdown.interfaces import interfaces
+from topdown.model.design import Design, load
+from topdown.model.interfaces import interfaces
 
 FILE = Path(__file__).with_name("design.toml")
 DESIGN: Design = load(FILE)

@@ -7,9 +7,10 @@ from typing import get_args
 
 from companion.design import DESIGN
 from companion.languages import LANGUAGES, wm
-from topdown import agreement, checks
-from topdown.design import Design
-from topdown.findings import Finding
+from topdown import check
+from topdown.check import agreement
+from topdown.model.design import Design
+from topdown.model.findings import Finding
 
 # Interface sets whose argument classes are, together, exactly the query classes of WM.
 QUERY_INTERFACES = ("knowledge", "hypotheses")
@@ -24,7 +25,7 @@ def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
     }
     queries = [kind.__name__ for kind in get_args(wm.AnyQuery)]
     return (
-        *checks.check(design),
+        *check.check(design),
         *agreement.check_languages(design, classes),
         *agreement.check_queries(design, QUERY_INTERFACES, "WM", queries),
     )

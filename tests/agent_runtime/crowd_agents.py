@@ -6,10 +6,10 @@ reply-by and is rejected for it.
 
 import msgspec
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import Broken, Late, PeerChanged, Received, Started, Woken
-from agent_runtime.turn import Turn
-from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Broken, Late, PeerChanged, Received, Started, Woken
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.acts import EXPRESSIONS, Content, content_of
 from fipa_codec.expressions import Action, Descriptor, Proposition, Quantifier, Variable
 from fipa_codec.languages import Languages

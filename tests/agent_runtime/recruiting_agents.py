@@ -5,10 +5,10 @@ The asker asks first for brokering, then for recruiting; in the second the scale
 
 import msgspec
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import PeerChanged, Received, Started
-from agent_runtime.turn import Turn
-from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import PeerChanged, Received, Started
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec import proxying
 from fipa_codec.acts import EXPRESSIONS, Content, content_of
 from fipa_codec.communicate import Communicate

@@ -13,10 +13,10 @@ import msgspec
 from dialogue import parsed
 from stories import Story, stories_of
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import Broken, Received, Started
-from agent_runtime.turn import Turn
-from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Broken, Received, Started
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.acts import EXPRESSIONS, SHAPES, Content, content_of
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation

@@ -3,8 +3,8 @@
 import pytest
 import toy_agents as toy
 
-from agent_runtime.alone import Alone
-from agent_runtime.streams import OUTBOX_BOUND
+from agent_runtime.core.streams import OUTBOX_BOUND
+from agent_runtime.testing.alone import Alone
 from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
 from fipa_codec.performatives import Performative as P
 

@@ -6,12 +6,12 @@ from msgspec import Struct
 from msgspec.structs import replace
 from toy_agents import Double, Doubled, Want, wirings
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.core import Core
-from agent_runtime.events import Arrived, Broken, Late, Local, Received, Started, Tick, Woken
-from agent_runtime.turn import Turn
-from agent_runtime.wires import Faults, Wires
-from agent_runtime.wiring import Delivery
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Arrived, Broken, Late, Local, Received, Started, Tick, Woken
+from agent_runtime.core.step import Core
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery
+from agent_runtime.testing.wires import Faults, Wires
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 

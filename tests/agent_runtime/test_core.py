@@ -10,11 +10,10 @@ from msgspec.msgpack import encode as pack
 from msgspec.structs import replace
 from toy_agents import Double, Doubled, Want, asker, server, wirings
 
-from agent_runtime.agent import Agent, Arc, Behaviour
-from agent_runtime.core import CHAIN_BOUND, OUTSIDE, Core
-from agent_runtime.effects import Deed, Effects
-from agent_runtime.errors import AgentTableError, BehaviourError
-from agent_runtime.events import (
+from agent_runtime.core.agent import Agent, Arc, Behaviour
+from agent_runtime.core.effects import Deed, Effects
+from agent_runtime.core.errors import AgentTableError, BehaviourError
+from agent_runtime.core.events import (
     Arrived,
     Broken,
     Late,
@@ -28,10 +27,11 @@ from agent_runtime.events import (
     Tick,
     Woken,
 )
-from agent_runtime.state import CoreState
-from agent_runtime.streams import OUTBOX_BOUND
-from agent_runtime.turn import Turn
-from agent_runtime.wiring import Delivery
+from agent_runtime.core.state import CoreState
+from agent_runtime.core.step import CHAIN_BOUND, OUTSIDE, Core
+from agent_runtime.core.streams import OUTBOX_BOUND
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery
 from fipa_codec.communicate import Communicate, decode, encode
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import REASON, Kind, Reason

@@ -3,10 +3,10 @@
 import pytest
 from msgspec import Struct
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.alone import Alone
-from agent_runtime.declining import NOES, unfilled
-from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.declining import NOES, unfilled
+from agent_runtime.core.wiring import Delivery, Link, Wiring
+from agent_runtime.testing.alone import Alone
 from fipa_codec.languages import Language, Languages, Reason
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import FIPA

@@ -3,10 +3,10 @@
 import pytest
 from msgspec import Struct
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.core import Core
-from agent_runtime.events import Arrived, Started
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Arrived, Started
+from agent_runtime.core.step import Core
+from agent_runtime.core.turn import Turn
 from companion.binding import wiring
 from companion.design import DESIGN
 from companion.languages import LANGUAGES, cmd, hfsm, wm

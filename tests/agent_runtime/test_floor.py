@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from agent_runtime.floor import Failed, Floor
-from agent_runtime.inbox import Class, Inbox
+from agent_runtime.io.floor import Failed, Floor
+from agent_runtime.io.inbox import Class, Inbox
 
 HEARD = Class.STREAM
 

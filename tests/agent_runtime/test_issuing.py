@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-from agent_runtime.issuing import issue
-from agent_runtime.secured import rights_of
+from agent_runtime.io.issuing import issue
+from agent_runtime.io.secured import rights_of
 from companion.design import DESIGN
-from topdown.rights import identities
+from topdown.model.rights import identities
 
 NOW = dt.datetime(2026, 11, 21, tzinfo=dt.UTC)
 DAY = dt.timedelta(days=1)

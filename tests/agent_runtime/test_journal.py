@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent_runtime import journal
-from agent_runtime.errors import JournalError
-from agent_runtime.journal import MAGIC, Journal, frame, last_record
+from agent_runtime.core.errors import JournalError
+from agent_runtime.io import journal
+from agent_runtime.io.journal import MAGIC, Journal, frame, last_record
 
 
 def written(path: Path, *records: bytes) -> bytes:

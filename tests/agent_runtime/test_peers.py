@@ -4,8 +4,8 @@ import itertools
 
 import pytest
 
-from agent_runtime.events import LinkChanged, PeerChanged
-from agent_runtime.peers import GRACE_S, RETURN_S, Peers
+from agent_runtime.core.events import LinkChanged, PeerChanged
+from agent_runtime.core.peers import GRACE_S, RETURN_S, Peers
 
 
 def living(*agents: str) -> Peers:

@@ -7,8 +7,8 @@ import time
 import msgspec
 import pytest
 
-from agent_runtime import pulse
-from agent_runtime.pulse import PERIOD_S, Pulse, Turns
+from agent_runtime.io import pulse
+from agent_runtime.io.pulse import PERIOD_S, Pulse, Turns
 
 
 @pytest.fixture

@@ -5,11 +5,11 @@ import recruiting_agents as cast
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.core import Core
-from agent_runtime.events import Started
-from agent_runtime.turn import Turn
-from agent_runtime.wires import Faults, Wires
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Started
+from agent_runtime.core.step import Core
+from agent_runtime.core.turn import Turn
+from agent_runtime.testing.wires import Faults, Wires
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.tables import Role

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import msgspec
 import pytest
 
-from agent_runtime.samples import NoSample, sample, sample_named
+from agent_runtime.testing.samples import NoSample, sample, sample_named
 from companion.languages import LANGUAGES
 
 

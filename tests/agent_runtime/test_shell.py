@@ -10,15 +10,15 @@ import pytest
 import zenoh
 from toy_observers import Seen, Topic, WhatOf, knower, watcher, wiring
 
-from agent_runtime import diary, shell, steplog
-from agent_runtime.core import Core
-from agent_runtime.effects import Receipt
-from agent_runtime.events import AnyEvent, Arrived, Local, PeerChanged, Started
-from agent_runtime.inbox import Inbox
-from agent_runtime.options import Options
-from agent_runtime.peers import Peers
-from agent_runtime.wiring import Delivery, Link, Wiring
-from agent_runtime.zenoh_wire import BULK_BYTES, ZenohWire
+from agent_runtime.core.effects import Receipt
+from agent_runtime.core.events import AnyEvent, Arrived, Local, PeerChanged, Started
+from agent_runtime.core.peers import Peers
+from agent_runtime.core.step import Core
+from agent_runtime.core.wiring import Delivery, Link, Wiring
+from agent_runtime.io import diary, shell, steplog
+from agent_runtime.io.inbox import Inbox
+from agent_runtime.io.options import Options
+from agent_runtime.io.zenoh_wire import BULK_BYTES, ZenohWire
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.conversation import Conversation
 from fipa_codec.languages import Languages

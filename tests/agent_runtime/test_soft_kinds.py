@@ -5,7 +5,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from toy_observers import Finish, Seen, WhatOf, asker, knower, watcher, wiring
 
-from agent_runtime.wires import Faults, Point, Wires
+from agent_runtime.testing.wires import Faults, Point, Wires
 from fipa_codec.performatives import Performative
 
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent_runtime import steplog
-from agent_runtime.effects import Effects
-from agent_runtime.events import Arrived
-from agent_runtime.steplog import MUCH_BYTES, StepLog, fingerprint, noted, read
+from agent_runtime.core.effects import Effects
+from agent_runtime.core.events import Arrived
+from agent_runtime.io import steplog
+from agent_runtime.io.steplog import MUCH_BYTES, StepLog, fingerprint, noted, read
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 

@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_agents import LANGUAGES, asker
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.core import Core
-from agent_runtime.events import Started
-from agent_runtime.turn import Turn
-from agent_runtime.wires import Faults, Wires
-from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Started
+from agent_runtime.core.step import Core
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery, Link, Wiring
+from agent_runtime.testing.wires import Faults, Wires
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind

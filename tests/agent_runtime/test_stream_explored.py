@@ -10,14 +10,14 @@ import msgspec
 import pytest
 from toy_agents import asker, server, wirings
 
-from agent_runtime import intake, streams, verdict
-from agent_runtime.core import Core
-from agent_runtime.effects import Effects, LogLine, Receipt
-from agent_runtime.errors import BehaviourError
-from agent_runtime.events import AnyEvent, Arrived, Next, Receipted, Received, Started, Tick
-from agent_runtime.state import CoreState, Soft, restored
+from agent_runtime.core import intake, streams, verdict
+from agent_runtime.core.effects import Effects, LogLine, Receipt
+from agent_runtime.core.errors import BehaviourError
+from agent_runtime.core.events import AnyEvent, Arrived, Next, Receipted, Received, Started, Tick
+from agent_runtime.core.state import CoreState, Soft, restored
+from agent_runtime.core.step import Core
 from fipa_codec.communicate import encode
-from topdown.proving.engine import UNREACHED, WRONG, Exploration, Move, explore
+from topdown.prove.engine import UNREACHED, WRONG, Exploration, Move, explore
 
 WANTED = (1, 2)
 ASKER, SERVER = 0, 1
@@ -272,7 +272,7 @@ def no_resending(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def counter_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every message is number 1 of its stream."""
-    monkeypatch.setattr("agent_runtime.turn.streams.next_number", lambda state, peer: 1)
+    monkeypatch.setattr("agent_runtime.core.turn.streams.next_number", lambda state, peer: 1)
 
 
 def last_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,12 +9,12 @@ import pytest
 from toy_agents import wirings
 from typer.testing import CliRunner
 
-from agent_runtime import cli
-from agent_runtime.inbox import BOUNDS, Class, Inbox
-from agent_runtime.logs import Log
-from agent_runtime.options import Options
-from agent_runtime.wiring import Delivery
-from agent_runtime.zenoh_wire import KNOWN_KEYS, ZenohWire
+from agent_runtime.core.wiring import Delivery
+from agent_runtime.io import cli
+from agent_runtime.io.inbox import BOUNDS, Class, Inbox
+from agent_runtime.io.logs import Log
+from agent_runtime.io.options import Options
+from agent_runtime.io.zenoh_wire import KNOWN_KEYS, ZenohWire
 
 
 def test_a_log_line_is_json_in_the_file_and_short_on_the_console(tmp_path: Path) -> None:

@@ -5,9 +5,9 @@ import threading
 import msgspec
 import pytest
 
-from agent_runtime import waiting
-from agent_runtime.tap import Sample
-from agent_runtime.waiting import Waiting
+from agent_runtime.io import waiting
+from agent_runtime.io.tap import Sample
+from agent_runtime.io.waiting import Waiting
 
 
 def sample(size: int, at: float = 0.0) -> Sample:

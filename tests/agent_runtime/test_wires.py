@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_agents import Want, asker, server, wirings
 
-from agent_runtime.wires import Faults, Point, Quiet, Wires
+from agent_runtime.testing.wires import Faults, Point, Quiet, Wires
 
 
 def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> Wires:

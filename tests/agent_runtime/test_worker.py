@@ -14,14 +14,14 @@ from msgspec import Struct
 from msgspec.structs import replace
 from worker_entries import At, Count, Ended, Go, Halt
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.devices import Errand, Post
-from agent_runtime.errors import WorkerError
-from agent_runtime.events import Local
-from agent_runtime.turn import Turn
-from agent_runtime.wires import Wires
-from agent_runtime.wiring import Wiring
-from agent_runtime.worker import Worker
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.errors import WorkerError
+from agent_runtime.core.events import Local
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Wiring
+from agent_runtime.io.devices import Errand, Post
+from agent_runtime.io.worker import Worker
+from agent_runtime.testing.wires import Wires
 from fipa_codec.languages import Languages
 
 HERE = str(Path(__file__).parent)
@@ -88,7 +88,7 @@ def test_end_with_code_and_unknown_entry() -> None:
 def test_dies_with_its_parent() -> None:
     """kill -9 of the parent ends the busy child too."""
     code = (
-        "import time, worker_entries as e; from agent_runtime.worker import Worker;"
+        "import time, worker_entries as e; from agent_runtime.io.worker import Worker;"
         "Worker('worker_entries:spin', answers=e.At, on_message=lambda m: print(m.number, flush=True)); time.sleep(60)"
     )
     environment = os.environ | {"PYTHONPATH": HERE}

@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 
-from agent_runtime.agent import Agent, Arc, Behaviour
-from agent_runtime.events import Late, Local, Received, Started
-from agent_runtime.turn import Turn
-from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.core.agent import Agent, Arc, Behaviour
+from agent_runtime.core.events import Late, Local, Received, Started
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role

@@ -6,10 +6,10 @@
 import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import Broken, Late, Local, PeerChanged, Received, Settled, Started
-from agent_runtime.turn import Turn
-from agent_runtime.wiring import Delivery, Link, Wiring
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Broken, Late, Local, PeerChanged, Received, Settled, Started
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role

@@ -5,7 +5,7 @@ import time
 
 import msgspec
 
-from agent_runtime.worker import Link
+from agent_runtime.io.worker import Link
 
 
 class Count(msgspec.Struct, frozen=True, tag=True):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from agent_runtime.events import Late
-from agent_runtime.wiring import Delivery
+from agent_runtime.core.events import Late
+from agent_runtime.core.wiring import Delivery
 from companion.binding import BindingError, bind, wiring
 from companion.design import DESIGN, AgentName
 from fipa_codec.tables import Role

@@ -4,15 +4,15 @@ from typing import get_args
 
 import pytest
 
-from agent_runtime.wiring import service_key
+from agent_runtime.core.wiring import service_key
 from companion.design import DESIGN, INTERFACES, AgentName, language_of
 from companion.findings import findings
 from companion.languages import LANGUAGES, hfsm, sw, wm
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative as P
-from topdown.checks import reachable
-from topdown.errors import NoSuchEntry
-from topdown.interfaces import class_named
+from topdown.check import reachable
+from topdown.model.errors import NoSuchEntry
+from topdown.model.interfaces import class_named
 
 # Section 5.2: channel -> the agents it joins in the end.
 CHANNELS = {

@@ -10,12 +10,12 @@ import msgspec
 import pytest
 
 from companion.design import DESIGN
-from topdown.checks import recorded
-from topdown.estimating import estimate
-from topdown.findings import Kind
-from topdown.measuring import Measured, measure
-from topdown.observing import Observed
-from topdown.tracing import Shown, trace
+from topdown.check import recorded
+from topdown.check.estimate import estimate
+from topdown.check.measure import Measured, measure
+from topdown.check.observe import Observed
+from topdown.check.trace import Shown, trace
+from topdown.model.findings import Kind
 
 RUNS = Path(__file__).with_name("pours")
 WITHIN = 0.3

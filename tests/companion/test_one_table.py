@@ -6,9 +6,9 @@ from dataclasses import replace as with_fields
 import pytest
 from msgspec.structs import replace
 
-from agent_runtime.agent import Agent
-from agent_runtime.core import Core
-from agent_runtime.events import Arrived, Started
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.events import Arrived, Started
+from agent_runtime.core.step import Core
 from companion.binding import wiring
 from companion.design import COORDINATE, DESIGN
 from companion.languages import SW, sw
@@ -18,10 +18,10 @@ from fipa_codec.exploration import explore as explore_protocol
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, Role
 from services.coordinator.behaviours import coordinator
-from topdown.design import Design
-from topdown.proving.engine import explore
-from topdown.proving.fleet import Faults, Fleet
-from topdown.steps import Steps
+from topdown.judge.steps import Steps
+from topdown.model.design import Design
+from topdown.prove.engine import explore
+from topdown.prove.fleet import Faults, Fleet
 
 REFUSED = "execute_plan refuse"
 
@@ -59,8 +59,8 @@ def refused(agent: Agent) -> bool:
 
 
 def _holding(state, talk: Conversation):
-    from agent_runtime.state import Held
-    from agent_runtime.wiring import Delivery
+    from agent_runtime.core.state import Held
+    from agent_runtime.core.wiring import Delivery
 
     after = state.fork()
     after.keep(Held(talk, Delivery.DURABLE))

@@ -7,12 +7,12 @@ import pytest
 from msgspec.structs import replace
 
 from companion.design import DESIGN
-from topdown import elements
-from topdown.design import Design
-from topdown.proving.engine import DEADLOCK, UNREACHED, Exploration, explore
-from topdown.proving.fleet import Faults, Fleet
-from topdown.proving.local import Agent
-from topdown.proving.soft import Soft
+from topdown.model import elements
+from topdown.model.design import Design
+from topdown.prove.engine import DEADLOCK, UNREACHED, Exploration, explore
+from topdown.prove.fleet import Faults, Fleet
+from topdown.prove.local import Agent
+from topdown.prove.soft import Soft
 
 STUCK = f"{DEADLOCK}|{UNREACHED}"
 Rows = tuple[elements.Row, ...]

@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from companion.design import DESIGN
-from services.supervisor.processes import FLEET
-from topdown.rights import identities
+from operate.supervisor.processes import FLEET
+from topdown.model.rights import identities
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "deploy/compose.yaml").read_text()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from services.supervisor.processes import FLEET
+from operate.supervisor.processes import FLEET
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SCRIPT = (DEPLOY / "swarm").read_text()

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agent_runtime import issuing
+from agent_runtime.io import issuing
 from companion.design import DESIGN
 
 ROOT = Path(__file__).resolve().parents[2]

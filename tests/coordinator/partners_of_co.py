@@ -5,10 +5,10 @@ A puppet obeys the protocols (the core makes it), notes what it hears, and says 
 
 import msgspec
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import Local, Received
-from agent_runtime.wires import Wires
-from agent_runtime.wiring import Wiring
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Local, Received
+from agent_runtime.core.wiring import Wiring
+from agent_runtime.testing.wires import Wires
 from companion.binding import wiring
 from companion.languages import cmd, hfsm, sw
 from fipa_codec.languages import Kind

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from partners_of_co import POUR, Scene, a_plan, no_plan
 
-from agent_runtime.wires import Faults, Point
+from agent_runtime.testing.wires import Faults, Point
 from companion.design import DESIGN
 from companion.languages import cmd, sw
 from companion.languages.sw import WorkerState

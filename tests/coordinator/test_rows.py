@@ -3,7 +3,7 @@
 import pytest
 from partners_of_co import Scene, a_plan, no_plan, refuse_plans, stop_planning
 
-from agent_runtime.wires import Point
+from agent_runtime.testing.wires import Point
 from companion.languages import cmd, hfsm
 from companion.languages.sw import FINAL, WorkerState
 from fipa_codec.communicate import Communicate

@@ -12,11 +12,11 @@ from depot.mule import behaviours as mule
 from depot.ox import behaviours as ox
 from depot.traffic import behaviours as traffic
 
-from agent_runtime.binding import wiring
-from agent_runtime.core import OUTSIDE
-from agent_runtime.devices import Device
-from agent_runtime.effects import Effects
-from agent_runtime.wires import Faults, Wires
+from agent_runtime.core.binding import wiring
+from agent_runtime.core.effects import Effects
+from agent_runtime.core.step import OUTSIDE
+from agent_runtime.io.devices import Device
+from agent_runtime.testing.wires import Faults, Wires
 
 ROBOTS = ("mule", "ox")
 

@@ -14,14 +14,14 @@ from depot.mule.memory import FIRST
 from depot_in_memory import Depot, Told, wishes
 from msgspec.structs import replace
 
-from agent_runtime.wires import Faults
+from agent_runtime.testing.wires import Faults
 from fipa_codec.exploration import explore
-from topdown import agreement, elements
-from topdown.checks import check
-from topdown.design import Design
-from topdown.proving.engine import explore as explore_model
-from topdown.proving.fleet import Faults as FleetFaults
-from topdown.proving.fleet import Fleet
+from topdown.check import agreement, check
+from topdown.model import elements
+from topdown.model.design import Design
+from topdown.prove.engine import explore as explore_model
+from topdown.prove.fleet import Faults as FleetFaults
+from topdown.prove.fleet import Fleet
 from topdown.scaffold import scaffold
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"

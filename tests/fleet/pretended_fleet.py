@@ -5,8 +5,8 @@ from typing import Any
 from pretended_robot import Robot, World
 from scripted_search import Script
 
-from agent_runtime.devices import DeviceMaker, Post
-from agent_runtime.wires import Faults, Wires
+from agent_runtime.io.devices import DeviceMaker, Post
+from agent_runtime.testing.wires import Faults, Wires
 from companion.binding import wiring
 from companion.languages import SW, sw, wm
 from companion.languages.cmd import TaskState

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from msgspec.structs import replace
 
-from agent_runtime.devices import Post
+from agent_runtime.io.devices import Post
 from companion.languages import rc, rs
 from companion.languages.values import Pose
 from services.executor.loop.program import Motion, motion

@@ -4,9 +4,9 @@ from typing import Any
 
 import msgspec
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.events import Local, Received
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Local, Received
+from agent_runtime.core.turn import Turn
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import SEND

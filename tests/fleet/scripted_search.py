@@ -7,7 +7,7 @@ Replan; then pour.
 
 from collections.abc import Generator
 
-from agent_runtime.devices import Post
+from agent_runtime.io.devices import Post
 from companion.languages import hfsm, rc, wm
 from companion.languages.values import Pose, Side
 from services.planner.search_process import Answer, Ask, Begin, Found, NotFound, Stop

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from agent_runtime.wires import Wires
+from agent_runtime.testing.wires import Wires
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, encode
-from topdown.judging import Judge
-from topdown.verdicts import Judgement
+from topdown.judge.judge import Judge
+from topdown.judge.verdicts import Judgement
 
 
 class Tapped(list[Communicate]):

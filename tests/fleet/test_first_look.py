@@ -9,9 +9,9 @@ from msgspec.structs import replace
 from pretended_fleet import Fleet
 from pretended_robot import Robot, World
 
-from agent_runtime.devices import Post
-from agent_runtime.events import PeerChanged
-from agent_runtime.wires import Faults, Point
+from agent_runtime.core.events import PeerChanged
+from agent_runtime.io.devices import Post
+from agent_runtime.testing.wires import Faults, Point
 from companion.languages import CMD, WM, rc, wm
 from companion.languages.cmd import TaskReport
 from companion.languages.values import Pose

@@ -6,8 +6,8 @@ import pytest
 from pretended_fleet import Fleet
 from tapped_fleet import Tapped
 
-from agent_runtime.wires import Faults, Point
-from topdown.verdicts import Verdict
+from agent_runtime.testing.wires import Faults, Point
+from topdown.judge.verdicts import Verdict
 
 STEPS = (2, 5, 9, 14, 22, 35, 51, 80)
 VICTIMS = ("co", "pl", "km", "ta", "ex", "hi")

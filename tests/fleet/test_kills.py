@@ -3,7 +3,7 @@
 import pytest
 from pretended_fleet import FINAL, Fleet
 
-from agent_runtime.wires import Faults, Point
+from agent_runtime.testing.wires import Faults, Point
 
 POINTS = list(Point)
 SAMPLES = 24  # steps per agent that are tried, spread over all it makes

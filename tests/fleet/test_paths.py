@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from agent_runtime.core import Core
-from agent_runtime.effects import Deed
-from agent_runtime.steplog import deeds
-from agent_runtime.wires import Point
+from agent_runtime.core.effects import Deed
+from agent_runtime.core.step import Core
+from agent_runtime.io.steplog import deeds
+from agent_runtime.testing.wires import Point
 from companion.design import DESIGN
-from topdown.proving.paths import Follower
+from topdown.prove.paths import Follower
 
 HISTORY = Path(__file__).parents[1] / "histories" / "deeds_seed_7"
 """The steps of six processes over Zenoh that poured (seed 7, speed max); what came in and went out was cut off."""

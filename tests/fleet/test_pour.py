@@ -4,7 +4,7 @@ import pytest
 from called_loop import CalledLoop
 from pretended_fleet import Fleet
 
-from agent_runtime.devices import Post
+from agent_runtime.io.devices import Post
 from companion.languages import sw
 from services.executor.body import Body
 from services.executor.loop.core import LoopCore

@@ -6,12 +6,12 @@ import msgspec
 import pytest
 from pretended_fleet import NAMES, Fleet
 
-from agent_runtime.effects import Effects
-from agent_runtime.events import Received
-from agent_runtime.state import Record
-from agent_runtime.streams import OUTBOX_BOUND
-from agent_runtime.wires import Faults
-from agent_runtime.wiring import Delivery
+from agent_runtime.core.effects import Effects
+from agent_runtime.core.events import Received
+from agent_runtime.core.state import Record
+from agent_runtime.core.streams import OUTBOX_BOUND
+from agent_runtime.core.wiring import Delivery
+from agent_runtime.testing.wires import Faults
 from companion.binding import wiring
 
 EXPLORED = 5  # messages the explored fleet ever had unreceipted in one stream; co to ta, the others 3

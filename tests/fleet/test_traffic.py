@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import pytest
 from pretended_fleet import Fleet
 
-from agent_runtime.wires import Point
+from agent_runtime.testing.wires import Point
 from companion.design import DESIGN, language_of
 from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, encode

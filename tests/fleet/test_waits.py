@@ -3,7 +3,7 @@
 from pretended_fleet import Fleet
 from scripted_search import Script
 
-from agent_runtime.wires import Point
+from agent_runtime.testing.wires import Point
 from companion.languages import wm
 from services.planner.search_process import Answer, Begin, Died
 

@@ -3,10 +3,10 @@
 import msgspec
 import pytest
 
-from agent_runtime.agent import Agent, Behaviour
-from agent_runtime.devices import Called
-from agent_runtime.events import Local, Received
-from agent_runtime.wires import Point, Wires
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Local, Received
+from agent_runtime.io.devices import Called
+from agent_runtime.testing.wires import Point, Wires
 from companion.binding import wiring
 from companion.design import DESIGN
 from companion.languages import cmd

@@ -9,7 +9,7 @@ import time
 import msgspec
 import pytest
 
-from companion.run_folder import HI_FILE, Events, HiAddress, HiEvent, Problem, TaskLine, Tasks
+from companion.run_files import HI_FILE, Events, HiAddress, HiEvent, Problem, TaskLine, Tasks
 from services.human_interface import server
 from services.human_interface.memory import Answer, CancelWanted, Said, Shown, Told
 

@@ -2,8 +2,8 @@
 
 from companion.design import DESIGN
 from services.knowledge.answers import ANSWERS, MAKERS
-from topdown.agreement import check_supported
-from topdown.findings import Kind
+from topdown.check.agreement import check_supported
+from topdown.model.findings import Kind
 
 SUPPORTED = {f"WM.{kind.__name__}" for kind in (*ANSWERS, *MAKERS)}
 SUBSCRIPTION = "WM.ObserveWorld"  # km asks this one of ta, nobody asks km

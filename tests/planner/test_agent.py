@@ -8,7 +8,7 @@ import pytest
 from scripted_partner import Open, Say, partner
 from scripted_search import Script, look, plan_of
 
-from agent_runtime.wires import Wires
+from agent_runtime.testing.wires import Wires
 from companion.binding import wiring
 from companion.languages import LANGUAGES, hfsm, wm
 from fipa_codec.performatives import Performative as P

@@ -4,7 +4,7 @@ from typing import Any
 
 from scripted_partner import Open, Say, partner
 
-from agent_runtime.wires import Wires
+from agent_runtime.testing.wires import Wires
 from companion.binding import wiring
 from companion.languages import hfsm, rc, sw
 from companion.languages.values import BodyPosture, Side

@@ -7,7 +7,7 @@ import pytest
 from scripted_partner import Open, Say
 from ta_alone import BODY, HOME, LOOK, OK, Scene, plan
 
-from agent_runtime.events import Woken
+from agent_runtime.core.events import Woken
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P

@@ -3,11 +3,11 @@
 from collections import deque
 from collections.abc import Iterable
 
-from topdown import loading
-from topdown.design import Design
-from topdown.machines import Machine, machines
-from topdown.proving.engine import DEADLOCK, UNREACHED, WRONG, Exploration, explore
-from topdown.proving.fleet import Faults, Fleet
+from topdown.model import loading
+from topdown.model.design import Design
+from topdown.model.machines import Machine, machines
+from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, Exploration, explore
+from topdown.prove.fleet import Faults, Fleet
 
 HEAD = """
 [system]

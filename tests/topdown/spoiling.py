@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from topdown import loading
-from topdown.design import Design
+from topdown.model import loading
+from topdown.model.design import Design
 
 SOUND = Path(__file__).with_name("barrow.toml").read_text()
 Change = tuple[str, str]

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from topdown import agreement
-from topdown.design import Design, load
-from topdown.errors import NoSuchEntry
-from topdown.findings import Kind
+from topdown.check import agreement
+from topdown.model.design import Design, load
+from topdown.model.errors import NoSuchEntry
+from topdown.model.findings import Kind
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import msgspec
 import pytest
 from spoiling import Change, design, text_of
 
-from topdown.checks import check
-from topdown.findings import Kind
+from topdown.check import check
+from topdown.model.findings import Kind
 
 
 class Fault(msgspec.Struct, forbid_unknown_fields=True):

@@ -3,8 +3,8 @@
 import pytest
 from spoiling import Change, design
 
-from topdown.checks import check
-from topdown.findings import Kind
+from topdown.check import check
+from topdown.model.findings import Kind
 
 DESK = """row = [
   { in = ["idle"], on = "person order", say = ["order request"], to = "ordering" },

@@ -2,10 +2,10 @@
 
 import pytest
 
-from topdown import loading
-from topdown.checks import waits
-from topdown.design import Design
-from topdown.findings import Finding, Kind
+from topdown.check import waits
+from topdown.model import loading
+from topdown.model.design import Design
+from topdown.model.findings import Finding, Kind
 
 HEAD = """
 [system]

@@ -1,7 +1,7 @@
 """The steps of a decomposition are walked as the paper says: reallocate, split, complement, numbers never change."""
 
-from topdown.decomposition import decompose
-from topdown.elements import Complement, Division, NewChannel, Reallocation, Split, Step
+from topdown.model.decomposition import decompose
+from topdown.model.elements import Complement, Division, NewChannel, Reallocation, Split, Step
 
 
 def divide(group: str, one: str, other: str) -> Division:

@@ -3,8 +3,8 @@
 import pytest
 from spoiling import Change, design
 
-from topdown.differing import Change as Told
-from topdown.differing import Way, diff
+from topdown.check.difference import Change as Told
+from topdown.check.difference import Way, diff
 
 
 def changes(*some: Change) -> tuple[Told, ...]:

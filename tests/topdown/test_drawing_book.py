@@ -9,13 +9,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from topdown import elements, loading
-from topdown.design import Design, load
-from topdown.drawing import book, text
-from topdown.drawing.channels import seconds, size
-from topdown.drawing.parts import Figure, Grid
-from topdown.drawing.steps import natural
-from topdown.errors import NoSuchEntry
+from topdown.draw import book, text
+from topdown.draw.channels import seconds, size
+from topdown.draw.parts import Figure, Grid
+from topdown.draw.steps import natural
+from topdown.model import elements, loading
+from topdown.model.design import Design, load
+from topdown.model.errors import NoSuchEntry
 
 HERE = Path(__file__).parent
 LAMP = load(HERE / "lamp.toml")
@@ -94,7 +94,7 @@ def test_markup_in_a_design_is_shown_as_it_is_written() -> None:
 def test_the_same_design_gives_the_same_bytes() -> None:
     """Also in another process with another seed of hashes."""
     code = (
-        "import sys; from pathlib import Path; from topdown.design import load; from topdown.drawing import book;"
+        "import sys; from pathlib import Path; from topdown.model.design import load; from topdown.draw import book;"
         "d = load(Path(sys.argv[1])); sys.stdout.write(book.page_of(d, book.sections(d)))"
     )
     pages = {

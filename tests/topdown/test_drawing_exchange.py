@@ -10,9 +10,9 @@ from fipa_codec import protocols
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
-from topdown.drawing import sequence
-from topdown.drawing.exchange import Frame, Part, Remark, Said, exchange
-from topdown.drawing.meeting import Place, meet, name_of
+from topdown.draw import sequence
+from topdown.draw.exchange import Frame, Part, Remark, Said, exchange
+from topdown.draw.meeting import Place, meet, name_of
 
 FIPA = [value for value in vars(protocols).values() if isinstance(value, Protocol)]
 Word = tuple[Role, str]

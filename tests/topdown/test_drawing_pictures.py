@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from topdown import elements
-from topdown.design import Design
-from topdown.drawing import machines, placing, requirements, system, tree
-from topdown.drawing.canvas import Box, Canvas
-from topdown.drawing.tracks import tracks
+from topdown.draw import machines, placing, requirements, system, tree
+from topdown.draw.canvas import Box, Canvas
+from topdown.draw.tracks import tracks
+from topdown.model import elements
+from topdown.model.design import Design
 
 WORDS = st.text(st.sampled_from("abcdefgh iMW<&>\"'"), max_size=60)
 Segment = tuple[tuple[float, float], tuple[float, float]]

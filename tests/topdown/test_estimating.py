@@ -4,9 +4,9 @@ import pytest
 from measured_runs import run
 from spoiling import design
 
-from topdown.estimating import estimate
-from topdown.measuring import measure, recorded_as_estimate, typical
-from topdown.observing import Observation, Observed
+from topdown.check.estimate import estimate
+from topdown.check.measure import measure, recorded_as_estimate, typical
+from topdown.check.observe import Observation, Observed
 
 AGREE = '"base", performative = "agree", language = "WAY", bytes = 100'
 

@@ -11,7 +11,7 @@ from fipa_codec.exploration import explore
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role
-from topdown.following import WINDOW, Followed, Said
+from topdown.judge.follow import WINDOW, Followed, Said
 
 PROTOCOLS = [one for one in vars(protocols).values() if isinstance(one, Protocol)]
 LENGTH = 40

@@ -10,12 +10,12 @@ from typing import Any, get_args, get_origin, get_type_hints
 import msgspec
 import pytest
 
-from topdown import loading
-from topdown.checks import check
-from topdown.design import Design
-from topdown.elements import DesignFile
-from topdown.findings import Kind
-from topdown.observing import Observed
+from topdown.check import check
+from topdown.check.observe import Observed
+from topdown.model import loading
+from topdown.model.design import Design
+from topdown.model.elements import DesignFile
+from topdown.model.findings import Kind
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs/design/format.md").read_text(encoding="utf-8")
 WORDS = {str: "text", bool: "true or false", int: "integer", float: "number"}

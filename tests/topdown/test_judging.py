@@ -8,10 +8,10 @@ import pytest
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative as P
-from topdown.design import Design, load
-from topdown.judging import PATIENCE_S, Judge
-from topdown.verdicts import Judgement
-from topdown.verdicts import Verdict as V
+from topdown.judge.judge import PATIENCE_S, Judge
+from topdown.judge.verdicts import Judgement
+from topdown.judge.verdicts import Verdict as V
+from topdown.model.design import Design, load
 
 DESIGN = """
 [system]

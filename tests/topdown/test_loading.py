@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from topdown import loading
-from topdown.errors import DesignError
+from topdown.model import loading
+from topdown.model.errors import DesignError
 
 SMALL = Path(__file__).with_name("lamp.toml").read_text()
 

@@ -6,8 +6,8 @@ from small import HAND, LAMP, design, machine
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
-from topdown.errors import DesignError
-from topdown.machines import Cause, Event, Guard, Said, machines
+from topdown.model.errors import DesignError
+from topdown.model.machines import Cause, Event, Guard, Said, machines
 
 WISH = '{ in = ["idle"], on = "person wish", say = ["switch request"], to = "waiting" }'
 

@@ -3,7 +3,7 @@
 import pytest
 from small import WATCHED, fleet, instead, kinds, watching, wrong
 
-from topdown.errors import DesignError
+from topdown.model.errors import DesignError
 
 RULE = """
 [[never]]

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from topdown.checks import check
-from topdown.design import load
-from topdown.findings import Finding, Kind
+from topdown.check import check
+from topdown.model.design import load
+from topdown.model.findings import Finding, Kind
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 import contradictions

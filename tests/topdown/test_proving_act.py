@@ -2,8 +2,8 @@
 
 import pytest
 
-from topdown.proving.engine import DEADLOCK, UNREACHED, WRONG
-from topdown.proving.physical_act import Act, Variant, explore_act
+from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG
+from topdown.prove.physical_act import Act, Variant, explore_act
 
 
 def test_the_act_holds_under_any_number_of_deaths() -> None:

@@ -10,9 +10,9 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import REQUEST
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
-from topdown.design import Design
-from topdown.proving.engine import explore
-from topdown.proving.pairs import explore_use
+from topdown.model.design import Design
+from topdown.prove.engine import explore
+from topdown.prove.pairs import explore_use
 
 
 def general(role: Role, use: str = "switch") -> tuple[str, ...]:

@@ -6,11 +6,11 @@ from companion.design import COORDINATE, DESIGN
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, Role, Row
-from topdown.proving.durable import durable_pair
-from topdown.proving.engine import DEADLOCK, UNREACHED, WRONG, explore
-from topdown.proving.net_model import NetModel
-from topdown.proving.pairs import changed_channels, explore_use, spoken, verify_pairs
-from topdown.proving.roles import Players
+from topdown.prove.durable import durable_pair
+from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, explore
+from topdown.prove.net_model import NetModel
+from topdown.prove.pairs import changed_channels, explore_use, spoken, verify_pairs
+from topdown.prove.roles import Players
 
 CO, TA = Role.INITIATOR, Role.PARTICIPANT
 PROGRESS, FINAL = Kind.PROGRESS, Kind.FINAL

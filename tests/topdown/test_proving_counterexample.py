@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from topdown.proving.counterexample import as_svg, as_text
-from topdown.proving.engine import Finding, Step
-from topdown.proving.stream import Variant, explore_stream
+from topdown.prove.counterexample import as_svg, as_text
+from topdown.prove.engine import Finding, Step
+from topdown.prove.stream import Variant, explore_stream
 
 LOST = explore_stream(Variant.RECEIPT_FIRST).findings[0]
 SVG = "{http://www.w3.org/2000/svg}"

@@ -5,7 +5,7 @@ from collections import deque
 from hypothesis import given
 from hypothesis import strategies as st
 
-from topdown.proving.engine import DEADLOCK, UNREACHED, WRONG, Move, explore
+from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, Move, explore
 
 
 class Graph:
@@ -114,7 +114,7 @@ def test_a_search_that_stops_early_says_what_is_open():
 
 def test_progress_is_told_while_it_runs(monkeypatch):
     """Numbers of states grow from call to call."""
-    monkeypatch.setattr("topdown.proving.engine.TELL_EVERY_S", 0.0)
+    monkeypatch.setattr("topdown.prove.engine.TELL_EVERY_S", 0.0)
     told = []
 
     class Chain(Graph):

@@ -20,8 +20,8 @@ from small import (
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import REQUEST
 from fipa_codec.tables import RECEIVE, START, Role, Table
-from topdown.proving.engine import WRONG, explore
-from topdown.proving.fleet import ANY, QUEUE_BOUND
+from topdown.prove.engine import WRONG, explore
+from topdown.prove.fleet import ANY, QUEUE_BOUND
 
 
 @pytest.mark.parametrize("most", [0, 1, ANY])

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from topdown.proving.engine import DEADLOCK, WRONG, explore
-from topdown.proving.net import (
+from topdown.prove.engine import DEADLOCK, WRONG, explore
+from topdown.prove.net import (
     Clear,
     Command,
     Copy,
@@ -23,7 +23,7 @@ from topdown.proving.net import (
     Wrong,
     is_,
 )
-from topdown.proving.net_model import NetModel
+from topdown.prove.net_model import NetModel
 
 VARIABLES = (Variable("a", ("x", "y", "z"), "A"), Variable("b", ("x", "y", "z"), "B", "y"))
 QUEUES = (Queue("q", ("m", "n"), 2, "B"),)

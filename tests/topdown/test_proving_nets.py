@@ -9,10 +9,10 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import CFP, SUBSCRIBE
 from fipa_codec.tables import RECEIVE, SEND, Role, Row, Table
-from topdown.machines import Said
-from topdown.proving.fleet import Flat, Fleet
-from topdown.proving.nets import Net
-from topdown.proving.soft import _repeated
+from topdown.model.machines import Said
+from topdown.prove.fleet import Flat, Fleet
+from topdown.prove.in_flight import Net
+from topdown.prove.soft import _repeated
 
 ASKED, ANSWER = Said("ask", P.QUERY_REF, Kind.PLAIN), Said("ask", P.INFORM, Kind.PLAIN)
 NEWS = Said("watch", P.INFORM, Kind.PLAIN)

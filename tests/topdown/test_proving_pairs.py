@@ -12,14 +12,14 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import CFP, FIPA, ICFP, QUERY, REQUEST, SUBSCRIBE, State
 from fipa_codec.tables import RECEIVE, SEND, Protocol, Role, Row
-from topdown.design import Design, load
-from topdown.elements import Division, Split, Step
-from topdown.proving.durable import durable_pair
-from topdown.proving.engine import DEADLOCK, UNREACHED, WRONG, explore
-from topdown.proving.net_model import NetModel
-from topdown.proving.pairs import changed_channels, spoken, verify_pairs
-from topdown.proving.roles import Players, restricted
-from topdown.proving.volatile import NOT_HELD, Rules, volatile_pair
+from topdown.model.design import Design, load
+from topdown.model.elements import Division, Split, Step
+from topdown.prove.durable import durable_pair
+from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, explore
+from topdown.prove.net_model import NetModel
+from topdown.prove.pairs import changed_channels, spoken, verify_pairs
+from topdown.prove.roles import Players, restricted
+from topdown.prove.volatile import NOT_HELD, Rules, volatile_pair
 
 ASKER, SERVER = Role.INITIATOR, Role.PARTICIPANT
 PLAIN, CANCEL = Kind.PLAIN, Kind.CANCEL

@@ -10,14 +10,14 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import FIPA, QUERY, REQUEST, State
 from fipa_codec.tables import RECEIVE, Role, Row
-from topdown.proving.durable import durable_pair
-from topdown.proving.engine import UNREACHED, WRONG, explore
-from topdown.proving.ideal import ideal_pair
-from topdown.proving.net import NetError
-from topdown.proving.net_model import NetModel
-from topdown.proving.pnml import GRAMMAR, pnml
-from topdown.proving.roles import restricted
-from topdown.proving.volatile import Rules, volatile_pair
+from topdown.prove.durable import durable_pair
+from topdown.prove.engine import UNREACHED, WRONG, explore
+from topdown.prove.ideal import ideal_pair
+from topdown.prove.net import NetError
+from topdown.prove.net_model import NetModel
+from topdown.prove.pnml import GRAMMAR, pnml
+from topdown.prove.roles import restricted
+from topdown.prove.volatile import Rules, volatile_pair
 
 NAMESPACE = f"{{{GRAMMAR}/pnml}}"
 ASKER, SERVER = Role.INITIATOR, Role.PARTICIPANT

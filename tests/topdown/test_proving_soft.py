@@ -20,8 +20,8 @@ from small import (
     wrong,
 )
 
-from topdown.proving.engine import explore
-from topdown.proving.fleet import ANY
+from topdown.prove.engine import explore
+from topdown.prove.fleet import ANY
 
 
 @pytest.mark.parametrize("most", [0, 1, 2, ANY])

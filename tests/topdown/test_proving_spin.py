@@ -10,14 +10,14 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, State
 from fipa_codec.tables import RECEIVE, Role, Row
-from topdown.proving.durable import durable_pair
-from topdown.proving.engine import DEADLOCK, WRONG, explore
-from topdown.proving.net import Clear, Command, Copy, Empty, Full, Head, Net, Queue, Send, Set, Take, Variable, is_
-from topdown.proving.net import Wrong as Never
-from topdown.proving.net_model import NetModel
-from topdown.proving.promela import promela
-from topdown.proving.roles import restricted
-from topdown.proving.volatile import Rules, volatile_pair
+from topdown.prove.durable import durable_pair
+from topdown.prove.engine import DEADLOCK, WRONG, explore
+from topdown.prove.net import Clear, Command, Copy, Empty, Full, Head, Net, Queue, Send, Set, Take, Variable, is_
+from topdown.prove.net import Wrong as Never
+from topdown.prove.net_model import NetModel
+from topdown.prove.promela import promela
+from topdown.prove.roles import restricted
+from topdown.prove.volatile import Rules, volatile_pair
 
 ASKER, SERVER = Role.INITIATOR, Role.PARTICIPANT
 SMALL = restricted(REQUEST, {ASKER: {"request", "cancel"}, SERVER: {"agree", "inform", "refuse"}})

@@ -2,8 +2,8 @@
 
 import pytest
 
-from topdown.proving.engine import UNREACHED, WRONG
-from topdown.proving.stream import Stream, Variant, explore_stream
+from topdown.prove.engine import UNREACHED, WRONG
+from topdown.prove.stream import Stream, Variant, explore_stream
 
 V = Variant
 

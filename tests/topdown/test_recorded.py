@@ -8,11 +8,11 @@ from spoiling import design
 
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import QUERY, REQUEST
-from topdown.checks import recorded
-from topdown.checks.adding_up import difference
-from topdown.design import Design
-from topdown.findings import Kind
-from topdown.observing import Observation, answers
+from topdown.check import recorded
+from topdown.check.adding_up import difference
+from topdown.check.observe import Observation, answers
+from topdown.model.design import Design
+from topdown.model.findings import Kind
 
 
 @pytest.fixture(scope="module")

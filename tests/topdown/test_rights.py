@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from companion.design import DESIGN
-from topdown.design import Design, load
-from topdown.rights import ROUTER, Action, access_control, families, identities, rights
+from topdown.model.design import Design, load
+from topdown.model.rights import ROUTER, Action, access_control, families, identities, rights
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALLEST = load(ROOT / "shared/topdown/scaffold/smallest.toml")

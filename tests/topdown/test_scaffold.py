@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 import companion
-from topdown import loading
-from topdown.checks import check
-from topdown.design import Design
+from topdown.check import check
+from topdown.model import loading
+from topdown.model.design import Design
 from topdown.scaffold import ScaffoldError, project_files, scaffold, smallest
 from topdown.scaffold.naming import docstring
 from topdown.scaffold.writing import MANIFEST, missing

@@ -3,10 +3,10 @@
 import pytest
 from small import design, fleet, instead, less
 
-from topdown.design import Design
-from topdown.machines import machines
-from topdown.proving.engine import explore
-from topdown.silence import silent_words
+from topdown.model.design import Design
+from topdown.model.machines import machines
+from topdown.prove.engine import explore
+from topdown.prove.silence import silent_words
 
 REPORT = """
 [[table]]

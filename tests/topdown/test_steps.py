@@ -7,7 +7,7 @@ from small import HAND, LAMP, design
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from topdown.steps import Steps
+from topdown.judge.steps import Steps
 
 Act = tuple[str, P, Kind]
 REQUEST, AGREE = ("switch", P.REQUEST, Kind.PLAIN), ("switch", P.AGREE, Kind.PLAIN)

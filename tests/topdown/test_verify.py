@@ -6,10 +6,10 @@ from small import ANSWERER, ASKER, HAND, LAMP, design, fleet, questions, watchin
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from topdown.design import Design
-from topdown.errors import NoSuchEntry
-from topdown.machines import Said
-from topdown.proving.verify import Verdict, tasks
+from topdown.model.design import Design
+from topdown.model.errors import NoSuchEntry
+from topdown.model.machines import Said
+from topdown.prove.verify import Verdict, tasks
 
 
 def verdicts(made: Design, **wish: object) -> list[Verdict]:

@@ -10,14 +10,14 @@ from typing import Any
 
 import zenoh
 
-from agent_runtime import issuing
-from agent_runtime.secured import client_tls, router_tls
-from agent_runtime.zenoh_wire import client_config, free_endpoint, open_router
+from agent_runtime.io import issuing
+from agent_runtime.io.secured import client_tls, router_tls
+from agent_runtime.io.zenoh_wire import client_config, free_endpoint, open_router
 from companion.design import DESIGN
 from fipa_codec.performatives import Performative
-from topdown.design import Design
-from topdown.elements import House
-from topdown.rights import access_control, identities
+from topdown.model.design import Design
+from topdown.model.elements import House
+from topdown.model.rights import access_control, identities
 
 SYSTEM = "guarded"
 FENCE = "fence"

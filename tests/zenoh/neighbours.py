@@ -10,11 +10,11 @@ from pathlib import Path
 
 import zenoh
 
-from agent_runtime.effects import Receipt
-from agent_runtime.inbox import Inbox
-from agent_runtime.secured import client_tls
-from agent_runtime.wiring import service_key
-from agent_runtime.zenoh_wire import ZenohWire, client_config
+from agent_runtime.core.effects import Receipt
+from agent_runtime.core.wiring import service_key
+from agent_runtime.io.inbox import Inbox
+from agent_runtime.io.secured import client_tls
+from agent_runtime.io.zenoh_wire import ZenohWire, client_config
 from companion.binding import wiring
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
@@ -27,7 +27,7 @@ class Pair:
     """co and ta of one system: two sessions, two inboxes. `heard`: everything that came, per agent."""
 
     def __init__(self, system: str, endpoint: str, keys: Path | None = None) -> None:
-        """`keys`: of the site (agent_runtime.issuing), where it has some."""
+        """`keys`: of the site (agent_runtime.io.issuing), where it has some."""
         self.system = system
         self.sessions = {
             name: zenoh.open(client_config(endpoint, keys and client_tls(keys / system, name))) for name in ("co", "ta")

@@ -16,18 +16,20 @@ import msgspec
 import zenoh
 from toy_fleet import wait_for
 
-from agent_runtime.core import OUTSIDE
-from agent_runtime.shell import Heartbeat
-from agent_runtime.zenoh_wire import client_config
+from agent_runtime.core.step import OUTSIDE
+from agent_runtime.io.shell import Heartbeat
+from agent_runtime.io.zenoh_wire import client_config
 from companion.languages import rc
-from companion.run_folder import SLOTS_FILE, ProcessState, TaskLine
-from services.console import fleet, runs
-from services.console.hi import Hi
-from services.console.identity import tls
+from companion.run_files import SLOTS_FILE, TaskLine
+from companion.tools.verbs.hi import Hi
+from operate.cli.fleet import starting
+from operate.cli.fleet.identity import tls
+from operate.cli.runs import folders
+from operate.recording import mcap_file
+from operate.recording.records import Spoken
+from operate.run_folder import ProcessState
 from services.executor.loop.link import AgentLink, LoopState, Told
 from services.executor.loop.program import Phase
-from services.monitor import recording
-from services.monitor.records import Spoken
 from velma.errors import SlotError
 from velma.sim.truth import Truth
 
@@ -63,7 +65,7 @@ class RocoFleet:
         self.run = run
         self.roco("up", "--out", str(run), "--speed", "max", "--seed", str(seed),
                   *(["--scene", str(scene)] if scene else []), timeout=120.0, inside=False)  # fmt: skip
-        self.hi = Hi(runs.hi_address(run))
+        self.hi = Hi(folders.hi_address(run))
         self._link: AgentLink | None = None
 
     # --- as a person ------------------------------------------------------------------------------------------------
@@ -71,7 +73,7 @@ class RocoFleet:
     def roco(self, *words: str, timeout: float = 60.0, code: int | None = 0, inside: bool = True) -> str:
         """What `roco` says; its exit code must be `code`."""
         run = ["--run-dir", str(self.run)] if inside else []
-        command = [sys.executable, "-m", "services.console", *words, *run]
+        command = [sys.executable, "-m", "operate.cli", *words, *run]
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
         said = (done.stdout + done.stderr).strip()
         assert code in (None, done.returncode), f"roco {' '.join(words)} ended with {done.returncode}: {said}"
@@ -105,7 +107,7 @@ class RocoFleet:
 
     def session(self, identity: str) -> zenoh.Session:
         """A session with the keys of this identity: whoever has them may say what it may."""
-        told = runs.fleet(self.run)
+        told = folders.fleet(self.run)
         assert told is not None
         return zenoh.open(client_config(told.connect, tls(self.run, told, identity)))
 
@@ -159,7 +161,7 @@ class RocoFleet:
 
     def restarts(self, name: str) -> int:
         """How often the supervisor has restarted it."""
-        now = runs.fleet(self.run)
+        now = folders.fleet(self.run)
         return next((p.restarts for p in now.processes if p.name == name), 0) if now else 0
 
     def restarted(self, *names: str) -> bool:
@@ -168,7 +170,7 @@ class RocoFleet:
 
     def whole(self) -> bool:
         """Whether all processes are ready."""
-        now = runs.fleet(self.run)
+        now = folders.fleet(self.run)
         return now is not None and all(p.state is ProcessState.READY for p in now.processes)
 
     def beat(self, agent: str) -> Heartbeat:
@@ -178,7 +180,7 @@ class RocoFleet:
     def acts_begun(self) -> list[str]:
         """Keys of the acts that ex agreed to begin, in order; a communicate sent again counts once."""
         agreed = [
-            one for one in recording.read(self.run / recording.FILE).records
+            one for one in mcap_file.read(self.run / mcap_file.FILE).records
             if isinstance(one, Spoken) and isinstance(one.content, rc.Accepted)
         ]  # fmt: skip
         return [one.content.key for one in {one.identity: one for one in agreed}.values()]
@@ -189,7 +191,7 @@ class RocoFleet:
 
     def down(self) -> None:
         """End it; nothing that any agent did was outside its design."""
-        fleet.down(self.run)
+        starting.down(self.run)
         lines = [line for log in self.run.glob("*.log") for line in log.read_text().splitlines() if OUTSIDE in line]
         assert not lines, lines[0]
 

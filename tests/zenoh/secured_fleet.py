@@ -7,11 +7,12 @@ import pytest
 import zenoh
 from toy_fleet import Fleet as Processes
 
-from agent_runtime import issuing
-from agent_runtime.secured import client_tls
-from agent_runtime.zenoh_wire import client_config
+from agent_runtime.io import issuing
+from agent_runtime.io.run_files import KEYS_FOLDER
+from agent_runtime.io.secured import client_tls
+from agent_runtime.io.zenoh_wire import client_config
 from companion.design import DESIGN
-from companion.run_folder import FLEET_FILE, KEYS_FOLDER, Fleet
+from operate.run_folder import FLEET_FILE, Fleet
 
 SYSTEM = "roco"
 

@@ -9,9 +9,9 @@ import crowd_agents as crowd
 import recruiting_agents as cast
 import story_agents as stories
 
-from agent_runtime import shell
-from agent_runtime.options import Options
-from agent_runtime.wiring import Delivery
+from agent_runtime.core.wiring import Delivery
+from agent_runtime.io import shell
+from agent_runtime.io.options import Options
 
 
 def main(name: str, connect: str, run: Path) -> int:

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from toy_fleet import wait_for
 
-from agent_runtime.steplog import deeds
+from agent_runtime.io.steplog import deeds
 from fipa_codec.performatives import Performative
-from topdown.design import load
-from topdown.proving.paths import Follower
+from topdown.model.design import load
+from topdown.prove.paths import Follower
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
 pytestmark = pytest.mark.zenoh

@@ -10,9 +10,9 @@ import pytest
 from roco_fleet import RocoFleet
 from toy_fleet import wait_for
 
-from services.console.replace import Compared
-from services.monitor import recording
-from services.monitor.records import Spoken
+from operate.cli.traffic.replace import Compared
+from operate.recording import mcap_file
+from operate.recording.records import Spoken
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(600)]
 
@@ -28,7 +28,7 @@ def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
 def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> None:
     """What `roco record` has is what the monitor has of that time; co, pl, km and ta repeat their part of the run."""
     file = fleet.run / "beside.mcap"
-    command = [sys.executable, "-m", "services.console", "record", "--out", str(file), "--run-dir", str(fleet.run)]
+    command = [sys.executable, "-m", "operate.cli", "record", "--out", str(file), "--run-dir", str(fleet.run)]
     recorder = subprocess.Popen([*command, "--format", "json"], stdout=subprocess.PIPE)
     wait_for(lambda: file.exists() or recorder.poll() is not None, "it records", 120.0)
     line = fleet.do("look around")
@@ -37,11 +37,11 @@ def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> No
     out, _ = recorder.communicate(timeout=60)
     assert msgspec.json.decode(out)["dropped"] == 0
     fleet.down()
-    beside, whole = (_said(one) for one in (file, fleet.run / recording.FILE))
+    beside, whole = (_said(one) for one in (file, fleet.run / mcap_file.FILE))
     first, last = whole.index(beside[0]), whole.index(beside[-1])
     assert sorted(beside) == sorted(whole[first : last + 1])
     for agent in ("co", "pl", "km", "ta"):
-        again = [sys.executable, "-m", "services.console", "replay", str(fleet.run), "--replace", agent]
+        again = [sys.executable, "-m", "operate.cli", "replay", str(fleet.run), "--replace", agent]
         done = subprocess.run(
             [*again, "--speed", "1", "--format", "json"], capture_output=True, timeout=300, check=False
         )
@@ -51,4 +51,4 @@ def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> No
 
 
 def _said(file: Path) -> list[bytes]:
-    return [record.wire for record in recording.read(file).records if isinstance(record, Spoken)]
+    return [record.wire for record in mcap_file.read(file).records if isinstance(record, Spoken)]

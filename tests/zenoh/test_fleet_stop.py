@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from roco_fleet import Moment, RocoFleet, safely_down
 
-from services.console import runs
+from operate.cli.runs import folders
 from services.executor.loop.program import Mode
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(400)]
@@ -52,7 +52,7 @@ def test_stopped_in_the_middle(fleet: RocoFleet) -> None:
     """With all agents alive the task fails at once and says that a person did it; after the release it goes on."""
     task = fleet.say("take the jar")
     fleet.reach(task, lambda now: now.moving("move-cartesian") and now.held("jar_1", "left"))
-    runs.set_stop(fleet.run, True)  # as `roco stop` does it, but without half a second for a process to start
+    folders.set_stop(fleet.run, True)  # as `roco stop` does it, but without half a second for a process to start
     line = fleet.ended(task)
     assert (line.state, "stopped by a person" in line.text) == ("failed", True), line
     assert fleet.truth().fingers_on["jar_1"]["left"] >= 3

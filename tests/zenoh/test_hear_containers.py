@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 from test_traffic import ROCO, Router, told, wait_for
 
-from companion.run_folder import TRAFFIC_FILE
-from services.monitor import recording
-from services.monitor.history import Setting, load
-from services.monitor.records import SETTING, House, Spoken
+from operate.recording import mcap_file
+from operate.recording.history import Setting, load
+from operate.recording.records import SETTING, House, Spoken
+from operate.run_folder import TRAFFIC_FILE
 
 pytestmark = pytest.mark.zenoh
-DOCKER = Path(__file__).parents[1] / "console" / "fake_docker.py"
+DOCKER = Path(__file__).parents[1] / "operate" / "cli" / "fake_docker.py"
 
 
 class Containers(Router):
@@ -34,7 +34,7 @@ class Containers(Router):
             (root / "containers" / f"one.{service}" / "environment").write_text(
                 f"ROCO_SYSTEM=roco\nROCO_CONNECT={self.endpoint}\n"
             )
-        with_setting = recording.Recording(self.monitor / TRAFFIC_FILE)
+        with_setting = mcap_file.Recording(self.monitor / TRAFFIC_FILE)
         with_setting.add(House(SETTING, "monitor", "", time.time(), json.dumps({"seed": 5, "speed": "max"}).encode()))
         with_setting.finish()
         bin.mkdir()
@@ -99,7 +99,7 @@ def test_a_recording_is_made_here_with_the_fleets_setting(containers: Containers
     file = containers.run / "mine.mcap"
     process = containers.roco("record", "--out", str(file), "--format", "json")
     containers.say(40)
-    wait_for(lambda: sum(isinstance(one, Spoken) for one in recording.read(file).records) == 40, "all is in the file")
+    wait_for(lambda: sum(isinstance(one, Spoken) for one in mcap_file.read(file).records) == 40, "all is in the file")
     process.send_signal(signal.SIGINT)
     (done,) = told(process)
     assert done["communicates"] == 40
@@ -112,7 +112,7 @@ def test_a_monitor_that_stops_is_told(containers: Containers) -> None:
     file = containers.run / "mine.mcap"
     keeping, listening = containers.roco("record", "--out", str(file)), containers.roco("traffic", "hz")
     containers.say(40)
-    wait_for(lambda: sum(isinstance(one, Spoken) for one in recording.read(file).records) == 40, "all is in the file")
+    wait_for(lambda: sum(isinstance(one, Spoken) for one in mcap_file.read(file).records) == 40, "all is in the file")
     wait_for(lambda: len(containers.hearers()) == 2, "both are heard for")
     for pid in containers.hearers():
         os.kill(pid, signal.SIGKILL)
@@ -120,7 +120,7 @@ def test_a_monitor_that_stops_is_told(containers: Containers) -> None:
         _, error = process.communicate(timeout=30.0)
         assert process.returncode == 1
         assert b"nothing more is heard of the fleet" in error
-    assert recording.read(file).whole
+    assert mcap_file.read(file).whole
 
 
 def test_no_monitor_no_traffic(containers: Containers) -> None:

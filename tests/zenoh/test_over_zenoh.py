@@ -8,12 +8,12 @@ import toy_agents as toy
 import zenoh
 from toy_fleet import Fleet, wait_for
 
-from agent_runtime.core import Core
-from agent_runtime.journal import last_record
-from agent_runtime.state import restored
-from agent_runtime.steplog import fingerprint, read, replay
-from agent_runtime.wiring import communicate_key
-from agent_runtime.zenoh_wire import client_config
+from agent_runtime.core.state import restored
+from agent_runtime.core.step import Core
+from agent_runtime.core.wiring import communicate_key
+from agent_runtime.io.journal import last_record
+from agent_runtime.io.steplog import fingerprint, read, replay
+from agent_runtime.io.zenoh_wire import client_config
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 

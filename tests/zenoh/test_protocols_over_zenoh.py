@@ -10,9 +10,9 @@ import recruiting_agents as cast
 import story_agents as stories
 from toy_fleet import Fleet, wait_for
 
-from agent_runtime.agent import Agent
-from agent_runtime.journal import last_record
-from agent_runtime.state import restored
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.state import restored
+from agent_runtime.io.journal import last_record
 from fipa_codec.protocols import FIPA
 from fipa_codec.tables import Role
 

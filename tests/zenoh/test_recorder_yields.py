@@ -7,8 +7,8 @@ import pytest
 from secured_fleet import end, secured, serve, session
 from toy_fleet import Fleet, wait_for
 
-from services.monitor.recorder import NICENESS
-from services.monitor.recording import FILE
+from operate.recording.mcap_file import FILE
+from operate.recording.recorder import NICENESS
 
 pytestmark = pytest.mark.zenoh
 KEY, TOPIC = "roco/roco/_/state/hi", b"house/state"

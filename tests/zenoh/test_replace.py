@@ -9,9 +9,9 @@ import pytest
 
 from companion.languages import rc
 from fipa_codec.communicate import encode
-from services.console.replace import Compared
-from services.monitor import recording
-from services.monitor.records import Spoken
+from operate.cli.traffic.replace import Compared
+from operate.recording import mcap_file
+from operate.recording.records import Spoken
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(180)]
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
@@ -19,7 +19,7 @@ POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
 
 def replaced(file: Path, agent: str, code: int) -> Compared:
     """How the agent did; the exit code must be `code`."""
-    command = [sys.executable, "-m", "services.console", "replay", str(file), "--replace", agent, "--speed", "max"]
+    command = [sys.executable, "-m", "operate.cli", "replay", str(file), "--replace", agent, "--speed", "max"]
     done = subprocess.run([*command, "--format", "json"], capture_output=True, timeout=150, check=False)
     assert done.returncode == code, done.stderr.decode()
     return msgspec.json.decode(done.stdout, type=Compared)
@@ -44,8 +44,8 @@ def test_an_agent_says_again_what_it_said(agent: str, lines: int) -> None:
 def test_it_is_said_where_the_words_first_differ(tmp_path: Path) -> None:
     """A recording in which ta asks for another act than it does: the line, the field, both words; exit code 1."""
     file, changed = tmp_path / "other.mcap", False
-    copy = recording.Recording(file)
-    for record in recording.read(POUR / recording.FILE).records:
+    copy = mcap_file.Recording(file)
+    for record in mcap_file.read(POUR / mcap_file.FILE).records:
         if isinstance(record, Spoken) and isinstance(record.content, rc.Look) and not changed:
             record, changed = elsewhere(record), True
         copy.add(record)

@@ -12,7 +12,7 @@ import zenoh
 from guarded import FENCE, SYSTEM, Guarded, allowed, keys_of
 
 from companion.design import DESIGN
-from topdown.rights import ROUTER, identities
+from topdown.model.rights import ROUTER, identities
 
 pytestmark = pytest.mark.zenoh
 PEOPLE = tuple(name for name in identities(DESIGN) if name != ROUTER)

@@ -17,14 +17,14 @@ from guarded import SYSTEM
 from test_over_zenoh import expect
 from toy_fleet import Fleet, wait_for
 
-from agent_runtime import issuing, keys
-from agent_runtime.secured import AUTHORITY, KeysError, Rights, client_tls, rights_of
-from agent_runtime.wiring import communicate_key
-from agent_runtime.zenoh_wire import client_config, free_endpoint
+from agent_runtime.core.wiring import communicate_key
+from agent_runtime.io import issuing, keys
+from agent_runtime.io.secured import AUTHORITY, KeysError, Rights, client_tls, rights_of
+from agent_runtime.io.zenoh_wire import client_config, free_endpoint
 from companion.design import DESIGN
 from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
 from fipa_codec.performatives import Performative
-from topdown.rights import ROUTER, access_control, identities
+from topdown.model.rights import ROUTER, access_control, identities
 
 pytestmark = pytest.mark.zenoh
 RIGHTS = Rights((SYSTEM,), access_control(DESIGN, SYSTEM))

@@ -15,20 +15,21 @@ from secured_fleet import SYSTEM, end, secured, serve, session
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 
-from agent_runtime import issuing
-from agent_runtime.secured import RIGHTS, client_tls
-from agent_runtime.standin import StandIn
-from agent_runtime.unheard import words
-from agent_runtime.zenoh_wire import client_config
+from agent_runtime.core.unheard import words
+from agent_runtime.io import issuing
+from agent_runtime.io.run_files import KEYS_FOLDER
+from agent_runtime.io.secured import RIGHTS, client_tls
+from agent_runtime.io.zenoh_wire import client_config
+from agent_runtime.testing.stand_in import StandIn
 from companion.binding import wiring
 from companion.design import DESIGN
 from companion.languages import LANGUAGES, cmd
-from companion.run_folder import KEYS_FOLDER, LIVE_FILE
+from companion.tools.verbs.hi import Hi
 from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
 from fipa_codec.performatives import Performative
-from services.console import runs
-from services.console.hi import Hi
-from services.console.identity import tls
+from operate.cli.fleet.identity import tls
+from operate.cli.runs import folders
+from operate.run_folder import LIVE_FILE
 
 pytestmark = pytest.mark.zenoh
 CMD = LANGUAGES.named("CMD")
@@ -55,7 +56,7 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Processes
 def recorded(fleet: Processes) -> bytes:
     """hi says something that co takes; the bytes as the console's session hears them."""
     heard: list[bytes] = []
-    told = runs.fleet(fleet.run)
+    told = folders.fleet(fleet.run)
     assert told is not None
     with session(fleet, "console") as tap:
         tap.declare_subscriber(KEY, lambda sample: heard.append(sample.payload.to_bytes()))
@@ -136,7 +137,7 @@ def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.
         for file in ("hi.json", "hi.heartbeat.json"):
             wait_for((made.run / file).exists, f"hi listens\n{made.logs()}", 40.0)
         wait_for(lambda: "co" in made.beat("hi").peers, "hi knows of co", 40.0)
-        assert Hi(runs.hi_address(made.run)).say("look around").task
+        assert Hi(folders.hi_address(made.run)).say("look around").task
         wait_for(lambda: made.beat("co").unheard, f"co notices\n{made.logs()}", 40.0)
         (one,) = made.beat("co").unheard
         assert (one.peer, one.channel, one.what) == ("hi", "C2", "said")

@@ -11,10 +11,11 @@ import pytest
 import zenoh
 from guarded import SYSTEM, Guarded
 
-from agent_runtime import standin, tap, zenoh_wire
-from agent_runtime.options import Options
-from agent_runtime.secured import client_tls
-from agent_runtime.zenoh_wire import client_config, open_client, router_config
+from agent_runtime.io import tap, zenoh_wire
+from agent_runtime.io.options import Options
+from agent_runtime.io.secured import client_tls
+from agent_runtime.io.zenoh_wire import client_config, open_client, router_config
+from agent_runtime.testing import stand_in
 from companion.binding import wiring
 
 pytestmark = pytest.mark.zenoh
@@ -103,8 +104,8 @@ def test_whoever_opens_a_session_is_a_client(guarded: Guarded, tmp_path: Path, m
     opened = [
         session,
         tap.open_tap(options, lambda _: None, lambda: False),
-        standin.Voice(guarded.endpoint, (), tls=tls["hi"]),
-        standin.StandIn(wiring("hi", SYSTEM), "listening", tmp_path, guarded.endpoint, tls=tls["hi"]),
+        stand_in.Voice(guarded.endpoint, (), tls=tls["hi"]),
+        stand_in.StandIn(wiring("hi", SYSTEM), "listening", tmp_path, guarded.endpoint, tls=tls["hi"]),
     ]
     assert len(configs) == len(opened)
     assert sockets() == before

@@ -15,14 +15,14 @@ import zenoh
 from neighbours import KINDS, Cable, Pair
 from toy_fleet import wait_for
 
-from agent_runtime import issuing
-from agent_runtime.options import Options
-from agent_runtime.secured import client_tls, rights_of, router_tls
-from agent_runtime.tap import Sample, Tap, open_tap
-from agent_runtime.zenoh_wire import LEASE_MS, Token, client_config, free_endpoint, open_router
+from agent_runtime.io import issuing
+from agent_runtime.io.options import Options
+from agent_runtime.io.secured import client_tls, rights_of, router_tls
+from agent_runtime.io.tap import Sample, Tap, open_tap
+from agent_runtime.io.zenoh_wire import LEASE_MS, Token, client_config, free_endpoint, open_router
 from companion.design import DESIGN
-from services.monitor import recording
-from services.monitor.records import Record, Resumed, Spoken
+from operate.recording import mcap_file
+from operate.recording.records import Record, Resumed, Spoken
 
 pytestmark = pytest.mark.zenoh
 SYSTEMS = ("velma1", "velma2")
@@ -193,7 +193,7 @@ def broken(tmp_path: Path) -> Iterator[tuple[Pair, Pair, Cable]]:
 
 def recorded(run: Path, name: str) -> tuple[Record, ...]:
     """What is readable now of a system's recording."""
-    return recording.read(run / name / recording.FILE).records
+    return mcap_file.read(run / name / mcap_file.FILE).records
 
 
 @pytest.mark.timeout(200)

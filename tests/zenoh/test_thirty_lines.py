@@ -12,13 +12,13 @@ import pytest
 import zenoh
 from toy_fleet import wait_for
 
-from agent_runtime.zenoh_wire import client_config, free_endpoint
+from agent_runtime.io.zenoh_wire import client_config, free_endpoint
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.languages import Language
 from fipa_codec.performatives import Performative as P
-from topdown import loading
-from topdown.checks import check
-from topdown.design import Design
+from topdown.check import check
+from topdown.model import loading
+from topdown.model.design import Design
 from topdown.scaffold import scaffold
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
@@ -149,8 +149,8 @@ FILLED = {
     ),
     "tariff/behaviours.py": (
         (
-            "from agent_runtime.turn import Turn\n",
-            "from agent_runtime.events import Received\nfrom fipa_codec.performatives import Performative as P\n",
+            "from agent_runtime.core.turn import Turn\n",
+            "from agent_runtime.core.events import Received\nfrom fipa_codec.performatives import Performative as P\n",
         ),
         (
             "from depot.design import DESIGN\n",
@@ -191,7 +191,7 @@ def filled(folder: Path) -> int:
         for behind, more in parts:
             assert behind in after, behind
             after = after.replace(behind, behind + more)
-        after = after.replace(STUB, "").replace("from agent_runtime.declining import unfilled\n", "")
+        after = after.replace(STUB, "").replace("from agent_runtime.core.declining import unfilled\n", "")
         lines += sum(line.startswith("+ ") for line in difflib.ndiff(before.splitlines(), after.splitlines()))
         target.write_text(after)
     return lines

@@ -14,19 +14,19 @@ import msgspec
 import pytest
 import zenoh
 
-from agent_runtime.cast import LivingError, Stage
-from agent_runtime.wiring import service_key
-from agent_runtime.zenoh_wire import client_config, free_endpoint, open_router
-from companion.run_folder import FLEET_FILE, Fleet
+from agent_runtime.core.wiring import service_key
+from agent_runtime.io.zenoh_wire import client_config, free_endpoint, open_router
+from agent_runtime.testing.scripted_peers import LivingError, Stage
 from fipa_codec.communicate import encode
-from services.console.hearing import Said, recorded, said
-from services.console.playing import moved
-from services.monitor import recording
-from services.monitor.records import Spoken
+from operate.cli.traffic.listen import Said, recorded, said
+from operate.cli.traffic.play import moved
+from operate.recording import mcap_file
+from operate.recording.records import Spoken
+from operate.run_folder import FLEET_FILE, Fleet
 
 pytestmark = pytest.mark.zenoh
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
-ROCO = [sys.executable, "-m", "services.console"]
+ROCO = [sys.executable, "-m", "operate.cli"]
 DEADLINE_S = 40.0
 
 
@@ -155,7 +155,7 @@ def test_a_recording_is_ended_by_an_interrupt(router: Router) -> None:
     process.send_signal(signal.SIGINT)
     (done,) = told(process)
     assert done["communicates"] == 20
-    assert recording.read(file).whole
+    assert mcap_file.read(file).whole
 
 
 def test_a_recorder_that_is_killed_leaves_a_recording(router: Router) -> None:
@@ -193,7 +193,7 @@ def _recorder(file: Path) -> int:
 
 
 def _kept(file: Path) -> int:
-    return sum(isinstance(record, Spoken) for record in recording.read(file).records)
+    return sum(isinstance(record, Spoken) for record in mcap_file.read(file).records)
 
 
 def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:

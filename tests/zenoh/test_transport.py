@@ -16,10 +16,10 @@ import pytest
 import zenoh
 from toy_fleet import Fleet, wait_for
 
-from agent_runtime import issuing
-from agent_runtime.inbox import Inbox
-from agent_runtime.secured import client_tls, router_tls
-from agent_runtime.zenoh_wire import (
+from agent_runtime.io import issuing
+from agent_runtime.io.inbox import Inbox
+from agent_runtime.io.secured import client_tls, router_tls
+from agent_runtime.io.zenoh_wire import (
     LONGEST,
     ZenohWire,
     client_config,

@@ -14,11 +14,12 @@ import msgspec
 import pytest
 from toy_fleet import wait_for
 
-from agent_runtime.zenoh_wire import free_endpoint
-from companion.run_folder import TaskLine
-from services.console import fleet, runs
-from services.console.hi import Hi
-from services.monitor import history
+from agent_runtime.io.zenoh_wire import free_endpoint
+from companion.run_files import TaskLine
+from companion.tools.verbs.hi import Hi
+from operate.cli.fleet import starting
+from operate.cli.runs import folders
+from operate.recording import history
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(900)]
 
@@ -57,7 +58,7 @@ class Site:
 
     def roco(self, *words: str, **told: str) -> None:
         """`roco` with these variables; it must end well."""
-        command = [sys.executable, "-m", "services.console", *words]
+        command = [sys.executable, "-m", "operate.cli", *words]
         done = subprocess.run(
             command, env=os.environ | told, capture_output=True, text=True, timeout=120.0, check=False
         )
@@ -65,13 +66,13 @@ class Site:
 
     def ready(self, run: Path) -> bool:
         """Whether all of a part is."""
-        now = runs.fleet(run)
+        now = folders.fleet(run)
         return now is not None and all(one.state == "ready" for one in now.processes)
 
     def down(self) -> None:
         """Robots first; the monitor then writes both reports."""
         for run in (*(self.folder / name for name in TOLD), self.folder):
-            fleet.down(run)
+            starting.down(run)
 
 
 @pytest.fixture(params=["one router", "linked"])
@@ -89,19 +90,19 @@ def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
 def done(site: Site, told: dict[str, str]) -> None:
     """Tell each robot its sentence, all at once; whoever failed (a loaded machine is enough) is told again."""
     for _ in range(TRIES):
-        tasks = {name: Hi(runs.hi_address(site.folder / name)).say(words).task for name, words in told.items()}
+        tasks = {name: Hi(folders.hi_address(site.folder / name)).say(words).task for name, words in told.items()}
         for name, task in tasks.items():
             wait_for(lambda n=name, t=task: line(site, n, t).state in ENDED, f"{name} has ended its task", TASK_S)
         told = {name: told[name] for name, task in tasks.items() if line(site, name, task).state != "done"}
         if not told:
             return
         time.sleep(PAUSE_S)
-    raise AssertionError({name: Hi(runs.hi_address(site.folder / name)).tasks() for name in told})
+    raise AssertionError({name: Hi(folders.hi_address(site.folder / name)).tasks() for name in told})
 
 
 def line(site: Site, name: str, task: str) -> TaskLine:
     """A task of a robot as it stands."""
-    return next(one for one in Hi(runs.hi_address(site.folder / name)).tasks() if one.task == task)
+    return next(one for one in Hi(folders.hi_address(site.folder / name)).tasks() if one.task == task)
 
 
 def test_each_robot_does_what_it_was_told(site: Site) -> None:

@@ -12,9 +12,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "agent_runtime"))
 
 import toy_agents as toy
 
-from agent_runtime import shell
-from agent_runtime.devices import Post
-from agent_runtime.options import Options
+from agent_runtime.io import shell
+from agent_runtime.io.devices import Post
+from agent_runtime.io.options import Options
 
 
 class WantFile:

@@ -1,6 +1,6 @@
 """Router and agents as processes: `python -m depot`; Ctrl-C ends them in order."""
 
-from services.supervisor import project
+from operate.supervisor import project
 
 from depot.languages import LANGUAGES
 

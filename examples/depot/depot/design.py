@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from fipa_codec import protocols
-from topdown.design import Design, load
-from topdown.interfaces import interfaces
+from topdown.model.design import Design, load
+from topdown.model.interfaces import interfaces
 
 from depot.languages import LANGUAGES
 

@@ -1,13 +1,14 @@
 """The design is consistent in itself, and agrees with the languages and the protocols it names."""
 
-from topdown import agreement, checks
+from topdown import check
+from topdown.check import agreement
 
 from depot.design import DESIGN, LANGUAGES
 
 
 def test_the_design_is_consistent():
     """No finding; each would say what is wrong and what would be right."""
-    assert checks.check(DESIGN) == ()
+    assert check.check(DESIGN) == ()
 
 
 def test_the_languages_have_the_designs_classes():

@@ -1,7 +1,7 @@
 """a_desk alone: it is what the design says, and whatever it may be asked is answered."""
 
-from agent_runtime.alone import Alone
-from agent_runtime.binding import wiring
+from agent_runtime.core.binding import wiring
+from agent_runtime.testing.alone import Alone
 
 from depot.design import DESIGN, INTERFACES, LANGUAGES
 from depot.desk import interface

@@ -1,9 +1,9 @@
 """a_mule alone: it is what the design says, and whatever it may be asked is answered."""
 
 import pytest
-from agent_runtime.alone import Alone
-from agent_runtime.binding import wiring
-from agent_runtime.samples import sample_named
+from agent_runtime.core.binding import wiring
+from agent_runtime.testing.alone import Alone
+from agent_runtime.testing.samples import sample_named
 from fipa_codec.performatives import Performative as P
 
 from depot.design import DESIGN, INTERFACES, LANGUAGES

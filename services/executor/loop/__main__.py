@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from agent_runtime.pulse import Pulse, Turns
+from agent_runtime.io.pulse import Pulse, Turns
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink
 from services.executor.loop.process import LoopProcess, Speed

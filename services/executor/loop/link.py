@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.run_folder import STOP_FILE, STOP_HELD, STOP_RELEASED
+from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
 from services.executor.loop.program import Cancel, Mode, Motion, Release, Report
 from services.executor.loop.slots import Counters, LoopFile, packed
 from velma.sim.backend import State

@@ -4,8 +4,8 @@ import textwrap
 from collections.abc import Iterator
 
 from fipa_codec.performatives import Performative
-from topdown import elements
-from topdown.design import Design
+from topdown.model import elements
+from topdown.model.design import Design
 from topdown.scaffold.naming import WIDTH, docstring, imports, module, sentence, wrapped
 
 
@@ -27,15 +27,15 @@ def _main(package: str, agent: str, text: str) -> str:
     told = textwrap.shorten(text, 80, placeholder=" ...").replace("\\", "\\\\").replace('"', "'")
     return f'''"""a_{agent} as a process: `python -m {package}.{agent} --help`."""
 
-from agent_runtime import cli, shell
-from agent_runtime.binding import wiring
-from agent_runtime.options import Options
+from agent_runtime.core.binding import wiring
+from agent_runtime.io import cli, shell
+from agent_runtime.io.options import Options
 
 {own}
 
 
 def serve(options: Options) -> int:
-    """Until a signal comes; a device of the agent's own (agent_runtime.devices) would be the last argument of run."""
+    """Run until a signal; a device of the agent (agent_runtime.io.devices) would be the last argument of `run`."""
     wired = wiring("{agent}", options.system, design=DESIGN, languages=LANGUAGES)
     return shell.run(agent(), wired, options)
 
@@ -144,10 +144,10 @@ def _behaviours(design: Design, package: str, agent: str, text: str) -> str:
 def _imports(package: str, agent: str) -> str:
     return "\n".join(
         (
-            "\nfrom agent_runtime.agent import Agent",
-            "from agent_runtime.binding import Transition, bind",
-            "from agent_runtime.declining import unfilled",
-            "from agent_runtime.turn import Turn\n",
+            "\nfrom agent_runtime.core.agent import Agent",
+            "from agent_runtime.core.binding import Transition, bind",
+            "from agent_runtime.core.declining import unfilled",
+            "from agent_runtime.core.turn import Turn\n",
             imports(f"from {package}.{agent}.memory import CONDITIONS, Memory", f"from {package}.design import DESIGN"),
             "\n",
         )

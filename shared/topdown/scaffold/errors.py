@@ -1,6 +1,6 @@
 """Errors of the scaffold; one kind: no project can be made, because of a name or a folder."""
 
-from topdown.errors import TopdownError
+from topdown.model.errors import TopdownError
 
 
 class ScaffoldError(TopdownError):

@@ -1,7 +1,7 @@
 """The modules of a project's content languages: one Struct for each class that the design names, fields to fill in."""
 
-from topdown import elements
-from topdown.design import Design
+from topdown.model import elements
+from topdown.model.design import Design
 from topdown.scaffold.naming import classes, docstring, module, sentence, wrapped
 
 

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from topdown import loading
-from topdown.design import Design
+from topdown.model import loading
+from topdown.model.design import Design
 from topdown.scaffold.agents import agent_files
 from topdown.scaffold.errors import ScaffoldError
 from topdown.scaffold.languages import language_files
@@ -13,7 +13,7 @@ from topdown.scaffold.tests import check_files
 from topdown.scaffold.writing import Outcome, write
 
 KEY = "roco/{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
-"""The key template that agent_runtime.wiring puts communicates on; a design that runs on it has this one."""
+"""The key template that agent_runtime.core.wiring puts communicates on; a design that runs on it has this one."""
 _SMALLEST = Path(__file__).with_name("smallest.toml")
 
 

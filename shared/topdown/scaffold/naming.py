@@ -8,7 +8,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterable
 
-from topdown.design import Design
+from topdown.model.design import Design
 from topdown.scaffold.errors import ScaffoldError
 
 WIDTH = 120

@@ -1,6 +1,6 @@
 """What a project has once: the design and its reader, the process that runs them all, compose entries, a README."""
 
-from topdown.design import Design
+from topdown.model.design import Design
 from topdown.scaffold.naming import docstring, sentence, wrapped
 
 
@@ -28,8 +28,8 @@ _DESIGN = '''"""The design, read once from design.toml; whatever follows from it
 from pathlib import Path
 
 from fipa_codec import protocols
-from topdown.design import Design, load
-from topdown.interfaces import interfaces
+from topdown.model.design import Design, load
+from topdown.model.interfaces import interfaces
 
 from {package}.languages import LANGUAGES
 
@@ -66,7 +66,7 @@ def _main(design: Design, package: str) -> str:
     agents = wrapped("AGENTS = (", [f'"{agent}"' for agent in design.agents], ")")
     return f'''"""Router and agents as processes: `python -m {package}`; Ctrl-C ends them in order."""
 
-from services.supervisor import project
+from operate.supervisor import project
 
 from {package}.languages import LANGUAGES
 

@@ -1,6 +1,6 @@
 """The tests of a project: the design is consistent, each agent binds and answers, all of them meet over Zenoh."""
 
-from topdown.design import Design
+from topdown.model.design import Design
 from topdown.scaffold.agents import openings
 from topdown.scaffold.naming import imports
 
@@ -22,7 +22,7 @@ def _agent(design: Design, package: str, agent: str) -> str:
     )
     text = _ALONE.format(package=package, agent=agent, pytest="import pytest\n" if asked else "", own=own)
     if not asked:
-        return text.replace("from agent_runtime.samples import sample_named\n", "").replace(_UNUSED, "")
+        return text.replace("from agent_runtime.testing.samples import sample_named\n", "").replace(_UNUSED, "")
     rows = "\n".join(f'    ("{peer}", "{protocol}", P("{act}"), "{name}"),' for peer, protocol, act, name in asked)
     return text.replace("\n\n\ndef alone", f"\n\nASKED = [\n{rows}\n]\n\n\ndef alone") + _ASKED
 
@@ -31,14 +31,15 @@ _UNUSED = "from fipa_codec.performatives import Performative as P\n"
 
 _DESIGN = '''"""The design is consistent in itself, and agrees with the languages and the protocols it names."""
 
-from topdown import agreement, checks
+from topdown import check
+from topdown.check import agreement
 
 from {package}.design import DESIGN, LANGUAGES
 
 
 def test_the_design_is_consistent():
     """No finding; each would say what is wrong and what would be right."""
-    assert checks.check(DESIGN) == ()
+    assert check.check(DESIGN) == ()
 
 
 def test_the_languages_have_the_designs_classes():
@@ -50,9 +51,9 @@ def test_the_languages_have_the_designs_classes():
 
 _ALONE = '''"""a_{agent} alone: it is what the design says, and whatever it may be asked is answered."""
 
-{pytest}from agent_runtime.alone import Alone
-from agent_runtime.binding import wiring
-from agent_runtime.samples import sample_named
+{pytest}from agent_runtime.testing.alone import Alone
+from agent_runtime.core.binding import wiring
+from agent_runtime.testing.samples import sample_named
 from fipa_codec.performatives import Performative as P
 
 {own}

@@ -7,7 +7,7 @@ import pytest
 from pretended_robot import Robot, World
 from scripted_partner import Open, Say, partner
 
-from agent_runtime.wires import Point, Wires
+from agent_runtime.testing.wires import Point, Wires
 from companion.binding import wiring
 from companion.languages import rc
 from companion.languages.values import Pose, Side

@@ -6,7 +6,7 @@ import sys
 import msgspec
 import pytest
 
-from services.console.pace import Pace
+from companion.tools.verbs.pace import Pace
 from services.executor.loop.core import LoopCore
 from services.executor.loop.pace import measure
 from services.executor.loop.timing import Pacer

@@ -3,10 +3,10 @@
 Must not know: clocks, the wire, which of the two robots it is.
 """
 
-from agent_runtime.agent import Agent
-from agent_runtime.binding import Transition, bind
-from agent_runtime.events import Local, Received, Started
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.binding import Transition, bind
+from agent_runtime.core.events import Local, Received, Started
+from agent_runtime.core.turn import Turn
 from fipa_codec.performatives import Performative as P
 from msgspec.structs import replace
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import msgspec
-from agent_runtime.devices import Called, Post
+from agent_runtime.io.devices import Called, Post
 
 from depot.world import STEP_S, Point, along, length, way
 

@@ -1,9 +1,9 @@
 """a_desk. Takes orders of people, one after the other, and tells what became of them. Must not know: the wire."""
 
-from agent_runtime.agent import Agent
-from agent_runtime.binding import Transition, bind
-from agent_runtime.events import Local, PeerChanged, Received
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.binding import Transition, bind
+from agent_runtime.core.events import Local, PeerChanged, Received
+from agent_runtime.core.turn import Turn
 from fipa_codec.performatives import Performative as P
 from msgspec.structs import replace
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from agent_runtime.devices import DeviceMaker, Post
+from agent_runtime.io.devices import DeviceMaker, Post
 
 ORDERS = Path(__file__).parents[1] / "orders.toml"
 

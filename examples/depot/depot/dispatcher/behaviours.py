@@ -5,10 +5,10 @@ its tender has ended it is not called again, so there is one open tender for eac
 job and is not heard of any more fails the order, and its last word is noted when it comes. Must not know: clocks.
 """
 
-from agent_runtime.agent import Agent
-from agent_runtime.binding import Transition, bind
-from agent_runtime.events import Late, Received, Woken
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.binding import Transition, bind
+from agent_runtime.core.events import Late, Received, Woken
+from agent_runtime.core.turn import Turn
 from fipa_codec.performatives import Performative as P
 from msgspec.structs import replace
 

@@ -1,8 +1,8 @@
 """a_mule as a process: `python -m depot.mule --help`."""
 
-from agent_runtime import cli, shell
-from agent_runtime.binding import wiring
-from agent_runtime.options import Options
+from agent_runtime.core.binding import wiring
+from agent_runtime.io import cli, shell
+from agent_runtime.io.options import Options
 
 from depot.carrier.wheels import wheels
 from depot.design import DESIGN, LANGUAGES

@@ -1,6 +1,6 @@
 """a_mule: a carrier with a memory of its own."""
 
-from agent_runtime.agent import Agent
+from agent_runtime.core.agent import Agent
 
 from depot.carrier.behaviours import carrier
 from depot.carrier.memory import Memory

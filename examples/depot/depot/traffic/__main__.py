@@ -1,15 +1,15 @@
 """a_traffic as a process: `python -m depot.traffic --help`."""
 
-from agent_runtime import cli, shell
-from agent_runtime.binding import wiring
-from agent_runtime.options import Options
+from agent_runtime.core.binding import wiring
+from agent_runtime.io import cli, shell
+from agent_runtime.io.options import Options
 
 from depot.design import DESIGN, LANGUAGES
 from depot.traffic.behaviours import agent
 
 
 def serve(options: Options) -> int:
-    """Until a signal comes; a device of the agent's own (agent_runtime.devices) would be the last argument of run."""
+    """Run until a signal; a device of the agent (agent_runtime.io.devices) would be the last argument of `run`."""
     wired = wiring("traffic", options.system, design=DESIGN, languages=LANGUAGES)
     return shell.run(agent(), wired, options)
 

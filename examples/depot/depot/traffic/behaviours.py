@@ -1,9 +1,9 @@
 """a_traffic. Lets one robot at a time into the aisle, in the order in which they asked."""
 
-from agent_runtime.agent import Agent
-from agent_runtime.binding import Transition, bind
-from agent_runtime.events import Received
-from agent_runtime.turn import Turn
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.binding import Transition, bind
+from agent_runtime.core.events import Received
+from agent_runtime.core.turn import Turn
 from fipa_codec.performatives import Performative as P
 
 from depot.design import DESIGN

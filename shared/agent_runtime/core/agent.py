@@ -1,0 +1,113 @@
+"""An agent as its designer writes it: states, arcs and behaviours (paper, section 3).
+
+An elementary action computes (c', y) := f(c, x); a behaviour repeats it until its terminal or error condition holds;
+then the first arc whose initial condition holds picks the next state (no condition: True). States, arcs and the names
+of conditions come from the design; an agent binds Python functions to the names. Everything here is pure: functions of
+memory and turn.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+from agent_runtime.core.effects import Deed
+from agent_runtime.core.errors import AgentTableError
+from agent_runtime.core.events import Late, Local, Received
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+
+if TYPE_CHECKING:
+    from agent_runtime.core.turn import Turn
+
+M = TypeVar("M")
+Taken = Received | Local | Late
+
+
+def never(memory: Any) -> bool:
+    """A condition that never holds."""
+    return False
+
+
+def always(memory: Any) -> bool:
+    """A condition that always holds."""
+    return True
+
+
+def everything(memory: Any, event: Taken) -> bool:
+    """Takes whatever comes."""
+    return True
+
+
+@dataclass(frozen=True)
+class Behaviour(Generic[M]):
+    """What the agent does in a state.
+
+    `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is entered (at a start
+    of the process with Started instead), then once per event. It must not change the memory it is given.
+    `takes(memory, event)` is asked of every Received, Local and Late; one not taken waits in the inbox, unreceipted,
+    in order. Started, Woken and PeerChanged are handed over always; ignore those you do not know.
+    """
+
+    transition: "Callable[[M, Turn], M]"
+    terminal: Callable[[M], bool] = never
+    error: Callable[[M], bool] = never
+    takes: Callable[[M, Taken], bool] = everything
+
+
+@dataclass(frozen=True)
+class Arc:
+    """To the next state, when the behaviour of `source` ended and the condition named `when` holds ("" = always)."""
+
+    source: str
+    target: str
+    when: str = ""
+
+
+class Rows(Protocol):
+    """What the design says an agent does at which event; topdown.model.machines reads it from the design file."""
+
+    def takes(self, state: str, use: str, act: Performative, kind: Kind) -> bool:
+        """Whether a message is taken in this state."""
+
+    def why_not(self, deed: Deed) -> str:
+        """Why a step is none of the design's, "" where it is."""
+
+
+@dataclass(frozen=True)
+class Agent(Generic[M]):
+    """The table with its bindings; `memory` is the memory of the first start.
+
+    Memory is a frozen msgspec Struct and is journalled whole whenever it changes, except a field named `soft`, if
+    there is one: that one is lost by a death and comes back as `type(soft)()`. `local` is the union of Structs that
+    `Local` events carry. `rows`: what the design says of its steps; a message that no row of the state names waits in
+    the inbox, and a step that fits no row is logged and counted. None: not said.
+    """
+
+    name: str
+    start: str
+    memory: M
+    behaviours: Mapping[str, Behaviour[M]]
+    arcs: tuple[Arc, ...] = ()
+    conditions: Mapping[str, Callable[[M], bool]] = field(default_factory=dict)
+    local: Any = None
+    rows: Rows | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a table with a hole in it."""
+        states = ", ".join(sorted(self.behaviours))
+        if self.start not in self.behaviours:
+            raise AgentTableError(self.name, f"start state {self.start!r} has no behaviour", f"states are {states}")
+        for arc in self.arcs:
+            for state in (arc.source, arc.target):
+                if state not in self.behaviours:
+                    raise AgentTableError(self.name, f"arc {arc} names {state!r}", f"states are {states}")
+            if arc.when and arc.when not in self.conditions:
+                known = ", ".join(sorted(self.conditions)) or "none"
+                raise AgentTableError(self.name, f"arc {arc} has an unbound condition", f"bound are {known}")
+
+    def next_state(self, state: str, memory: M) -> str | None:
+        """Where the first arc that may be taken leads; None where none may."""
+        for arc in self.arcs:
+            if arc.source == state and (not arc.when or self.conditions[arc.when](memory)):
+                return arc.target
+        return None

@@ -1,0 +1,57 @@
+"""What an agent does where nothing is written yet: it says no at once, with the reason, and stays where it is.
+
+A skeleton made from a design runs with these: every question is answered, nobody waits for a behaviour that is still to
+be written.
+"""
+
+from typing import TypeVar
+
+from agent_runtime.core.events import Received
+from agent_runtime.core.turn import Turn
+from fipa_codec.errors import LocalProtocolError
+from fipa_codec.languages import Kind, Reason
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import SEND
+
+M = TypeVar("M")
+NOES = (P.REFUSE, P.FAILURE, P.REJECT_PROPOSAL)
+"""How to say no, mildest first; not-understood is left where a protocol or a design has none of them."""
+
+
+def decline(turn: Turn, why: str) -> P | None:
+    """Answer the message of this turn with the mildest no that its protocol and the design have here; which it was.
+
+    None where nothing was taken, or the message wants no answer.
+    """
+    event = turn.event
+    if not isinstance(event, Received) or not turn.holds(event.conversation):
+        return None
+    talk = turn.conversation(event.conversation)
+    for act in NOES:
+        kind = next((k for k in (Kind.PLAIN, Kind.CANCEL) if talk.table.find(talk.state, SEND, act, k)), None)
+        if kind is not None and _said(turn, talk.id, act, why, kind):
+            return act
+    if not talk.table.allowed(talk.state, SEND):
+        return None
+    turn.say(talk.id, P.NOT_UNDERSTOOD, Reason(why))
+    return P.NOT_UNDERSTOOD
+
+
+def _said(turn: Turn, conversation: str, act: P, why: str, kind: Kind) -> bool:
+    """Say it with the reason, or without where the design has no reason there; False where it has no such act."""
+    for content in (Reason(why), None):
+        try:
+            turn.say(conversation, act, content, kind=kind)
+        except LocalProtocolError:
+            continue
+        return True
+    return False
+
+
+def unfilled(memory: M, turn: Turn, behaviour: str) -> M:
+    """Stand-in for the behaviour of this name: declines what is asked, changes nothing, so its state never ends."""
+    why = f"behaviour {behaviour} of {turn.me} is not filled in"
+    act = decline(turn, why)
+    if act is not None:
+        turn.log("declined", level="warning", performative=str(act), why=why)
+    return memory

@@ -1,0 +1,239 @@
+"""Everything an agent is between two steps: what the journal keeps, and the soft part that a death may take.
+
+The journal record is the whole durable state. Soft: the inbox (unreceipted, so it is sent again), questions under way,
+the conversations of queries and subscriptions, who is alive, when to send again.
+"""
+
+from typing import Any
+
+import msgspec
+
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.wiring import Delivery
+from fipa_codec.communicate import Communicate
+from fipa_codec.conversation import Conversation
+from fipa_codec.errors import RemoteProtocolError
+from fipa_codec.languages import Kind
+
+_DURABLE = Delivery.DURABLE  # found by its class it takes 0.1 us before Python 3.12
+Version = tuple[int, int]
+"""(incarnation, counter) of the observer: greater is newer."""
+
+
+class Outgoing(msgspec.Struct, frozen=True, array_like=True):
+    """A durable communicate that its receiver has not receipted yet."""
+
+    number: int
+    communicate: Communicate
+
+
+class Due(msgspec.Struct, frozen=True, array_like=True):
+    """The newest observation of a subject that its subscriber has not receipted yet.
+
+    `last`: not sent before every other one that is due to the subscriber is receipted.
+    """
+
+    version: Version
+    language: str
+    content: msgspec.Raw
+    last: bool = False
+
+
+class Held(msgspec.Struct, frozen=True, omit_defaults=True):
+    """An open conversation. `reply_by`: when the wait for its end is over (None: never); `late`: that was told.
+
+    `answer`: the last thing said by the participant of a volatile one, repeated when asked again. `several`: one of
+    several conversations of this agent with the same id, each with its own peer.
+    """
+
+    conversation: Conversation
+    delivery: Delivery
+    reply_by: float | None = None
+    late: bool = False
+    answer: Communicate | None = None
+    several: bool = False
+
+    @property
+    def key(self) -> str:
+        """What it is kept under; an id has no blanks."""
+        talk = self.conversation
+        return f"{talk.id} {talk.peer}" if self.several else talk.id
+
+
+class Ask(msgspec.Struct, frozen=True):
+    """A volatile question under way; asked again at `at`, then after twice the gap [s]."""
+
+    communicate: Communicate
+    at: float
+    gap: float
+
+
+class Waiting(msgspec.Struct, frozen=True):
+    """An entry of the inbox: an event that was not taken yet. `number`: of the stream of `peer`, 0 for none.
+
+    `forced`: handed over whatever the behaviour takes. A communicate has its link, and is read at once: content and
+    kind, or what is wrong.
+    """
+
+    event: Any
+    peer: str = ""
+    number: int = 0
+    subject: str = ""
+    version: Version = (0, 0)
+    forced: bool = False
+    link: Any = None
+    content: Any = None
+    kind: Kind = Kind.PLAIN
+    fault: RemoteProtocolError | None = None
+
+
+class Soft(msgspec.Struct):
+    """What a death takes. `up`: the router is there; `full`: the peer whose outbox stops the agent at present."""
+
+    step: int = 0
+    up: bool = True
+    full: str = ""
+    inbox: tuple[Waiting, ...] = ()
+    asks: dict[str, Ask] = {}
+    conversations: dict[str, Held] = {}
+    peers: dict[str, int] = {}
+    resend: dict[str, tuple[float, float]] = {}
+
+
+class Record(msgspec.Struct, kw_only=True):
+    """What the journal keeps. `taken`, `issued`: last stream number per peer; `counter`: for ids and versions."""
+
+    agent: str
+    incarnation: int
+    counter: int
+    state: str
+    memory: msgspec.Raw
+    conversations: dict[str, Held] = {}
+    taken: dict[str, int] = {}
+    issued: dict[str, int] = {}
+    outbox: dict[str, tuple[Outgoing, ...]] = {}
+    versions: dict[str, dict[str, Version]] = {}
+    due: dict[str, dict[str, Due]] = {}
+    wakes: dict[str, float] = {}
+    counts: dict[str, int] = {}
+
+
+class CoreState(Record, kw_only=True):
+    """The durable part (as in Record, with the memory as an object) and the soft part. A value: step() copies it."""
+
+    memory: Any
+    kept: bytes = b""
+    soft: Soft
+
+    def fork(self) -> "CoreState":
+        """A copy that a step may change; dictionaries are copied, what they hold is frozen."""
+        soft = self.soft
+        return msgspec.structs.replace(
+            self,
+            conversations={**self.conversations},
+            taken={**self.taken},
+            issued={**self.issued},
+            outbox={**self.outbox},
+            versions={**self.versions},
+            due={**self.due},
+            wakes={**self.wakes},
+            counts={**self.counts},
+            soft=msgspec.structs.replace(
+                soft,
+                asks={**soft.asks},
+                conversations={**soft.conversations},
+                peers={**soft.peers},
+                resend={**soft.resend},
+            ),
+        )
+
+    def held(self, conversation: str, peer: str = "") -> Held | None:
+        """The open conversation of that id; of several, which are durable, that with the peer.
+
+        One that waits for anybody becomes, for each who answers, a conversation with that peer.
+        """
+        one = self.conversations.get(conversation) or self.soft.conversations.get(conversation)
+        if one is not None or not self.conversations:
+            return one
+        one = self.conversations.get(f"{conversation} {peer}")
+        anybody = None if one or not peer else self.conversations.get(anybodys(conversation))
+        if anybody is None:
+            return one
+        return msgspec.structs.replace(anybody, conversation=msgspec.structs.replace(anybody.conversation, peer=peer))
+
+    def keep(self, held: Held) -> None:
+        """Put a conversation back after it went on; an ended one is forgotten."""
+        place = self.conversations if held.delivery is _DURABLE else self.soft.conversations
+        name = held.key if held.several else held.conversation.id
+        if held.conversation.ended:
+            place.pop(name, None)
+        else:
+            place[name] = held
+
+    def count(self, what: str) -> None:
+        """One more of it."""
+        self.counts[what] = self.counts.get(what, 0) + 1
+
+    def name(self) -> str:
+        """A fresh id: agent, incarnation, counter; unique over all lives of the agent."""
+        self.counter += 1
+        return f"{self.agent}-{self.incarnation}-{self.counter}"
+
+
+def anybodys(conversation: str) -> str:
+    """What a conversation with whoever answers is kept under (Held.key with no peer)."""
+    return f"{conversation} "
+
+
+def age(name: str) -> Version | None:
+    """(incarnation, counter) in an id of `CoreState.name`: of one agent's the greater is newer. None for other ids."""
+    parts = name.rsplit("-", 2)
+    if len(parts) != 3 or not all(part.isascii() and part.isdigit() for part in parts[1:]):
+        return None
+    return int(parts[1]), int(parts[2])
+
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder = msgspec.msgpack.Decoder(Record)
+
+
+def encode_memory(memory: Any) -> bytes:
+    """The memory without its soft field."""
+    return _encoder.encode({name: getattr(memory, name) for name in memory.__struct_fields__ if name != "soft"})
+
+
+def same_memory(old: Any, new: Any) -> bool:
+    """Whether nothing durable was touched: the same objects in all hard fields."""
+    if type(old) is not type(new):
+        return False
+    for name in old.__struct_fields__:  # noqa: SIM110 - a generator of its own takes longer than all the rest
+        if name != "soft" and getattr(old, name) is not getattr(new, name):
+            return False
+    return True
+
+
+def encode_record(state: CoreState) -> bytes:
+    """The journal record of a state."""
+    parts = {name: getattr(state, name) for name in Record.__struct_fields__}
+    return _encoder.encode(Record(**(parts | {"memory": msgspec.Raw(state.kept)})))
+
+
+def fresh(agent: Agent[Any]) -> CoreState:
+    """The state before the first start: incarnation 0."""
+    return CoreState(
+        agent=agent.name,
+        incarnation=0,
+        counter=0,
+        state=agent.start,
+        memory=agent.memory,
+        kept=encode_memory(agent.memory),
+        soft=Soft(),
+    )
+
+
+def restored(agent: Agent[Any], record: bytes) -> CoreState:
+    """The state a journal record tells of, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
+    stored = _decoder.decode(record)
+    memory = msgspec.msgpack.decode(stored.memory, type=type(agent.memory))
+    parts = {name: getattr(stored, name) for name in Record.__struct_fields__}
+    return CoreState(**(parts | {"memory": memory}), kept=bytes(stored.memory), soft=Soft())

@@ -1,0 +1,366 @@
+"""The pure core of an agent: step(state, event, now) -> (state, effects). No clock, no I/O, no thread.
+
+A step takes at most one event to the behaviour, runs it and the chain of states it leads to, and ends in one journal
+record if anything durable happened: a stream message or an observation was taken, a durable communicate or an
+observation issued, the FSM's state or the memory (but for its `soft` field) changed, or the behaviour asked for it by
+`turn.keep()`. Else the record is None.
+
+Whoever drives it: state = core.boot(last record); sync core.record(state) before anything else; step with Started,
+then with what happens; after each step carry the effects out in their order; while `effects.more`, step with Next();
+at `wake_at` with Tick().
+"""
+
+from collections.abc import Sequence
+from typing import Generic, TypeVar
+
+import msgspec
+from msgspec.structs import replace
+
+from agent_runtime.core import streams
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.effects import Deed, Effects, Out
+from agent_runtime.core.errors import AgentTableError, BehaviourError
+from agent_runtime.core.events import (
+    AnyEvent,
+    Arrived,
+    Garbled,
+    Late,
+    LinkChanged,
+    Local,
+    Next,
+    PeerChanged,
+    Receipted,
+    Received,
+    Settled,
+    Started,
+    Tick,
+    Woken,
+)
+from agent_runtime.core.intake import admit
+from agent_runtime.core.state import (
+    CoreState,
+    Held,
+    Waiting,
+    encode_memory,
+    encode_record,
+    fresh,
+    restored,
+    same_memory,
+)
+from agent_runtime.core.turn import Seen, Turn, conversation_of
+from agent_runtime.core.verdict import Verdict, What, carry_out, judge
+from agent_runtime.core.wiring import Delivery, Wiring
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import SEND, Role
+
+M = TypeVar("M")
+CHAIN_BOUND = 16
+"""States entered in one step; the paper's machines have at most 5, so more is a loop (estimate)."""
+OUTSIDE = "step outside the design"
+KNOWN_DEEDS = 1024
+"""Steps known to be of the design; estimate: an agent of the paper has some hundred different ones."""
+LATE_AFTER = 0.001
+"""A message at reply-by itself is in time (SC00061G); look a millisecond later."""
+# Before Python 3.12 a member found by its class takes 0.1 us.
+_DURABLE, _VOLATILE = Delivery.DURABLE, Delivery.VOLATILE
+_INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
+_COMPLAINT, _TAKE = Performative.NOT_UNDERSTOOD, What.TAKE
+
+
+class Core(Generic[M]):
+    """An agent bound to its wiring. Has no state of its own, but what it need not look up again in the design."""
+
+    def __init__(self, agent: Agent[M], wiring: Wiring) -> None:
+        if agent.name != wiring.agent:
+            raise AgentTableError(agent.name, f"is wired as {wiring.agent!r}", "give it its own wiring")
+        self.agent, self.wiring = agent, wiring
+        self._designed: set[Deed] = set()
+        self._taken_in: dict[tuple[str, str, Performative, Kind], bool] = {}
+        try:
+            restored(agent, encode_record(fresh(agent)))
+        except (msgspec.MsgspecError, TypeError, AttributeError) as error:
+            hint = "memory is a msgspec Struct whose fields, but for `soft`, msgspec encodes and decodes"
+            raise AgentTableError(agent.name, f"its memory cannot be journalled: {error}", hint) from error
+
+    def boot(self, record: bytes | None) -> CoreState:
+        """The state to start from, of the next incarnation: the first memory, or what the journal's record tells."""
+        state = fresh(self.agent) if record is None else restored(self.agent, record)
+        if state.agent != self.agent.name or state.state not in self.agent.behaviours:
+            raise AgentTableError(
+                self.agent.name,
+                f"the journal is of agent {state.agent!r} in state {state.state!r}",
+                "use its own journal",
+            )
+        state.incarnation += 1
+        return state
+
+    def record(self, state: CoreState) -> bytes:
+        """The journal record of a state."""
+        return encode_record(state)
+
+    def step(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Effects]:
+        """One step; the given state stays as it was. Bugs of the agent raise BehaviourError or LocalProtocolError."""
+        after, out = self.begin(state, event, now)
+        return after, self.end(state, after, out, now)
+
+    def begin(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Out]:
+        """The part of a step after which its record is to be written and what it says may leave."""
+        after, out = state.fork(), Out()
+        after.soft.step += 1
+        self._note(after, out, event, now)
+        self._take_one(after, out, now)
+        self._check_owed(state, after)
+        durable = self._durable(state, after, out)
+        out.record = encode_record(after) if durable else None
+        return after, out
+
+    def end(self, state: CoreState, after: CoreState, out: Out, now: float) -> Effects:
+        """The rest, which nobody waits for: whether it was a step of the design, and when to step again."""
+        deed = out.deed(state.state, after.state, tuple(after.due))
+        if deed is not None and deed not in self._designed:
+            self._compare(after, out, deed)
+        waits = None if after.outbox and streams.blocked(after) is not None else _waits(after)
+        return out.sealed(self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
+
+    def _compare(self, state: CoreState, out: Out, deed: Deed) -> None:
+        """Say it where a step is none of the design's: what was proven of the design does not hold for it."""
+        why = self.agent.rows.why_not(deed) if self.agent.rows is not None else ""
+        if why:
+            state.count(OUTSIDE)
+            out.log(OUTSIDE, level="error", why=why)
+        elif len(self._designed) < KNOWN_DEEDS:
+            self._designed.add(deed)
+
+    # --- what an event does before anything is taken ------------------------------------------------------------------
+
+    def _note(self, state: CoreState, out: Out, event: AnyEvent, now: float) -> None:
+        match event:
+            case Arrived(communicate=communicate):
+                admit(state, out, self.wiring, communicate)
+            case Local():
+                _queue(state, Waiting(event))
+            case Receipted(peer=peer):
+                if streams.settle(state, out, self.wiring, event, now):
+                    _queue(state, Waiting(Settled(peer), forced=True))
+            case PeerChanged(agent=peer, incarnation=incarnation):
+                self._note_peer(state, out, peer, incarnation, now)
+                _queue(state, Waiting(event, forced=True))
+            case LinkChanged(up=up):
+                state.soft.up = up
+                out.log("router back" if up else "router away", level="info" if up else "warning")
+                self._flush_all(state, out, now, wanted=up)
+            case Started():
+                _queue(state, Waiting(event, forced=True))
+                self._flush_all(state, out, now, wanted=True)
+            case Garbled(key=key, reason=reason, forged=forged):
+                what = "forged" if forged else "garbled"
+                state.count(what)
+                out.log(what, level="warning", key=key, why=reason)
+            case Tick():
+                streams.on_time(state, out, self.wiring, now)
+                _forget_unanswered(state, now)
+            case Next():
+                pass
+            case _:
+                raise BehaviourError(
+                    self.agent.name, state.state, f"was stepped with {event!r}", "that is the core's own"
+                )
+
+    def _note_peer(self, state: CoreState, out: Out, peer: str, incarnation: int | None, now: float) -> None:
+        if incarnation is None:
+            state.soft.peers.pop(peer, None)
+        else:
+            state.soft.peers[peer] = incarnation
+            streams.flush(state, out, self.wiring, peer, now, force=False)
+
+    def _flush_all(self, state: CoreState, out: Out, now: float, *, wanted: bool) -> None:
+        for peer in self.wiring.peers if wanted else ():
+            streams.flush(state, out, self.wiring, peer, now, force=True)
+
+    # --- taking one event ---------------------------------------------------------------------------------------------
+
+    def _take_one(self, state: CoreState, out: Out, now: float) -> None:
+        full = streams.blocked(state) if state.outbox else None
+        if full is not None:
+            if state.soft.full != full:
+                state.count("outbox full")
+                out.log("outbox full", level="error", peer=full, bound=streams.OUTBOX_BOUND)
+            state.soft.full = full
+            return
+        state.soft.full = ""
+        found = self._find_waiting(state)
+        if found is not None:
+            self._take_waiting(state, out, *found, now)
+        elif state.wakes and (name := _due_wake(state, now)) is not None:
+            del state.wakes[name]
+            self._run(state, out, Woken(name), now)
+        elif (held := self._find_late(state, _waits(state), now)) is not None:
+            self._take_late(state, out, held, now)
+
+    def _ready(self, state: CoreState, waits: Sequence[Held] | None, now: float) -> bool:
+        """Whether more can be taken at once; `waits` None: nothing is taken while an outbox is full."""
+        if waits is None:
+            return False
+        return bool(
+            (state.soft.inbox and self._find_waiting(state) is not None)
+            or (state.wakes and _due_wake(state, now) is not None)
+            or (waits and self._find_late(state, waits, now) is not None)
+        )
+
+    def _find_waiting(self, state: CoreState) -> tuple[Waiting, Verdict | None] | None:
+        """The first entry of the inbox that can be taken; streams in order, so a number behind one not taken is not."""
+        passed: set[str] = set()
+        takes = self.agent.behaviours[state.state].takes
+        for waiting in state.soft.inbox:
+            if waiting.number and waiting.peer in passed:
+                continue
+            if not isinstance(waiting.event, Arrived):
+                if waiting.forced or takes(state.memory, waiting.event):
+                    return waiting, None
+                continue
+            verdict = judge(state, waiting)
+            if verdict.what is not _TAKE:
+                return waiting, verdict
+            communicate = waiting.event.communicate
+            if self._named(state, waiting, verdict) and takes(state.memory, Received(communicate, waiting.content)):
+                return waiting, verdict
+            if waiting.number:
+                passed.add(waiting.peer)
+        return None
+
+    def _named(self, state: CoreState, waiting: Waiting, verdict: Verdict) -> bool:
+        """Whether a row of the state names this message; a complaint is always taken."""
+        rows, act = self.agent.rows, waiting.event.communicate.performative
+        if rows is None or act is _COMPLAINT:
+            return True
+        place = state.state, waiting.link.use, act, verdict.kind  # words of the design, so there are only so many
+        taken = self._taken_in.get(place)
+        if taken is None:
+            taken = self._taken_in[place] = rows.takes(*place)
+        return taken
+
+    def _find_late(self, state: CoreState, waits: Sequence[Held], now: float) -> Held | None:
+        takes = self.agent.behaviours[state.state].takes
+        for held in waits:
+            if held.reply_by is not None and now > held.reply_by and takes(state.memory, Late(held.conversation.id)):
+                return held
+        return None
+
+    def _take_waiting(self, state: CoreState, out: Out, waiting: Waiting, verdict: Verdict | None, now: float) -> None:
+        inbox = state.soft.inbox
+        state.soft.inbox = tuple(one for one in inbox if one is not waiting) if len(inbox) > 1 else ()
+        event: Seen | None = waiting.event
+        if verdict is not None:
+            if verdict.what is _TAKE:  # the message in the words of the design
+                out.took = (waiting.link.use, waiting.event.communicate.performative, verdict.kind)
+            else:
+                out.about = waiting.link.use
+            event = carry_out(state, out, self.wiring, waiting, verdict, now)
+        if event is not None:
+            self._run(state, out, event, now)
+
+    def _take_late(self, state: CoreState, out: Out, held: Held, now: float) -> None:
+        name = held.conversation.id
+        state.count("late")
+        if held.delivery is _DURABLE:
+            state.conversations[held.key] = replace(held, late=True)
+            out.durable = True
+        else:
+            state.soft.conversations.pop(name, None)
+            state.soft.asks.pop(name, None)
+        out.about = self.wiring.required(held.conversation.peer, held.conversation.protocol).use
+        self._run(state, out, Late(name, held.conversation.peer if held.several else ""), now)
+
+    # --- the behaviour ------------------------------------------------------------------------------------------------
+
+    def _run(self, state: CoreState, out: Out, event: Seen, now: float) -> None:
+        """One elementary action, then the arcs it opens; entering a state runs its behaviour once without an event."""
+        out.handled = event
+        if isinstance(event, PeerChanged):
+            out.about = event.agent if event.incarnation is not None else ""
+        behaviour = self.agent.behaviours[state.state]
+        turn = Turn(state, self.wiring, out, event, now)
+        state.memory = behaviour.transition(state.memory, turn)
+        turn.event = None  # of what is done on entering the states that follow
+        for _ in range(CHAIN_BOUND):
+            if not (behaviour.terminal(state.memory) or behaviour.error(state.memory)):
+                return
+            target = self.agent.next_state(state.state, state.memory)
+            if target is None:
+                arcs = ", ".join(
+                    f"{a.when or 'always'} -> {a.target}" for a in self.agent.arcs if a.source == state.state
+                )
+                raise BehaviourError(
+                    self.agent.name, state.state, "ended, and no arc may be taken", f"arcs: {arcs or 'none'}"
+                )
+            out.log("state", old=state.state, new=target, conversation=conversation_of(event))
+            state.state = target
+            behaviour = self.agent.behaviours[state.state]
+            state.memory = behaviour.transition(state.memory, turn)
+        raise BehaviourError(
+            self.agent.name,
+            state.state,
+            f"entered {CHAIN_BOUND} states in one step",
+            "some state must wait for an event",
+        )
+
+    def _check_owed(self, before: CoreState, state: CoreState) -> None:
+        """What a protocol wants said in the very step that took something must have been said."""
+        for was, now in (
+            (before.conversations, state.conversations),
+            (before.soft.conversations, state.soft.conversations),
+        ):
+            for name, held in now.items():
+                talk = held.conversation
+                if was.get(name) is not held and talk.owes:
+                    wanted = ", ".join(row.word for row in talk.table.allowed(talk.state, SEND))
+                    what = f"took a message in {talk.id} ({talk.protocol}, {talk.state}) and owes its answer"
+                    raise BehaviourError(self.agent.name, state.state, what, f"say {wanted} in the same step")
+
+    # --- the record and the time --------------------------------------------------------------------------------------
+
+    def _durable(self, before: CoreState, after: CoreState, out: Out) -> bool:
+        if before.memory is not after.memory and not same_memory(before.memory, after.memory):
+            kept = encode_memory(after.memory)
+            out.durable = out.durable or kept != before.kept
+            after.kept = kept
+        return out.durable or before.state != after.state
+
+    def _wake_at(self, state: CoreState, waits: Sequence[Held] | None, now: float) -> float | None:
+        """When the next Tick is wanted; what is past already waits for a behaviour that takes it, or for room."""
+        soft, times = state.soft, []
+        if soft.up and soft.resend:
+            times += [at for at, _ in soft.resend.values()]
+        if soft.up and soft.asks:
+            times += [one.at for one in soft.asks.values()]
+        if waits is not None:
+            times += state.wakes.values()
+            for held in waits:
+                if held.reply_by is not None and held.reply_by + LATE_AFTER > now:
+                    times.append(held.reply_by + LATE_AFTER)
+        return min(times, default=None)
+
+
+def _queue(state: CoreState, waiting: Waiting) -> None:
+    state.soft.inbox = (*state.soft.inbox, waiting)
+
+
+def _forget_unanswered(state: CoreState, now: float) -> None:
+    """Questions of peers that this agent left without an answer until their reply-by: nobody waits any more."""
+    for name, held in list(state.soft.conversations.items()):
+        talk = held.conversation
+        if held.delivery is _VOLATILE and talk.role is _PARTICIPANT and talk.late(now):
+            state.count("left unanswered")
+            del state.soft.conversations[name]
+
+
+def _due_wake(state: CoreState, now: float) -> str | None:
+    due = [(at, name) for name, at in state.wakes.items() if at <= now]
+    return min(due)[1] if due else None
+
+
+def _waits(state: CoreState) -> list[Held]:
+    """Conversations in which this agent waits for an end whose time was not told yet."""
+    both = (*state.conversations.values(), *state.soft.conversations.values())
+    return [held for held in both if not held.late and held.conversation.role is _INITIATOR]

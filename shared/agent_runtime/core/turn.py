@@ -1,0 +1,303 @@
+"""One elementary action as a behaviour sees it: the event and the time that came in, and what may go out.
+
+A turn knows no clock, no socket and no file; what is said here leaves the agent only after the step's record is on the
+disk.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from agent_runtime.core import streams
+from agent_runtime.core.effects import Out
+from agent_runtime.core.errors import BehaviourError
+from agent_runtime.core.events import Broken, Late, Local, PeerChanged, Received, Settled, Started, Woken
+from agent_runtime.core.state import CoreState, Due, Held, anybodys
+from agent_runtime.core.wiring import Delivery, Link, Wiring
+from fipa_codec.communicate import Communicate
+from fipa_codec.conversation import Conversation
+from fipa_codec.errors import LocalProtocolError
+from fipa_codec.languages import Kind
+from fipa_codec.multicast import Multicast
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
+
+Seen = Received | Late | Broken | Woken | Local | PeerChanged | Settled | Started
+"""What a behaviour may find in `turn.event`, besides None (the state was just entered)."""
+# Before Python 3.12 a member found by its class takes 0.1 us.
+_DURABLE, _LATEST = Delivery.DURABLE, Delivery.LATEST
+_INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
+_PLAIN = Kind.PLAIN
+_OF_A_TALK = (Received, Late, Broken)
+
+
+class Turn(msgspec.Struct, eq=False):
+    """`event`: what happened, None where the state was just entered; `now`: unix seconds."""
+
+    _state: CoreState
+    _wiring: Wiring
+    _out: Out
+    event: Seen | None
+    now: float
+
+    # --- communicates -------------------------------------------------------------------------------------------------
+
+    def open(
+        self,
+        to: str,
+        protocol: str,
+        performative: Performative,
+        content: Any = None,
+        *,
+        reply_by_s: float | None = None,
+    ) -> str:
+        """Open a conversation with `to` as its initiator; its id.
+
+        `reply_by_s`: seconds from now after which Late comes, unless the conversation has ended. A durable one then
+        stays open until the peer's last word; a volatile question is given up. LocalProtocolError where the design has
+        no such link.
+        """
+        return self._open(self._state.name(), to, protocol, performative, content, reply_by_s, several=False).id
+
+    def open_all(
+        self,
+        to: Sequence[str],
+        protocol: str,
+        performative: Performative,
+        content: Any = None,
+        *,
+        reply_by_s: float | None = None,
+    ) -> Multicast:
+        """Open one conversation-id with several participants: a state machine each, of which the Multicast keeps track.
+
+        Name the participant (`to`) wherever you say something in it later, and note in the Multicast what became of
+        it: `group.noted(event.talk, turn.now)`, `group.noted(turn.say(...), turn.now)`. Late and Broken come for each
+        participant. Only over durable links: LocalProtocolError elsewhere, and where nobody or one twice is named.
+        """
+        name = self._state.name()
+        for peer in to:
+            if self._wiring.required(peer, protocol).delivery is not _DURABLE:
+                raise LocalProtocolError("protocol", f"{protocol} with {peer!r} is not durable; open it with one peer")
+        return Multicast.opened(
+            [self._open(name, peer, protocol, performative, content, reply_by_s, several=True) for peer in to]
+        )
+
+    def join(self, talk: Conversation) -> None:
+        """Take part in a conversation that was opened for this agent by another (recruiting: fipa_codec.proxying).
+
+        A target joins what it has taken up; who wants the answers joins what it awaits, best before it asks, with peer
+        "": then whoever answers has a conversation of its own, till `leave`, and no Late comes. LocalProtocolError
+        where the design has no durable link for it, in that role.
+        """
+        link = self._wiring.required(talk.peer, talk.protocol) if talk.peer else None
+        if link and (link.role is not talk.role or link.delivery is not _DURABLE):
+            wanted = f"a durable link as {talk.role} of {talk.protocol} with {talk.peer!r}"
+            raise LocalProtocolError("protocol", f"{self.me!r} has no {wanted}, but {link.delivery} as {link.role}")
+        initiates = talk.role is _INITIATOR
+        reply_by = talk.deadline if initiates and talk.peer else None
+        self._state.keep(Held(talk, Delivery.DURABLE, reply_by=reply_by, several=initiates))
+        self._out.durable = True
+
+    def leave(self, conversation: str) -> None:
+        """Wait no longer for anybody to answer in a conversation that was joined so; those under way go on."""
+        self._state.conversations.pop(anybodys(conversation), None)
+        self._out.durable = True
+
+    def say(
+        self,
+        conversation: str,
+        performative: Performative,
+        content: Any = None,
+        *,
+        in_reply_to: str | None = None,
+        kind: Kind | None = None,
+        reply_by_s: float | None = None,
+        to: str = "",
+    ) -> Conversation:
+        """Say something in an open conversation, which is returned; the language is that of the content's class.
+
+        `in_reply_to` None: what the protocol says. `kind=Kind.CANCEL`: this answers the peer's cancel. `reply_by_s`
+        sets the time of Late anew. `to`: which participant, where there are several. BehaviourError where the
+        conversation is not open, LocalProtocolError where the protocol forbids it.
+        """
+        held = self._held(conversation, to)
+        link = self._wiring.required(held.conversation.peer, held.conversation.protocol)
+        reply_by = None if reply_by_s is None else self.now + reply_by_s
+        if reply_by is not None:
+            held = replace(held, reply_by=reply_by, late=False)
+        return self._speak(held, link, performative, content, in_reply_to=in_reply_to, kind=kind, reply_by=reply_by)
+
+    def drop(self, conversation: str) -> None:
+        """Give a volatile conversation up without a word: nothing is asked again, later answers are ignored.
+
+        Nothing happens where it is over already; BehaviourError for a durable one, which ends by its protocol only.
+        """
+        if conversation in self._state.conversations:
+            raise self._error(f"dropped durable conversation {conversation!r}", "say cancel, and wait for the end")
+        self._state.soft.conversations.pop(conversation, None)
+        self._state.soft.asks.pop(conversation, None)
+
+    def holds(self, conversation: str, to: str = "") -> bool:
+        """Whether the conversation is open (with this participant, where there are several)."""
+        return self._state.held(conversation, to) is not None
+
+    def conversation(self, conversation: str, to: str = "") -> Conversation:
+        """The open conversation: protocol, role, peer, state, `.cancel`. BehaviourError where it is not open."""
+        return self._held(conversation, to).conversation
+
+    def conversations(self, peer: str = "", protocol: str = "") -> tuple[Conversation, ...]:
+        """All open conversations, or those with a peer or of a protocol, oldest first."""
+        both = (*self._state.conversations.values(), *self._state.soft.conversations.values())
+        talks = (held.conversation for held in both)
+        return tuple(talk for talk in talks if peer in ("", talk.peer) and protocol in ("", talk.protocol))
+
+    # --- observations -------------------------------------------------------------------------------------------------
+
+    def observe(self, to: str, subject: str, content: Any, *, last: bool = False) -> None:
+        """Owe `to` this newest observation of `subject` until it is receipted, whether subscribed at present or not.
+
+        `to` is the subscriber, not the conversation: a renewed subscription gets what is due. `last`: it is sent when
+        every other one due is receipted, so whoever knows it knows the others, whatever was lost on the way.
+        """
+        if not subject or not subject.isascii() or not subject.isprintable() or " " in subject:
+            raise self._error(f"observed subject {subject!r}", "a subject is printable ASCII without blanks")
+        if not any(link.peer == to and link.delivery is _LATEST for link in self._wiring.links):
+            raise self._error(
+                f"observed for {to!r}", "only a peer with a latest-value subscription is owed observations"
+            )
+        language = self._wiring.language(content)
+        self._state.counter += 1
+        due = Due((self._state.incarnation, self._state.counter), language.name, language.encode(content), last)
+        streams.observed(self._state, self._out, to, subject, due, self.now)
+        if not (last and streams.last_waits(self._state, to)):
+            streams.send_observation(self._state, self._out, self._wiring, to, subject, due, self.now)
+
+    @property
+    def due(self) -> tuple[tuple[str, str], ...]:
+        """(subscriber, subject) of every observation not receipted yet; the event Settled says when there is none."""
+        return tuple((peer, subject) for peer, due in self._state.due.items() for subject in due)
+
+    # --- the own side -------------------------------------------------------------------------------------------------
+
+    def tell(self, content: Any) -> None:
+        """Hand a Struct to the agent's own devices (worker, loop, HTTP), after the record is on the disk."""
+        self._out.tells.append(content)
+
+    def wake(self, name: str, at: float) -> None:
+        """Have Woken(name) come at `at` [unix s]; a second call with the name moves it. It survives a death."""
+        self._state.wakes[name] = at
+
+    def unwake(self, name: str) -> None:
+        """Want it no longer."""
+        self._state.wakes.pop(name, None)
+
+    def keep(self) -> None:
+        """Ask for a journal record of this step, though nothing durable happened in it."""
+        self._out.durable = True
+
+    def log(self, event: str, level: str = "info", **fields: Any) -> None:
+        """Write one structured line; the conversation of the present event goes with it unless another is given."""
+        self._out.log(event, level, **({"conversation": conversation_of(self.event)} | fields))
+
+    def count(self, what: str) -> None:
+        """One more of it among the agent's counters."""
+        self._state.count(what)
+
+    @property
+    def me(self) -> str:
+        """The agent's name."""
+        return self._state.agent
+
+    @property
+    def incarnation(self) -> int:
+        """Boot counter of this agent."""
+        return self._state.incarnation
+
+    @property
+    def peers(self) -> Mapping[str, int]:
+        """Incarnation of every peer that is known to be alive."""
+        return self._state.soft.peers
+
+    # ------------------------------------------------------------------------------------------------------------------
+
+    def _open(
+        self,
+        name: str,
+        to: str,
+        protocol: str,
+        performative: Performative,
+        content: Any,
+        reply_by_s: float | None,
+        *,
+        several: bool,
+    ) -> Conversation:
+        link = self._wiring.required(to, protocol)
+        talk = Conversation.open(protocol, _INITIATOR, id=name, me=self._state.agent, peer=to)
+        reply_by = None if reply_by_s is None else self.now + reply_by_s
+        held = Held(talk, link.delivery, reply_by=reply_by, several=several)
+        return self._speak(held, link, performative, content, reply_by=reply_by)
+
+    def _speak(
+        self,
+        held: Held,
+        link: Link,
+        performative: Performative,
+        content: Any,
+        *,
+        in_reply_to: str | None = None,
+        kind: Kind | None = None,
+        reply_by: float | None = None,
+    ) -> Conversation:
+        durable = link.delivery is _DURABLE
+        language, name = (None, "") if content is None else self._wiring.spoken(content)
+        link.require_said(performative, name)
+        if kind is None:
+            kind = _PLAIN if language is None else language.kind(content)
+        talk, communicate = held.conversation.send(
+            performative,
+            id=str(streams.next_number(self._state, link.peer)) if durable else self._state.name(),
+            now=self.now,
+            content=None if language is None else language.encode(content, performative),
+            language=link.silent if language is None else language.name,
+            ontology=link.ontology,
+            kind=kind,
+            in_reply_to=in_reply_to,
+            reply_by=reply_by,
+        )
+        use_kind = held.conversation.kind_of(performative, communicate.in_reply_to, kind)
+        self._out.said.append((link.use, performative, use_kind))
+        dispatch(self._state, self._out, self._wiring, replace(held, conversation=talk), communicate, self.now)
+        return talk
+
+    def _held(self, conversation: str, to: str = "") -> Held:
+        held = self._state.held(conversation, to)
+        if held is None:
+            known = ", ".join(talk.id for talk in self.conversations()) or "none"
+            raise self._error(f"conversation {conversation!r} is not open", f"open are {known}; ask turn.holds() first")
+        return held
+
+    def _error(self, what: str, hint: str) -> BehaviourError:
+        return BehaviourError(self._state.agent, self._state.state, what, hint)
+
+
+def conversation_of(event: Seen | None) -> str:
+    """The conversation an event belongs to, "" where it belongs to none."""
+    return event.conversation if isinstance(event, _OF_A_TALK) else ""
+
+
+def dispatch(state: CoreState, out: Out, wiring: Wiring, held: Held, communicate: Communicate, now: float) -> None:
+    """Keep the conversation and send its newest communicate as its delivery demands."""
+    talk = held.conversation
+    if held.delivery is _DURABLE:
+        streams.issue(state, out, communicate, now)
+    elif talk.role is _INITIATOR and not talk.ended:
+        streams.ask(state, out, communicate, now)
+    else:
+        if not talk.ended:  # an ended one is forgotten, and its answer with it
+            held = replace(held, answer=communicate)
+        streams.send(state, out, communicate)
+    state.keep(held)
+    if held.delivery is _LATEST and talk.role is _PARTICIPANT and talk.state in talk.table.resting:
+        streams.send_due(state, out, wiring, talk.peer, now)

@@ -1,0 +1,100 @@
+"""The one command line of all services: `python -m services.<x> --help`, each option also as ROCO_<OPTION> in the
+environment.
+
+A service's `__main__.py` is `if __name__ == "__main__": cli.run("planner", "what it does", serve)`, where
+`serve(options)` gives the exit status. A wrong option ends with status 2, which no supervisor tries again.
+"""
+
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agent_runtime.io.options import Options
+
+_DEFAULT = Options()
+
+
+class Level(StrEnum):
+    """Least level shown on the console."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+class Speed(StrEnum):
+    """How fast simulated time goes."""
+
+    REAL = "1"
+    MAX = "max"
+
+
+def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.Typer:
+    """The command of a service."""
+    command = typer.Typer(name=name, add_completion=False, pretty_exceptions_enable=False)
+
+    @command.command(help=text)
+    def main(
+        connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint.")] = _DEFAULT.connect,
+        listen: Annotated[
+            str,
+            typer.Option(envvar="ROCO_LISTEN", help="Where the router listens (only the router does); comma between."),
+        ] = _DEFAULT.listen,
+        system: Annotated[
+            str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot.")
+        ] = _DEFAULT.system,
+        systems: Annotated[
+            str,
+            typer.Option(envvar="ROCO_SYSTEMS", help="Of router and monitor: names of several robots, comma between."),
+        ] = "",
+        link: Annotated[
+            str,
+            typer.Option(envvar="ROCO_LINK", help="Other routers that the router joins: endpoints, comma between."),
+        ] = "",
+        run_dir: Annotated[
+            Path, typer.Option(envvar="ROCO_RUN_DIR", help="Folder of this run: journals, logs, ready files.")
+        ] = _DEFAULT.run_dir,
+        log_level: Annotated[
+            Level, typer.Option(envvar="ROCO_LOG_LEVEL", help="Least level shown; the log file has everything.")
+        ] = Level.INFO,
+        speed: Annotated[
+            Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
+        ] = Speed.REAL,
+        seed: Annotated[int, typer.Option(envvar="ROCO_SEED", help="Varies poses and noise.")] = _DEFAULT.seed,
+        scene: Annotated[
+            str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
+        ] = "",
+        keys: Annotated[
+            str, typer.Option(envvar="ROCO_TLS_DIR", help="Folder of keys (`roco keys make`); empty: no encryption.")
+        ] = "",
+    ) -> None:
+        options = Options(
+            connect=connect,
+            listen=listen,
+            system=system,
+            systems=listed(systems),
+            links=listed(link),
+            run_dir=run_dir,
+            log_level=log_level.value,
+            speed=speed.value,
+            seed=seed,
+            scene=Path(scene) if scene else None,
+            keys=Path(keys) if keys else None,
+        )
+        raise typer.Exit(serve(options) or 0)
+
+    return command
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """What stands between the commas, each once."""
+    return tuple(dict.fromkeys(filter(None, (one.strip() for one in text.split(",")))))
+
+
+def run(name: str, text: str, serve: Callable[[Options], int | None]) -> None:
+    """Parse and serve; ends the process with the status of `serve`."""
+    app(name, text, serve)()

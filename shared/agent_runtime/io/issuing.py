@@ -1,0 +1,145 @@
+"""The keys of a whole fleet, from its design: who gets which certificate, where, and the router's rules.
+
+All in one folder where everybody runs as one user; `apart`, a folder for each identity, where each process sees only
+its own (containers). Several systems may stand behind one router: then each system has a folder, and the certificates
+in it name the system; `linked`, each has a router of its own, which is a client of the others, too. What is there and
+still holds for `keep_days` may be kept: an authority that is made anew parts those who have its keys from those who
+have the old ones.
+"""
+
+import datetime as dt
+import stat
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+from cryptography import x509
+from cryptography.x509.oid import NameOID
+
+from agent_runtime.io import keys
+from agent_runtime.io.secured import AUTHORITY, ROUTER, KeysError, Rights, certificate_file, key_file, rights_of
+from topdown.model.design import Design
+from topdown.model.rights import access_control, common_names
+
+OWNER_ONLY = 0o700
+
+
+class Seat(msgspec.Struct, frozen=True):
+    """Whose keys go where: files of `identity` in `folder`, in a certificate with the common name `name`."""
+
+    identity: str
+    name: str
+    folder: Path
+
+
+class Issued(msgspec.Struct, frozen=True):
+    """What is where, and until when it holds; `anew`: it was made now."""
+
+    folder: str
+    systems: tuple[str, ...]
+    identities: tuple[str, ...]
+    until: dt.datetime
+    anew: bool
+
+
+def seats(
+    folder: Path, design: Design, systems: Sequence[str], *, apart: bool = False, linked: bool = False
+) -> tuple[Seat, ...]:
+    """Where each certificate goes."""
+    found = []
+    for name, pairs in common_names(design, systems, linked=linked).items():
+        identity, system = pairs[0]
+        where = folder if name == identity else folder / system
+        found.append(Seat(identity, name, where / identity if apart else where))
+    return tuple(found)
+
+
+def issue(
+    folder: Path,
+    design: Design,
+    systems: Sequence[str],
+    *,
+    days: float = keys.DAYS,
+    hosts: Sequence[str] = keys.HOSTS,
+    apart: bool = False,
+    linked: bool = False,
+    keep_days: float | None = None,
+    now: dt.datetime | None = None,
+) -> Issued:
+    """Make all keys of the systems, or keep what still holds for `keep_days`. Raises OSError."""
+    begin = now or dt.datetime.now(dt.UTC)
+    places = seats(folder, design, systems, apart=apart, linked=linked)
+    rights = Rights(tuple(systems), access_control(design, *systems, linked=linked))
+    until = None if keep_days is None else holding(places, rights, hosts)
+    kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
+    if until is None or not kept:
+        until = _make(folder, places, rights, begin, days, hosts, linked=linked)
+    return Issued(str(folder), rights.systems, tuple(seat.name for seat in places), until, not kept)
+
+
+def _make(
+    folder: Path,
+    places: Sequence[Seat],
+    rights: Rights,
+    begin: dt.datetime,
+    days: float,
+    hosts: Sequence[str],
+    *,
+    linked: bool,
+) -> dt.datetime:
+    end = begin + dt.timedelta(days=days)
+    issuer = keys.authority(f"{' '.join(rights.systems)} authority"[:64], begin, end)
+    for where in (folder, *dict.fromkeys(seat.folder for seat in places)):
+        where.mkdir(parents=True, exist_ok=True)
+        if stat.S_IMODE(where.stat().st_mode) != OWNER_ONLY:  # a mount point may be on a disk that is read only
+            where.chmod(OWNER_ONLY)
+    for seat in sorted(places, key=lambda one: one.identity == ROUTER):  # the routers' last: they look for new ones
+        keys.publish(seat.folder, issuer, rights if seat.identity == ROUTER else None)
+        listening = hosts if seat.identity == ROUTER else ()
+        keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=linked)
+    return end
+
+
+def holding(places: Sequence[Seat], rights: Rights, hosts: Sequence[str]) -> dt.datetime | None:
+    """Until when all that is there holds; None where something lacks, or is of another authority, system or design."""
+    try:
+        authorities = {(seat.folder / AUTHORITY).read_bytes() for seat in places}
+        found = [(seat, _certificate(certificate_file(seat.folder, seat.identity))) for seat in places]
+        there = all(key_file(seat.folder, seat.identity).is_file() for seat in places)
+        routers = [seat.folder for seat in places if seat.identity == ROUTER]
+        wanted = msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
+        same = all(rights_of(where, *rights.systems) == wanted for where in routers)
+        (issuer,) = map(x509.load_pem_x509_certificate, authorities)
+        signed = all(_signed(one, issuer) and _named(one) == seat.name for seat, one in found)
+        listens = all(_listens(one, hosts) for seat, one in found if seat.identity == ROUTER)
+    except (OSError, ValueError, KeysError):
+        return None
+    if not (there and same and signed and listens):
+        return None
+    return min(one.not_valid_after_utc for one in (issuer, *(certificate for _, certificate in found)))
+
+
+def ends(file: Path) -> dt.datetime:
+    """Until when a certificate holds. Raises OSError, or ValueError where it is none."""
+    return _certificate(file).not_valid_after_utc
+
+
+def _certificate(file: Path) -> x509.Certificate:
+    return x509.load_pem_x509_certificate(file.read_bytes())
+
+
+def _signed(certificate: x509.Certificate, issuer: x509.Certificate) -> bool:
+    try:
+        certificate.verify_directly_issued_by(issuer)
+    except Exception:  # cryptography raises InvalidSignature, ValueError or TypeError: it is not of this authority
+        return False
+    return True
+
+
+def _named(certificate: x509.Certificate) -> object:
+    return certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value
+
+
+def _listens(certificate: x509.Certificate, hosts: Sequence[str]) -> bool:
+    names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    return all(keys.host(name) in names for name in hosts)

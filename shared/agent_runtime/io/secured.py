@@ -1,0 +1,92 @@
+"""A folder of keys as a session needs it: which files an identity opens, and what of Zenoh's configuration they become.
+
+The folder holds `authority.pem`, `<identity>.pem` and `<identity>.key` for whoever runs there, and `rights.json` where
+the router does (agent_runtime/keys.py writes it). Without a folder nothing is encrypted and nobody is asked who it is.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agent_runtime.core.errors import RuntimeFault
+
+AUTHORITY = "authority.pem"
+RIGHTS = "rights.json"
+ROUTER = "router"
+
+
+class Rights(msgspec.Struct, frozen=True):
+    """The router's rules for its systems, as `access_control` of its configuration."""
+
+    systems: tuple[str, ...]
+    access_control: dict[str, Any]
+
+
+class KeysError(RuntimeFault):
+    """A folder of keys lacks something, or is of another system."""
+
+
+def certificate_file(folder: Path, identity: str) -> Path:
+    """The certificate of an identity."""
+    return folder / f"{identity}.pem"
+
+
+def key_file(folder: Path, identity: str) -> Path:
+    """The private key of an identity."""
+    return folder / f"{identity}.key"
+
+
+def client_tls(folder: Path, identity: str) -> dict[str, Any]:
+    """`transport/link/tls` of a session that is this identity. Raises KeysError."""
+    certificate, key = _pair(folder, identity)
+    return {
+        "root_ca_certificate": _file(folder / AUTHORITY),
+        "enable_mtls": True,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+    }
+
+
+def router_tls(folder: Path, *, joins: bool = False) -> dict[str, Any]:
+    """`transport/link/tls` of the router: whoever has no certificate of this authority is not let in. Raises
+    KeysError. `joins`: it is a client of other routers, too, by the same certificate.
+    """
+    certificate, key = _pair(folder, ROUTER)
+    joining = {"connect_certificate": certificate, "connect_private_key": key, "verify_name_on_connect": True}
+    return (joining if joins else {}) | {
+        "root_ca_certificate": _file(folder / AUTHORITY),
+        "enable_mtls": True,
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        "close_link_on_expiration": True,
+    }
+
+
+def rights_of(folder: Path, *systems: str) -> Rights:
+    """The router's rights in a folder. Raises KeysError where they are of other systems."""
+    try:
+        rights = msgspec.json.decode(Path(_file(folder / RIGHTS)).read_bytes(), type=Rights)
+    except msgspec.MsgspecError as error:
+        raise KeysError(f"{folder / RIGHTS} cannot be read ({error}); make the keys again") from error
+    missing = ", ".join(repr(system) for system in systems if system not in rights.systems)
+    if missing:
+        there = ", ".join(repr(system) for system in rights.systems)
+        raise KeysError(
+            f"the rights in {folder} are of system {there}, this router serves {missing}: everything would be denied;"
+            f" make keys for {missing}"
+        )
+    return rights
+
+
+def _pair(folder: Path, identity: str) -> tuple[str, str]:
+    return _file(certificate_file(folder, identity)), _file(key_file(folder, identity))
+
+
+def _file(path: Path) -> str:
+    if not path.is_file():
+        there = ", ".join(sorted(one.stem for one in path.parent.glob("*.key"))) or "none"
+        raise KeysError(f"{path} is missing; identities with a key there: {there}; `roco keys make` writes all of them")
+    return str(path.resolve())

@@ -1,0 +1,170 @@
+"""The unsynced log of steps in the run folder: what came in, when, and a hash of what went out.
+
+It replays an agent to the same bytes: each life begins with the journal record it started from. Losing its tail costs
+nothing but that proof, so it is never synced. A line is <length u32><msgpack array>, and behind it the content of the
+communicate that came, where that is much; a torn last line is ignored.
+"""
+
+import hashlib
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agent_runtime.core import events
+from agent_runtime.core.effects import Deed, Effects
+from agent_runtime.core.step import Core
+from fipa_codec.communicate import Communicate
+
+HEAD = struct.Struct("<I")
+BULK = struct.Struct("<II")
+MUCH_BYTES = 64 * 1024  # estimate: blake2b needs 80 us for that
+BUFFER_BYTES = 4 * 1024 * 1024
+"""Of lines that wait in memory for `flush`; estimate: some of the largest messages (852 kB), a wait of 1 to 10 ms."""
+BOOT = "boot"
+NOTHING = msgspec.Raw()
+"""What stands behind a line whose input is whole."""
+
+
+class Step(msgspec.Struct, frozen=True, array_like=True):
+    """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8 bytes of hash.
+
+    `deed`: what was done, in the words of the design; None where no event reached the behaviour. `apart`: bytes of the
+    content that stand behind the line instead of in `input`; 0 in what `read` gives.
+    """
+
+    incarnation: int
+    step: int
+    at: float
+    kind: str
+    input: bytes
+    output: bytes = b""
+    deed: Deed | None = None
+    apart: int = 0
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=repr)
+_decoder = msgspec.msgpack.Decoder(Step)
+
+
+def fingerprint(effects: Effects) -> bytes:
+    """A hash of everything a step put out: record, receipts, communicates, words to the devices.
+
+    It is to tell two runs apart, not to withstand anybody: of much a checksum (a fifth of the time) and the length do.
+    """
+    parted = [_parted(one) for one in effects.sends]
+    sends = [(one, len(content), zlib.crc32(content)) if content else one for one, content in parted]
+    data = _encoder.encode((effects.record, effects.receipts, sends, effects.tells))
+    if len(data) > MUCH_BYTES:
+        return BULK.pack(len(data), zlib.crc32(data))
+    return hashlib.blake2b(data, digest_size=8).digest()
+
+
+def noted(incarnation: int, step: int, at: float, event: events.AnyEvent, effects: Effects) -> tuple[Step, msgspec.Raw]:
+    """One step of the core as it is written, and the content that stands behind it."""
+    content = NOTHING
+    if isinstance(event, events.Arrived):
+        bare, content = _parted(event.communicate)
+        event = events.Arrived(bare)
+    kind, data = type(event).__name__, _encoder.encode(event)
+    return Step(incarnation, step, at, kind, data, fingerprint(effects), effects.deed, len(content)), content
+
+
+def _parted(communicate: Communicate) -> tuple[Communicate, msgspec.Raw]:
+    """Without its content, and that, where it is much: who asks next waits for each copy. Else itself, and nothing."""
+    content = communicate.content
+    if content is msgspec.UNSET or len(content) <= MUCH_BYTES:
+        return communicate, NOTHING
+    return msgspec.structs.replace(communicate, content=msgspec.UNSET), content
+
+
+def _joined(step: Step, content: bytes) -> Step:
+    """A step whose input has its content again."""
+    arrived = msgspec.msgpack.decode(step.input, type=events.Arrived)
+    whole = msgspec.structs.replace(arrived.communicate, content=msgspec.Raw(content))
+    return msgspec.structs.replace(step, input=_encoder.encode(events.Arrived(whole)), apart=0)
+
+
+class StepLog:
+    """The open log of one agent; `waiting`: bytes that are not in the file yet."""
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = path.open("ab", buffering=BUFFER_BYTES)
+        self.waiting = 0
+
+    def boot(self, incarnation: int, record: bytes, now: float) -> None:
+        """A life begins from this record (b"": the first one)."""
+        self.write([(Step(incarnation, 0, now, BOOT, record), NOTHING)])
+        self.flush()
+
+    def write(self, steps: Iterable[tuple[Step, msgspec.Raw]]) -> None:
+        """Steps of the core, into the file at the next flush, or before it where they are too many to wait.
+
+        Nothing is left of a line for a later write but of one that is longer than BUFFER_BYTES.
+        """
+        for step, content in steps:
+            line = _encoder.encode(step)
+            size = HEAD.size + len(line) + len(content)
+            if self.waiting + size > BUFFER_BYTES:
+                self.flush()
+            self._file.writelines((HEAD.pack(len(line)), line, content))
+            self.waiting += size
+
+    def flush(self) -> None:
+        """All that waits into the file."""
+        self._file.flush()
+        self.waiting = 0
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def read(path: Path) -> Iterator[Step]:
+    """All whole lines of a log."""
+    data, at = path.read_bytes(), 0
+    while at + HEAD.size <= len(data):
+        (length,) = HEAD.unpack_from(data, at)
+        body = data[at + HEAD.size : at + HEAD.size + length]
+        if len(body) < length:
+            return
+        step, at = _decoder.decode(body), at + HEAD.size + length
+        content = data[at : at + step.apart]
+        if len(content) < step.apart:
+            return
+        yield _joined(step, content) if step.apart else step
+        at += step.apart
+
+
+def deeds(folder: Path) -> list[tuple[str, Deed]]:
+    """What all agents did whose logs AGENT.steps lie in a folder, as (agent, deed) in the order of time."""
+    found = [(step.at, path.stem, step.deed) for path in sorted(folder.glob("*.steps")) for step in read(path)]
+    return [(agent, deed) for _, agent, deed in sorted(found, key=lambda one: one[0]) if deed is not None]
+
+
+def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effects]]:
+    """Run a core through a log: each step with its effects now; compare `fingerprint(effects)` with `step.output`."""
+    state = core.boot(None)
+    for step in steps:
+        if step.kind == BOOT:
+            state = core.boot(step.input or None)
+            continue
+        state, effects = core.step(state, _event(core, step), step.at)
+        yield step, effects
+
+
+def _event(core: Core[Any], step: Step) -> events.AnyEvent:
+    kind = getattr(events, step.kind)
+    if kind is not events.Local:
+        event: events.AnyEvent = msgspec.msgpack.decode(step.input, type=kind)
+        return event
+    content = msgspec.msgpack.decode(step.input, type=_RawLocal).content
+    return events.Local(msgspec.msgpack.decode(content, type=core.agent.local))
+
+
+class _RawLocal(msgspec.Struct, tag="Local"):
+    content: msgspec.Raw

@@ -1,0 +1,117 @@
+"""The act under way in 3D: the path that is planned for the hand, the frames of a grasp; and the path each hand took.
+
+Free motions come with their path. Straight ones are drawn from where the hand is; a grasp's points stand in the frame
+of the thing. What ex solves again by itself (approach, levelling, pouring) is not known beforehand, and not drawn.
+"""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from companion.languages import rc
+from companion.languages.values import Pose
+from companion.telemetry import RobotState
+from companion.tools.pictures import robot
+from companion.tools.pictures.scene import Scene
+from operate.pictures.colours import AXES, ORANGE, SIDES
+from operate.pictures.happenings import Happening
+from operate.pictures.sheet import Sheet, arrows, strips
+from operate.recording.records import Spoken
+from velma.names import BODY, COLUMNS, GRIP_BODY
+
+Array = NDArray[np.float64]
+PLANNED, FRAMES, DONE = "world/planned", "world/grasp_frames", "world/done"
+MOST_POINTS = 24
+"""Of a path that are drawn; estimate: smooth for the eye."""
+TRAIL_POINTS, TRAIL_STEP_M = 120, 0.012
+"""Of the path a hand took: its last 1.4 m. Estimate."""
+TRAIL_S = 0.2
+"""Between two looks at where the hands are: kinematics in Python cost 1 ms. Estimate: 7 cm of the fastest hand."""
+FRAME_M = 0.05
+
+
+class Acts:
+    """Draws what ta asks of ex, until it is answered, and where the hands went."""
+
+    def __init__(self, sheet: Sheet, scene: Scene) -> None:
+        self._sheet, self._scene = sheet, scene
+        self._links = robot.links()
+        self._chains = {side: _chain(self._links, name) for side, name in GRIP_BODY.items()}
+        self._q: dict[str, float] = {}
+        self._followed = 0.0
+        self._trails: dict[str, deque[Array]] = {side: deque(maxlen=TRAIL_POINTS) for side in GRIP_BODY}
+        sheet.static(PLANNED, rr.LineStrips3D.from_fields(colors=[ORANGE], radii=[0.004]))
+        sheet.static(FRAMES, rr.Arrows3D.from_fields(radii=[0.0025], colors=list(AXES) * 8))
+        for side, colour in SIDES.items():
+            sheet.static(f"{DONE}/{side}", rr.LineStrips3D.from_fields(colors=[colour], radii=[0.003]))
+
+    def take(self, happening: Happening) -> None:
+        """Draw a command's path, take it away with its answer, lengthen the trails."""
+        match happening.what:
+            case RobotState() as state:
+                self._move(happening.at, state)
+            case Spoken(content=rc.Command() as command):
+                self._draw(happening.at, *self._planned(command))
+            case Spoken(content=rc.Done() | rc.NotDone()):
+                self._draw(happening.at, [], [])
+
+    def _move(self, at: float, state: RobotState) -> None:
+        q = robot.joints(state)
+        if q != self._q and at - self._followed > TRAIL_S:
+            self._q, self._followed = q, at
+            for side, trail in self._trails.items():
+                self._follow(at, side, trail, state.sim_time_s)
+
+    def _draw(self, at: float, paths: list[Array], frames: list[Array]) -> None:
+        self._sheet.add(PLANNED, strips, at, paths)
+        origins = [frame[:3, 3] for frame in frames for _ in range(3)]
+        vectors = [FRAME_M * frame[:3, k] for frame in frames for k in range(3)]
+        self._sheet.add(FRAMES, arrows, at, (origins, vectors))
+
+    def _planned(self, command: rc.Command) -> tuple[list[Array], list[Array]]:
+        """Paths (n, 3) of the grip frame in the world, and frames (4, 4) worth seeing."""
+        match command:
+            case rc.MoveJoint(side=side, path=path):
+                chosen = np.unique(np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int))
+                frames = [self._grip(side, dict(zip(_names(side), path[k], strict=True))) for k in chosen]
+                return [np.array([frame[:3, 3] for frame in frames])], frames[-1:]
+            case rc.MoveCartesian(side=side, segments=segments):
+                start = self._grip(side, {})[:3, 3]
+                return [np.cumsum([start, *(np.array(one.offset) for one in segments)], axis=0)], []
+            case rc.Grasp(object=thing, approach=approach) if thing in self._scene.poses:
+                on = _matrix(self._scene.poses[thing])
+                frames = [on @ _matrix(point.at) for point in approach][-8:]
+                return [np.array([frame[:3, 3] for frame in frames])], frames
+            case rc.Release(place=Pose() as place):
+                return [], [_matrix(place)]
+        return [], []
+
+    def _grip(self, side: str, instead: dict[str, float]) -> Array:
+        """T_world_grip (4, 4) of a hand at the present joints, some of them others."""
+        return robot.world_frames(self._chains[side], self._q | instead)[GRIP_BODY[side]]
+
+    def _follow(self, at: float, side: str, trail: deque[Array], sim: float) -> None:
+        here = self._grip(side, {})[:3, 3]
+        if not trail or np.linalg.norm(here - trail[-1]) > TRAIL_STEP_M:
+            trail.append(here)
+            if len(trail) > 1:
+                self._sheet.add(f"{DONE}/{side}", strips, at, [np.array(trail)], sim)
+
+
+def _names(side: str) -> list[str]:
+    return [BODY[column] for column in COLUMNS[side]]
+
+
+def _chain(links: tuple[robot.Link, ...], name: str) -> tuple[robot.Link, ...]:
+    """The links from the root to this one."""
+    path = next(link.path for link in links if link.name == name)
+    return tuple(link for link in links if link.path == path[: len(link.path)])
+
+
+def _matrix(pose: Any) -> Array:
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = robot.matrix(pose.quat_wxyz), pose.xyz
+    return frame

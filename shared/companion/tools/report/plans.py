@@ -1,0 +1,224 @@
+"""Plans of a run, read off the traffic: how each was made (C3, C4), and how each was carried out (C1, C5)."""
+
+from collections.abc import Iterator
+
+import msgspec
+
+from companion.languages import cmd, hfsm, rc, sw
+from companion.words import plain, spaced
+from fipa_codec.performatives import Performative
+from operate.recording.history import History
+from operate.recording.records import Spoken
+
+TASK_ENDS = (cmd.TaskState.DONE, cmd.TaskState.FAILED, cmd.TaskState.CANCELLED)
+REFUSALS = (Performative.REFUSE, Performative.NOT_UNDERSTOOD)
+REFUSED = "refused"
+
+
+class Made(msgspec.Struct, frozen=True):
+    """A plan asked for: `number` counts from 1, `network` names the request, `plan` is the plan's id ("": none came).
+
+    `wall_s`, `outcome` and `end` None: no answer came.
+    `queries`: what pl asked km meanwhile; `waits`: from each of them to its answer, [(start, end)] in unix seconds;
+    `communicates`: all of C4 meanwhile; `outcome`: found, none, cancelled.
+    """
+
+    number: int
+    network: str
+    plan: str
+    conversation: str
+    task: str
+    start: float
+    end: float | None
+    wall_s: float | None
+    queries: int
+    waits: tuple[tuple[float, float], ...]
+    communicates: int
+    bytes: int
+    outcome: str | None
+    reason: str = ""
+    expected_s: float | None = None
+
+
+class Ran(msgspec.Struct, frozen=True):
+    """A plan carried out. `outcome`: ta's last report, None where there is none; `states`: how many it reported."""
+
+    number: int
+    plan: str
+    conversation: str
+    start: float
+    end: float | None
+    outcome: sw.WorkerState | None
+    reason: str
+    states: int
+
+
+class Act(msgspec.Struct, frozen=True):
+    """An act asked of ex: the command, when it was asked, agreed to (the robot moves from then on) and answered.
+
+    `done`: whether it was; else `reason`.
+    """
+
+    command: rc.Command
+    start: float
+    agreed: float | None
+    end: float | None
+    done: bool
+    reason: str = ""
+
+
+def made(history: History) -> tuple[Made, ...]:
+    """All requests for a plan, in the order of time; one that pl put off is asked again, and counts then."""
+    asked = [one for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)]
+    put_off = {one.conversation for one in history.said if isinstance(one.content, hfsm.NoPlan) and one.content.later}
+    asked = [one for one in asked if one.conversation not in put_off]
+    return tuple(_made(history, number, one) for number, one in enumerate(asked, start=1))
+
+
+def ran(history: History) -> tuple[Ran, ...]:
+    """All plans given to ta, in the order of time."""
+    asked = [one for one in history.said if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)]
+    return tuple(_ran(history, number, one) for number, one in enumerate(asked, start=1))
+
+
+def acts(history: History) -> tuple[Act, ...]:
+    """All acts asked of ex, in the order of time."""
+    asked = [one for one in history.said if isinstance(one.content, rc.Command)]
+    return tuple(_act(history, one) for one in asked)
+
+
+def commands(history: History) -> tuple[Spoken, ...]:
+    """All commands of people, in the order of time."""
+    return tuple(one for one in history.said if isinstance(one.content, cmd.Command))
+
+
+def asked(command: Spoken) -> str:
+    """A command in words: what is to be done with what."""
+    what = command.content
+    fields = [getattr(what, name) for name in what.__struct_fields__]
+    return plain(" ".join((spaced(type(what).__name__), *(one for one in fields if one and isinstance(one, str)))))
+
+
+def task_command(history: History) -> Spoken | None:
+    """The first command of a person to pour that was not refused; without one the first to pour, else the first of any
+    kind; None where there is none.
+    """
+    all_commands = commands(history)
+    pours = [one for one in all_commands if isinstance(one.content, cmd.PourInto)]
+    taken = [one for one in pours if outcome(task_end(history, one)) != REFUSED]
+    return next(iter((*taken, *pours, *all_commands)), None)
+
+
+def outcome(end: Spoken | None) -> str:
+    """How a command ended: a state of its task, or that it was refused, and never became one; "" where it did not."""
+    if end is None:
+        return ""
+    return REFUSED if end.performative in REFUSALS else str(getattr(end.content, "state", end.performative))
+
+
+def others_plans(history: History, command: Spoken) -> frozenset[str]:
+    """The ids of plans that were asked for, or carried out, for other commands than this one: co names them by it."""
+    marks = tuple(f"{one.conversation}-plan" for one in commands(history) if one.conversation != command.conversation)
+    named = (one.content.id for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork))
+    return frozenset(name for name in named if name.startswith(marks))
+
+
+def task_end(history: History, command: Spoken) -> Spoken | None:
+    """co's last word about a command: refuse, failure, or the inform with its result."""
+    ends = (*REFUSALS, Performative.FAILURE)
+    for one in _answers(history, command):
+        if one.performative in ends:
+            return one
+        if one.performative == Performative.INFORM and getattr(one.content, "state", None) in TASK_ENDS:
+            return one
+    return None
+
+
+def states_of(machine: hfsm.Machine, path: str = "") -> Iterator[str]:
+    """All states of a plan as paths, in the order of its tree."""
+    for state in machine.states:
+        here = f"{path}/{state.name}" if path else state.name
+        yield here
+        if isinstance(state, hfsm.Machine):
+            yield from states_of(state, here)
+
+
+def _answers(history: History, opening: Spoken) -> Iterator[Spoken]:
+    for one in history.said:
+        if one.conversation == opening.conversation and one.sender == opening.receiver:
+            yield one
+
+
+def _made(history: History, number: int, asked: Spoken) -> Made:
+    ends = (one for one in _answers(history, asked) if one.performative != Performative.AGREE)
+    end = next(ends, None)
+    until = end.received if end is not None else float("inf")
+    talk = [o for o in history.said if o.channel == "C4" and asked.received <= o.received <= until]
+    plan = end.content if end is not None and isinstance(end.content, hfsm.HierarchicalPlan) else None
+    return Made(
+        number=number,
+        network=asked.content.id,
+        plan="" if plan is None else plan.id,
+        conversation=asked.conversation,
+        task=", then ".join(_task(task) for task in asked.content.tasks),
+        start=asked.received,
+        end=None if end is None else end.received,
+        wall_s=None if end is None else end.received - asked.received,
+        queries=sum(one.performative == Performative.QUERY_REF for one in talk),
+        waits=tuple(_waits(talk)),
+        communicates=len(talk),
+        bytes=sum(one.size for one in talk),
+        outcome=None if end is None else _outcome(end),
+        reason=reason(end),
+        expected_s=None if plan is None else plan.duration,
+    )
+
+
+def _task(task: hfsm.Task) -> str:
+    return plain(" ".join((task.name.replace("_", " "), *task.arguments)))
+
+
+def _waits(talk: list[Spoken]) -> Iterator[tuple[float, float]]:
+    """From each query to the first word that answers it."""
+    asked: dict[str, float] = {}
+    for one in talk:
+        if one.performative == Performative.QUERY_REF:
+            asked.setdefault(one.conversation, one.received)
+        elif one.conversation in asked:
+            yield asked.pop(one.conversation), one.received
+
+
+def _outcome(end: Spoken) -> str:
+    if isinstance(end.content, hfsm.HierarchicalPlan):
+        return "found"
+    return "cancelled" if end.performative == Performative.INFORM else "none"
+
+
+def _ran(history: History, number: int, asked: Spoken) -> Ran:
+    reports = [one for one in _answers(history, asked) if isinstance(one.content, sw.Report)]
+    ended = (one for one in reports if one.content.state in sw.FINAL or one.performative == Performative.REFUSE)
+    end = next(ended, None)
+    return Ran(
+        number=number,
+        plan=asked.content.id,
+        conversation=asked.conversation,
+        start=asked.received,
+        end=None if end is None else end.received,
+        outcome=None if end is None else end.content.state,
+        reason=reason(end),
+        states=len(reports),
+    )
+
+
+def _act(history: History, asked: Spoken) -> Act:
+    answers = list(_answers(history, asked))
+    agreed = next((one.received for one in answers if one.performative == Performative.AGREE), None)
+    end = next((one for one in answers if one.performative != Performative.AGREE), None)
+    done = end is not None and isinstance(end.content, rc.Done)
+    return Act(asked.content, asked.received, agreed, None if end is None else end.received, done, reason(end))
+
+
+def reason(end: Spoken | None) -> str:
+    """The words of an answer that say why, in whichever language."""
+    content = None if end is None else end.content
+    return plain(str(getattr(content, "reason", "") or getattr(content, "text", "") or ""))

@@ -1,0 +1,131 @@
+"""The report's first figure: who was busy when - the task, the plans, km's answers, ta's steps, each hand and the head.
+
+Wall time, as everything that is compared with the paper's Table 7.
+"""
+
+from collections.abc import Iterator
+
+import msgspec
+from matplotlib.axes import Axes
+
+from companion.languages import cmd, rc, sw
+from companion.tools.report.plans import REFUSED, Act, acts, asked, commands, made, outcome, ran, task_end
+from companion.words import plain, spaced
+from operate.recording.history import History
+from operate.reports.figures import ACCENT, FAINT, INK, WIDTH_IN, drawing
+
+LANES = ("person, hi", "co, pl", "km", "ta", "ex: left hand", "ex: right hand", "ex: head")
+WORDS: dict[type[rc.Command], tuple[str, str]] = {
+    rc.MoveJoint: ("move", "#94a3b8"),
+    rc.MoveCartesian: ("pull", "#64748b"),
+    rc.Home: ("home", "#94a3b8"),
+    rc.Grasp: ("grasp", "#d97706"),
+    rc.Release: ("put down", "#15803d"),
+    rc.Look: ("look", "#6d28d9"),
+    rc.Pour: ("pour", "#be185d"),
+}
+VERBS = ("take", "carry", "place", "pour", "look")
+"""First words of a plan's states that say enough alone."""
+PALE, STEP = "#e2e8f0", "#bae6fd"
+LETTER_IN = 0.068
+"""Width of a letter at the size of the bars' texts; estimate, on the safe side."""
+PLOT_IN = WIDTH_IN - 1.4
+
+
+class Bar(msgspec.Struct, frozen=True):
+    """A stretch of time in a lane; texts in order of length, the longest that fits is written."""
+
+    lane: str
+    start: float
+    end: float
+    colour: str
+    texts: tuple[str, ...] = ()
+    ink: str = "white"
+
+
+def story(history: History) -> str:
+    """The figure as SVG; "" where nothing was said."""
+    if not history.said:
+        return ""
+    bars = list(_bars(history))
+    until = max((bar.end for bar in bars), default=history.said[-1].received) - history.begin or 1.0
+    with drawing("story", 2.9, "Who was busy when") as (axes, svg):
+        for bar in bars:
+            _draw(axes, bar, history.begin, until)
+        _ticks(axes, history)
+        axes.set_yticks(range(len(LANES)), LANES)
+        axes.set_ylim(len(LANES) - 0.4, -0.6)
+        axes.set_xlim(-0.005 * until, 1.005 * until)
+        axes.tick_params(axis="y", length=0)
+        axes.spines["left"].set_visible(False)
+        axes.grid(visible=False, axis="y")
+        axes.set_xlabel("time after the first communicate [s]")
+    return svg[0]
+
+
+def _bars(history: History) -> Iterator[Bar]:
+    free = history.begin
+    for command in commands(history):  # one that waits for another one begins where that ends
+        end = task_end(history, command)
+        if outcome(end) == REFUSED:
+            continue  # it took no time of anybody; the table of events has it
+        until = end.received if end is not None else history.said[-1].received
+        state = outcome(end) or "not ended"
+        colour = ACCENT if state == cmd.TaskState.DONE else "#b91c1c"
+        yield Bar(LANES[0], max(free, command.received), until, colour, (f"{asked(command)}: {state}", state))
+        free = max(free, until)
+    for plan in made(history):
+        until = plan.end if plan.end is not None else history.said[-1].received
+        name = f"plan {plan.number}"
+        yield Bar(LANES[1], plan.start, until, "#6d28d9", (f"making {name}", name))
+    yield from steps(history)
+    yield from _acts(history)
+
+
+def steps(history: History) -> Iterator[Bar]:
+    """ta's way through the machines of its plans."""
+    for plan in ran(history):
+        until = plan.end if plan.end is not None else history.said[-1].received
+        reports = [
+            (one.received, one.content.at.partition("/")[0])
+            for one in history.said
+            if one.conversation == plan.conversation and isinstance(one.content, sw.Report) and one.content.at
+        ]
+        starts = [(at, name) for n, (at, name) in enumerate(reports) if n == 0 or reports[n - 1][1] != name]
+        ends = [*(at for at, _ in starts[1:]), until]
+        for (at, name), end in zip(starts, ends, strict=True):
+            verb = name.partition(" ")[0]
+            yield Bar("ta", at, end, STEP, (plain(name), verb) if verb in VERBS else (plain(name),), INK)
+
+
+def _acts(history: History) -> Iterator[Bar]:
+    for act in acts(history):
+        side = getattr(act.command, "side", None)
+        lane = f"ex: {side} hand" if side else "ex: head"
+        word, colour = word_of(act), WORDS.get(type(act.command), ("", FAINT))[1]
+        moving = act.agreed or act.end or act.start
+        yield Bar(lane, act.start, moving, PALE)
+        if act.end is not None:
+            yield Bar(lane, moving, act.end, colour if act.done else "#b91c1c", (word,))
+
+
+def word_of(act: Act) -> str:
+    """What an act is, in a word."""
+    return WORDS.get(type(act.command), (spaced(type(act.command).__name__), ""))[0]
+
+
+def _draw(axes: Axes, bar: Bar, begin: float, until: float) -> None:
+    lane, long = LANES.index(bar.lane), bar.end - bar.start
+    axes.barh(
+        lane, long, left=bar.start - begin, height=0.66, color=bar.colour, edgecolor="white", linewidth=0.8, zorder=3
+    )
+    room = long / until * PLOT_IN
+    text = next((text for text in bar.texts if len(text) * LETTER_IN < room), "")
+    axes.text(bar.start - begin + long / 2, lane, text, ha="center", va="center", color=bar.ink, fontsize=7.5, zorder=4)
+
+
+def _ticks(axes: Axes, history: History) -> None:
+    """What reaches and leaves km: a line each."""
+    told = [one.received - history.begin for one in history.said if "km" in (one.sender, one.receiver)]
+    lane = LANES.index("km")
+    axes.vlines(told, lane - 0.33, lane + 0.33, color=ACCENT, linewidth=0.5, alpha=0.5, zorder=3)

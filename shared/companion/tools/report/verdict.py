@@ -1,0 +1,157 @@
+"""Whether a run did the main job, and if not, why: poured, jar in the left hand, bowl level on the table, plans ended.
+
+From the truth of the simulation (newest record) and from what the agents said about plans; nothing is assumed. A
+missing record is a failure that says so.
+"""
+
+from collections.abc import Iterator
+
+import msgspec
+
+from companion.languages import cmd, sw, wm
+from companion.languages.values import Pose
+from companion.models import MODELS
+from companion.telemetry import TrueState
+from companion.tools.pictures.known_names import KNOWN_AS
+from companion.tools.report.plans import asked, made, others_plans, outcome, ran, reason, task_command, task_end
+from operate.recording.history import History
+from operate.recording.records import Spoken
+
+LEAST_POURED = 0.9
+MOST_TILT_DEG = 10.0
+LEAST_LINKS = 2
+"""Finger or palm links of a hand that touch what it holds; one alone only leans on it."""
+ON_TABLE_M = 0.02
+"""Between a vessel's base and the table's top; estimate: contacts are soft, table poses may be observed ones (4 mm)."""
+OWN_OUTCOMES = (sw.WorkerState.SUCCEEDED, sw.WorkerState.REPLAN)
+TABLE = "table"
+
+
+class Poured(msgspec.Struct, frozen=True):
+    """What the simulation says at the end; None where it does not say."""
+
+    fraction: float | None = None
+    bowl_tilt_deg: float | None = None
+    jar_links: int | None = None
+    bowl_links: int | None = None
+    bowl_on_table: bool | None = None
+
+
+def poured(history: History) -> Poured:
+    """The true state at the end of the recording."""
+    if not history.truth:
+        return Poured()
+    truth = history.truth[-1][1]
+    jar, bowl = _vessel(truth, "jar"), _vessel(truth, "bowl")
+    return Poured(
+        fraction=truth.grains_in.get(bowl, 0) / truth.grains if bowl and truth.grains else None,
+        bowl_tilt_deg=truth.tilt_deg.get(bowl),
+        jar_links=truth.fingers_on[jar].get("left", 0) if jar in truth.fingers_on else None,
+        bowl_links=sum(truth.fingers_on[bowl].values()) if bowl in truth.fingers_on else None,
+        bowl_on_table=_on_table(history, truth, bowl) if bowl else None,
+    )
+
+
+def failure(history: History) -> str | None:
+    """Why the run did not do the main job, in words; None: it did."""
+    command = task_command(history)
+    if command is not None and not isinstance(command.content, cmd.PourInto):
+        return f"nobody asked to pour, but to {asked(command)}"
+    if command is None:
+        return "; ".join(_not_whole(history)) or "no command of a person was heard"
+    # What plans say comes first: where one failed, an empty bowl follows from that and needs no words.
+    reasons = list(_of_plans(history, command)) or list(_of_truth(poured(history), bool(history.truth)))
+    return "; ".join((*_not_whole(history), *reasons)) if reasons else None
+
+
+def _not_whole(history: History) -> Iterator[str]:
+    """Processes of the fleet that did not run in the end, though nobody had ended them: the cause of all else."""
+    for process in history.down:
+        yield f"{process.name} did not run ({process.state}{': ' + process.note if process.note else ''})"
+
+
+def _of_plans(history: History, command: Spoken) -> Iterator[str]:
+    """What went wrong with the command and its plans; plans of other commands are not the job."""
+    end, of_others = task_end(history, command), others_plans(history, command)
+    why = ""
+    if end is None:
+        yield "the task did not end"
+    elif outcome(end) != cmd.TaskState.DONE:
+        why = reason(end)
+        yield f"the task ended, {outcome(end)}{': ' + why if why else ''}"
+    for plan in made(history):
+        if plan.network in of_others:
+            continue
+        if plan.outcome != "found" and not (plan.reason and plan.reason in why):
+            yield f"plan {plan.number}: {plan.reason or plan.outcome or 'no answer came'}"
+    plans = [run for run in ran(history) if run.plan not in of_others]
+    if not plans and not why:
+        yield "no plan was carried out"
+    for run in plans:
+        if run.outcome not in OWN_OUTCOMES and not (run.reason and run.reason in why):
+            how = f"ended {run.outcome}" if run.outcome else "did not end"
+            yield f"plan {run.number} {how}{': ' + run.reason if run.reason else ''}"
+    if plans and plans[-1].outcome is sw.WorkerState.REPLAN:
+        yield "the last plan wanted another one"
+
+
+def _of_truth(state: Poured, recorded: bool) -> Iterator[str]:
+    if not recorded:
+        yield "the true state of the simulation was not recorded"
+        return
+    if state.fraction is None:
+        yield "it was not recorded how much is in the bowl"
+    elif state.fraction < LEAST_POURED:
+        yield f"{state.fraction:.0%} of the content is in the bowl, at least {LEAST_POURED:.0%} are wanted"
+    if state.jar_links is None:
+        yield "it was not recorded whether the left hand holds the jar"
+    elif state.jar_links < LEAST_LINKS:
+        yield "the left hand does not hold the jar"
+    if state.bowl_tilt_deg is None:
+        yield "the bowl's tilt was not recorded"
+    elif state.bowl_tilt_deg >= MOST_TILT_DEG:
+        yield f"the bowl is tilted by {state.bowl_tilt_deg:.0f} degrees, less than {MOST_TILT_DEG:.0f} are wanted"
+    if state.bowl_links:
+        yield "a hand still touches the bowl"
+    if not state.bowl_on_table:
+        yield "the bowl is not on a table" if state.bowl_on_table is False else "where the bowl stands was not recorded"
+
+
+def _vessel(truth: TrueState, kind: str) -> str:
+    """The id of the first vessel of this kind, "" for none."""
+    return next((name for name in sorted(truth.tilt_deg) if truth.models.get(name, name).startswith(kind)), "")
+
+
+def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
+    """Whether a vessel's base stands over, and within a contact of, the top of a table; None: no table is known."""
+    at = truth.at.get(vessel) or (truth.poses[vessel].xyz if vessel in truth.poses else None)
+    tables = _tables(history, truth)
+    if at is None or not tables:
+        return None
+    kind = truth.models.get(vessel, "")
+    model = MODELS.get(KNOWN_AS.get(kind, kind))
+    base = at[2] + (model.base.z if model else 0.0)
+    return any(_stands_on(at[0], at[1], base, table) for table in tables)
+
+
+def _tables(history: History, truth: TrueState) -> list[Pose]:
+    """Poses of all tables: true ones, else the ones km was told of."""
+    true = [pose for name, pose in truth.poses.items() if truth.models.get(name) == TABLE]
+    if true:
+        return true
+    seen = (one.content for one in history.said if isinstance(one.content, wm.SeenObject))
+    return list({one.object: one.pose for one in seen if one.model == TABLE}.values())
+
+
+def _stands_on(x: float, y: float, base: float, table: Pose) -> bool:
+    """Tables stand upright, turned about z: w and z of the quaternion are all there is."""
+    w, z = table.quat_wxyz[0], table.quat_wxyz[3]
+    cosine, sine = w * w - z * z, 2 * w * z
+    dx, dy = x - table.xyz[0], y - table.xyz[1]
+    along, across = cosine * dx + sine * dy, cosine * dy - sine * dx
+    return any(
+        abs(along - top.x) <= top.along_x / 2
+        and abs(across - top.y) <= top.along_y / 2
+        and abs(base - top.z - table.xyz[2]) <= ON_TABLE_M
+        for top in MODELS[TABLE].surfaces
+    )

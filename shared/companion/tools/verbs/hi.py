@@ -1,0 +1,66 @@
+"""The client of a_hi over loopback HTTP; the contract is docs/http.md."""
+
+import http.client
+from typing import TypeVar
+from urllib.parse import urlencode
+
+import msgspec
+
+from companion.run_files import Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
+from operate.cli.errors import HiError
+
+ANSWER_S = 10.0  # estimate: a_hi answers without asking anybody, in milliseconds
+T = TypeVar("T")
+
+
+class Hi:
+    """A_hi at this address. Every call raises HiError: status 0 where nobody answers, else what a_hi said."""
+
+    def __init__(self, address: HiAddress) -> None:
+        self.address = address
+
+    def say(self, text: str) -> TaskLine:
+        """Say a sentence; the task it became, or its refusal."""
+        return self._ask("POST", "/say", TaskLine, Say(text))
+
+    def cancel(self, task: str = "") -> TaskLine:
+        """Cancel this task, or the oldest that has not ended."""
+        return self._ask("POST", "/cancel", TaskLine, Cancel(task))
+
+    def tasks(self) -> tuple[TaskLine, ...]:
+        """All tasks, oldest first."""
+        return self._ask("GET", "/tasks", Tasks).tasks
+
+    def events(self, since: int = 0, wait_s: float = 0.0) -> Events:
+        """Events after number `since`; waits up to `wait_s` [s] for one."""
+        query = urlencode({"since": since, "wait": wait_s})
+        return self._ask("GET", f"/events?{query}", Events, patience_s=ANSWER_S + wait_s)
+
+    def _ask(
+        self, verb: str, path: str, kind: type[T], body: msgspec.Struct | None = None, patience_s: float = ANSWER_S
+    ) -> T:
+        connection = http.client.HTTPConnection("127.0.0.1", self.address.port, timeout=patience_s)
+        headers = {"Authorization": f"Bearer {self.address.token}", "Content-Type": "application/json"}
+        try:
+            connection.request(verb, path, msgspec.json.encode(body) if body is not None else None, headers)
+            answer = connection.getresponse()
+            data = answer.read()
+        except (OSError, http.client.HTTPException) as error:
+            text = f"the human interface does not answer on port {self.address.port} ({error}); see `roco status`"
+            raise HiError(0, text) from error
+        finally:
+            connection.close()
+        if answer.status != http.client.OK:
+            raise HiError(answer.status, _reason(data))
+        try:
+            return msgspec.json.decode(data, type=kind)
+        except msgspec.DecodeError as error:
+            raise HiError(answer.status, f"{path} answered something else than {kind.__name__}: {error}") from error
+
+
+def _reason(data: bytes) -> str:
+    """The sentence in the body of a refusal."""
+    try:
+        return msgspec.json.decode(data, type=Problem).error
+    except msgspec.DecodeError:
+        return data[:200].decode(errors="replace") or "no reason given"

@@ -1,0 +1,41 @@
+"""`roco`: bring the fleet up and down, talk to the robot, watch it, ask what was said. `roco --help` lists it all.
+
+The verbs are in operate.cli.verbs; docs/roco.md has the exit codes, which are the same for all.
+"""
+
+from typing import Annotated
+
+import typer
+
+from operate.cli.lazy import Verbs
+
+app = typer.Typer(
+    cls=Verbs, no_args_is_help=True, help="The operator's command line of the Robot Companion.", name="roco"
+)
+
+
+def tell_version(asked: bool) -> None:
+    """Print the installed version, and end."""
+    if asked:
+        from operate.cli.runs.machine import installed
+
+        print(f"roco {installed()}")
+        raise typer.Exit
+
+
+@app.callback()
+def roco(
+    version: Annotated[
+        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Show the version, and end.")
+    ] = False,
+) -> None:
+    """The operator's command line of the Robot Companion."""
+
+
+def main() -> None:
+    """Entry point of `roco`."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

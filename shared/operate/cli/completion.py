@@ -1,0 +1,58 @@
+"""Names for the shell to complete: runs, agents, processes, channels. Imports are made only when a shell asks."""
+
+from pathlib import Path
+
+RUNS = Path("runs")
+
+
+def runs(incomplete: str) -> list[str]:
+    """The folders of runs, newest first."""
+    found = sorted((path for path in RUNS.glob("*") if path.is_dir()), key=lambda path: path.name, reverse=True)
+    return [str(path) for path in found if str(path).startswith(incomplete)]
+
+
+def agents(incomplete: str) -> list[str]:
+    """The agents of the design."""
+    from companion.design import DESIGN
+
+    return [name for name in DESIGN.agents if name.startswith(incomplete)]
+
+
+def channels(incomplete: str) -> list[str]:
+    """The channels of the design."""
+    from companion.design import DESIGN
+
+    return [name for name in DESIGN.channels if name.startswith(incomplete)]
+
+
+def protocols(incomplete: str) -> list[str]:
+    """The protocols of the design, as it names what it follows."""
+    from companion.design import DESIGN
+
+    return [name for name in DESIGN.tables if name.startswith(incomplete)]
+
+
+def performatives(incomplete: str) -> list[str]:
+    """All performatives of FIPA."""
+    from fipa_codec.performatives import Performative
+
+    return [name for name in Performative if name.startswith(incomplete)]
+
+
+def targets(incomplete: str) -> list[str]:
+    """What --target takes: the words, the compose projects that run, the folders of runs."""
+    from operate.cli.fleet.compose import projects
+
+    return [name for name in ("local", "compose", *projects()) if name.startswith(incomplete)] + runs(incomplete)
+
+
+def processes(incomplete: str) -> list[str]:
+    """The processes of the fleet that is meant without a word."""
+    from operate.cli.errors import ConsoleError
+    from operate.cli.fleet import targets
+
+    try:
+        found = [one.name for one in targets.find().look().seen]
+    except ConsoleError:
+        return agents(incomplete)
+    return [name for name in found if name.startswith(incomplete)]

@@ -1,0 +1,66 @@
+"""What the verbs of `roco design` share: the file argument, the forms of output, words instead of tracebacks."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from companion.design import FILE
+from companion.findings import findings as companion_findings
+from operate.cli.errors import ConsoleError
+from operate.cli.output import Format, tell_problem
+from operate.cli.traffic.observed import recording
+from topdown import check
+from topdown.check.observe import Observed
+from topdown.model.design import Design
+from topdown.model.errors import TopdownError
+from topdown.model.findings import Finding
+
+WRONG_FILE = 2
+"""Exit code where a file cannot be read or is no design."""
+NARROW, WIDE = 60, 160
+
+
+File = Annotated[Path, typer.Argument(help="A design file; else the Robot Companion's.", show_default=False)]
+Recording = Annotated[Path | None, typer.Option("--recording", help="A run's folder, or a .json of observations.")]
+
+
+def width() -> int:
+    """Columns to fill."""
+    return min(max(shutil.get_terminal_size((100, 0)).columns, NARROW), WIDE)
+
+
+def shown(file: Path) -> str:
+    """A path as short as it can be said from here."""
+    here = Path.cwd()
+    return str(file.resolve().relative_to(here)) if file.resolve().is_relative_to(here) else str(file)
+
+
+def observed(run: Path | None) -> Observed | None:
+    """The run that is meant, if one is."""
+    return None if run is None else recording(run)
+
+
+def findings(design: Design, file: Path) -> tuple[Finding, ...]:
+    """Of the file itself; of the Robot Companion's also what differs from its code."""
+    same = file.resolve() == FILE.resolve()
+    return companion_findings(design) if same else check.check(design)
+
+
+def tell_json(what: object) -> None:
+    """Print anything made of Structs."""
+    print(msgspec.json.format(msgspec.json.encode(what), indent=2).decode())
+
+
+@contextmanager
+def problems(form: Format) -> Iterator[None]:
+    """Turn what goes wrong into words on standard error and exit code 2."""
+    try:
+        yield
+    except (TopdownError, ConsoleError, OSError, ValueError) as error:
+        tell_problem(error, form)
+        raise typer.Exit(WRONG_FILE) from error

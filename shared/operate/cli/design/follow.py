@@ -1,0 +1,50 @@
+"""`roco design follow`: whether what the agents of a run did is a path of the model that was proven.
+
+Exit codes: 0 it is, 1 a step of some agent is none of the model's, 2 a file cannot be read.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agent_runtime.io.steplog import deeds
+from companion.design import FILE
+from operate.cli.design import files
+from operate.cli.output import Form, Format
+from topdown.model.design import load
+from topdown.prove.paths import Deviation, Follower
+
+STEPS = "steps"
+
+Run = Annotated[Path, typer.Argument(help="A run's folder; its agents' steps are in RUN/steps.", exists=True)]
+Design = Annotated[Path, typer.Option("--design", help="A design file; else the Robot Companion's.")]
+
+
+def follow(run: Run, design: Design = FILE, form: Form = Format.TEXT) -> None:
+    """Follow a run through the composed model of its design: every step of every agent must be a move of it.
+
+    Examples:
+      roco design follow runs/latest
+    """
+    with files.problems(form):
+        done = deeds(run / STEPS)
+        if not done:
+            raise ValueError(
+                f"{run / STEPS} has no steps; name the folder of a run, as `roco up` or `roco demo` wrote it"
+            )
+        follower = Follower(load(design))
+        found = follower.follow(done)
+    if form is Format.JSON:
+        files.tell_json({"steps": follower.count, "deviation": found and found._asdict()})
+    else:
+        print(_words(follower, found))
+    if found is not None:
+        raise typer.Exit(1)
+
+
+def _words(follower: Follower, found: Deviation | None) -> str:
+    if found is None:
+        return f"{follower.count} steps, each a move of the model (at most {follower.most} of its states at a time)"
+    lines = [f"step {found.number} is no move of the model: {found.agent} {found.what}", "the model would be at"]
+    return "\n".join(lines + [f"  {agent:<4} {words}" for agent, words in found.here.items()])

@@ -1,0 +1,55 @@
+"""`roco design new`: a project made from a design file, or the smallest one to begin with."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from topdown.model.errors import TopdownError
+from topdown.scaffold import Outcome, scaffold, smallest
+
+
+def new(
+    folder: Annotated[Path, typer.Argument(help="The project's folder; made where missing.")],
+    name: Annotated[str, typer.Option(help="Name of package and system; else the design's, or the folder's.")] = "",
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", exists=True, dir_okay=False, help="A design file; else the smallest system begins."),
+    ] = None,
+    form: Annotated[str, typer.Option("--format", help="text for people, json for programs.")] = "text",
+) -> None:
+    """Make a project of a design: packages, typed interfaces, stubs, tests, processes, compose entries.
+
+    Run it again after a change of the design: a file that you changed is kept, and the names it lacks are told.
+
+    Examples:
+      roco design new lamp
+      roco design new robot --from shared/companion/design.toml
+    """
+    try:
+        outcome = _made(folder, name, source)
+    except (TopdownError, OSError) as error:
+        text = msgspec.json.encode({"error": str(error)}).decode() if form == "json" else f"roco: {error}"
+        print(text, file=sys.stderr)
+        raise typer.Exit(1) from error
+    print(msgspec.json.encode(outcome).decode() if form == "json" else "\n".join(_words(outcome)))
+
+
+def _made(folder: Path, name: str, source: Path | None) -> Outcome:
+    if source is not None:
+        return scaffold(source.read_text(encoding="utf-8"), folder, name, str(source))
+    package = name or folder.resolve().name
+    return scaffold(smallest(package), folder, package)
+
+
+def _words(outcome: Outcome) -> list[str]:
+    """What was done, for people."""
+    lines = [f"{outcome.folder}: {len(outcome.written)} files written, {len(outcome.same)} as they were"]
+    lines += [f"  {path}" for path in outcome.written]
+    for kept in outcome.kept:
+        lacks = f"; nothing of yours mentions {', '.join(kept.missing)} yet" if kept.missing else ""
+        lines.append(f"  kept {kept.path}, which you changed{lacks}")
+    lines += [f"  left {path}, which the design no longer makes" for path in outcome.left]
+    return lines

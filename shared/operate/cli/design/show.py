@@ -1,0 +1,102 @@
+"""`roco design show`: what the method's paper has in tables and figures, of any design file, as text, SVG and HTML."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from companion.design import FILE
+from operate.cli.output import Form, Format, tell_problem
+from topdown.draw import book, text
+from topdown.draw.parts import Figure, Section
+from topdown.model.design import load
+from topdown.model.errors import TopdownError
+
+
+def show(
+    file: Annotated[Path, typer.Argument(help="A design file; else the Robot Companion's.")] = FILE,
+    what: Annotated[list[book.What] | None, typer.Option(help="What to show; may be repeated.")] = None,
+    step: Annotated[
+        int | None, typer.Option(help="Of steps and tree: after which step; else all, and the last.")
+    ] = None,
+    agent: Annotated[str | None, typer.Option(help="Of interfaces and machines: whose; else all.")] = None,
+    protocol: Annotated[str | None, typer.Option(help="Of protocols: which use, or the table they follow.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write one self-contained page of it here.")] = None,
+    svg: Annotated[Path | None, typer.Option(help="Write its figures into this folder.")] = None,
+    long: Annotated[bool, typer.Option("--long", help="Also the rows behind diagrams, which a page folds.")] = False,
+    form: Form = Format.TEXT,
+) -> None:
+    """Show a design: requirements, steps, channels, protocols, the system, state machines.
+
+    Examples:
+      roco design show
+      roco design show --agent co
+      roco design show --what system
+    """
+    with problems(form):
+        chosen = chosen_of(what or [], step, agent, protocol)
+        width = shutil.get_terminal_size((text.WIDTH, 0)).columns
+        design = load(file)
+        choice = book.Choice(chosen, step, agent, protocol, max(40, width))
+        sections = book.sections(design, choice)
+        files = write(book.page_of(design, sections), html) + write_all(book.figures(sections), svg)
+        if form is Format.JSON:
+            print(msgspec.json.encode([plain(section) for section in sections]).decode())
+        elif files:
+            print("\n".join(f"wrote {path}" for path in files))
+        else:
+            print(text.written(sections, max(40, width), long), end="")
+
+
+def chosen_of(
+    what: list[book.What], step: int | None, agent: str | None, protocol: str | None
+) -> tuple[book.What, ...]:
+    """The sections that are meant: those named; else those that a step, an agent or a protocol is of; else all."""
+    if what:
+        return tuple(what)
+    meant = {
+        book.What.STEPS: step is not None,
+        book.What.INTERFACES: agent is not None,
+        book.What.MACHINES: agent is not None,
+        book.What.PROTOCOLS: protocol is not None,
+    }
+    return tuple(one for one, is_meant in meant.items() if is_meant) or (book.What.ALL,)
+
+
+def plain(section: Section) -> dict[str, object]:
+    """A section as plain data: tables by their heads, figures by what they show."""
+    parts: list[dict[str, object]] = []
+    for part in section.parts:
+        if isinstance(part, Figure):
+            parts.append({"figure": part.name, "caption": part.caption, "data": part.data, "notes": part.notes})
+        else:
+            parts.append({"table": part.title, "head": part.head, "rows": part.rows, "notes": part.notes})
+    return {"what": section.what, "title": section.title, "parts": parts}
+
+
+def write(words: str, path: Path | None) -> list[Path]:
+    """Write a file, if there is a path; the files written."""
+    if path is None:
+        return []
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(words, encoding="utf-8")
+    return [path]
+
+
+def write_all(files: dict[str, str], folder: Path | None) -> list[Path]:
+    """Write files into a folder, if there is one."""
+    return [] if folder is None else [path for name, words in files.items() for path in write(words, folder / name)]
+
+
+@contextmanager
+def problems(form: Format) -> Iterator[None]:
+    """Turn what goes wrong into words on standard error and exit code 1."""
+    try:
+        yield
+    except (TopdownError, OSError) as error:
+        tell_problem(error, form)
+        raise typer.Exit(1) from error

@@ -1,0 +1,81 @@
+"""`roco design trace`: every leaf requirement -> groups -> agents -> channels -> what shows it, if anything.
+
+Exit codes: 0 every leaf has evidence, 1 one has none or misses some, 2 a file cannot be read.
+"""
+
+import textwrap
+from pathlib import Path
+
+import typer
+
+from companion.design import FILE
+from operate.cli.design import files
+from operate.cli.output import Form, Format
+from topdown.check.trace import Evidence, Shown, Traced, trace
+from topdown.model.design import load
+
+MARKS = {Shown.SEEN: "+", Shown.NAMED: " ", Shown.MISSING: "-"}
+
+
+def trace_(file: files.File = FILE, run: files.Recording = None, form: Form = Format.TEXT) -> None:
+    """Trace every leaf requirement to what shows that it is met. Exits with 1 where something is missing.
+
+    Examples:
+      roco design trace
+      roco design trace --format json
+    """
+    with files.problems(form):
+        found = trace(load(file), files.observed(run), Tests(file))
+    if form is Format.JSON:
+        files.tell_json({"file": str(file), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]})
+    else:
+        print(written(found, files.width(), looked=run is not None))
+    if any(leaf.bare or missing(leaf) for leaf in found):
+        raise typer.Exit(1)
+
+
+class Tests:
+    """Looks for tests by paths that begin where the design file stands, or in a folder above it."""
+
+    __test__ = False
+
+    def __init__(self, file: Path) -> None:
+        self._folders = file.resolve().parents
+
+    def __call__(self, path: str, name: str) -> bool:
+        found = next((folder / path for folder in self._folders if (folder / path).is_file()), None)
+        return found is not None and (not name or f"def {name}(" in found.read_text(encoding="utf-8"))
+
+
+def missing(leaf: Traced) -> list[Evidence]:
+    """Evidence that was looked for in vain."""
+    return [one for one in leaf.evidence if one.shown is Shown.MISSING]
+
+
+def written(found: tuple[Traced, ...], width: int, *, looked: bool) -> str:
+    """The leaves as people read them, then those that nothing shows."""
+    lines = [line for leaf in found for line in _leaf(leaf, width)]
+    lines.append("+ seen, - missing" + ("" if looked else "; events and messages are looked for with --recording RUN"))
+    bare = [leaf.id for leaf in found if leaf.bare]
+    lost = [leaf.id for leaf in found if missing(leaf) and not leaf.bare]
+    told = f"without evidence: {', '.join(bare)}" if bare else f"all {len(found)} leaves have evidence"
+    return "\n".join([*lines, told, *([f"some evidence is missing: {', '.join(lost)}"] if lost else [])])
+
+
+def _leaf(leaf: Traced, width: int) -> list[str]:
+    steps = ", ".join(map(str, leaf.steps)) or "none"
+    way = (
+        f"step {steps} -> groups {', '.join(leaf.groups) or 'none'} -> agents {', '.join(leaf.agents) or 'none'}"
+        f" -> channels {', '.join(leaf.channels) or 'none'}"
+    )
+    head = textwrap.wrap(f"{leaf.id}  {leaf.text}", width, subsequent_indent="    ")
+    return [*head, *textwrap.wrap(way, width, initial_indent="    ", subsequent_indent="      "), *_shown(leaf), ""]
+
+
+def _shown(leaf: Traced) -> list[str]:
+    if not leaf.evidence:
+        return ["  - nothing shows it"]
+    times = (f" ({one.count} times)" if one.count > 1 else "" for one in leaf.evidence)
+    return [
+        f"  {MARKS[one.shown]} {one.kind} {one.name}{count}" for one, count in zip(leaf.evidence, times, strict=True)
+    ]

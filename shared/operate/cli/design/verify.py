@@ -1,0 +1,145 @@
+"""`roco design verify`: the proof of a design in three layers, before anything runs.
+
+Exit codes: 0 all holds, 1 something was found or is open, 2 a file cannot be read or an option makes no sense.
+"""
+
+import textwrap
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+
+from companion.design import FILE
+from operate.cli.design import files
+from operate.cli.output import Form, Format
+from topdown.model.design import load
+from topdown.prove import counterexample, durable, volatile
+from topdown.prove.abstractions import ABSTRACTIONS, NOT_PROVEN
+from topdown.prove.engine import Finding
+from topdown.prove.verify import LAYERS, Task, Verdict, tasks
+
+ANY = "any"
+TITLES = {
+    1: "Layer 1: the durable stream and physical acts, in micro-steps",
+    2: "Layer 2: each use of a protocol, copies and receipts explicit",
+    3: "Layer 3: all agents composed, on ideal queues",
+}
+
+Faults = Annotated[str, typer.Option(help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.")]
+Layers = Annotated[list[int] | None, typer.Option("--layer", help="Only this layer; may be given again.")]
+Step = Annotated[int | None, typer.Option(help="Only the channels that this step of the design created or changed.")]
+Gone = Annotated[list[str] | None, typer.Option(help="Besides: this agent may die for good, and wishes still end.")]
+Seconds = Annotated[float | None, typer.Option(help="Time for each verdict; what is open then is said.")]
+Long = Annotated[bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")]
+
+
+def verify(
+    file: files.File = FILE,
+    faults: Faults = "1",
+    layer: Layers = None,
+    step: Step = None,
+    gone: Gone = None,
+    seconds: Seconds = None,
+    long: Long = False,
+    form: Form = Format.TEXT,
+) -> None:
+    """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no stale plan.
+
+    Examples:
+      roco design verify
+      roco design verify --format json
+    """
+    with files.problems(form):
+        most, wanted = _most(faults), tuple(layer or LAYERS)
+        try:
+            work = tuple(tasks(load(file), faults=most, layers=wanted, step=step, gone=gone or (), seconds=seconds))
+        except IndexError as error:
+            raise ValueError(str(error)) from error
+        if not work:
+            raise ValueError("nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only")
+        verdicts = _verdicts(work, form)
+    if form is Format.JSON:
+        files.tell_json([_plain(verdict) for verdict in verdicts])
+    else:
+        print(summary(verdicts, files.width(), long=long))
+    if not all(verdict.holds for verdict in verdicts):
+        raise typer.Exit(1)
+
+
+def _most(faults: str) -> int | None:
+    if faults == ANY:
+        return None
+    if not faults.isdigit():
+        raise ValueError(f"--faults {faults!r} is no number; say 0, 1, 2 or {ANY}")
+    return int(faults)
+
+
+def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
+    """Each verdict as it comes, with progress on a terminal."""
+    verdicts: list[Verdict] = []
+    console, shown = Console(stderr=True), 0
+    for task in work:
+        if form is Format.TEXT and task.layer != shown:
+            shown = task.layer
+            print(TITLES[shown])
+        with console.status(f"{task.what} ..." if console.is_terminal else "") as status:
+            verdict = task.run(
+                lambda states, waiting, what=task.what: status.update(  # type: ignore[misc]
+                    f"{what}: {states} states, {waiting} still to look at"
+                )
+            )
+        verdicts.append(verdict)
+        if form is Format.TEXT:
+            print(line(verdict, files.width()))
+    return verdicts
+
+
+def line(verdict: Verdict, width: int) -> str:
+    """A verdict in a line, and what is wrong or open below it."""
+    faults = "any faults" if verdict.faults is None else f"{verdict.faults} fault{'s' if verdict.faults != 1 else ''}"
+    word = "holds" if verdict.holds else "FAILS" if verdict.findings else "open"
+    count = f"{verdict.states:>9,} states  {verdict.seconds:6.1f} s"
+    lines = [f"  {verdict.what:<28} {faults:<11}{count}  {word}"]
+    for text in verdict.open:
+        lines += textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ")
+    return "\n".join(lines + [_counterexample(finding, width) for finding in verdict.findings])
+
+
+def _counterexample(finding: Finding, width: int) -> str:
+    return f"\n{counterexample.as_text(finding, width)}\n"
+
+
+def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
+    """What all verdicts say together, and what none of them says anything about."""
+    failed = sum(bool(verdict.findings) for verdict in verdicts)
+    opened = sum(bool(verdict.open) for verdict in verdicts)
+    states = sum(verdict.states for verdict in verdicts)
+    lines = [f"{len(verdicts)} verdicts, {states:,} states: {failed} fail, {opened} open"]
+    notes = [note for verdict in verdicts for note in verdict.notes]
+    if notes and not long:
+        lines.append(f"{len(notes)} rows or states were not needed by any path; --long lists them")
+    if long:
+        lines += ["", "Not needed by any path:", *(f"  {note}" for note in notes or ["nothing"])]
+        lines += ["", "What the composed model leaves out, and why that is safe:"]
+        for one in ABSTRACTIONS:
+            lines += textwrap.wrap(f"- {one.what}: {one.why}. Shown by: {one.shown}.", width, subsequent_indent="  ")
+        for title, table in (("durable", durable.ABSTRACTIONS), ("volatile", volatile.ABSTRACTIONS)):
+            lines += ["", f"What the models of {title} uses leave out, and why that is safe:"]
+            for what, why in table:
+                lines += textwrap.wrap(f"- {what}: {why}.", width, subsequent_indent="  ")
+    lines += ["", "Not proven by any layer:"]
+    for text in NOT_PROVEN:
+        lines += textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
+    return "\n".join(lines)
+
+
+def _plain(verdict: Verdict) -> dict[str, object]:
+    """A verdict for programs."""
+    findings = [
+        {"kind": one.kind, "text": one.text, "trace": [{"who": step.who, "what": step.what} for step in one.trace]}
+        for one in verdict.findings
+    ]
+    fields = {name: getattr(verdict, name) for name in verdict._fields if name != "findings"}
+    kept: dict[str, object] = msgspec.to_builtins(fields)
+    return {**kept, "holds": verdict.holds, "findings": findings}

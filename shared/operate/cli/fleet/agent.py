@@ -1,0 +1,191 @@
+"""`roco agent info|stop|start|restart NAME`: one process of the fleet."""
+
+import time
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from companion.design import DESIGN
+from operate.cli import completion
+from operate.cli.errors import FleetError, UsageError
+from operate.cli.fleet import targets
+from operate.cli.fleet.agents import measured
+from operate.cli.fleet.process_status import Beat, Row, Seen
+from operate.cli.fleet.targets import Target
+from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.run_folder import ProcessState
+
+Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=completion.processes)]
+PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
+STOP_S = 130.0  # the monitor may take two minutes for its reports
+READY_S = 90.0  # as for the whole fleet
+LOG_LINES = 5
+
+
+class Info(msgspec.Struct, frozen=True):
+    """`roco agent info --format json`: the row, what its heartbeat says, its channels by peer, its last lines."""
+
+    where: str
+    row: Row
+    beat: Beat | None
+    channels: dict[str, str]
+    log: tuple[str, ...]
+
+
+class Done(msgspec.Struct, frozen=True):
+    """What became of a process, and how long it took [s]."""
+
+    name: str
+    process: ProcessState
+    pid: int
+    took_s: float
+    text: str
+
+
+def info(name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """Show all that is known of a process: its row, its peers, what waits, what it counts, its last lines.
+
+    Examples:
+      roco agent info ta
+      roco agent info loop --format json
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        before = named(fleet, name)
+        row = next(row for row in measured(fleet) if row.name == name)
+        channels = dict(DESIGN.peers(name)) if name in DESIGN.agents else {}
+        told = Info(fleet.where, row, before.beat, channels, fleet.log(name, LOG_LINES))
+        if form is Format.JSON:
+            tell_json(told)
+        else:
+            show(told, Console())
+
+
+def stop(name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """Stop a process in order; it stays down until `roco agent start`, and `roco status` says so.
+
+    Examples:
+      roco agent stop km
+      roco agent stop monitor --target compose
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        named(fleet, name)
+        turn(fleet, name, (False,), f"stopped; `roco agent start {name}` starts it", form)
+
+
+def start(name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """Start a process that was stopped or given up, and wait until it is ready.
+
+    Examples:
+      roco agent start km
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        given_up = named(fleet, name).status.state is ProcessState.GIVEN_UP
+        turn(fleet, name, (False, True) if given_up else (True,), "ready", form)
+
+
+def restart(name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """Restart a process, and wait until it is ready. An agent goes on from its journal.
+
+    Examples:
+      roco agent restart pl
+      roco agent restart loop --format json
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        named(fleet, name)
+        turn(fleet, name, (False, True), "ready", form)
+
+
+def turn(fleet: Target, name: str, ways: tuple[bool, ...], text: str, form: Format) -> None:
+    """Switch a process off (False) or on (True), one after the other, each waited for; tell what became of it."""
+    began = time.monotonic()
+    with waiting(f"{name} {'starts' if ways[0] else 'stops'}", form) as say:
+        for on in ways:
+            say(f"{name} {'starts' if on else 'stops'}")
+            one = switched(fleet, name, on=on)
+    tell(Done(name, one.status.state, one.status.pid, time.monotonic() - began, text), form)
+
+
+def named(fleet: Target, name: str) -> Seen:
+    """A process of a fleet. UsageError where it has none of that name."""
+    found = fleet.look().seen
+    for one in found:
+        if one.name == name:
+            return one
+    there_are = ", ".join(one.name for one in found) or "none"
+    raise UsageError(f"no process of {fleet.where} is called {name!r}; there are: {there_are}")
+
+
+def switched(fleet: Target, name: str, *, on: bool) -> Seen:
+    """Start it and wait until it is ready, or end it and wait until it is gone. FleetError: not in time, given up."""
+    fleet.switch(name, on)
+    wanted, patience_s = (ProcessState.READY, READY_S) if on else (ProcessState.STOPPED, STOP_S)
+    until = time.monotonic() + patience_s
+    while True:
+        one = named(fleet, name)
+        if one.status.state is wanted:
+            return one
+        if on and one.status.state is ProcessState.GIVEN_UP:
+            raise FleetError(f"{name} cannot start: {one.status.note}", fleet.log(name, LOG_LINES))
+        if time.monotonic() > until:
+            what = f"{name} is {one.status.state} after {patience_s:.0f} s, not {wanted}"
+            raise FleetError(what, fleet.log(name, LOG_LINES))
+        time.sleep(PERIOD_S)
+
+
+def tell(done: Done, form: Format) -> None:
+    """Print what became of it."""
+    if form is Format.JSON:
+        tell_json(done)
+    else:
+        print(f"{done.name}: {done.text}{f', pid {done.pid}' if done.pid else ''}, after {done.took_s:.1f} s")
+
+
+def show(told: Info, console: Console) -> None:
+    """For people."""
+    row, beat = told.row, told.beat or Beat()
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim")
+    grid.add_column(overflow="fold")
+    for name, value in facts(row, beat, told.channels).items():
+        if value:
+            grid.add_row(name, value)
+    console.print(Text.assemble((row.name, "bold"), f"  {row.state}  ", (told.where, "dim")))
+    if row.trouble:
+        console.print(row.trouble, style="red")
+    console.print(grid)
+    if told.log:
+        console.print("last lines it wrote", style="dim")
+    for line in told.log:
+        console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
+
+
+def facts(row: Row, beat: Beat, channels: dict[str, str]) -> dict[str, str]:
+    """What is known, by name; "" where it is not."""
+    peers = (
+        f"{peer}{' on ' + channels[peer] if peer in channels else ''}{f', life {life}' if life else ' (gone)'}"
+        for peer, life in beat.peers.items()
+    )
+    return {
+        "process": str(row.process) + (f", pid {row.pid}" if row.pid else ""),
+        "restarts": str(row.restarts or ""),
+        "life": "" if row.incarnation is None else f"{row.incarnation}, step {beat.step}",
+        "heartbeat": "" if row.heartbeat_s is None else f"{row.heartbeat_s:.1f} s ago",
+        "processor": "" if row.cpu is None else f"{row.cpu:.0f} % of one",
+        "memory": "" if row.memory is None else f"{row.memory / 2**20:.0f} MiB",
+        "peers": "; ".join(peers),
+        "not receipted": _by_peer(beat.unreceipted),
+        "not said yet": _by_peer(beat.due),
+        "counts": ", ".join(f"{count} {name}" for name, count in sorted(beat.counts.items())),
+    }
+
+
+def _by_peer(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count} to {peer}" for peer, count in counts.items() if count)

@@ -1,0 +1,203 @@
+"""What `roco doctor` looks at without a fleet: Python and its libraries, the processor, room, clock, docker."""
+
+import importlib.metadata
+import os
+import re
+import resource
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from companion.tools.verbs import pace
+from operate.cli.errors import DockerError
+from operate.cli.fleet import running_fleets
+from operate.cli.fleet.checkup import Check, Level
+from operate.cli.fleet.docker import docker
+
+PROJECT = "robot-companion"
+PYTHON = (3, 11)
+LEAST_DISK, SMALL_DISK = 1 << 30, 5 << 30
+"""Bytes; estimates: a run of an hour with pictures takes some hundred MB."""
+FLEET_MEMORY = 1 << 30
+"""Bytes that a fleet uses: 975 MiB resident before its first task (measured 2026-11-21)."""
+BUSY = 1.5
+"""Runnable processes for each processor; above it a start takes several times longer (estimate)."""
+IMPORTS = ("zenoh", "pinocchio", "coal", "ompl", "mujoco")
+"""Libraries with parts that are not Python: installed is not yet loadable."""
+IMPORT_S = 60.0
+NEEDED = ("", "knowledge", "planner", "executor", "monitor")
+"""The extras that a whole fleet on one machine needs; "" is what everybody does."""
+CLOCK_S = 5.0
+PROCESSORS = Path("/sys/devices/system/cpu")
+
+
+def python() -> Iterator[Check]:
+    """Version, and whether it is an environment of its own."""
+    version = ".".join(map(str, sys.version_info[:3]))
+    if sys.version_info < PYTHON:
+        yield Check("python", Level.WRONG, f"Python {version}; 3.11 or newer is needed", "make .venv with a newer one")
+    elif sys.prefix == sys.base_prefix:
+        yield Check("python", Level.NOTE, f"Python {version}, in no environment of its own", "scripts/demo makes .venv")
+    else:
+        yield Check("python", Level.FINE, f"Python {version} in {sys.prefix}")
+
+
+def libraries() -> Iterator[Check]:
+    """Whether all distributions that the project names are there."""
+    missing = missing_libraries()
+    if missing:
+        extras = ",".join(sorted({extra for extra, _ in missing if extra}))
+        named = ", ".join(sorted(name for _, name in missing))
+        install = f"pip install -e '.[{extras}]'" if extras else "pip install -e ."
+        yield Check("libraries", Level.WRONG, f"not installed: {named}", f"{install}, or scripts/demo, which does it")
+    else:
+        yield Check("libraries", Level.FINE, "all that the fleet needs are installed")
+
+
+def missing_libraries() -> list[tuple[str, str]]:
+    """Extra and name of each distribution that the fleet needs and that is not there."""
+    missing = []
+    for wanted in importlib.metadata.requires(PROJECT) or []:
+        name = re.split(r"[<>=!~; \[]", wanted, maxsplit=1)[0]
+        extra = re.search(r"extra == ['\"](\w+)['\"]", wanted)
+        kind = extra[1] if extra else ""
+        try:
+            importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            if kind in NEEDED:
+                missing.append((kind, name))
+    return missing
+
+
+def imports() -> Iterator[Check]:
+    """Whether libraries with machine code load: they need others of the system."""
+    code = "import importlib, sys\nfor name in sys.argv[1:]:\n  try: importlib.import_module(name)\n"
+    code += "  except Exception as error: print(name, '-', error)"
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code, *IMPORTS], capture_output=True, timeout=IMPORT_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        yield Check("imports", Level.NOTE, f"not loaded within {IMPORT_S:.0f} s", "try again later")
+        return
+    told = done.stdout.decode(errors="replace").strip().splitlines()
+    if done.returncode:
+        told.append(f"ended with {done.returncode}: {', '.join(IMPORTS)}")
+    if told:
+        remedy = "of the system: apt install libgomp1 libstdc++6; of Python: as for libraries"
+        yield Check("imports", Level.WRONG, "; ".join(told), remedy)
+    else:
+        yield Check("imports", Level.FINE, f"{', '.join(IMPORTS)} load")
+
+
+def loopback() -> Iterator[Check]:
+    """Whether a port can be had on the loopback interface, over which everything goes."""
+    try:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+        yield Check("ports", Level.FINE, "ports can be had on 127.0.0.1")
+    except OSError as error:
+        yield Check("ports", Level.WRONG, f"no port on 127.0.0.1 ({error})", "ip link set lo up; end what holds ports")
+
+
+def disk() -> Iterator[Check]:
+    """Room for recordings."""
+    free = shutil.disk_usage(Path.cwd()).free
+    words = f"{free / 2**30:.1f} GiB free for runs in {Path.cwd()}"
+    if free < LEAST_DISK:
+        yield Check("disk", Level.WRONG, words, "remove old folders of runs/, or take another place with --out")
+    else:
+        level = Level.NOTE if free < SMALL_DISK else Level.FINE
+        yield Check("disk", level, words, "remove old folders of runs/" if level is Level.NOTE else "")
+
+
+def memory() -> Iterator[Check]:
+    """Room for a fleet."""
+    told = re.search(r"MemAvailable:\s+(\d+)", Path("/proc/meminfo").read_text())
+    available = int(told[1]) * 1024 if told else 0
+    words = f"{available / 2**30:.1f} GiB of memory available"
+    if available < FLEET_MEMORY:
+        yield Check("memory", Level.WRONG, f"{words}; a fleet takes 1 GiB", "end other programs, or other fleets")
+    else:
+        yield Check("memory", Level.FINE, words)
+
+
+def processors() -> Iterator[Check]:
+    """Load, and whether the clock of the processors is held down."""
+    count, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
+    words = f"{count} processors, load {load:.1f}"
+    if load > BUSY * count:
+        yield Check("processor", Level.NOTE, words, "end other programs: starts, plans and acts take longer")
+    else:
+        yield Check("processor", Level.FINE, words)
+    governors = {
+        path.read_text().strip() for path in Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")
+    }
+    if governors - {"performance"}:
+        what = f"governor {', '.join(sorted(governors))}: the clock rises only under load"
+        yield Check(
+            "governor", Level.NOTE, what, "where the loop must be on time: cpupower frequency-set -g performance"
+        )
+
+
+def real_time() -> Iterator[Check]:
+    """Whether the loop holds 500 Hz with what runs now, and whether it may ask for SCHED_FIFO.
+
+    Timed only where no fleet runs here: its own loop would be in the way, and tells its timing in the report.
+    """
+    measured = None if running_fleets.here() else pace.measure()
+    if measured is not None and measured.held:
+        yield Check("real time", Level.FINE, f"{measured.words}: real time is held")
+    elif measured is not None:
+        remedy = "end other programs, or start with `--speed max`, which needs no real time"
+        yield Check("real time", Level.WRONG, f"{measured.words}: real time cannot be held", remedy)
+    _, most = resource.getrlimit(resource.RLIMIT_RTPRIO)
+    if most > 0 or most == resource.RLIM_INFINITY or os.geteuid() == 0:
+        yield Check("real time", Level.FINE, "the loop may ask for a real-time priority")
+    else:
+        remedy = "only for a real robot: rtprio and memlock in /etc/security/limits.conf, or deploy/compose.rt.yaml"
+        yield Check("real time", Level.NOTE, "no right to a real-time priority: the loop runs without", remedy)
+
+
+def clock() -> Iterator[Check]:
+    """Whether the clock is kept by the network: communicates carry times."""
+    if shutil.which("timedatectl") is None:
+        return
+    try:
+        command = ["timedatectl", "show", "--property=NTPSynchronized", "--value"]
+        done = subprocess.run(command, capture_output=True, timeout=CLOCK_S, check=False)
+    except subprocess.TimeoutExpired:
+        return
+    said = done.stdout.decode().strip()
+    if said == "no":
+        remedy = "timedatectl set-ntp true; only needed for agents on several machines"
+        yield Check("clock", Level.NOTE, "the clock is not kept by the network", remedy)
+    elif said == "yes":
+        yield Check("clock", Level.FINE, "the clock is kept by the network")
+
+
+def containers() -> Iterator[Check]:
+    """Whether docker answers."""
+    try:
+        version = docker("version", "--format", "{{.Server.Version}}").decode().strip()
+        yield Check("docker", Level.FINE, f"engine {version}")
+    except DockerError as error:
+        remedy = "only needed for containers: start its service, and be in the group docker"
+        yield Check("docker", Level.NOTE, str(error), remedy)
+
+
+MACHINE: dict[str, Callable[[], Iterator[Check]]] = {
+    "python": python,
+    "libraries": libraries,
+    "imports": imports,
+    "ports": loopback,
+    "disk": disk,
+    "memory": memory,
+    "processor": processors,
+    "real time": real_time,
+    "clock": clock,
+    "docker": containers,
+}

@@ -1,0 +1,209 @@
+"""A fleet in containers (deploy/compose.yaml): seen through docker, with one shell in each container for a look.
+
+Each service has its own run folder, in its own volume. A container with several processes has a supervisor in it and
+its fleet.json; of the others docker knows whether they run.
+"""
+
+import string
+import time
+
+import msgspec
+
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE
+from companion.run_files import HI_FILE, HiAddress
+from operate.cli.errors import DockerError, HiError, NoRunError, UsageError
+from operate.cli.fleet import process_status
+from operate.cli.fleet.container_snapshot import SHEET, Sheet, sheet
+from operate.cli.fleet.docker import Container, command, docker, executed, inspected, ours
+from operate.cli.fleet.process_status import Look, Seen
+from operate.cli.traffic import verdicts
+from operate.run_folder import LIVE_FILE, OFF_SUFFIX, VERDICTS_FILE, Fleet, Judged, ProcessState, ProcessStatus
+
+HI, MONITOR, LOOP = "hi", "monitor", "ex"
+END_S = 90.0
+"""Docker waits up to a minute for the monitor's report (compose.yaml: stop_grace_period), and for the rest seconds."""
+GUARDED = ("--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-new-privileges:true", "--pids-limit=64")
+"""As the services themselves are (compose.yaml)."""
+ORDER = ("router", "monitor")
+"""Started first and ended last."""
+CONTAINER = {"created": ProcessState.WAITING, "restarting": ProcessState.BACKING_OFF}
+"""What docker says of a container without a process; else it was stopped."""
+
+
+def projects(*, ended: bool = False) -> tuple[str, ...]:
+    """The compose projects of ours of which something runs, or is there at all; none where docker is not there."""
+    try:
+        return tuple(sorted({one.project for one in ours() if one.runs or ended}))
+    except DockerError:
+        return ()
+
+
+class Compose:
+    """The fleet of a compose project; of several robots in it, with `robot`, that one alone and what all share.
+
+    Every call raises DockerError where docker does not do it.
+    """
+
+    def __init__(self, project: str, robot: str = "") -> None:
+        self.project, self._robot = project, robot
+        self.where = f"compose project {project}" + (f", robot {robot}" if robot else "")
+        self._ids: list[str] = []
+
+    def look(self) -> Look:
+        """The fleet now."""
+        containers = self._containers()
+        running = [one for one in containers if one.runs]
+        at = time.monotonic()
+        sheets = dict(zip((one.id for one in running), executed([one.id for one in running], SHEET), strict=True))
+        found: list[Seen] = []
+        held = False
+        for container in containers:
+            read = sheet(sheets.get(container.id, b""))
+            held = held or read.stop_held
+            found += _of(container, read)
+        router = next((one for one in containers if one.service == "router"), containers[0])
+        told = Fleet(router.variable("ROCO_SYSTEM"), self.where, 0, 0.0, tuple(one.status for one in found))
+        return Look(told, tuple(found), held, at)
+
+    def live(self, offset: int) -> bytes:
+        """What stands in the monitor's live.jsonl from a byte on."""
+        return self._recorded(LIVE_FILE, f"tail -c +{offset + 1}")
+
+    def verdicts(self) -> list[Judged]:
+        """What the monitor judged so far, in the order of time."""
+        return verdicts.read(self._recorded(VERDICTS_FILE, "cat").splitlines())
+
+    def hearing(self) -> list[str]:
+        """The command that prints what goes by as samples, a JSON object a line, until its standard input ends."""
+        monitor, system = self._running(MONITOR).id, self._system()
+        words = ["python", "-m", "services.monitor", "hear", "--systems", system]
+        return command("exec", "--interactive", monitor, *words)
+
+    def beside(self, service: str, words: list[str]) -> list[str]:
+        """The command that runs a module of ours beside a service: with its volumes, keys and network, as guarded."""
+        found = self._find(service)
+        if found is None:
+            raise DockerError(f"{self.where} has no service {service}")
+        options = [f"--env={one}" for one in found.config.env if one.startswith("ROCO_")]
+        options += [f"--network={name}" for name in list(found.network_settings.networks)[:1]]
+        options += [f"--volumes-from={found.id}", *GUARDED]
+        return command("run", "--rm", *options, found.config.image, *words)
+
+    def hi(self) -> HiAddress:
+        """Where a_hi listens: its port is published under the same number."""
+        try:
+            return msgspec.json.decode(self._shell(HI, f'cat "${RUN_FOLDER_VARIABLE}/{HI_FILE}"'), type=HiAddress)
+        except (DockerError, msgspec.DecodeError) as error:
+            words = f"the human interface of {self.where} does not listen ({error}); see `roco status`"
+            raise HiError(0, words) from error
+
+    def hold(self, held: bool) -> None:
+        """Stop the robot, or release it: one byte, written in place, since the loop has the file mapped."""
+        self._shell(LOOP, f"printf '\\{int(held):03o}' 1<> \"${RUN_FOLDER_VARIABLE}/{STOP_FILE}\"")
+
+    def switch(self, name: str, on: bool) -> None:
+        """Start a process, or end it and keep it down; where it shares its container, its supervisor does it."""
+        container = self._home(name)
+        if container.service != name or (container.runs and name in self._shared(container)):
+            file = f'"${RUN_FOLDER_VARIABLE}/{name}{OFF_SUFFIX}"'
+            self._shell(container.service, f"rm -f {file}" if on else f"touch {file}")
+        else:
+            begin = "unpause" if container.state.status == "paused" else "start"
+            docker(begin if on else "stop", container.id, timeout_s=END_S)
+
+    def down(self) -> tuple[str, ...]:
+        """End the containers in order; volumes, networks and containers stay."""
+        running = {one.service: one.id for one in self._containers() if one.runs}
+        first = [name for name in running if name not in ORDER]
+        for names in (first, *([name] for name in reversed(ORDER) if name in running)):
+            if names:
+                docker("stop", *(running[name] for name in names), timeout_s=END_S)
+        return tuple(running)
+
+    def log(self, name: str, lines: int) -> tuple[str, ...]:
+        """The last lines that a process wrote."""
+        said = docker("logs", "--tail", str(lines), self._home(name).id)
+        return tuple(said.decode(errors="replace").splitlines())
+
+    def _containers(self) -> list[Container]:
+        """The services, in the order of a start."""
+        try:
+            found = inspected(self._ids)
+        except DockerError:  # made anew meanwhile, under other ids
+            found = []
+        found = found or [one for one in ours() if one.project == self.project and self._meant(one)]
+        self._ids = [one.id for one in found]
+        if not found:
+            raise NoRunError(self.project, f"no container of {self.where} is there any more")
+        return sorted(found, key=lambda one: (ORDER.index(one.service) if one.service in ORDER else 9, one.service))
+
+    def _meant(self, container: Container) -> bool:
+        """Whether it is this robot's, or all robots'."""
+        systems = container.variable("ROCO_SYSTEMS") or container.variable("ROCO_SYSTEM")
+        return not self._robot or self._robot in systems.split(",")
+
+    def _find(self, service: str) -> Container | None:
+        """The container of a service; of one of several robots its own, whose name may end with a number."""
+        digits = string.digits if self._robot else ""
+        return next((one for one in self._containers() if one.service.rstrip(digits) == service), None)
+
+    def _home(self, name: str) -> Container:
+        """The container in which a process runs. UsageError where there is none of that name."""
+        for one in self.look().seen:
+            if one.name == name:
+                service = one.home
+                return next(container for container in self._containers() if container.service == service)
+        raise UsageError(f"no process is called {name!r}; there are {', '.join(one.name for one in self.look().seen)}")
+
+    def _shared(self, container: Container) -> tuple[str, ...]:
+        """The processes that a supervisor keeps in a container."""
+        told = sheet(executed([container.id], SHEET)[0]).fleet
+        return tuple(status.name for status in told.processes) if told else ()
+
+    def _shell(self, service: str, script: str) -> bytes:
+        """What a script prints in a service's container. DockerError where it does not run."""
+        return docker("exec", self._running(service).id, "sh", "-c", script)
+
+    def _recorded(self, file: str, reading: str) -> bytes:
+        """What a file of the monitor has; of several robots each has a folder there. b"" where it is not there yet."""
+        run = f"${RUN_FOLDER_VARIABLE}"
+        script = (
+            f'for f in "{run}/{self._system()}/{file}" "{run}/{file}"; do [ -e "$f" ] && exec {reading} "$f"; done; :'
+        )
+        return self._shell(MONITOR, script)
+
+    def _system(self) -> str:
+        """The robot's name in all keys: that of the interface which people talk to."""
+        return self._robot or self._running(HI).variable("ROCO_SYSTEM")
+
+    def _running(self, service: str) -> Container:
+        """The running container of a service. DockerError: none runs."""
+        found = self._find(service)
+        if found is None or not found.runs:
+            raise DockerError(f"service {service} of {self.where} does not run; `roco agent start {service}` starts it")
+        return found
+
+
+def _of(container: Container, read: Sheet) -> list[Seen]:
+    """The processes in a container, as its supervisor says, or its only one."""
+    if read.fleet is not None and container.runs:
+        return [_process(status, container, read) for status in read.fleet.processes]
+    state = _state(container, read)
+    pid = read.pid(container.service) if container.runs else 0
+    note = "paused" if container.state.status == "paused" else ""
+    if container.state.status == "exited":
+        note = f"stopped; exit code {container.state.exit_code}"
+    return [_process(ProcessStatus(container.service, state, pid, container.restart_count, note), container, read)]
+
+
+def _state(container: Container, read: Sheet) -> ProcessState:
+    if not container.runs:
+        return CONTAINER.get(container.state.status, ProcessState.STOPPED)
+    serves = read.ready(container.service) or container.healthy
+    return ProcessState.READY if serves else ProcessState.STARTING
+
+
+def _process(status: ProcessStatus, container: Container, read: Sheet) -> Seen:
+    used = process_status.used(status.pid, read.stats) if status.pid else None
+    beat, age = read.beat(status.name)
+    return Seen(status, beat, age, used, container.service)

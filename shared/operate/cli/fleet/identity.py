@@ -1,0 +1,22 @@
+"""Who a session of the command line is for a fleet with keys (docs/security.md)."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from agent_runtime.core.errors import RuntimeFault
+from agent_runtime.io.run_files import KEYS_FOLDER, KEYS_VARIABLE
+from agent_runtime.io.secured import client_tls
+from operate.cli.errors import ConsoleError
+from operate.run_folder import Fleet
+
+
+def tls(run: Path, fleet: Fleet, identity: str) -> dict[str, Any] | None:
+    """How a session to a fleet says who it is; None where the fleet has no keys. ConsoleError: they are missing."""
+    if not fleet.connect.startswith("tls/"):
+        return None
+    folder = os.environ.get(KEYS_VARIABLE)
+    try:
+        return client_tls(Path(folder) if folder else run / KEYS_FOLDER, identity)
+    except RuntimeFault as error:
+        raise ConsoleError(str(error)) from error

@@ -1,0 +1,52 @@
+"""A process that prints what goes by in a fleet whose router this one does not reach: in the monitor's container
+(operate.recording.hear). With its standard input it ends, so it never outlives who asked.
+"""
+
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from agent_runtime.io.tap import Sample
+from agent_runtime.io.waiting import Waiting
+from operate.cli.errors import ConsoleError
+
+END_S = 5.0
+"""How long its end is waited for (estimate: it takes a tenth)."""
+PAUSE_S = 0.1
+"""How long nothing comes before the listener is given something else to do."""
+
+
+class LostError(ConsoleError):
+    """The process ended, and nobody had asked it to; its last words say why."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]") -> None:
+        words = process.stderr.read().decode(errors="replace").strip().splitlines() if process.stderr else []
+        super().__init__(f"nothing more is heard of the fleet: {words[-1] if words else 'its monitor was stopped'}")
+
+
+@contextmanager
+def hearing(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
+    """The process, until the end of the block; Ctrl-C in the terminal does not reach it."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True) as process:
+        try:
+            yield process
+        finally:
+            assert process.stdin is not None
+            process.stdin.close()
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def samples(process: "subprocess.Popen[bytes]", waiting: Waiting) -> Iterator[Sample | None]:
+    """What it prints; None: nothing for a while. Raises LostError when it ends."""
+    assert process.stdout is not None
+    threading.Thread(target=waiting.fill, args=(process.stdout,), daemon=True).start()
+    while not waiting.stopped:
+        yield waiting.get(PAUSE_S)
+    yield from waiting.left()
+    process.wait(END_S)
+    raise LostError(process)

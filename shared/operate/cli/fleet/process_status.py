@@ -1,0 +1,184 @@
+"""What is known of each process of a fleet at one look, and what two looks say about its share of a processor.
+
+Pure: texts of files in, Structs out. Whoever looks is in operate.cli.fleet.local or operate.cli.fleet.compose.
+"""
+
+import os
+from collections.abc import Iterable, Mapping
+
+import msgspec
+
+from operate.run_folder import Fleet, ProcessState, ProcessStatus
+
+TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
+PAGE = os.sysconf("SC_PAGE_SIZE")
+LATE_S = 10.0
+"""An older heartbeat is one of a process that hangs, as for deploy/healthy: an agent may be busy for some seconds."""
+FROZEN = "T"
+"""State of a process that was stopped by a signal (man 5 proc)."""
+
+
+class Unheard(msgspec.Struct, frozen=True):
+    """What an agent says to `peer` comes to nothing since then [unix s] (agent_runtime.core.unheard)."""
+
+    peer: str
+    channel: str
+    what: str
+    since: float
+
+
+class Beat(msgspec.Struct, frozen=True):
+    """What is wanted of a heartbeat file; a process that is no agent says its name and pid only.
+
+    `peers`: their incarnations, 0 of who is not there; `unreceipted`, `due`: communicates that wait, by peer: for a
+    receipt, and for being said.
+    """
+
+    pid: int = 0
+    incarnation: int = 0
+    step: int = 0
+    state: str = ""
+    up: bool = True
+    peers: dict[str, int] = {}
+    unreceipted: dict[str, int] = {}
+    due: dict[str, int] = {}
+    counts: dict[str, int] = {}
+    unheard: tuple[Unheard, ...] = ()
+
+
+class Used(msgspec.Struct, frozen=True):
+    """A process and those below it: processor time [s] so far, resident memory [bytes]; `frozen`: it may not run."""
+
+    cpu_s: float
+    memory: int
+    frozen: bool
+
+
+class Seen(msgspec.Struct, frozen=True):
+    """A process at one look; `age_s`: of its heartbeat. None: it has none, or does not run. `home`: its service."""
+
+    status: ProcessStatus
+    beat: Beat | None = None
+    age_s: float | None = None
+    used: Used | None = None
+    home: str = ""
+
+    @property
+    def name(self) -> str:
+        return self.status.name
+
+
+class Look(msgspec.Struct, frozen=True):
+    """A fleet at one look. `at`: a clock that only goes forward [s]."""
+
+    fleet: Fleet | None
+    seen: tuple[Seen, ...]
+    stop_held: bool
+    at: float
+
+
+class Row(msgspec.Struct, frozen=True):
+    """A process as `roco agents` tells of it. `state`: of its FSM where it is an agent that runs, else of the process.
+
+    `cpu`: percent of one processor; `memory`: bytes; `waiting`: communicates said but not receipted, and due to be
+    said; `trouble`: what is wrong with it, in words.
+    """
+
+    name: str
+    process: ProcessState
+    state: str
+    heartbeat_s: float | None
+    restarts: int
+    cpu: float | None
+    memory: int | None
+    pid: int
+    incarnation: int | None
+    waiting: int | None
+    trouble: str = ""
+
+
+def rows(before: Look, now: Look) -> tuple[Row, ...]:
+    """Two looks as rows."""
+    earlier = {one.name: one for one in before.seen}
+    return tuple(_row(one, earlier.get(one.name), now.at - before.at) for one in now.seen)
+
+
+def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
+    beat, status = one.beat, one.status
+    lives = status.state is ProcessState.READY
+    agent = beat is not None and beat.incarnation > 0
+    return Row(
+        name=status.name,
+        process=status.state,
+        state=beat.state if beat is not None and beat.state and lives else str(status.state),
+        heartbeat_s=one.age_s if status.pid else None,
+        restarts=status.restarts,
+        cpu=cpu(before, one, span_s),
+        memory=one.used.memory if one.used else None,
+        pid=status.pid,
+        incarnation=beat.incarnation if beat is not None and agent and status.pid else None,
+        waiting=sum(beat.unreceipted.values()) + sum(beat.due.values()) if beat is not None and agent else None,
+        trouble=trouble(one),
+    )
+
+
+def cpu(before: Seen | None, now: Seen, span_s: float) -> float | None:
+    """Percent of one processor between two looks; None where it was not the same process."""
+    if before is None or before.used is None or now.used is None or before.status.pid != now.status.pid or span_s <= 0:
+        return None
+    return max(0.0, 100.0 * (now.used.cpu_s - before.used.cpu_s) / span_s)
+
+
+def trouble(one: Seen) -> str:
+    """What is wrong with a process, as far as a look can tell; "" where nothing is."""
+    status = one.status
+    if one.used is not None and one.used.frozen:
+        return "frozen by a signal"
+    if status.pid and one.age_s is not None and one.age_s > LATE_S:
+        return f"hangs: last heartbeat {one.age_s:.0f} s ago"
+    if status.state is ProcessState.READY and one.beat is not None and not one.beat.up:
+        return "no router"
+    return status.note if status.state is not ProcessState.READY else ""
+
+
+def beat(data: bytes) -> Beat | None:
+    """A heartbeat file, None where it is none of ours."""
+    try:
+        return msgspec.json.decode(data, type=Beat)
+    except msgspec.DecodeError:
+        return None
+
+
+class Stat(msgspec.Struct, frozen=True):
+    """A line of /proc/PID/stat, as far as it is wanted (man 5 proc)."""
+
+    pid: int
+    parent: int
+    state: str
+    ticks: int
+    pages: int
+
+
+def stats(lines: Iterable[str]) -> dict[int, Stat]:
+    """Lines of /proc/*/stat by pid; what is not whole is left out."""
+    found = {}
+    for line in lines:
+        head, _, rest = line.rpartition(")")
+        fields = rest.split()
+        if len(fields) > 21:
+            pid = int(head.split(" ", 1)[0])
+            ticks = int(fields[11]) + int(fields[12])
+            found[pid] = Stat(pid, int(fields[1]), fields[0], ticks, int(fields[21]))
+    return found
+
+
+def used(pid: int, found: Mapping[int, Stat]) -> Used | None:
+    """What a process and its children use; None where there is no such process."""
+    if pid not in found:
+        return None
+    tree, grown = {pid}, 0
+    while grown != len(tree):
+        grown = len(tree)
+        tree |= {stat.pid for stat in found.values() if stat.parent in tree}
+    ticks, pages = (sum(getattr(found[one], name) for one in tree) for name in ("ticks", "pages"))
+    return Used(TICK_S * ticks, PAGE * pages, found[pid].state == FROZEN)

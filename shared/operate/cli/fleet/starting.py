@@ -1,0 +1,157 @@
+"""Bringing the fleet up and down: starts the supervisor as a process of its own, waits for it, ends it by signal."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from operate.cli.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
+from operate.cli.runs import folders
+from operate.run_folder import Fleet, ProcessState, ProcessStatus
+
+SUPERVISOR = "services.supervisor"
+PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
+READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, doubled; to be measured
+CHECK_S = 60.0  # estimate: it takes half a second
+STOP_S = 150.0  # the monitor may take two minutes for its reports, the others seconds
+
+
+def check(arguments: list[str]) -> None:
+    """Have a supervisor look at its options before it starts anything. UsageError says what is wrong with them.
+
+    Only where they name a scene or processes: all others were checked when they were read.
+    """
+    if not {"--scene", "--only"} & set(arguments):
+        return
+    command = [sys.executable, "-m", SUPERVISOR, "--run-dir", ".", *arguments, "--check"]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=CHECK_S, check=False)
+    if done.returncode == WRONG_USE:
+        raise UsageError(done.stderr.decode(errors="replace").strip().removeprefix("supervisor: "))
+
+
+def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
+    """Start the supervisor of a run in the background; its words go to <run>/supervisor.log."""
+    other = folders.fleet(run)
+    if other is not None and folders.is_service(other.supervisor, SUPERVISOR):
+        raise FleetError(f"the fleet of {run} runs already (supervisor {other.supervisor}); `roco down` ends it")
+    run.mkdir(parents=True, exist_ok=True)
+    (run / "fleet.json").unlink(missing_ok=True)
+    with (run / "supervisor.log").open("ab") as log:
+        return subprocess.Popen(
+            [sys.executable, "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+
+def wait_ready(
+    run: Path,
+    supervisor: subprocess.Popen[bytes],
+    tick: Callable[[Fleet | None], None],
+    patience_s: float = READY_S,
+) -> Fleet:
+    """Wait until all processes but the optional ones are ready; `tick` sees the fleet at each look.
+
+    FleetError names who cannot be started, or who is not ready in time.
+    """
+    deadline = time.monotonic() + patience_s
+    while True:
+        fleet = folders.fleet(run)
+        tick(fleet)
+        if supervisor.poll() is not None:
+            raise FleetError(f"the supervisor ended with code {supervisor.returncode}", _last_words(run))
+        needed = [status for status in fleet.processes if not status.optional] if fleet else []
+        hopeless = tuple(describe(status) for status in needed if status.state is ProcessState.GIVEN_UP)
+        if hopeless:
+            raise FleetError("the fleet cannot come up:", hopeless)
+        missing = [status for status in needed if status.state is not ProcessState.READY]
+        if fleet is not None and not missing:
+            return fleet
+        if time.monotonic() > deadline:
+            who = tuple(describe(status) for status in missing)
+            raise FleetError(f"not ready after {patience_s:.0f} s (logs in {run}):", who)
+        time.sleep(PERIOD_S)
+
+
+def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
+    """End the fleet of a run in order; the names of what was ended. Works with the supervisor dead, too."""
+    fleet = folders.fleet(run)
+    names = tuple(status.name for status in fleet.processes if folders.is_service(status.pid)) if fleet else ()
+    if fleet is not None and folders.is_service(fleet.supervisor, SUPERVISOR):
+        os.kill(fleet.supervisor, signal.SIGTERM)
+        _wait_gone([fleet.supervisor], patience_s)
+    orphans = [pid for pid in _pids(run) if folders.is_service(pid)]
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        for pid in orphans:
+            _signal(pid, number)
+        orphans = _wait_gone(orphans, 10.0)
+    return names
+
+
+def bring_down(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
+    """End the fleet that this command started, whatever it has told of itself. NotWaitedError: Ctrl-C meanwhile."""
+    with patient(run):
+        end(supervisor)
+        down(run)
+
+
+@contextlib.contextmanager
+def patient(run: Path) -> Iterator[None]:
+    """The end of a fleet is waited for. NotWaitedError says what goes on where Ctrl-C ends the waiting."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        told = folders.living(run)
+        names = tuple(status.name for status in told.processes if status.pid) if told else ()
+        raise NotWaitedError(str(folders.near(run)), names) from error
+
+
+def end(supervisor: subprocess.Popen[bytes], patience_s: float = STOP_S) -> None:
+    """End a supervisor that this command started, with all that it keeps."""
+    if supervisor.poll() is None:
+        supervisor.terminate()
+        try:
+            supervisor.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            supervisor.kill()
+            supervisor.wait()
+
+
+def describe(status: ProcessStatus) -> str:
+    """A process in a line."""
+    again = f", restarted {status.restarts}x" if status.restarts else ""
+    return f"{status.name}: {status.state}{again}{': ' + status.note if status.note else ''}"
+
+
+def _pids(run: Path) -> list[int]:
+    """What the pid files of a run say."""
+    texts = [path.read_text().strip() for path in run.glob("*.pid")]
+    return [int(text) for text in texts if text.isdigit()]
+
+
+def _signal(pid: int, number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, number)
+
+
+def _wait_gone(pids: list[int], patience_s: float) -> list[int]:
+    """Wait until these processes are gone; those that are not in time."""
+    deadline = time.monotonic() + patience_s
+    while pids and time.monotonic() < deadline:
+        pids = [pid for pid in pids if folders.is_service(pid)]
+        time.sleep(0.02 if pids else 0.0)
+    return pids
+
+
+def _last_words(run: Path) -> tuple[str, ...]:
+    try:
+        lines = (run / "supervisor.log").read_text(errors="replace").strip().splitlines()
+    except OSError:
+        return ()
+    return tuple(lines[-3:])

@@ -1,0 +1,126 @@
+"""Which fleet is meant, and what may be asked of any: one on this machine, or one in containers.
+
+Without a word from the user it is what runs: the run of --run-dir or ROCO_RUN_DIR, else runs/latest where something of
+it lives, else the only other one of runs/ that lives, else the containers of a compose project, else runs/latest as it
+was left.
+"""
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Annotated, Protocol
+
+import typer
+
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
+from companion.run_files import HiAddress
+from operate.cli import completion
+from operate.cli.errors import ConsoleError, NoRunError, UsageError
+from operate.cli.fleet import running_fleets
+from operate.cli.fleet.local import Local
+from operate.cli.fleet.process_status import Look
+from operate.cli.runs import folders
+from operate.run_folder import LATEST, Judged, ProcessState
+
+LOCAL, COMPOSE = "local", "compose"
+HI = "hi"
+ON_ITS_WAY = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF)
+Name = Annotated[
+    str,
+    typer.Option(
+        "--target",
+        help="local, compose, a run's folder or its name in runs/, a compose project, or PROJECT/ROBOT of several "
+        "robots; else what runs.",
+        autocompletion=completion.targets,
+    ),
+]
+
+
+class Target(Protocol):
+    """A fleet, wherever it runs. `where`: for people."""
+
+    where: str
+
+    def look(self) -> Look:
+        """The fleet now: each process with heartbeat, processor time, memory."""
+
+    def live(self, offset: int) -> bytes:
+        """What stands in the monitor's live.jsonl from a byte on."""
+
+    def verdicts(self) -> list[Judged]:
+        """What the monitor judged so far, in the order of time."""
+
+    def hi(self) -> HiAddress:
+        """Where a_hi listens. HiError where it does not."""
+
+    def hold(self, held: bool) -> None:
+        """Stop the robot, or release it."""
+
+    def switch(self, name: str, on: bool) -> None:
+        """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError: no such name."""
+
+    def down(self) -> tuple[str, ...]:
+        """End the fleet in order; who was ended."""
+
+    def log(self, name: str, lines: int) -> tuple[str, ...]:
+        """The last lines that a process wrote."""
+
+
+def find(name: str = "", run_dir: Path | None = None) -> Target:
+    """The fleet that is meant. Raises NoRunError, or UsageError where it cannot be told which."""
+    if run_dir is not None or name == LOCAL:
+        return Local(folders.find(run_dir))
+    if name:
+        return _named(name)
+    if os.environ.get(RUN_FOLDER_VARIABLE) or _lives(folders.RUNS / LATEST):
+        return Local(folders.find(None))
+    return _other() or _compose("") or Local(folders.find(None))
+
+
+def starting(name: str = "", run_dir: Path | None = None) -> bool:
+    """Whether the human interface that is meant is on its way, so that it is worth waiting for."""
+    with contextlib.suppress(ConsoleError):
+        look = find(name, run_dir).look()
+        if any(one.name == HI and one.status.state in ON_ITS_WAY for one in look.seen):
+            return True
+        if look.fleet is not None and look.fleet.supervisor:
+            return False
+    return name in ("", LOCAL) and folders.begins(run_dir or folders.RUNS / LATEST)
+
+
+def _named(name: str) -> Target:
+    for folder in (Path(name), folders.RUNS / name):
+        if name != COMPOSE and folder.is_dir():
+            return Local(folder.resolve())
+    found = _compose(name)
+    if found is None:
+        what = "no compose project of ours runs" if name == COMPOSE else f"{name!r} is no folder and no compose project"
+        begin = "`docker compose -f deploy/compose.yaml up -d` starts one, `roco up` a local one"
+        raise NoRunError(name, f"{what}; {begin}")
+    return found
+
+
+def _lives(run: Path) -> bool:
+    """Whether anything of a run is there."""
+    return any(running_fleets.living(run.resolve()))
+
+
+def _other() -> Target | None:
+    """The fleet that runs here while runs/latest, of another one, does not. UsageError where there are several."""
+    found = running_fleets.here()
+    if len(found) > 1:
+        raise UsageError(f"several fleets run; name one: --target {' or '.join(one.run.name for one in found)}")
+    return Local(found[0].run.resolve()) if found else None
+
+
+def _compose(project: str) -> Target | None:
+    """The project of this name, or the only one. UsageError where there are several."""
+    from operate.cli.fleet.compose import Compose, projects
+
+    project, _, robot = project.partition("/")
+    if project != COMPOSE and project:
+        return Compose(project, robot) if project in projects(ended=True) else None
+    running = projects()
+    if len(running) > 1:
+        raise UsageError(f"several compose projects run; name one: --target {' or '.join(running)}")
+    return Compose(running[0], robot) if running else None

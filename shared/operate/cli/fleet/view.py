@@ -1,0 +1,215 @@
+"""`roco view`: Rerun's pictures of a fleet while it runs, or of a recorded run, in a window or in a browser.
+
+The monitor of a running fleet serves them (view.json says where); of a recorded run there is run.rrd.
+"""
+
+import contextlib
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import webbrowser
+from pathlib import Path
+from typing import IO, Annotated
+from urllib.parse import quote
+
+import msgspec
+import typer
+
+from operate.cli import completion, interrupts
+from operate.cli.errors import ConsoleError, NoRunError, UsageError
+from operate.cli.fleet import targets
+from operate.cli.fleet.local import Local
+from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.runs import folders
+from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
+
+HOST = "127.0.0.1"
+GRPC, WEB = "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
+CONTAINERS = ViewAddress(9876, 9090)
+"""Where deploy/compose.yaml publishes them, unless the variables above say otherwise."""
+CONNECT_S = 1.0
+END_S = 5.0
+"""How long Rerun may take to end (estimate: it takes a tenth)."""
+PERIOD_S = 0.02
+"""How often it is looked whether it has ended."""
+
+
+class Seen(msgspec.Struct, frozen=True):
+    """What is to be seen: `url`: the page in a browser ("" where none is served yet); `command`: what shows it."""
+
+    what: str
+    live: bool
+    url: str
+    command: tuple[str, ...]
+
+
+def view(
+    run: Annotated[
+        Path | None,
+        typer.Argument(help="A run's folder, or a file.rrd; else what runs.", autocompletion=completion.runs),
+    ] = None,
+    web: Annotated[bool, typer.Option("--web", help="In a browser; needs no display on this machine.")] = False,
+    target: targets.Name = "",
+    form: Form = Format.TEXT,
+) -> None:
+    """Look at a running fleet or at a recorded run in Rerun. With --format json only says how.
+
+    Examples:
+      roco view
+      roco view --web
+      roco view runs/latest
+      roco view --target compose --web --format json
+    """
+    with problems(form), interrupts.heard():
+        seen = found(run, target, web)
+        if form is Format.JSON:
+            tell_json(seen)
+        elif web and seen.live:
+            page(seen.url)
+        else:
+            raise typer.Exit(window(seen, web))
+
+
+def found(run: Path | None, target: str, web: bool) -> Seen:
+    """What is meant. NoRunError, UsageError, ConsoleError say what is missing and what to do."""
+    if run is not None and run.is_file():
+        return recorded(run, web)
+    if run is not None and not run.is_dir():
+        raise UsageError(f"{run} is no run's folder and no file; `ls runs` lists runs")
+    meant = targets.find(str(run) if run else target)
+    if not isinstance(meant, Local):
+        return live(containers(os.environ), meant.where)
+    address = folders.read(meant.run / VIEW_FILE, ViewAddress)
+    if address is not None and listens(address.grpc):
+        return live(address, meant.where)
+    if (meant.run / RRD_FILE).exists():
+        return recorded(meant.run / RRD_FILE, web)
+    raise NoRunError(
+        str(meant.run),
+        f"{meant.run} shows nothing: no pictures are served (its fleet has ended, or ROCO_VIEW is off; see rerun.log) "
+        f"and it has no {RRD_FILE}; `roco report {meant.run}` makes it from the recording",
+    )
+
+
+def live(address: ViewAddress, where: str) -> Seen:
+    """A running fleet's pictures. NoRunError where nobody serves them."""
+    if not listens(address.grpc):
+        raise NoRunError(
+            where,
+            f"nobody serves pictures of {where} at {HOST}:{address.grpc}; is its port published ({GRPC}, {WEB}), "
+            "is ROCO_VIEW on? See docs/rerun.md",
+        )
+    url = f"rerun+http://{HOST}:{address.grpc}/proxy"
+    return Seen(where, True, f"http://{HOST}:{address.web}/?url={quote(url, safe='')}", (program(), "--connect", url))
+
+
+def recorded(file: Path, web: bool) -> Seen:
+    """A recorded run's pictures; in a browser they come from a server at a free port, which ends with the command."""
+    if not web:
+        return Seen(str(file), False, "", (program(), str(file)))
+    grpc, page_port = free_port(), free_port()
+    url = quote(f"rerun+http://{HOST}:{grpc}/proxy", safe="")
+    ports = ("--port", str(grpc), "--web-viewer-port", str(page_port))
+    command = (program(), "--serve-web", "--bind", HOST, *ports, str(file))
+    return Seen(str(file), False, f"http://{HOST}:{page_port}/?url={url}", command)
+
+
+def containers(environment: "os._Environ[str] | dict[str, str]") -> ViewAddress:
+    """Where containers serve pictures. UsageError where a variable is no port."""
+    ports = []
+    for name, usual in ((GRPC, CONTAINERS.grpc), (WEB, CONTAINERS.web)):
+        text = environment.get(name) or str(usual)
+        if not text.isdecimal():
+            raise UsageError(f"{name} is {text!r}; it must be a port, such as {usual}")
+        ports.append(int(text))
+    return ViewAddress(*ports)
+
+
+def page(url: str) -> None:
+    """Name the page, and open it where there is a browser."""
+    print(f"open {url}")
+    if has_display():
+        webbrowser.open(url)
+
+
+def window(seen: Seen, web: bool) -> int:
+    """Run the viewer (or, for a browser, a server) until it is closed; its exit code."""
+    if web:
+        page(seen.url)
+        print("Ctrl-C ends it")
+    elif not has_display():
+        raise ConsoleError(
+            "there is no display here (DISPLAY, WAYLAND_DISPLAY): `roco view --web` shows the same in a browser; "
+            "from another machine first `ssh -L` to both of its ports"
+        )
+    else:
+        print(f"Rerun shows {seen.what}{' while it runs' if seen.live else ''}; closing its window ends nothing else")
+    with tempfile.TemporaryFile() as words:
+        code = shown(seen.command, words)
+        if code > 0:
+            words.seek(0)
+            last = words.read().decode(errors="replace").strip().splitlines()[-1:]
+            raise ConsoleError(f"the viewer ended with code {code}: {''.join(last)}")
+    return 0
+
+
+def shown(command: tuple[str, ...], words: IO[bytes]) -> int:
+    """Run a viewer or a server to its end, its words into a file; its exit code. Interrupted, it ends it.
+
+    Rerun's command is a Python program that runs another one: both are in a group of their own, and end together.
+    """
+    quiet = subprocess.DEVNULL
+    with (
+        interrupts.held() as let_go,
+        subprocess.Popen(command, stdin=quiet, stdout=words, stderr=words, start_new_session=True) as process,
+    ):
+        try:
+            let_go()
+            return process.wait()
+        finally:
+            _end(process)
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """End a process with its group, at last by SIGKILL; nothing where all have ended."""
+    with contextlib.suppress(ProcessLookupError):
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            os.killpg(process.pid, number)
+            until = time.monotonic() + END_S
+            while time.monotonic() < until:
+                process.poll()
+                os.killpg(process.pid, 0)  # ProcessLookupError: nobody of the group is left
+                time.sleep(PERIOD_S)
+
+
+def program() -> str:
+    """Rerun's program: beside this Python, or on the path. ConsoleError where it is not installed."""
+    beside = Path(sys.executable).with_name("rerun")
+    place = str(beside) if beside.exists() else shutil.which("rerun")
+    if place is None:
+        raise ConsoleError("Rerun is not installed here: pip install 'robot-companion[monitor]'")
+    return place
+
+
+def listens(port: int) -> bool:
+    """Whether somebody listens at this port of this machine."""
+    with socket.socket() as probe:
+        probe.settimeout(CONNECT_S)
+        return probe.connect_ex((HOST, port)) == 0
+
+
+def free_port() -> int:
+    """A port nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        return int(probe.getsockname()[1])
+
+
+def has_display() -> bool:
+    """Whether a window could be seen."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,84 @@
+"""What all verbs share: the two forms of output, the option that names a run, words and exit codes for what goes wrong.
+
+Text is for people, json for programs: one object, or one a line while something goes on; problems on standard error.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from operate.cli import completion
+from operate.cli.errors import INTERRUPTED, ConsoleError
+
+
+class Format(StrEnum):
+    """How things are printed."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+Form = Annotated[Format, typer.Option("--format", help="text for people, json for programs.")]
+RunDir = Annotated[
+    Path | None,
+    typer.Option(
+        "--run-dir", help="A run's folder; else ROCO_RUN_DIR, else runs/latest.", autocompletion=completion.runs
+    ),
+]
+
+
+class Reply(msgspec.Struct, frozen=True):
+    """An answer that is only words."""
+
+    text: str
+    run: str = ""
+
+
+def tell(what: Reply, form: Format) -> None:
+    """Print an answer: as JSON, or the sentence in it."""
+    if form is Format.JSON:
+        tell_json(what)
+    else:
+        print(what.text)
+
+
+def tell_json(what: object) -> None:
+    """Print anything made of Structs, in a line."""
+    print(msgspec.json.encode(what).decode())
+
+
+def tell_problem(problem: object, form: Format) -> None:
+    """What went wrong, in words, on standard error."""
+    words = msgspec.json.encode({"error": str(problem)}).decode() if form is Format.JSON else f"roco: {problem}"
+    print(words, file=sys.stderr)
+
+
+@contextmanager
+def problems(form: Format) -> Iterator[None]:
+    """Turn what goes wrong into words on standard error and the exit code of its kind (docs/roco.md)."""
+    try:
+        yield
+    except ConsoleError as error:
+        tell_problem(error, form)
+        raise typer.Exit(error.code) from error
+    except KeyboardInterrupt as error:
+        tell_problem("interrupted", form)
+        raise typer.Exit(INTERRUPTED) from error
+
+
+@contextmanager
+def waiting(words: str, form: Format) -> Iterator[Callable[[str], None]]:
+    """Show on standard error that something goes on, where people look; gives what renews the words."""
+    if form is Format.JSON or not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console  # most verbs answer at once and need none of it
+
+    with Console(stderr=True).status(words) as shown:
+        yield shown.update

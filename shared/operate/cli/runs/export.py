@@ -1,0 +1,51 @@
+"""`roco export`: a recording as tables for other tools. The recorder's own process reads and writes them."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from operate.cli import completion
+from operate.cli.analysis import analysed
+from operate.cli.output import Form, Format, problems, tell_json
+
+
+class To(StrEnum):
+    """What is written."""
+
+    PARQUET = "parquet"
+    CSV = "csv"
+
+
+class Written(msgspec.Struct, frozen=True):
+    """A table: its file, rows and columns."""
+
+    file: str
+    rows: int
+    columns: int
+
+
+def export(
+    recording: Annotated[
+        Path, typer.Argument(help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True)
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder of the tables; made where missing.")],
+    to: Annotated[To, typer.Option("--to", help="parquet for tools, csv for all else.")] = To.PARQUET,
+    form: Form = Format.TEXT,
+) -> None:
+    """Write what a recording holds as tables: communicates, events, telemetry of the loop.
+
+    Examples:
+      roco export runs/latest --to parquet --out tables
+      roco export runs/latest/traffic.mcap --to csv --out tables --format json
+    """
+    with problems(form):
+        told = analysed("export", str(recording), "--out", str(out), "--to", to.value)
+        written = msgspec.json.decode(told, type=list[Written])
+        if form is Format.JSON:
+            tell_json(written)
+            return
+        for one in written:
+            print(f"{one.file}: {one.rows} rows, {one.columns} columns")

@@ -1,0 +1,129 @@
+"""Finding a run and reading its files (docs/run-folder.md)."""
+
+import os
+from datetime import datetime
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from agent_runtime.io.options import Options
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD, STOP_RELEASED
+from companion.run_files import HI_FILE, HiAddress
+from operate.cli.errors import HiError, NoRunError
+from operate.run_folder import FLEET_FILE, LATEST, Fleet, ProcessState, ProcessStatus
+
+RUNS = Path("runs")
+SUPERVISOR, HUMAN_INTERFACE = "services.supervisor", "services.human_interface"
+T = TypeVar("T")
+
+
+def new_run(now: datetime) -> Path:
+    """The folder of a run that starts now."""
+    return RUNS / now.strftime("%Y-%m-%d_%H-%M-%S")
+
+
+def near(path: Path) -> Path:
+    """A path as one would type it here."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+
+
+def find(run: Path | None) -> Path:
+    """The folder named, else the one of the environment, else the latest. NoRunError where it is not there."""
+    named = run or (Path(os.environ[RUN_FOLDER_VARIABLE]) if os.environ.get(RUN_FOLDER_VARIABLE) else None)
+    folder = named or RUNS / LATEST
+    if not folder.is_dir():
+        raise NoRunError(str(folder))
+    return folder.resolve()
+
+
+def read(path: Path, kind: type[T]) -> T | None:
+    """The content of a file of the run, or None where it is not there yet or from another version."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=kind)
+    except (OSError, msgspec.DecodeError):
+        return None
+
+
+def fleet(run: Path) -> Fleet | None:
+    """What the supervisor told last."""
+    return read(run / FLEET_FILE, Fleet)
+
+
+def living(run: Path) -> Fleet | None:
+    """The fleet as the supervisor told it; where the supervisor is gone, each process is looked for by its pid."""
+    told = fleet(run)
+    if told is None or is_service(told.supervisor):
+        return told
+    processes = tuple(status if is_service(status.pid) else _ended(status) for status in told.processes)
+    return msgspec.structs.replace(told, supervisor=0, processes=processes)
+
+
+def around() -> Fleet | None:
+    """The fleet that the environment tells of: in a container no supervisor does. None: nor does the environment."""
+    connect = os.environ.get("ROCO_CONNECT")
+    return Fleet(os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, ()) if connect else None
+
+
+def begins(run: Path) -> bool:
+    """Whether a supervisor lives that keeps this run, or the run that is to be the latest where this is the latest one.
+
+    It says so before anything of it is in a run folder. In a container a_hi itself is looked for.
+    """
+    if around() is not None:
+        return any(HUMAN_INTERFACE in words for words in _called())
+    mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}
+    kept = [Path(words[words.index("--run-dir") + 1]) for words in _called() if {SUPERVISOR, "--run-dir"} <= {*words}]
+    return any(folder in mine or folder.parent in mine for folder in kept)
+
+
+def _called() -> list[list[str]]:
+    """The words with which each process of this machine was called; one that ends meanwhile is left out."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            found.append(path.read_bytes().decode(errors="replace").split("\0"))
+        except OSError:
+            continue
+    return found
+
+
+def _ended(status: ProcessStatus) -> ProcessStatus:
+    """A process that is not there any more; what was given up stays so."""
+    state = status.state if status.state is ProcessState.GIVEN_UP else ProcessState.STOPPED
+    note = status.note or ("gone, and no supervisor to restart it" if status.pid else "")
+    return msgspec.structs.replace(status, state=state, pid=0, note=note)
+
+
+def hi_address(run: Path) -> HiAddress:
+    """Where a_hi listens. HiError where it never said."""
+    address = read(run / HI_FILE, HiAddress)
+    if address is None:
+        raise HiError(0, f"the human interface of {run} does not listen (no {HI_FILE}); see `roco status`")
+    return address
+
+
+def is_service(pid: int, module: str = "services.") -> bool:
+    """Tell whether this pid is a living process of ours; a number used again by somebody else is not."""
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return False
+    return any(word.startswith(module) for word in words)
+
+
+def set_stop(run: Path, held: bool) -> None:
+    """Write the stop flag, in place: the loop has the file mapped. It needs no agent, router or supervisor."""
+    flag = os.open(run / STOP_FILE, os.O_WRONLY | os.O_CREAT, 0o600)
+    try:
+        os.pwrite(flag, STOP_HELD if held else STOP_RELEASED, 0)
+    finally:
+        os.close(flag)
+
+
+def stop_held(run: Path) -> bool:
+    """Tell whether the stop flag is set."""
+    try:
+        return (run / STOP_FILE).read_bytes()[:1] == STOP_HELD
+    except OSError:
+        return False

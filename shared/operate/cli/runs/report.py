@@ -1,0 +1,115 @@
+"""`roco report`: the report of a run made again from its recording, and shown. The recorder's own process makes it."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import typer
+from rich.console import Console, RenderableType
+from rich.table import Table
+
+from operate.cli import completion
+from operate.cli.analysis import analysed
+from operate.cli.output import Form, Format, problems, tell_json
+
+ABSENT = "-"
+COUNTED = ("co", "hi", "km", "pl", "ta", "ex")
+"""The agents in the order of the paper's Table 8."""
+
+
+def report(
+    recording: Annotated[
+        Path, typer.Argument(help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True)
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Where its files go; else a run's own folder, of a recording nowhere.")
+    ] = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Make the report of a run again from its recording, and show it. Exits with 1 where the run was no success.
+
+    Of a run's folder report.json, report.html and run.rrd are made anew; of a single recording only with --out.
+
+    Examples:
+      roco report runs/latest
+      roco report traffic.mcap --out again
+      roco report runs/latest/traffic.mcap --format json
+    """
+    with problems(form):
+        words = ["--out", str(out)] if out else []
+        told = msgspec.json.decode(analysed("again", str(recording), *words))
+        if form is Format.JSON:
+            tell_json(told["report"])
+        else:
+            show(told["report"], told["folder"], Console())
+        if not told["report"]["success"]:
+            raise typer.Exit(1)
+
+
+def show(told: dict[str, Any], folder: str | None, console: Console) -> None:
+    """For people: the verdict, the figures, what happened when, who told whom."""
+    console.print(headline(told), highlight=False)
+    for part in (figures(told), events(told), matrix(told)):
+        console.print()
+        console.print(part)
+    for hole in told["holes"]:
+        console.print(f"not recorded: {hole['text']}", style="yellow", highlight=False)
+    for name in told["missing"]:
+        console.print(f"no {name}", style="dim", highlight=False)
+    if folder is not None:
+        console.print(f"\nwritten: {folder}/report.json, report.html, run.rrd", highlight=False, soft_wrap=True)
+
+
+def headline(told: dict[str, Any]) -> str:
+    """Success, or why not."""
+    verdict = "success" if told["success"] else f"no success: {told['failure']}"
+    return f"{verdict}; seed {told['seed']}, speed {told['speed']}" if told["speed"] else verdict
+
+
+def figures(told: dict[str, Any]) -> RenderableType:
+    """Figures of the whole run, and of each plan."""
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    said = told["communicates"]
+    poured = told["poured_fraction"]
+    rows = [
+        ("in the bowl", ABSENT if poured is None else f"{100 * poured:.0f} %"),
+        ("command to end", _number(told["wall_time_s"], "s")),
+        ("simulated acts", _number(told["sim_time_s"], "s")),
+        ("energy of the body's joints", _number(told["energy_J"], "J")),
+        ("communicates", f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']} sent again"),
+    ]
+    for plan in told["plans"]:
+        words = f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}, {plan['queries']} queries"
+        rows.append((f"plan {plan['number']}", f"{words}; {plan['ended'] or 'not carried out to its end'}"))
+    for name, text in rows:
+        table.add_row(name, text)
+    return table
+
+
+def events(told: dict[str, Any]) -> RenderableType:
+    """What happened when."""
+    table = Table("event", box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for name in ("wall [s]", "simulated [s]"):
+        table.add_column(name, justify="right")
+    for one in told["events"]:
+        table.add_row(one["name"], _number(one["t"]), _number(one["sim_s"]))
+    return table
+
+
+def matrix(told: dict[str, Any]) -> RenderableType:
+    """Who told whom how often: rows receive, columns send."""
+    counts: dict[str, dict[str, int]] = told["communicates"]["matrix"]
+    agents = [*(one for one in COUNTED if one in counts), *(one for one in counts if one not in COUNTED)]
+    table = Table("to \\ from", box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for sender in (*agents, "received"):
+        table.add_column(sender, justify="right")
+    for receiver in agents:
+        row = [counts[sender].get(receiver, 0) for sender in agents]
+        table.add_row(receiver, *(str(count or "") for count in row), str(sum(row)))
+    sent = [sum(counts[sender].values()) for sender in agents]
+    table.add_row("sent", *map(str, sent), str(sum(sent)))
+    return table
+
+
+def _number(value: float | None, unit: str = "") -> str:
+    return ABSENT if value is None else f"{value:.1f}{' ' + unit if unit else ''}"

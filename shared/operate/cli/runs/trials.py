@@ -1,0 +1,243 @@
+"""Running the main job again and again, each time with a fresh fleet: one line of results.jsonl for each run.
+
+The file is what an interrupted experiment goes on from: a run counts once its line is there, one without is done anew.
+Must not know: what the results come to (operate.experiments).
+"""
+
+import contextlib
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from operate.cli.errors import UsageError
+from operate.cli.fleet import starting
+from operate.cli.runs import machine
+from operate.run_folder import REPORT_FILE
+
+SETTING_FILE = "experiment.json"
+RESULTS_FILE = "results.jsonl"
+LOG_FILE = "demo.log"
+END_S = starting.STOP_S + 30.0  # an interrupted demo brings its fleet down first; estimate for what it needs besides
+LOOK_S = 0.5  # estimate: how often a waiting person's picture is renewed
+HOPELESS = 3  # runs in a row without a report: something is wrong with the machine, not with the robot (estimate)
+
+
+class Setting(msgspec.Struct, frozen=True):
+    """experiment.json: what is repeated, with which seeds, and where. `timeout_s`: wall time of one run; `most_load`: a
+    run waits until the machine's load is not above it, 0: it does not.
+    """
+
+    task: str
+    runs: int
+    seed: int
+    speed: str
+    scene: str
+    timeout_s: float
+    most_load: float
+    began: float
+    version: str
+    commit: str
+    machine: str
+    cores: int
+    python: str
+
+    @property
+    def seeds(self) -> range:
+        """One for each run."""
+        return range(self.seed, self.seed + self.runs)
+
+
+class Line(msgspec.Struct, frozen=True):
+    """One run: `took_s` with start and end of the fleet, `load` of the machine before and after (one minute's mean).
+
+    `figures`: its report.json, null where there is none; `failure`: why it does not count as a success, else null.
+    """
+
+    seed: int
+    began: float
+    took_s: float
+    exit: int
+    timed_out: bool
+    load: tuple[float, float]
+    failure: str | None
+    figures: msgspec.Raw
+
+
+class _Verdict(msgspec.Struct, frozen=True):
+    """What a report says of success."""
+
+    success: bool
+    failure: str | None = None
+
+
+def here(
+    task: str, runs: int, seed: int, speed: str, scene: Path | None, timeout_s: float, most_load: float
+) -> Setting:
+    """The setting of an experiment that starts now on this machine."""
+    return Setting(
+        task=task,
+        runs=runs,
+        seed=seed,
+        speed=speed,
+        scene=str(scene.resolve()) if scene else "",
+        timeout_s=timeout_s,
+        most_load=most_load,
+        began=time.time(),
+        version=machine.installed(),
+        commit=machine.commit(),
+        machine=machine.processor(),
+        cores=os.cpu_count() or 0,
+        python=platform.python_version(),
+    )
+
+
+def begun(out: Path, wanted: Setting, resume: bool) -> tuple[Setting, list[Line]]:
+    """Make the folder of an experiment, or go on with it; what is done already. UsageError: it is another one's."""
+    file = out / SETTING_FILE
+    if not file.exists():
+        out.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(msgspec.json.format(msgspec.json.encode(wanted)) + b"\n")
+        return wanted, []
+    if not resume:
+        raise UsageError(f"{out} holds an experiment already; go on with it by --resume, or give another --out")
+    old, done = setting(out), lines(out)
+    asked = ("task", "seed", "speed", "scene")
+    other = [name for name in asked if getattr(old, name) != getattr(wanted, name)]
+    if other:
+        said = ", ".join(f"{name} {getattr(old, name)!r} (now {getattr(wanted, name)!r})" for name in other)
+        raise UsageError(f"the experiment in {out} has {said}; give the same, or another --out")
+    new = msgspec.structs.replace(
+        old, runs=max(wanted.runs, old.runs), timeout_s=wanted.timeout_s, most_load=wanted.most_load
+    )
+    file.write_bytes(msgspec.json.format(msgspec.json.encode(new)) + b"\n")
+    return new, done
+
+
+def setting(out: Path) -> Setting:
+    """What experiment.json says. UsageError where it is none."""
+    try:
+        return msgspec.json.decode((out / SETTING_FILE).read_bytes(), type=Setting)
+    except (OSError, msgspec.DecodeError) as error:
+        raise UsageError(f"{out / SETTING_FILE} is no experiment's setting ({error}); give another --out") from error
+
+
+def lines(out: Path) -> list[Line]:
+    """The runs that are done, each seed once; a line cut off by a kill is left out."""
+    found: dict[int, Line] = {}
+    with contextlib.suppress(FileNotFoundError):
+        for raw in (out / RESULTS_FILE).read_bytes().splitlines():
+            with contextlib.suppress(msgspec.DecodeError):
+                line = msgspec.json.decode(raw, type=Line)
+                found.setdefault(line.seed, line)
+    return list(found.values())
+
+
+def keep(out: Path, line: Line) -> None:
+    """Append a run's line; on a line of its own, too, where a kill cut the one before."""
+    with (out / RESULTS_FILE).open("ab+") as file:
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                file.write(b"\n")
+        file.write(msgspec.json.encode(line) + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def folder(out: Path, seed: int) -> Path:
+    """Where the run of a seed is recorded."""
+    return out / "runs" / f"seed-{seed}"
+
+
+def run(out: Path, setting: Setting, seed: int, tick: Callable[[float], None]) -> Line:
+    """One run from start to end, in a fresh folder; `tick` gets the seconds it takes so far.
+
+    A run that takes longer than the setting allows is ended and counts as a failure. Its fleet is down afterwards,
+    whatever happens.
+    """
+    place = folder(out, seed)
+    _clear(place)
+    began, load = time.time(), machine.load()
+    process = _start(place, setting, seed)
+    try:
+        code = _waited(process, setting.timeout_s, tick)
+    finally:
+        _end(process, place)
+    took = time.time() - began
+    failure, figures = _told(place, setting.timeout_s if code is None else None, process.returncode)
+    return Line(
+        seed=seed,
+        began=began,
+        took_s=round(took, 1),
+        exit=process.returncode,
+        timed_out=code is None,
+        load=(round(load, 2), round(machine.load(), 2)),
+        failure=failure,
+        figures=figures,
+    )
+
+
+def _clear(place: Path) -> None:
+    """What an interrupted run left: its fleet, if it still lives, and its files."""
+    if place.exists():
+        starting.down(place)
+        shutil.rmtree(place)
+    place.mkdir(parents=True)
+
+
+def _start(place: Path, setting: Setting, seed: int) -> subprocess.Popen[bytes]:
+    words = ["demo", "--seed", str(seed), "--speed", setting.speed, "--out", str(place), "--headless"]
+    words += ["--scene", setting.scene] if setting.scene else []
+    with (place / LOG_FILE).open("ab") as log:
+        return subprocess.Popen(
+            [sys.executable, "-m", "operate.cli", *words, "--format", "json"],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+
+def _waited(process: subprocess.Popen[bytes], timeout_s: float, tick: Callable[[float], None]) -> int | None:
+    """Its exit code; None: it takes too long."""
+    began = time.monotonic()
+    while (since := time.monotonic() - began) < timeout_s:
+        tick(since)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return process.wait(LOOK_S)
+    return None
+
+
+def _end(process: subprocess.Popen[bytes], place: Path) -> None:
+    """End a demo in order, as Ctrl-C does, and its fleet if it does not; nothing where it has ended by itself."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(END_S)
+    if process.poll() is None:
+        process.kill()
+        process.wait()
+    starting.down(place)
+
+
+def _told(place: Path, late_s: float | None, code: int) -> tuple[str | None, msgspec.Raw]:
+    """Why a run is no success, None where it is one; and its report, null where there is none."""
+    try:
+        raw = (place / REPORT_FILE).read_bytes()
+        verdict = msgspec.json.decode(raw, type=_Verdict)
+        figures = msgspec.Raw(msgspec.json.format(raw, indent=-1))
+    except (OSError, msgspec.DecodeError):
+        log = (place / LOG_FILE).read_text(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
+        reason = f"no report; the demo ended with {code}: {log[0][-300:]}"
+        return (f"not ended after {late_s:.0f} s" if late_s else reason), msgspec.Raw(b"null")
+    if late_s:
+        return f"not ended after {late_s:.0f} s", figures
+    return None if verdict.success and not code else verdict.failure or f"the demo ended with {code}", figures

@@ -1,0 +1,180 @@
+"""The picture of a run in the terminal: who does what, the plan with its present state, what went over the channels."""
+
+import time
+
+import msgspec
+from rich.console import Console, Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from companion.design import DESIGN
+from companion.run_files import TaskLine
+from companion.words import plain
+from operate.cli.fleet.state_words import COLOURS, doing, waited_for
+from operate.cli.terminal.run_state import Event, Plan, View, leaves
+from operate.run_folder import Fleet
+
+PLAN_LINES = 17  # as high as the panels beside it
+LEAST_COLUMN = 20  # in a narrower terminal lines are folded again
+_MEASURE = Console(width=80)  # what measures texts; nothing is printed to it
+ENDED = {"replan": "a new plan is wanted"}
+
+
+class Scene(msgspec.Struct, frozen=True):
+    """All that is drawn: title, the fleet, the tasks, the view; `began`: unix time [s]."""
+
+    title: str
+    began: float
+    fleet: Fleet | None = None
+    tasks: tuple[TaskLine, ...] = ()
+    view: View = View()
+    stop_held: bool = False
+
+
+def picture(scene: Scene, now: float | None = None, lines: int = 40, width: int = 80) -> RenderableType:
+    """Draw it all, as many events as fit into `lines` of a terminal so wide; `now`: unix time [s]."""
+    upper = Table.grid(expand=True, padding=(0, 1))
+    upper.add_column(ratio=6)
+    upper.add_column(ratio=5)
+    left = Group(
+        Panel(agents(scene), title="who does what", title_align="left", border_style="dim"),
+        Panel(channels(scene.view), title="communicates", title_align="left", border_style="dim"),
+    )
+    title = plan_title(scene.view)
+    upper.add_row(left, Panel(plan_tree(scene.view), title=title, title_align="left", border_style="dim"))
+    top = header(scene, time.time() if now is None else now)
+    processes = len(scene.fleet.processes) if scene.fleet else 1
+    height = len(wrapped(top, width)) + processes + len(DESIGN.channels) + 4  # four lines of frames
+    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width))
+
+
+def header(scene: Scene, now: float) -> Text:
+    """Title, elapsed time; then the tasks, or what the start waits for."""
+    text = Text.assemble((scene.title, "bold"), (f"   {max(0.0, now - scene.began):.0f} s", "dim"))
+    if scene.stop_held:
+        text.append("   STOPPED: `roco release` lets the robot move", "bold white on red")
+    for task in scene.tasks:
+        text.append(f"\n“{task.said or task.task}”  ", "italic")
+        text.append(task.state, COLOURS.get(task.state, ""))
+        if task.text and task.state != "running":  # while it runs, the plan beside shows more
+            text.append(f": {plain(task.text)}", "dim")
+    if not scene.tasks:
+        waiting = waited_for(scene.fleet.processes) if scene.fleet else "starting the supervisor"
+        text.append(f"\n{waiting or 'all ready'}", "yellow" if waiting else "green")
+    return text
+
+
+def agents(scene: Scene) -> Table:
+    """Each process with what it does and how many communicates it sent."""
+    table = Table.grid(padding=(0, 2), expand=True)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    table.add_column(no_wrap=True, justify="right")
+    if scene.fleet is None:
+        table.add_row(Text("supervisor", "bold"), Text("starting", "yellow"), "")
+    for status in scene.fleet.processes if scene.fleet else ():
+        words, style = doing(status, scene.view)
+        text = Text(words, style)
+        if status.restarts:
+            text.append(f"  restarted {status.restarts}×", "yellow")
+        sent = scene.view.sent.get(status.name)
+        table.add_row(Text(status.name, "bold"), text, Text(f"{sent} sent" if sent else "", "dim"))
+    return table
+
+
+def channels(view: View) -> Table:
+    """Counts and bytes of each channel of the design, and its last communicate."""
+    table = Table.grid(padding=(0, 1), expand=True)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True, justify="right")
+    table.add_column(no_wrap=True, justify="right", min_width=9)
+    table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    for name, channel in DESIGN.channels.items():
+        counted = view.channels.get(name)
+        row = (str(counted.count), f"{counted.bytes / 1000:.1f} kB", counted.last) if counted else ("-", "", "")
+        table.add_row(Text(name, "bold"), f"{channel.ends[0]}-{channel.ends[1]}", *row[:2], Text(row[2], "dim"))
+    return table
+
+
+def plan_title(view: View) -> str:
+    """The plan's number, and how far it is."""
+    plan = view.plan
+    if plan is None:
+        return "plan"
+    steps = leaves(plan.states)
+    if plan.outcome or plan.at not in steps:
+        return f"plan {view.plans}"
+    return f"plan {view.plans}, step {steps.index(plan.at) + 1} of {len(steps)}"
+
+
+def plan_tree(view: View) -> Text:
+    """The plan as an indented tree; machines without the present state are folded when it is long."""
+    plan = view.plan
+    if plan is None:
+        return Text("none yet", "dim")
+    text = Text(plain(plan.task), "bold")
+    if plan.outcome:
+        text.append(f"   {ENDED.get(plan.outcome, plan.outcome)}", COLOURS.get(_as_state(plan.outcome), "yellow"))
+    for path in shown(plan, PLAN_LINES - 1):
+        depth, name = path.count("/"), plain(path.rsplit("/", 1)[-1])
+        if path == plan.at:
+            text.append(f"\n{'  ' * depth}▶ {name}", "bold green")
+        elif within(plan.at, path):
+            text.append(f"\n{'  ' * depth}▾ {name}", "green")
+        elif path in plan.passed or _wholly_passed(plan, path):
+            text.append(f"\n{'  ' * depth}✓ {name}", "dim green")
+        else:
+            text.append(f"\n{'  ' * depth}· {name}", "dim")
+    return text
+
+
+def shown(plan: Plan, lines: int) -> tuple[str, ...]:
+    """The paths that are drawn: all, if there is room; else those beside and above the present one, at most `lines`."""
+    if len(plan.states) <= lines:
+        return plan.states
+    open_machines = {plan.at.rsplit("/", n)[0] for n in range(1, plan.at.count("/") + 1)}
+    paths = [path for path in plan.states if "/" not in path or path.rsplit("/", 1)[0] in open_machines]
+    here = paths.index(plan.at) if plan.at in paths else 0
+    first = max(0, min(here - lines // 2, len(paths) - lines))
+    return tuple(paths[first : first + lines])
+
+
+def events(view: View, began: float, lines: int, width: int = 80) -> Text:
+    """The latest events that fit, each whole, in seconds after `began` [unix s]; of the last one what fits."""
+    shown: list[Text] = []
+    for event in reversed(view.events):
+        told = _event(event, began, width)
+        if shown and len(shown) + len(told) > lines:
+            break
+        shown = [*told, *shown]
+    return Text("\n").join(shown[:lines])
+
+
+def _event(event: Event, began: float, width: int) -> list[Text]:
+    """An event in lines: what it says stands in a column beside its time."""
+    at = Text(f"{max(0.0, event.t - began):5.0f} s  ", "dim")
+    words = Text.assemble(event.who, (f": {plain(event.text)}" if event.text else "", "dim"))
+    column = max(LEAST_COLUMN, width - len(at))
+    return [(at if not number else Text(" " * len(at))) + line for number, line in enumerate(wrapped(words, column))]
+
+
+def wrapped(text: Text, width: int) -> list[Text]:
+    """A text in lines of a terminal so wide."""
+    return list(text.wrap(_MEASURE, width))
+
+
+def within(path: str, machine: str) -> bool:
+    """Tell whether a path stands inside a machine."""
+    return path.startswith(machine + "/")
+
+
+def _wholly_passed(plan: Plan, machine: str) -> bool:
+    """Tell whether this is a machine that was left behind."""
+    inside = [path for path in plan.states if within(path, machine)]
+    return bool(inside) and inside[-1] in plan.passed
+
+
+def _as_state(outcome: str) -> str:
+    return {"succeeded": "done", "failed": "failed"}.get(outcome.lower(), "")

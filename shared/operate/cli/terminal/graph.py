@@ -1,0 +1,183 @@
+"""`roco graph`: agents and channels with what goes over them now: drawn in the terminal, as JSON, or for Graphviz."""
+
+import time
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from companion.design import DESIGN
+from operate.cli.errors import NoRunError
+from operate.cli.fleet import targets
+from operate.cli.fleet.process_status import Seen, trouble
+from operate.cli.fleet.state_words import COLOURS, WORDS
+from operate.cli.output import Format, RunDir, problems, tell_json
+from operate.cli.terminal import arcs
+from operate.cli.terminal.run_state import Follow
+from operate.run_folder import LiveLine, ProcessState, Sent
+
+WINDOW_S = 10.0
+"""Rates are means over so long: a pour has a communicate every second or two, not more (estimate)."""
+JUST_NOW_S = 2.0
+"""A channel is bright so long after a communicate (estimate: as long as a look lasts)."""
+
+
+class Drawing(StrEnum):
+    """The forms of the graph: text for people, json for programs, dot for Graphviz."""
+
+    TEXT = "text"
+    JSON = "json"
+    DOT = "dot"
+
+
+class Node(msgspec.Struct, frozen=True):
+    """An agent. `state`: of its FSM where it runs, else of its process."""
+
+    name: str
+    process: ProcessState | None
+    state: str
+    trouble: str
+
+
+class Edge(msgspec.Struct, frozen=True):
+    """A channel: communicates and bytes a second over `WINDOW_S`, how many in all, and when the last was [unix s]."""
+
+    name: str
+    ends: tuple[str, str]
+    per_s: float
+    bytes_per_s: float
+    count: int
+    last: float | None
+
+
+class Graph(msgspec.Struct, frozen=True):
+    """Agents and channels at one moment. `at`: unix time [s]; `window_s`: what rates are taken over."""
+
+    where: str
+    at: float
+    window_s: float
+    agents: tuple[Node, ...]
+    channels: tuple[Edge, ...]
+
+
+def graph(
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    window: Annotated[float, typer.Option(min=0.1, help="Seconds that rates are taken over.")] = WINDOW_S,
+    form: Annotated[Drawing, typer.Option("--format", help="text, json, or dot for Graphviz.")] = Drawing.TEXT,
+) -> None:
+    """Draw agents and channels with their states and what goes over each channel now.
+
+    Examples:
+      roco graph
+      roco graph --window 60 --format json
+      roco graph --format dot
+    """
+    with problems(Format.JSON if form is Drawing.JSON else Format.TEXT):
+        fleet = targets.find(target, run_dir)
+        now = fleet.look()
+        if now.fleet is None:
+            raise NoRunError(fleet.where)
+        found = told(fleet.where, now.seen, Follow(fleet.live).new(), time.time(), window)
+        if form is Drawing.JSON:
+            tell_json(found)
+        elif form is Drawing.DOT:
+            print(dot(found))
+        else:
+            Console().print(drawn(found))
+
+
+def told(where: str, seen: Iterable[Seen], lines: Iterable[LiveLine], at: float, window_s: float) -> Graph:
+    """The graph of the design with what is known of it at a time [unix s]."""
+    by_name = {one.name: one for one in seen}
+    return Graph(
+        where,
+        at,
+        window_s,
+        tuple(_node(name, by_name.get(name)) for name in DESIGN.agents),
+        edges(lines, at, window_s),
+    )
+
+
+def edges(lines: Iterable[LiveLine], at: float, window_s: float) -> tuple[Edge, ...]:
+    """The channels of the design with what the monitor heard on each."""
+    heard: dict[str, list[Sent]] = {name: [] for name in DESIGN.channels}
+    for line in lines:
+        if isinstance(line, Sent) and line.channel in heard:
+            heard[line.channel].append(line)
+    return tuple(_edge(name, channel.ends, heard[name], at, window_s) for name, channel in DESIGN.channels.items())
+
+
+def _edge(name: str, ends: tuple[str, str], heard: list[Sent], at: float, window_s: float) -> Edge:
+    late = [line for line in heard if line.t > at - window_s]
+    last = max((line.t for line in heard), default=None)
+    return Edge(name, ends, len(late) / window_s, sum(line.bytes for line in late) / window_s, len(heard), last)
+
+
+def _node(name: str, one: Seen | None) -> Node:
+    if one is None:
+        return Node(name, None, "not here", "")
+    lives = one.status.state is ProcessState.READY and one.beat is not None
+    state = one.beat.state if one.beat is not None and lives else str(one.status.state)
+    return Node(name, one.status.state, state, trouble(one))
+
+
+def drawn(found: Graph) -> Text:
+    """Agents one below the other, channels as arcs beside them; bright is what is in use."""
+    ends = {edge.name: edge.ends for edge in found.channels}
+    rows = arcs.rows(arcs.ordered(sorted((node.name for node in found.agents), reverse=True), ends), ends)
+    nodes, channels = {node.name: node for node in found.agents}, {edge.name: edge for edge in found.channels}
+    text = Text(no_wrap=True, overflow="ellipsis")
+    for row in rows:
+        node = nodes[row.node] if row.node else None
+        text.append_text(_label(node)).append(" ")
+        for mark, channel in row.marks:
+            text.append(mark, _light(channels[channel], found.at) if channel else "dim")
+        if row.ends:
+            text.append("  ").append_text(_rate(channels[row.ends], found.at))
+        text.append("\n")
+    return text.append(f"rates over {found.window_s:g} s; {found.where}", "dim")
+
+
+def _label(node: Node | None) -> Text:
+    if node is None:
+        return Text(" " * 26)
+    words = node.trouble or WORDS.get(node.name, {}).get(node.state, node.state)
+    style = "red" if node.trouble else COLOURS.get(node.process or "", "") if node.process != "ready" else ""
+    label = Text.assemble((f"{node.name:4}", "bold"), (words, style))
+    label.truncate(26, overflow="ellipsis", pad=True)
+    return label
+
+
+def _light(edge: Edge, at: float) -> str:
+    """How bright a channel is."""
+    if edge.last is not None and at - edge.last < JUST_NOW_S:
+        return "bold green"
+    return "green" if edge.per_s else "dim"
+
+
+def _rate(edge: Edge, at: float) -> Text:
+    text = Text.assemble(
+        (f"{edge.name} ", "bold"), (f"{edge.per_s:.1f}/s {sized(edge.bytes_per_s)}/s", _light(edge, at))
+    )
+    return text.append(f", {edge.count} in all" if edge.count else ", none yet", "dim")
+
+
+def sized(count: float) -> str:
+    """Bytes in few characters."""
+    return f"{count:.0f} B" if count < 1000 else f"{count / 1000:.1f} kB"
+
+
+def dot(found: Graph) -> str:
+    """The same for Graphviz."""
+    lines = ["graph fleet {", "  node [shape=box, style=rounded];"]
+    lines += [f'  {node.name} [label="{node.name}\\n{node.state}"];' for node in found.agents]
+    for edge in found.channels:
+        label = f"{edge.name}\\n{edge.per_s:.1f}/s {sized(edge.bytes_per_s)}/s"
+        width = 3 if edge.per_s else 1
+        lines.append(f'  {edge.ends[0]} -- {edge.ends[1]} [label="{label}", penwidth={width}];')
+    return "\n".join([*lines, "}"])

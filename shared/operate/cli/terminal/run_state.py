@@ -1,0 +1,174 @@
+"""What a person sees of a run while it runs: lines of live.jsonl folded into a picture.
+
+Pure but for `of_file`, which reads one. Lines of kinds or with fields of a later version are left out.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from companion.words import plain
+from operate.run_folder import Against, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+
+LATEST_EVENTS = 20  # the picture shows as many of them as there is room for
+_decoder: msgspec.json.Decoder[LiveLine] = msgspec.json.Decoder(LiveLine)
+
+
+class Seen(msgspec.Struct, frozen=True):
+    """An agent: its state, whether its token is there."""
+
+    state: str
+    alive: bool = True
+
+
+class Counted(msgspec.Struct, frozen=True):
+    """A channel: how many communicates went by, their bytes in all, the last one in words."""
+
+    count: int = 0
+    bytes: int = 0
+    last: str = ""
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """A plan: its states as paths in the tree's order, the present one, those passed, how it ended."""
+
+    id: str
+    task: str
+    states: tuple[str, ...]
+    at: str = ""
+    passed: frozenset[str] = frozenset()
+    outcome: str = ""
+
+
+class Event(msgspec.Struct, frozen=True):
+    """Something worth a line; `t`: unix time [s]."""
+
+    t: float
+    who: str
+    text: str
+
+
+class View(msgspec.Struct, frozen=True):
+    """The picture. `sent`: communicates by sender."""
+
+    agents: dict[str, Seen] = {}
+    sent: dict[str, int] = {}
+    channels: dict[str, Counted] = {}
+    plan: Plan | None = None
+    plans: int = 0
+    events: tuple[Event, ...] = ()
+
+    def with_event(self, event: Event) -> "View":
+        """The same with one more event; the oldest ones are dropped."""
+        return msgspec.structs.replace(self, events=(*self.events, event)[-LATEST_EVENTS:])
+
+
+def fold(view: View, line: LiveLine) -> View:
+    """The picture after one more line."""
+    match line:
+        case Sent(channel=channel, performative=performative, sender=sender, receiver=receiver):
+            before = view.channels.get(channel, Counted())
+            words = f"{sender} > {receiver}  {line.text or performative}"
+            counted = Counted(before.count + 1, before.bytes + line.bytes, words)
+            sent = {**view.sent, sender: view.sent.get(sender, 0) + 1}
+            return msgspec.structs.replace(view, sent=sent, channels={**view.channels, channel: counted})
+        case AgentIn(agent=agent, state=state, alive=alive):
+            return msgspec.structs.replace(view, agents={**view.agents, agent: Seen(state, alive)})
+        case PlanSeen(plan=plan, task=task, states=states):
+            return msgspec.structs.replace(view, plan=Plan(plan, task, states), plans=view.plans + 1)
+        case PlanAt(at=at, outcome=outcome) if view.plan is not None:
+            return msgspec.structs.replace(view, plan=_moved(view.plan, at, outcome))
+        case Happened(t=t, name=name, text=text) if not _begins(name):
+            return view.with_event(Event(t, name, text))
+        case Against(t=t, verdict=verdict):
+            return view.with_event(Event(t, verdict, against(line)))
+        case _:
+            return view
+
+
+def leaves(states: tuple[str, ...]) -> list[str]:
+    """The states of a plan that are no machines: its steps."""
+    return [path for path in states if not any(other.startswith(path + "/") for other in states)]
+
+
+def step(at: str) -> str:
+    """Where a plan is, for people: the machine, then the state in it."""
+    return plain(at).replace("/", ": ")
+
+
+def in_words(line: LiveLine) -> str:
+    """The line for a log without pictures; "" for what is only counted, or told by another line."""
+    match line:
+        case PlanSeen(task=task, states=states):
+            return f"plan received: {plain(task)}, in {len(leaves(states))} steps"
+        case PlanAt(at=at, outcome="") if at:
+            return f"  {step(at)}"
+        case Happened(name=name, text=text) if not (_begins(name) or _told_elsewhere(name)):
+            return f"{name}: {text}" if text else name
+        case AgentIn(agent=agent, alive=False):
+            return f"{agent}: gone"
+        case Against(verdict=verdict):
+            return f"not as designed, {verdict}: {against(line)}"
+        case _:
+            return ""
+
+
+def against(line: Against) -> str:
+    """What is not as designed, and why."""
+    what = f"{line.sender} > {line.receiver} {line.performative}: " if line.sender else ""
+    return f"{what}{line.why}"
+
+
+def _begins(name: str) -> bool:
+    """A plan begins as soon as it is there: no news of its own."""
+    return name.startswith("plan ") and name.endswith(" begins")
+
+
+def _told_elsewhere(name: str) -> bool:
+    """A plan that is there, and a task that ended, say more in a line of their own."""
+    return (name.startswith("plan ") and name.endswith(" received")) or name.startswith(
+        ("finished", "ended, ", "refused")
+    )
+
+
+def _moved(plan: Plan, at: str, outcome: str) -> Plan:
+    """The plan with another present state; the state before it counts as passed."""
+    passed = plan.passed | {plan.at} if plan.at and (plan.at != at or outcome) else plan.passed
+    return msgspec.structs.replace(plan, at="" if outcome else at, passed=passed, outcome=outcome)
+
+
+def of_file(path: Path) -> Callable[[int], bytes]:
+    """Reads a live file from a byte on; nothing where it is not there yet."""
+
+    def read(offset: int) -> bytes:
+        try:
+            with path.open("rb") as file:
+                file.seek(offset)
+                return file.read()
+        except FileNotFoundError:
+            return b""
+
+    return read
+
+
+class Follow:
+    """Takes what is new of a live file, wherever `read` reads it; a line not whole yet waits for the next look."""
+
+    def __init__(self, read: Callable[[int], bytes]) -> None:
+        self._read = read
+        self._offset = 0
+
+    def new(self) -> list[LiveLine]:
+        """The lines written since the last look."""
+        data = self._read(self._offset)
+        whole = data[: data.rfind(b"\n") + 1]
+        self._offset += len(whole)
+        return [line for raw in whole.splitlines() if (line := _line(raw)) is not None]
+
+
+def _line(raw: bytes) -> LiveLine | None:
+    try:
+        return _decoder.decode(raw)
+    except msgspec.DecodeError:
+        return None

@@ -1,0 +1,223 @@
+"""`roco top`: agents, channels, task and plan on one live screen, until q or Ctrl-C."""
+
+import time
+from collections.abc import Callable
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from companion.run_files import TaskLine
+from companion.tools.verbs.hi import Hi
+from companion.words import plain
+from operate.cli.errors import ConsoleError, NoRunError
+from operate.cli.fleet import targets
+from operate.cli.fleet.agents import COLUMNS, cells
+from operate.cli.fleet.process_status import Look, Row, rows
+from operate.cli.fleet.state_words import COLOURS, doing
+from operate.cli.fleet.targets import Target
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.terminal import run_state
+from operate.cli.terminal.draw import events
+from operate.cli.terminal.graph import WINDOW_S, Edge, edges, sized
+from operate.cli.terminal.keyboard import Keyboard
+from operate.cli.terminal.run_state import View
+from operate.run_folder import LiveLine, Sent
+
+PERIOD_S = 1.0
+"""Between two pictures: people look once a second."""
+QUIT = "q"
+SHOWN = ("beat", "cpu", "memory", "again", "waits")
+ENDED = ("done", "failed", "cancelled", "refused")
+
+
+class Screen(msgspec.Struct, frozen=True):
+    """All that is drawn; one object a picture with `--format json`. `at`: unix time [s]."""
+
+    where: str
+    at: float
+    agents: tuple[Row, ...]
+    channels: tuple[Edge, ...]
+    task: TaskLine | None
+    plan: str
+    step: str
+    stop_held: bool
+
+
+def top(
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    period: Annotated[float, typer.Option(min=0.2, help="Seconds between two pictures.")] = PERIOD_S,
+    count: Annotated[int, typer.Option("-n", "--count", min=0, help="End after so many pictures; 0: at q.")] = 0,
+    form: Form = Format.TEXT,
+) -> None:
+    """Show agents, channels, the task and the plan's present state on a live screen; q or Ctrl-C ends it.
+
+    Where no terminal is, pictures follow one another; as JSON it is an object a line.
+
+    Examples:
+      roco top
+      roco top --period 5
+      roco top --count 1 --format json
+    """
+    with problems(form):
+        watched = Watched(targets.find(target, run_dir))
+        console = Console()
+        try:
+            if form is Format.JSON:
+                _each(watched, period, count, lambda: tell_json(watched.screen))
+            elif not console.is_terminal:
+                _each(watched, period, count, lambda: console.print(watched.picture(console.width, 40)))
+            else:
+                _live(watched, period, count, console)
+        except KeyboardInterrupt:
+            return
+
+
+class Watched:
+    """A fleet, looked at again and again. Raises NoRunError where there is none."""
+
+    def __init__(self, fleet: Target) -> None:
+        self.fleet = fleet
+        self.view = View()
+        self._heard: list[LiveLine] = []
+        self._follow = run_state.Follow(fleet.live)
+        self._counts: dict[str, int] = {}
+        self._before = fleet.look()
+        if self._before.fleet is None:
+            raise NoRunError(fleet.where)
+        self._began = self._before.fleet.started
+        time.sleep(0.2)  # so that the first picture has shares of a processor
+        self.look()
+
+    def look(self) -> None:
+        """See what is new."""
+        now, at = self.fleet.look(), time.time()
+        for line in self._follow.new():
+            self._began = self._began or line.t
+            self.view = run_state.fold(self.view, line)
+            if isinstance(line, Sent):
+                self._heard.append(line)
+                self._counts[line.channel] = self._counts.get(line.channel, 0) + 1
+        self._heard = [line for line in self._heard if line.t > at - WINDOW_S]
+        channels = edges(self._heard, at, WINDOW_S)
+        channels = tuple(msgspec.structs.replace(one, count=self._counts.get(one.name, 0)) for one in channels)
+        plan = self.view.plan
+        self.screen = Screen(
+            self.fleet.where,
+            at,
+            rows(self._before, now),
+            channels,
+            self._task(),
+            f"plan {self.view.plans}: {plain(plan.task)}{', ' + plan.outcome if plan.outcome else ''}" if plan else "",
+            run_state.step(plan.at) if plan else "",
+            now.stop_held,
+        )
+        self._now, self._before = now, now
+
+    def picture(self, width: int, height: int) -> RenderableType:
+        """The screen, as many events as there is room for."""
+        screen = self.screen
+        used = 7 + len(screen.agents) + len(screen.channels)
+        return Group(
+            header(screen),
+            agents(screen, self._now, self.view),
+            Text(),
+            channels(screen, self.view),
+            Text(),
+            events(self.view, self._began, max(0, height - used - 1), width),
+        )
+
+    def _task(self) -> TaskLine | None:
+        """The oldest that goes on, else the latest."""
+        try:
+            tasks = Hi(self.fleet.hi()).tasks()
+        except ConsoleError:
+            return None
+        return next((task for task in tasks if task.state not in ENDED), tasks[-1] if tasks else None)
+
+
+def header(screen: Screen) -> Text:
+    """Where, the task, the plan with its present state; three lines."""
+    text = Text(no_wrap=True, overflow="ellipsis")
+    text.append("roco top", "bold").append(f"  {screen.where}  ").append("q: quit", "dim")
+    if screen.stop_held:
+        text.append("  STOPPED: `roco release`", "bold white on red")
+    task = screen.task
+    text.append("\ntask  ", "dim")
+    if task is None:
+        text.append("none", "dim")
+    else:
+        text.append(f"“{task.said or task.task}” ", "italic").append(task.state, COLOURS.get(task.state, ""))
+    text.append("\nplan  ", "dim")
+    text.append(screen.plan or "none", "" if screen.plan else "dim")
+    return text.append(f"  ▶ {screen.step}" if screen.step else "", "bold green")
+
+
+def agents(screen: Screen, now: Look, view: View) -> Table:
+    """What each does, in words, with heartbeat, processor and memory."""
+    drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", expand=True)
+    drawn.add_column("agent", no_wrap=True)
+    drawn.add_column("does", no_wrap=True, overflow="ellipsis", ratio=1)
+    for name in (*SHOWN, "sent"):
+        drawn.add_column(name, no_wrap=True, justify="right")
+    for row, one in zip(screen.agents, now.seen, strict=True):
+        words, style = (row.trouble, "red") if row.trouble else doing(one.status, view)
+        cell = dict(zip(COLUMNS, cells(row), strict=True))
+        sent = Text(str(view.sent.get(row.name, "")), "dim")
+        drawn.add_row(cell["agent"], Text(words, style), *(cell[name] for name in SHOWN), sent)
+    return drawn
+
+
+def channels(screen: Screen, view: View) -> Table:
+    """Rates of each channel, and what was said last."""
+    drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", expand=True)
+    for name in ("on", "between"):
+        drawn.add_column(name, no_wrap=True)
+    for name in ("rate", "bandwidth", "said"):
+        drawn.add_column(name, no_wrap=True, justify="right", min_width=6)
+    drawn.add_column("last", no_wrap=True, overflow="ellipsis", ratio=1)
+    for edge in screen.channels:
+        heard = view.channels.get(edge.name)
+        light = "green" if edge.per_s else "dim"
+        drawn.add_row(
+            Text(edge.name, "bold"),
+            "-".join(edge.ends),
+            Text(f"{edge.per_s:.1f}/s", light),
+            Text(f"{sized(edge.bytes_per_s)}/s", light),
+            str(edge.count),
+            Text(heard.last if heard else "", "dim"),
+        )
+    return drawn
+
+
+def _each(watched: Watched, period_s: float, count: int, show: Callable[[], None]) -> None:
+    """Pictures one after the other."""
+    number = 0
+    while True:
+        show()
+        number += 1
+        if number == count:
+            return
+        time.sleep(period_s)
+        watched.look()
+
+
+def _live(watched: Watched, period_s: float, count: int, console: Console) -> None:
+    """The screen, until q is pressed."""
+
+    def picture() -> RenderableType:
+        return watched.picture(console.width, console.height)
+
+    with Keyboard() as keys, Live(console=console, screen=True, auto_refresh=False, get_renderable=picture) as shown:
+        number = 0
+        while True:
+            shown.refresh()
+            number += 1
+            if number == count or keys.pressed(period_s) == QUIT:
+                return
+            watched.look()

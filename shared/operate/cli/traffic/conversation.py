@@ -1,0 +1,166 @@
+"""`roco conversation`: list the conversations of a run, and show one as a sequence diagram in the terminal."""
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from companion.design import DESIGN
+from fipa_codec.tables import NOT_UNDERSTOOD, Role
+from operate.cli.errors import ConsoleError
+from operate.cli.fleet import targets
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.terminal import sequence
+from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, Recorded, wanted
+from operate.cli.traffic.verdicts import judged, told
+from operate.run_folder import Judged
+from topdown.judge.verdicts import Verdict
+
+
+class Conversation(msgspec.Struct, frozen=True):
+    """A conversation: who opened it with whom, where it stands, all that was said in it; times in unix seconds."""
+
+    id: str
+    channel: str
+    protocol: str
+    initiator: str
+    participant: str
+    since: float
+    until: float
+    ended: bool
+    states: tuple[str, str]
+    violations: int
+    said: tuple[Judged, ...]
+
+
+def list_(
+    channel: Channels = None,
+    agent: Agents = None,
+    protocol: Protocols = None,
+    performative: Performatives = None,
+    open_: Annotated[bool | None, typer.Option("--open/--ended", help="Only those that go on, or that ended.")] = None,
+    wrong: Annotated[bool, typer.Option("--wrong", help="Only those with something against the design.")] = False,
+    run: Recorded = None,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """List conversations, oldest first.
+
+    Of a running fleet so far, as its monitor judged them; of a recording as they are judged now. A conversation is
+    meant if something of it is.
+
+    Examples:
+      roco conversation list --open
+      roco conversation list --channel C5 --performative failure
+      roco conversation list --run recording.mcap --format json
+    """
+    with problems(form):
+        which = wanted(channel, agent, protocol, performative)
+        kept = [
+            one
+            for one in _conversations(run, run_dir, target)
+            if any(map(which.keeps, one.said)) and open_ in (None, not one.ended) and (one.violations or not wrong)
+        ]
+        if form is Format.JSON:
+            tell_json([msgspec.structs.replace(one, said=()) for one in kept])
+            return
+        console = Console()
+        console.print(table(kept))
+        console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
+
+
+def show(
+    id: Annotated[str, typer.Argument(help="A conversation, as `roco conversation list` names it.")],
+    run: Recorded = None,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Show a conversation as a sequence diagram: what was said when, the states after it, and what the judge says.
+
+    Examples:
+      roco conversation show hi-1-1
+      roco conversation show pl-1-3 --run recording.mcap --format json
+    """
+    with problems(form):
+        found = [one for one in _conversations(run, run_dir, target) if one.id == id]
+        if not found:
+            raise ConsoleError(f"no conversation {id!r} in this run; `roco conversation list` shows them")
+        if form is Format.JSON:
+            tell_json(found)
+            return
+        console = Console()
+        for one in found:
+            console.print(sequence.heading(one.channel, one.protocol, one.id, one.states, one.ended))
+            console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
+
+
+def conversations(lines: list[Judged]) -> list[Conversation]:
+    """What was said, by conversation and pair of agents, oldest first."""
+    grouped: dict[tuple[str, str, frozenset[str]], list[Judged]] = {}
+    for one in lines:
+        if one.sender and one.verdict != Verdict.NOT_ENTITLED:
+            grouped.setdefault((one.conversation, one.protocol, frozenset((one.sender, one.receiver))), []).append(one)
+    return sorted((_made(said) for said in grouped.values()), key=lambda one: one.since)
+
+
+def table(found: list[Conversation]) -> Table:
+    """One line for each."""
+    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    drawn.add_column("conversation", no_wrap=True, overflow="ellipsis")
+    for name in ("on", "protocol", "between"):
+        drawn.add_column(name, no_wrap=True)
+    drawn.add_column("said", justify="right", no_wrap=True)
+    drawn.add_column("took", justify="right", no_wrap=True)
+    drawn.add_column("states", no_wrap=True, overflow="ellipsis")
+    if any(one.violations for one in found):
+        drawn.add_column("wrong", justify="right", no_wrap=True)
+    for one in found:
+        state = Text(" / ".join(dict.fromkeys(filter(None, one.states))), "dim" if one.ended else "cyan")
+        between = f"{one.initiator} > {one.participant}"
+        row = (one.id, one.channel, one.protocol, between, str(len(one.said)), sequence.seconds(one.until - one.since))
+        wrong = Text(str(one.violations or ""), "red")
+        drawn.add_row(*row, state, *([wrong] if len(drawn.columns) > len(row) + 1 else []))
+    return drawn
+
+
+def _made(said: list[Judged]) -> Conversation:
+    first = said[0]
+    pair = {(use.initiator, use.participant) for use in DESIGN.file.protocol if use.follows == first.protocol}
+    forth = (first.sender, first.receiver) in pair or (first.receiver, first.sender) not in pair
+    initiator, participant = (first.sender, first.receiver) if forth else (first.receiver, first.sender)
+    states = next(((one.initiator, one.participant) for one in reversed(said) if one.initiator), ("", ""))
+    return Conversation(
+        id=first.conversation,
+        channel=first.channel,
+        protocol=first.protocol,
+        initiator=initiator,
+        participant=participant,
+        since=first.t,
+        until=said[-1].t,
+        ended=_ended(first.protocol, states),
+        states=states,
+        violations=sum(one.violation for one in said),
+        said=tuple(said),
+    )
+
+
+def _ended(protocol: str, states: tuple[str, str]) -> bool:
+    """Whether both roles stand at an end of their tables."""
+    tables = DESIGN.tables.get(protocol)
+    if tables is None or not all(states):
+        return False
+    roles = (Role.INITIATOR, Role.PARTICIPANT)
+    ends = [tables.tables[role].ended | {NOT_UNDERSTOOD} for role in roles]
+    return all(set(words.split("|")) <= end for words, end in zip(states, ends, strict=True))
+
+
+def _conversations(run: Path | None, run_dir: Path | None, target: str) -> list[Conversation]:
+    if run is None:
+        return conversations(targets.find(target, run_dir).verdicts())
+    return conversations(told(run) if run.is_dir() else judged(run))

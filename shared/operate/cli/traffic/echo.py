@@ -1,0 +1,152 @@
+"""`roco traffic echo`: one line for each communicate, as it is judged, live and of a recording."""
+
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+from typing import Annotated, Any
+
+import msgspec
+import typer
+from rich.cells import cell_len, set_cell_size
+from rich.console import Console
+from rich.text import Text
+
+from agent_runtime.io.tap import Sample
+from companion.design import DESIGN
+from companion.languages import LANGUAGES
+from fipa_codec.communicate import Communicate
+from operate.cli.fleet import targets
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.traffic import rate_tables
+from operate.cli.traffic.filter_options import (
+    Agents,
+    Channels,
+    Count,
+    Performatives,
+    Protocols,
+    Recorded,
+    Seconds,
+    wanted,
+)
+from operate.cli.traffic.listen import Source, said, source
+from operate.filters import Filter
+from operate.run_folder import Judged
+from operate.verdict_lines import line
+from topdown.judge.judge import Judge
+from topdown.judge.verdicts import Judgement, Verdict
+
+ENDLESS = 10_000
+"""Columns where nobody's terminal is: a line for each, whole."""
+STYLES = {Verdict.LEGAL: "green", Verdict.SLOW: "yellow"}
+Echoed = tuple[Judged, Communicate | None]
+
+
+def echo(
+    channel: Channels = None,
+    agent: Agents = None,
+    protocol: Protocols = None,
+    performative: Performatives = None,
+    wrong: Annotated[bool, typer.Option("--wrong", help="Only what is against the design.")] = False,
+    run: Recorded = None,
+    count: Count = 0,
+    for_: Seconds = 0.0,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Print a line for each communicate: time, channel, who to whom, act, protocol, size, content, verdict.
+
+    Of a running fleet until Ctrl-C. A verdict that has to wait for what explains it comes up to three seconds later; of
+    a conversation that had begun before nothing can be judged. JSON has all fields and the whole content, an object a
+    line.
+
+    Examples:
+      roco traffic echo
+      roco traffic echo --channel C4 --agent pl --count 10
+      roco traffic echo --target compose --wrong
+      roco traffic echo --run runs/latest --performative request --format json
+    """
+    with problems(form):
+        which = wanted(channel, agent, protocol, performative)
+        with source(run, run_dir, target) as heard:
+            _print(heard, which, form, count=count, seconds=for_, wrong=wrong)
+
+
+def _print(heard: Source, which: Filter, form: Form, *, count: int, seconds: float, wrong: bool) -> None:
+    console = Console(highlight=False)
+    width = console.width if console.is_terminal else ENDLESS
+    printed = 0
+    try:
+        for one, communicate in echoed(heard, seconds):
+            if not which.keeps(one) or (wrong and not one.violation):
+                continue
+            if form is Format.JSON:
+                tell_json(fields(one, communicate))
+                sys.stdout.flush()
+            else:
+                console.print(drawn(one, width), soft_wrap=True)
+            printed += 1
+            if printed == count:
+                break
+    except KeyboardInterrupt:
+        pass
+    if lost := heard.lost():
+        print(f"roco: {lost.removeprefix('; ')}", file=sys.stderr)
+
+
+def echoed(heard: Source, seconds: float = 0.0) -> Iterator[Echoed]:
+    """What is said, with what the judge says of it; those that wait for their verdict come later."""
+    judge, last = Judge(DESIGN, LANGUAGES), 0.0
+    for sample in heard.samples(seconds):
+        last = time.time() if sample is None else sample.at
+        yield from map(_line, _judged(judge, sample, last))
+    yield from map(_line, judge.finish(last))
+
+
+def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgement]:
+    if sample is None:
+        return judge.pass_time(at)
+    if sample.deaf_since:
+        return judge.deaf(at)
+    if sample.token:
+        agent, incarnation = sample.key.split("/")[-2:]
+        known = not sample.gone and incarnation.isascii() and incarnation.isdigit()
+        return judge.lived(agent, int(incarnation), at) if known else ()
+    return judge.pass_time(at) if said(sample) is None else judge.hear(sample.key, sample.data, at)
+
+
+def _line(judgement: Judgement) -> Echoed:
+    return line(judgement, LANGUAGES), judgement.heard.communicate
+
+
+def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
+    """The line for programs: the verdict's and the communicate's fields, absent where they are empty."""
+    told = msgspec.to_builtins(one)
+    if communicate is not None:
+        for name in ("ontology", "reply_by", "reply_with", "in_reply_to", "sent"):
+            told[name] = getattr(communicate, name)
+        if communicate.content is not msgspec.UNSET:
+            told["content"] = msgspec.msgpack.decode(communicate.content)
+    return {name: value for name, value in told.items() if value not in ("", None)}
+
+
+def drawn(one: Judged, width: int) -> Text:
+    """The line for people, no wider than that but for the reason of a violation, which stands below."""
+    style = "bold red" if one.violation else STYLES.get(Verdict(one.verdict), "dim")
+    clock = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
+    who = f"{one.sender}>{one.receiver}" if one.sender else "?"
+    text = Text(no_wrap=True)
+    text.append(f"{clock} ", "dim").append(f"{one.channel:2} ").append(f"{who:5} ", "bold")
+    text.append(f"{one.performative:11} ", "cyan").append(f"{one.protocol:10} ", "dim")
+    text.append(f"{rate_tables.size(one.bytes):>7}  ")
+    room = width - cell_len(text.plain) - len(one.verdict) - 1
+    words = one.text or one.key
+    if width == ENDLESS:
+        words = f"{words:34}"
+    else:
+        words = set_cell_size(words if cell_len(words) <= room else words[: max(0, room - 1)] + "…", max(0, room))
+    text.append(words, "italic").append(f" {one.verdict}", style)
+    if one.violation and one.why:
+        text.append(f"\n{'':13}{one.why}", "red")
+    return text

@@ -1,0 +1,113 @@
+"""`roco traffic judge`: is everything that was said as designed? Afterwards, from a recording."""
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from operate.cli.output import Form, Format, tell_problem
+from operate.cli.traffic.verdicts import JudgeError, judged
+from operate.run_folder import Judged
+from topdown.judge.verdicts import VIOLATIONS, Verdict
+
+MOST = 40
+"""Violations shown at most; a person reads no more (estimate). `--format json` has all."""
+
+
+class Judgements(msgspec.Struct, frozen=True):
+    """`roco traffic judge --format json`: how often each verdict by channel, and all that is against the design.
+
+    `since`: when the first was heard [unix s].
+    """
+
+    communicates: int
+    since: float
+    channels: dict[str, dict[str, int]]
+    violations: tuple[Judged, ...]
+
+
+def judge(
+    file: Annotated[Path, typer.Argument(help="A run folder, a traffic.mcap or a live.jsonl.")],
+    design: Annotated[Path | None, typer.Option(help="Another system's design file; else this system's.")] = None,
+    languages: Annotated[
+        str, typer.Option(help="That system's Languages, as package.module:NAME; else its contents are not read.")
+    ] = "",
+    form: Form = Format.TEXT,
+) -> None:
+    """Judge every communicate of a recording by the design. Exits with 1 where something is against it.
+
+    Examples:
+      roco traffic judge runs/latest
+      roco traffic judge runs/latest/traffic.mcap --format json
+    """
+    try:
+        found = summary(judged(file, design, languages))
+    except JudgeError as error:
+        tell_problem(error, form)
+        raise typer.Exit(2 if error.usage else 1) from error
+    if form is Format.JSON:
+        print(msgspec.json.encode(found).decode())
+    else:
+        show(found, Console())
+    raise typer.Exit(1 if found.violations else 0)
+
+
+def summary(lines: list[Judged]) -> Judgements:
+    """What the lines come to. A communicate with two verdicts counts once."""
+    counted: dict[str, Counter[str]] = {}
+    for one in lines:
+        counted.setdefault(one.channel or "none", Counter())[one.verdict] += 1
+    heard = {(one.t, one.sender, one.receiver, one.id) for one in lines}
+    channels = {name: {str(v): row[v] for v in Verdict if row[v]} for name, row in sorted(counted.items())}
+    since = min((one.t for one in lines), default=0.0)
+    return Judgements(len(heard), since, channels, tuple(one for one in lines if one.violation))
+
+
+def show(found: Judgements, console: Console) -> None:
+    """For people: channels by verdicts, then each violation."""
+    console.print(counts(found))
+    for one in found.violations[:MOST]:
+        console.print(violation(one, found.since))
+    if len(found.violations) > MOST:
+        console.print(f"and {len(found.violations) - MOST} more: --format json has them all", style="dim")
+    console.print(sentence(found))
+
+
+def counts(found: Judgements) -> Table:
+    """How often each verdict, on each channel; verdicts that never came are left out."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("")
+    for name in (*found.channels, "in all"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for verdict in Verdict:
+        row = [counted.get(verdict, 0) for counted in found.channels.values()]
+        if any(row):
+            cells = [str(count) if count else "·" for count in (*row, sum(row))]
+            table.add_row(verdict, *cells, style="red" if verdict in VIOLATIONS else "")
+    return table
+
+
+def violation(one: Judged, begin: float) -> Text:
+    """What was said, when, what is wrong with it and why."""
+    what = f"{one.sender} > {one.receiver} {one.performative}" if one.sender else f"{one.bytes} bytes on {one.key}"
+    text = Text.assemble((f"\n{one.verdict}", "bold red"), f"  {one.channel}  {what}  ")
+    where = f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, " if one.sender else ""
+    text.append(f"{where}+{one.t - begin:.2f}\u00a0s", "dim")
+    return text.append(f"\n  {one.why}")
+
+
+def sentence(found: Judgements) -> Text:
+    """The whole in a sentence."""
+    skipped = sum(row.get(Verdict.NOT_JUDGED, 0) for row in found.channels.values())
+    if found.violations:
+        count = len(found.violations)
+        wrong = f"{count} violation{'s' * (count != 1)} of the design among {found.communicates} communicates"
+        return Text(f"\n{wrong}; + counts from the first communicate", "bold red")
+    if skipped:
+        return Text(f"\nnothing against the design; {skipped} of {found.communicates} communicates could not be judged")
+    return Text(f"\nall {found.communicates} communicates as designed", "green")

@@ -1,0 +1,94 @@
+"""Saying samples again, on time: the clock, the times inside communicates, and how it went."""
+
+import time
+from collections.abc import Callable
+
+import msgspec
+
+from agent_runtime.io.tap import Sample
+from agent_runtime.testing.scripted_peers import Stage
+from fipa_codec.communicate import Communicate, encode
+from operate.cli.traffic.listen import said
+
+LOOK_S = 0.1
+
+
+class Replayed(msgspec.Struct, frozen=True):
+    """What was said again: communicates and other things, in how long [s], recorded in how long, at most how late.
+
+    `late_s` None: as fast as possible, so nothing could be late.
+    """
+
+    communicates: int
+    others: int
+    loops: int
+    seconds: float
+    recorded_s: float
+    late_s: float | None
+    system: str
+    connect: str
+
+
+def moved(one: Communicate, recorded_at: float, now: float, fast: float | None) -> Communicate:
+    """A communicate that was heard then, as if it were said now: as old as it was, with as much time for an answer.
+
+    Slower than recorded, there is so much more time.
+    """
+    stretch = max(1.0, 1 / fast) if fast else 1.0
+    reply_by = None if one.reply_by is None else now + (one.reply_by - recorded_at) * stretch
+    sent = now - (recorded_at - one.sent) if one.sent else 0.0
+    return msgspec.structs.replace(one, sent=sent, reply_by=reply_by)
+
+
+def sentence(done: Replayed) -> str:
+    """How it went, in a line."""
+    also = f" and {done.others} other things" if done.others else ""
+    times = f", {done.loops} times over" if done.loops > 1 else ""
+    late = "" if done.late_s is None else f"; at most {1000 * done.late_s:.1f} ms late"
+    took = f"in {done.seconds:.1f} s (recorded in {done.recorded_s:.1f} s)"
+    return f"{done.communicates} communicates{also} said again{times} {took}{late}"
+
+
+class Player:
+    """Says samples again, on time."""
+
+    def __init__(self, stage: Stage, samples: list[Sample], fast: float | None) -> None:
+        self._stage, self._samples, self._fast = stage, samples, fast
+        self._communicates = self._others = self._loops = 0
+        self._late, self._began = 0.0, time.monotonic()
+        self._span = samples[-1].at - samples[0].at
+
+    def play(self, look: Callable[[str], None]) -> None:
+        """All of it once; `look` is told how far it is."""
+        first, begun = self._samples[0].at, time.monotonic()
+        self._loops += 1
+        self._began = begun if self._loops == 1 else self._began
+        for sample in self._samples:
+            if self._fast:
+                due = begun + (sample.at - first) / self._fast
+                self.wait(due)
+                self._late = max(self._late, time.monotonic() - due)
+            self._say(sample)
+            look(f"{sample.at - first:.1f} s of {self._span:.1f} s, {self._communicates} communicates")
+
+    def wait(self, due: float) -> None:
+        """Until then [monotonic s]."""
+        while (left := due - time.monotonic()) > 0:
+            time.sleep(min(left, LOOK_S))
+
+    def _say(self, sample: Sample) -> None:
+        key, one = sample.key.split("/", 2)[2], said(sample)
+        communicate = one.communicate() if one is not None else None
+        data = sample.data if communicate is None else encode(moved(communicate, sample.at, time.time(), self._fast))
+        self._stage.put(key, data)
+        self._communicates += one is not None
+        self._others += one is None
+
+    def done(self) -> Replayed:
+        """What was said so far."""
+        seconds, late = time.monotonic() - self._began, self._late if self._fast else None
+        stage = self._stage
+        return Replayed(
+            self._communicates, self._others, self._loops, round(seconds, 3), round(self._span, 3), late,
+            stage.system, stage.endpoint,
+        )  # fmt: skip

@@ -1,0 +1,123 @@
+"""The four tables of `roco traffic`: hz, bw, size, stats. Which columns each has, for people and for programs.
+
+Pure: a tally in, rows out.
+"""
+
+from collections.abc import Callable
+from statistics import fmean, pstdev
+from typing import Any, NamedTuple
+
+from rich.table import Table
+
+from operate.cli.traffic.tally import Flow, Tally, quantile
+
+Value = float | int | None
+
+
+class Column(NamedTuple):
+    """`name`: in JSON, with its unit; `head`: for people. `value`: of a flow, in a time of so many seconds."""
+
+    name: str
+    head: str
+    value: Callable[[Flow, float], Value]
+    words: Callable[[Any], str]
+
+
+def rate(value: float) -> str:
+    """Hertz."""
+    return f"{value:.2f}" if value < 100 else f"{value:.0f}"
+
+
+def span(value: float) -> str:
+    """Seconds, or less."""
+    amount, unit = (1000 * value, "ms") if value < 1 else (value, "s")
+    return f"{amount:.2f} {unit}" if amount < 10 else f"{amount:.1f} {unit}" if amount < 100 else f"{amount:.0f} {unit}"
+
+
+def size(value: float) -> str:
+    """Bytes, or more."""
+    return f"{value:.0f} B" if value < 1000 else f"{value / 1000:.3g} kB" if value < 1e6 else f"{value / 1e6:.3g} MB"
+
+
+def speed(value: float) -> str:
+    """Bytes per second."""
+    return f"{size(value)}/s"
+
+
+def _hertz(flow: Flow, _: float) -> Value:
+    whole = sum(flow.gaps)
+    return len(flow.gaps) / whole if whole > 0 else None
+
+
+def _per_second(amount: float, seconds: float) -> Value:
+    return amount / seconds if seconds > 0 else None
+
+
+COUNT = Column("count", "count", lambda flow, _: flow.count, str)
+TOTAL = Column("bytes", "in all", lambda flow, _: flow.bytes, size)
+MEAN = Column("mean_bytes", "mean", lambda flow, _: flow.bytes / flow.count, size)
+P50 = Column("p50_bytes", "p50", lambda flow, _: quantile(flow.sizes, 0.5), size)
+P95 = Column("p95_bytes", "p95", lambda flow, _: quantile(flow.sizes, 0.95), size)
+LEAST = Column("min_bytes", "least", lambda flow, _: min(flow.sizes), size)
+MOST = Column("max_bytes", "most", lambda flow, _: max(flow.sizes), size)
+RATE = Column("rate_hz", "Hz", lambda flow, seconds: _per_second(flow.count, seconds), rate)
+BANDWIDTH = Column("bytes_per_s", "mean/s", lambda flow, seconds: _per_second(flow.bytes, seconds), speed)
+
+TABLES: dict[str, tuple[Column, ...]] = {
+    "hz": (
+        COUNT,
+        Column("rate_hz", "Hz", _hertz, rate),
+        Column("min_gap_s", "least gap", lambda flow, _: min(flow.gaps, default=None), span),
+        Column("mean_gap_s", "mean", lambda flow, _: fmean(flow.gaps) if flow.gaps else None, span),
+        Column("max_gap_s", "most", lambda flow, _: max(flow.gaps, default=None), span),
+        Column("std_gap_s", "std dev", lambda flow, _: pstdev(flow.gaps) if flow.gaps else None, span),
+    ),
+    "bw": (COUNT, BANDWIDTH, TOTAL, MEAN, LEAST, MOST),
+    "size": (COUNT, LEAST, P50, P95, MOST, MEAN, TOTAL),
+    "stats": (
+        COUNT,
+        P50,
+        P95,
+        MOST,
+        RATE,
+        BANDWIDTH,
+        Column("answer_p50_s", "took p50", lambda flow, _: quantile(flow.answers, 0.5), span),
+        Column("answer_p95_s", "p95", lambda flow, _: quantile(flow.answers, 0.95), span),
+    ),
+}
+"""`rate_hz` of hz is that of the row, from its first to its last; of stats, and bytes_per_s, of the whole time."""
+
+
+def rows(kind: str, tally: Tally, seconds: float) -> list[dict[str, Any]]:
+    """The table for programs; a figure that cannot be told yet is left out."""
+    return [
+        {"channel": flow.channel, "performative": flow.performative}
+        | {c.name: value for c in TABLES[kind] if (value := c.value(flow, seconds)) is not None}
+        for flow in tally.rows
+    ]
+
+
+def table(kind: str, tally: Tally, seconds: float) -> Table:
+    """The table for people."""
+    drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", pad_edge=False)
+    drawn.add_column("on", no_wrap=True)
+    drawn.add_column("performative", no_wrap=True)
+    for column in TABLES[kind]:
+        drawn.add_column(column.head, justify="right", no_wrap=True)
+    before = ""
+    for flow in tally.rows:
+        values = [column.value(flow, seconds) for column in TABLES[kind]]
+        cells = [
+            "·" if value is None else column.words(value) for column, value in zip(TABLES[kind], values, strict=True)
+        ]
+        drawn.add_row("" if flow.channel == before else flow.channel, flow.performative, *cells)
+        before = flow.channel
+    return drawn
+
+
+def sentence(tally: Tally, seconds: float) -> str:
+    """The whole in a line."""
+    if not tally.count:
+        return "nothing that is meant went by"
+    whole = f"{tally.count} communicate{'s' * (tally.count != 1)}, {size(tally.bytes)}"
+    return f"{whole} in {seconds:.1f} s" + (f": {speed(tally.bytes / seconds)}" if seconds > 0 else "")

@@ -1,0 +1,141 @@
+"""`roco record`: the traffic of a running fleet from now on, as an MCAP file that opens in Foxglove.
+
+A process of the monitor writes it, as recordings are its business; it ends when this one does, however it ends.
+"""
+
+import contextlib
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+
+from agent_runtime.io.options import Options
+from operate.cli import interrupts
+from operate.cli.errors import ConsoleError, UsageError
+from operate.cli.fleet import in_container, targets
+from operate.cli.fleet.in_container import LostError
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.traffic import rate_tables
+from operate.cli.traffic.filter_options import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
+from operate.cli.traffic.listen import MONITOR, NothingHeardError, meant, whose
+from operate.filters import Filter
+
+if TYPE_CHECKING:
+    from operate.cli.fleet.compose import Compose
+
+NO_ROUTER = 3
+"""The recorder's exit code where no router answers."""
+
+
+class Recorded(msgspec.Struct, frozen=True):
+    """How far a recording is: communicates, all records, bytes of the file, time [s], what came too fast to be kept."""
+
+    communicates: int
+    records: int
+    bytes: int
+    seconds: float
+    dropped: int
+    file: str = ""
+
+
+def record(
+    out: Annotated[Path | None, typer.Option("--out", help="The file; else recording-<time>.mcap here.")] = None,
+    channel: Channels = None,
+    agent: Agents = None,
+    protocol: Protocols = None,
+    performative: Performatives = None,
+    count: Count = 0,
+    for_: Seconds = 0.0,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Record the traffic of a running fleet from now until Ctrl-C, as an MCAP file.
+
+    A kill loses no more than the last tenth of a second. With a filter only the communicates that are meant are kept;
+    without one also receipts, heartbeats and telemetry. Every verb that takes --run reads the file; Foxglove opens it.
+
+    Examples:
+      roco record
+      roco record --out c4.mcap --channel C4 --for 60
+    """
+    with problems(form), interrupts.heard():
+        which = wanted(channel, agent, protocol, performative)
+        file = (out or Path(f"recording-{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap")).resolve()
+        if file.exists():
+            raise UsageError(f"{file} is there already; name another --out, or remove it")
+        if not file.parent.is_dir():
+            raise UsageError(f"{file.parent} is no folder; make it, or name another --out")
+        last = _recorded(meant(target, run_dir), file, which, count, for_, form)
+        done = msgspec.structs.replace(last, file=str(file))
+        if form is Format.JSON:
+            tell_json(done)
+        else:
+            print(sentence(done) + f"\n{file}")
+
+
+def sentence(done: Recorded) -> str:
+    """How far it is, in a line."""
+    size = rate_tables.size(done.bytes)
+    what = f"{done.communicates} communicates, {done.records} records, {size} in {done.seconds:.1f} s"
+    return what + (f"; {done.dropped} more came faster than they could be kept" if done.dropped else "")
+
+
+def _recorded(
+    fleet: "Options | Compose", file: Path, which: Filter, count: int, seconds: float, form: Form
+) -> Recorded:
+    """Have it recorded, watched by who waits; what was recorded in the end. Raises ConsoleError."""
+    asked = [msgspec.json.encode(which).decode(), "--count", str(count), "--seconds", str(seconds)]
+    command = [sys.executable, "-m", MONITOR, "record", str(file), "--which", *asked]
+    if isinstance(fleet, Options):
+        return _watched([*command, *_at(fleet)], form, at=fleet)
+    with in_container.hearing(fleet.hearing()) as heard:
+        last = _watched([*command, "--heard"], form, heard=heard.stdout)
+        if heard.poll() is not None:
+            raise ConsoleError(f"{LostError(heard)}; {file} has what was heard before")
+    return last
+
+
+def _at(options: Options) -> list[str]:
+    """How the recorder reaches the router."""
+    words = ["--connect", options.connect, "--system", options.system, "--run-dir", str(options.run_dir)]
+    return [*words, "--identity", whose(options), *(["--keys", str(options.keys)] if options.keys else [])]
+
+
+def _watched(command: list[str], form: Form, at: Options | None = None, heard: IO[bytes] | None = None) -> Recorded:
+    """Run a recorder that reaches the router `at`, or is given what was `heard`, telling how far it is."""
+    console, last = Console(stderr=True), Recorded(0, 0, 0, 0.0, 0)
+    with subprocess.Popen(command, stdin=heard, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        with console.status("recording; Ctrl-C ends it") if form is Format.TEXT else contextlib.nullcontext() as line:
+            for last in _told(process):
+                if line is not None:
+                    line.update(f"recording: {sentence(last)}; Ctrl-C ends it")
+        words = process.stderr.read().decode(errors="replace").strip() if process.stderr else ""
+    if process.returncode == NO_ROUTER and at is not None:
+        raise NothingHeardError(at)
+    if process.returncode:
+        raise ConsoleError(
+            f"the recorder ended with {process.returncode}; what was heard before is in its file. {words}"
+        )
+    return last
+
+
+def _told(process: "subprocess.Popen[bytes]") -> Iterator[Recorded]:
+    """What the recorder tells, until it has ended; Ctrl-C is handed on and its end waited for."""
+    assert process.stdout is not None
+    while True:
+        try:
+            line = process.stdout.readline()
+        except KeyboardInterrupt:
+            process.send_signal(signal.SIGINT)
+            continue
+        if not line:
+            return
+        yield msgspec.json.decode(line, type=Recorded)

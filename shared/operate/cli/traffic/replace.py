@@ -1,0 +1,223 @@
+"""`roco replay FILE --replace AGENT`: a real agent, as in the fleet, against the others as recorded.
+
+The others are played by agent_runtime.testing.scripted_peers: each says what was recorded, once the agent has said all
+that it had said before. Compared is what the agent says: performative, receiver, protocol, language, content, what it
+answers.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import typer
+from rich.console import Console
+
+from agent_runtime.testing.scripted_peers import Cast, Stage
+from companion.binding import wiring
+from fipa_codec.communicate import Communicate
+from operate.cli.errors import ConsoleError, UsageError
+from operate.cli.output import Form, Format, tell_json
+from operate.cli.traffic.listen import HOUSE, recorded, said
+from operate.cli.traffic.play import moved
+from operate.cli.traffic.script import Difference, Part, Script, before, parts, plain
+
+SYSTEM = "replay"
+SETTING = "setting"
+"""Under this kind a recording holds what its fleet was started with."""
+MODULES = {"co": "services.coordinator", "pl": "services.planner", "km": "services.knowledge", "ta": "services.task"}
+CANNOT = {
+    "hi": "its words are those of people, which no recording has",
+    "ex": "it acts by the robot's control loop, which does not run in a replay",
+}
+READY_S = 60.0
+"""Until the agent is ready; estimate: seconds on a busy machine."""
+PATIENCE_S = 20.0
+"""How much longer than recorded a line is waited for; estimate: a plan on a busy machine."""
+SLICE_S = 0.005
+END_S = 0.5
+"""At the end it is listened so long for words that the recording does not have."""
+MOST_WORDS = 160
+
+
+class Compared(msgspec.Struct, frozen=True):
+    """How the real agent did: lines of the recording, how many it spoke, where it differs first (None: nowhere)."""
+
+    agent: str
+    lines: int
+    spoken: int
+    cues: int
+    seconds: float
+    difference: Difference | None
+    conversation: str = ""
+    performative: str = ""
+    receiver: str = ""
+
+
+def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form: Form) -> None:
+    """Do it and tell how it went. Exits with 1 where the words differ. Raises ConsoleError."""
+    if agent in CANNOT:
+        raise UsageError(f"{agent} cannot be replaced: {CANNOT[agent]}; {', '.join(MODULES)} can")
+    if agent not in MODULES:
+        raise UsageError(f"the design has no agent {agent!r}; {', '.join(MODULES)} can be replaced")
+    part, recorded_seed = _part(file, agent)
+    console = Console(stderr=True, quiet=form is Format.JSON)
+    with console.status(f"starting {agent}") as line, _running(agent, recorded_seed if seed is None else seed) as cast:
+        script, begun = Script(part), time.monotonic()
+        found = _play(script, cast, part, fast, lambda n: line.update(f"{agent} speaks: {n} of {len(part)} entries"))
+    done = _compared(agent, part, script, found, time.monotonic() - begun)
+    if form is Format.JSON:
+        tell_json(done)
+    else:
+        print(sentence(done, part))
+    if found is not None:
+        raise typer.Exit(1)
+
+
+def sentence(done: Compared, part: tuple[Part, ...]) -> str:
+    """How it went, for people."""
+    spoken = f"{done.agent} spoke {done.spoken} of {done.lines} recorded lines, after {done.cues} cues"
+    if done.difference is None:
+        return f"{spoken}, all of them as recorded, in {done.seconds:.1f} s"
+    one = done.difference
+    when = f"entry {one.line}, {part[one.line - 1].at - part[0].at:+.2f} s" if one.line else "beyond the recording"
+    what = f"{done.agent} > {done.receiver} {done.performative}" if done.performative else done.agent
+    return (
+        f"{spoken}; then its words differ\n  {when}  {what}  {done.conversation}\n  in {one.field}\n"
+        f"  recorded: {_short(one.recorded)}\n  now:      {_short(one.now)}"
+    )
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else msgspec.json.encode(value).decode()
+    return text if len(text) <= MOST_WORDS else text[: MOST_WORDS - 1] + "…"
+
+
+def _part(file: Path, agent: str) -> tuple[tuple[Part, ...], int]:
+    """The agent's part, of its first recorded life; the seed of the run. Raises UsageError."""
+    heard, seed, lives = [], 1, set()
+    for sample in recorded(file, everything=True):
+        if sample is None or not sample.key:
+            continue
+        if sample.key.split("/")[2:4] == [HOUSE, SETTING]:
+            seed = _seed(sample.data)
+        if sample.token and sample.key.split("/")[-2] == agent and not sample.gone:
+            lives.add(sample.key)
+            if len(lives) > 1:
+                break
+        one = said(sample)
+        communicate = one.communicate() if one is not None else None
+        if communicate is not None:
+            heard.append((sample.at, communicate))
+    part = parts(agent, heard)
+    if not any(one.mine for one in part):
+        raise UsageError(f"{file} has nothing that {agent} said; give a recording without filters")
+    earlier = before(part)
+    if earlier is not None:
+        words = earlier.communicate
+        raise UsageError(
+            f"{file} begins in the middle of {agent}'s life ({words.sender} > {words.receiver} {words.performative} of"
+            f" {words.conversation} goes on with what is not in it); give one from the start of the fleet"
+        )
+    return part, seed
+
+
+def _seed(setting: bytes) -> int:
+    try:
+        return int(msgspec.json.decode(setting).get("seed", 1))
+    except (msgspec.DecodeError, AttributeError, ValueError):
+        return 1
+
+
+class _Stop(msgspec.Struct, frozen=True):
+    """Where it ended: what differs, and the real words, if there were some."""
+
+    difference: Difference
+    words: Communicate | None
+
+
+def _play(
+    script: Script, cast: Cast, part: tuple[Part, ...], fast: float | None, look: Callable[[int], None]
+) -> _Stop | None:
+    """Until all is spoken (None), or something differs."""
+    begun = moved_on = time.monotonic()
+    while True:
+        line, cue, now = script.awaited(), script.cue(), time.monotonic()
+        if line is None and cue is None:
+            break
+        due = begun + (cue.at - part[0].at) / fast if cue is not None and fast else 0.0
+        if line is None and cue is not None and now >= due:
+            script.given(cue, cast.say(moved(script.adapted(cue), cue.at, time.time(), fast)))
+            moved_on = now
+        heard = cast.hear(SLICE_S)
+        if heard is not None:
+            moved_on, found = now, script.hear(heard)
+            look(len(script.spoken))
+            if found is not None:
+                return _Stop(found, heard)
+        elif line is not None and now - moved_on > PATIENCE_S + _pause(part, line) / (fast or 1.0):
+            return _Stop(Difference(line.n, "words", plain(line.communicate), None), None)
+    extra = cast.hear(END_S)
+    return None if extra is None else _Stop(Difference(0, "words", None, plain(extra)), extra)
+
+
+def _pause(part: tuple[Part, ...], line: Part) -> float:
+    """How long before the line nothing had been said in the recording [s]."""
+    return line.at - part[line.n - 2].at if line.n > 1 else 0.0
+
+
+def _compared(agent: str, part: tuple[Part, ...], script: Script, found: _Stop | None, seconds: float) -> Compared:
+    cues = sum(not one.mine for one in part[: script.given_cues])
+    done = Compared(agent, sum(one.mine for one in part), len(script.spoken), cues, round(seconds, 3), None)
+    if found is None:
+        return done
+    one = found.words or part[found.difference.line - 1].communicate
+    told = {"conversation": one.conversation, "performative": str(one.performative), "receiver": one.receiver}
+    return msgspec.structs.replace(done, difference=found.difference, **told)
+
+
+@contextmanager
+def _running(agent: str, seed: int) -> Iterator[Cast]:
+    """The agent as a process on a router of its own, ready, and its peers. Raises ConsoleError."""
+    stage = Stage(SYSTEM)
+    with tempfile.TemporaryDirectory(prefix="roco-replay-") as folder:
+        run = Path(folder)
+        process, cast = None, Cast(wiring(agent, SYSTEM), stage.endpoint)
+        try:
+            process = _started(agent, run, stage.endpoint, seed)
+            yield cast
+        finally:
+            if process is not None:
+                process.kill()
+                process.wait()
+            cast.close()
+            stage.close()
+
+
+def _started(agent: str, run: Path, endpoint: str, seed: int) -> "subprocess.Popen[bytes]":
+    told = {
+        "CONNECT": endpoint,
+        "RUN_DIR": str(run),
+        "SYSTEM": SYSTEM,
+        "SEED": str(seed),
+        "LOG_LEVEL": "error",
+        "TLS_DIR": "",
+    }
+    environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
+    with (run / f"{agent}.log").open("wb") as log:
+        process = subprocess.Popen([sys.executable, "-m", MODULES[agent]], env=environment, stdout=log, stderr=log)
+    until = time.monotonic() + READY_S
+    while not (run / f"{agent}.ready").exists():
+        if process.poll() is not None or time.monotonic() > until:
+            process.kill()
+            process.wait()
+            words = (run / f"{agent}.log").read_text(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
+            raise ConsoleError(f"{agent} did not become ready in {READY_S:.0f} s: {words[0]}")
+        time.sleep(SLICE_S)
+    return process

@@ -1,0 +1,162 @@
+"""`roco replay`: what a recording holds is said again, with its timing, where no robot hears it.
+
+By default on a router and under a system name of its own; never where an agent of that system lives.
+"""
+
+import contextlib
+import time
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+
+from agent_runtime.core.errors import RuntimeFault
+from agent_runtime.io.tap import Sample
+from agent_runtime.testing.scripted_peers import Stage
+from operate.cli.errors import ConsoleError, UsageError
+from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.runs import folders
+from operate.cli.traffic import replace
+from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, wanted
+from operate.cli.traffic.listen import HOUSE, recorded, said
+from operate.cli.traffic.play import Player, Replayed, sentence
+from operate.filters import Filter
+from operate.run_folder import FLEET_FILE, Fleet
+
+SYSTEM = "replay"
+PUBLISHED = ("telemetry", "truth", "state")
+"""What is said beside communicates for people's eyes; --telemetry says it again, too."""
+KIND = 3
+"""Which chunk of a key says what it is, where it is no communicate's."""
+FOREVER = 1 << 62
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(help="A recording, or the folder of a run that has one.")],
+    speed: Annotated[str, typer.Option(help="So many times as fast as it was recorded, or max.")] = "1",
+    loop: Annotated[bool, typer.Option("--loop", help="Again and again until Ctrl-C.")] = False,
+    only: Annotated[list[str] | None, typer.Option(help="Only KIND=NAME[,NAME]: channel=C4, agent=pl, ...")] = None,
+    channel: Channels = None,
+    agent: Agents = None,
+    protocol: Protocols = None,
+    performative: Performatives = None,
+    telemetry: Annotated[bool, typer.Option("--telemetry", help="Also what robot and agents publish.")] = False,
+    replace_: Annotated[str, typer.Option("--replace", help="Run this agent; the others are as recorded.")] = "",
+    seed: Annotated[int | None, typer.Option(help="With --replace: its seed; else the recorded one.")] = None,
+    system: Annotated[str, typer.Option(help="The system's name in all keys.")] = SYSTEM,
+    connect: Annotated[str, typer.Option(help="A router to say it on; else one of its own.")] = "",
+    after: Annotated[float, typer.Option(min=0.0, help="Begin after so many seconds.")] = 0.0,
+    form: Form = Format.TEXT,
+) -> None:
+    """Say again what a recording holds, with its timing, where no robot hears it.
+
+    It happens on a router of its own; times inside communicates (sent, reply-by) are moved to now. With --replace one
+    agent is real, the others are stood in from the recording, and where its words first differ from the recorded ones
+    is said. Exits with 1 where they differ, or where agents live in the system.
+
+    Examples:
+      roco replay runs/latest --speed 4
+      roco replay recording.mcap --loop --only channel=C4 --only performative=query-ref,inform-ref
+      roco replay runs/latest --replace pl --speed max
+    """
+    with problems(form):
+        fast = factor(speed)
+        if replace_:
+            replace.replaced(file, replace_, fast, seed, form)
+            return
+        which = wanted(*narrowed(only or [], channel, agent, protocol, performative))
+        try:
+            done = _played(file, which, fast, after, form, loop=loop, telemetry=telemetry, where=(system, connect))
+        except RuntimeFault as error:
+            raise ConsoleError(str(error)) from error
+        if form is Format.JSON:
+            tell_json(done)
+        else:
+            print(sentence(done))
+
+
+def factor(speed: str) -> float | None:
+    """How many times as fast; None: as fast as possible. Raises UsageError."""
+    if speed == "max":
+        return None
+    try:
+        value = float(speed)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise UsageError(f"--speed {speed} is no speed; give a number above 0, or max")
+    return value
+
+
+def narrowed(only: list[str], *chosen: list[str] | None) -> list[list[str]]:
+    """--only KIND=NAME put to the options of the kinds. Raises UsageError."""
+    kinds = ("channel", "agent", "protocol", "performative")
+    found = {kind: list(names or ()) for kind, names in zip(kinds, chosen, strict=True)}
+    for text in only:
+        kind, _, names = text.partition("=")
+        if kind not in found or not names:
+            raise UsageError(f"--only {text} is no filter; write KIND=NAME[,NAME] with a KIND of {', '.join(kinds)}")
+        found[kind] += names.split(",")
+    return [found[kind] for kind in kinds]
+
+
+def _played(
+    file: Path, which: Filter, fast: float | None, after: float, form: Form, *, loop: bool, telemetry: bool,
+    where: tuple[str, str],
+) -> Replayed:  # fmt: skip
+    samples = list(_meant(file, which, telemetry=telemetry))
+    if not samples:
+        raise UsageError(f"{file} holds nothing that is meant; choose more, or leave filters out")
+    stage = Stage(*where)
+    player = Player(stage, samples, fast)
+    console = Console(stderr=True, quiet=form is Format.JSON)
+    try:
+        with _told(stage), console.status("replaying") as line:
+            where_to = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
+            console.print(f"system {stage.system} at {stage.endpoint}; {where_to}", highlight=False, soft_wrap=True)
+            player.wait(time.monotonic() + after)
+            for _ in range(FOREVER if loop else 1):
+                player.play(lambda text: line.update(f"replaying {text}"))
+    except KeyboardInterrupt:
+        pass
+    finally:
+        stage.close()
+    return player.done()
+
+
+def _meant(file: Path, which: Filter, *, telemetry: bool) -> Iterator[Sample]:
+    for sample in recorded(file, everything=telemetry):
+        one = said(sample) if sample is not None else None
+        if sample is None or sample.token or not sample.key:
+            continue
+        if which.keeps(one) if one is not None else _published(sample.key):
+            yield sample
+
+
+def _published(key: str) -> bool:
+    """Whether it is what robot and agents publish; any other key, too, may have been put on."""
+    chunks = key.split("/")
+    return len(chunks) > KIND and chunks[KIND - 1] == HOUSE and chunks[KIND] in PUBLISHED
+
+
+def _folder(stage: Stage) -> Path:
+    return folders.RUNS / f"{stage.system}-{stage.endpoint.rsplit(':', 1)[-1]}"
+
+
+@contextlib.contextmanager
+def _told(stage: Stage) -> Iterator[None]:
+    """While it goes on, a folder says where, so that `--run-dir` finds it."""
+    folder = _folder(stage)
+    folder.mkdir(parents=True, exist_ok=True)
+    fleet = Fleet(stage.system, stage.endpoint, 0, datetime.now().timestamp(), ())
+    (folder / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
+    try:
+        yield
+    finally:
+        (folder / FLEET_FILE).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            folder.rmdir()

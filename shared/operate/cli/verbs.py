@@ -1,0 +1,120 @@
+"""All verbs of `roco` in one table: the words that call it, where its function is, what it does in a line.
+
+A verb is a plain function with typer's annotations; what it prints it prints in both forms (operate.cli.output).
+Nothing is imported before it is called (operate.cli.lazy): the line below is what `roco --help` shows, and the
+function's docstring begins with the same words. A docstring ends in `Examples:` with one call of roco a line.
+"""
+
+GROUP = ""
+"""In place of a function: the row only says what the verbs below it have in common."""
+
+VERBS: dict[str, dict[str, tuple[str, str]]] = {
+    "The fleet": {
+        "up": (".fleet.up:up", "Bring the fleet up in the background."),
+        "down": (".fleet.up:down", "Bring the fleet down in order; works with a dead supervisor, too."),
+        "status": (".fleet.status:status", "Show the fleet's processes and the tasks."),
+        "agents": (".fleet.agents:agents", "Show every process: state, heartbeat's age, processor, memory."),
+        "agent": (GROUP, "One process of the fleet."),
+        "agent info": (".fleet.agent:info", "Show all that is known of a process."),
+        "agent restart": (".fleet.agent:restart", "Restart a process, and wait until it is ready."),
+        "agent stop": (".fleet.agent:stop", "Stop a process in order; it stays down until `roco agent start`."),
+        "agent start": (
+            ".fleet.agent:start",
+            "Start a process that was stopped or given up, and wait until it is ready.",
+        ),
+        "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
+        "graph": (
+            ".terminal.graph:graph",
+            "Draw agents and channels with their states and what goes over each channel now.",
+        ),
+        "top": (".terminal.top:top", "Show agents, channels, the task and the plan's present state on a live screen."),
+        "doctor": (
+            ".fleet.doctor:doctor",
+            "Check machine, installation and fleet: what is wrong, why, and what to do.",
+        ),
+        "demo": (".fleet.up:demo", "Run the main job from start to end, watched: up, say, report, down."),
+    },
+    "The robot": {
+        "say": ("companion.tools.verbs.talk:say", 'Say a sentence to the robot, such as "pour the jar into the bowl".'),
+        "cancel": (
+            "companion.tools.verbs.talk:cancel",
+            "Cancel a task: what is held is put down safely, then the next command is served.",
+        ),
+        "stop": ("companion.tools.verbs.talk:stop", "Stop the robot at once."),
+        "release": ("companion.tools.verbs.talk:release", "Let the robot move again after `roco stop`."),
+    },
+    "What is said": {
+        "traffic": (GROUP, "The traffic of a run."),
+        "traffic echo": (".traffic.echo:echo", "Print a line for each communicate."),
+        "traffic hz": (".traffic.rates:hz", "Show how often each act is said on each channel."),
+        "traffic bw": (".traffic.rates:bw", "Show how many bytes per second each channel carries."),
+        "traffic size": (".traffic.rates:size", "Show how large communicates are."),
+        "traffic stats": (".traffic.rates:stats", "Show counts, sizes, rates, and how long answers took."),
+        "record": (
+            ".traffic.record:record",
+            "Record the traffic of a running fleet from now until Ctrl-C, as an MCAP file.",
+        ),
+        "replay": (
+            ".traffic.replay:replay",
+            "Say again what a recording holds, with its timing, where no robot hears it.",
+        ),
+        "traffic judge": (".traffic.judge:judge", "Judge every communicate of a recording by the design."),
+        "conversation": (GROUP, "The conversations of a run."),
+        "conversation list": (".traffic.conversation:list_", "List conversations, oldest first."),
+        "conversation show": (".traffic.conversation:show", "Show a conversation as a sequence diagram."),
+        "send": (
+            ".traffic.send:send",
+            "Be an agent: say one communicate to the running fleet, and print what comes back.",
+        ),
+        "acl": (GROUP, "Messages of other FIPA platforms, in their text (SC00070I)."),
+        "acl show": (".traffic.acl:show", "Show what a message says."),
+    },
+    "Runs reported, repeated, compared": {
+        "report": (".runs.report:report", "Make the report of a run again from its recording, and show it."),
+        "export": (
+            ".runs.export:export",
+            "Write what a recording holds as tables: communicates, events, telemetry of the loop.",
+        ),
+        "compare": (".runs.compare:compare", "Compare two sets of runs: success, latency, energy, traffic."),
+        "experiment": (GROUP, "The main job repeated, and what it comes to."),
+        "experiment pour": (
+            ".runs.experiment:pour",
+            "Repeat the main job, a fresh fleet each time; report.html, .json and .md set it beside the paper.",
+        ),
+    },
+    "The design": {
+        "design": (GROUP, "The design: checked, shown, proven."),
+        "design check": (
+            ".design.check:check",
+            "Check a design: steps, channels, messages both ways, interfaces.",
+        ),
+        "design diff": (
+            ".design.diff:diff_",
+            "Tell what changed between two designs.",
+        ),
+        "design estimate": (".design.estimate:estimate_", "Estimate counts, sizes, bandwidth, latencies, bottlenecks."),
+        "design export": (
+            ".design.export:export",
+            "Write the models of a design's protocols for spin (Promela).",
+        ),
+        "design follow": (".design.follow:follow", "Follow a run through the composed model of its design."),
+        "design new": (
+            ".design.new:new",
+            "Make a project of a design: packages, typed interfaces, stubs.",
+        ),
+        "design show": (
+            ".design.show:show",
+            "Show a design: requirements, steps, channels, protocols, the system.",
+        ),
+        "design trace": (".design.trace:trace_", "Trace every leaf requirement to what shows that it is met."),
+        "design verify": (
+            ".design.verify:verify",
+            "Prove a design: no deadlock, nothing unforeseen.",
+        ),
+        "keys": (GROUP, "Certificates of a fleet, and the router's rules."),
+        "keys make": (
+            ".fleet.keys:make",
+            "Make an authority, a certificate per identity and the router's rules, all anew.",
+        ),
+    },
+}

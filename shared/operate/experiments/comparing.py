@@ -1,0 +1,188 @@
+"""Two sets of runs side by side: what became worse, by how much, and where they begin to say different things. Pure.
+
+A quantity is worse only when the whole 95 % interval of the difference lies beyond the threshold. With one run a side
+there is none, so it stays open; but of two single runs one that succeeded and one that did not is a regression.
+"""
+
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+
+import msgspec
+
+from operate.experiments import diverging, intervals
+from operate.experiments.diverging import Divergence
+from operate.experiments.intervals import Difference, Interval
+from operate.experiments.quantities import QUANTITIES, Quantity, values
+from operate.experiments.results import Result, Runs
+
+SUCCESS = "success"
+THRESHOLDS: dict[str, float] = {SUCCESS: 5.0, "latency": 10.0, "energy": 10.0, "traffic": 10.0}
+"""Success in points of per cent, the others in per cent of A's mean; estimates: below, nobody would act on it."""
+
+
+def thresholds(words: Sequence[str]) -> dict[str, float]:
+    """THRESHOLDS with some set: "latency=20", or "20" for all. ValueError names what is none."""
+    found = dict(THRESHOLDS)
+    for word in words:
+        kind, equals, number = word.rpartition("=")
+        if (equals and kind not in THRESHOLDS) or not _is_percent(number):
+            raise ValueError(f"{word!r} is no threshold; give PERCENT, or {', '.join(THRESHOLDS)} with =PERCENT")
+        found |= {kind: float(number)} if equals else dict.fromkeys(THRESHOLDS, float(number))
+    return found
+
+
+class Verdict(StrEnum):
+    """What a difference means, held against its threshold."""
+
+    WORSE = "worse"
+    BETTER = "better"
+    SAME = "same"  # with 95 % within the threshold
+    OPEN = "open"  # the interval reaches over the threshold: more runs would tell
+    SHOWN = "shown"  # not judged
+    UNKNOWN = "unknown"  # a side has no figure, or A's is zero
+
+
+class Compared(msgspec.Struct, frozen=True):
+    """One quantity. `percent`: the difference in per cent of A's mean (success: in points); so `low`, `high`."""
+
+    name: str
+    kind: str
+    unit: str
+    a: Interval | None
+    b: Interval | None
+    difference: Difference | None
+    percent: float | None
+    low: float | None
+    high: float | None
+    threshold: float
+    verdict: Verdict
+
+
+class Lost(msgspec.Struct, frozen=True):
+    """A seed that succeeded in A and not in B, and why."""
+
+    seed: int
+    why: str
+
+
+class Diverged(msgspec.Struct, frozen=True):
+    """Of a seed that both sets have: where its runs begin to differ; None: in nothing that was said."""
+
+    seed: int
+    first: Divergence | None
+
+
+class Comparison(msgspec.Struct, frozen=True):
+    """Everything. `regression`: something judged is worse."""
+
+    a: str
+    b: str
+    runs: tuple[int, int]
+    rows: tuple[Compared, ...]
+    lost: tuple[Lost, ...]
+    diverged: tuple[Diverged, ...]
+    regression: bool
+
+
+def compared(a: Runs, b: Runs, thresholds: Mapping[str, float] = THRESHOLDS) -> Comparison:
+    """B against A; `thresholds`: kind -> per cent, one for each key of THRESHOLDS."""
+    rows = (_success(a.results, b.results, thresholds[SUCCESS]), *_quantities(a, b, thresholds))
+    return Comparison(
+        a=a.name,
+        b=b.name,
+        runs=(len(a.results), len(b.results)),
+        rows=rows,
+        lost=_lost(a.results, b.results),
+        diverged=_diverged(a, b),
+        regression=any(row.verdict is Verdict.WORSE for row in rows),
+    )
+
+
+def verdict(percent: float | None, low: float | None, high: float | None, threshold: float) -> Verdict:
+    """Of a difference whose growth is bad; without an interval it stays open."""
+    if percent is None:
+        return Verdict.UNKNOWN
+    if low is None or high is None:
+        return Verdict.OPEN
+    if low > threshold:
+        return Verdict.WORSE
+    if high < -threshold:
+        return Verdict.BETTER
+    return Verdict.SAME if -threshold <= low and high <= threshold else Verdict.OPEN
+
+
+def _is_percent(text: str) -> bool:
+    try:
+        return 0.0 <= float(text) < float("inf")
+    except ValueError:
+        return False
+
+
+def _success(a: tuple[Result, ...], b: tuple[Result, ...], threshold: float) -> Compared:
+    counts = [(sum(one.success for one in side), len(side)) for side in (a, b)]
+    apart = intervals.difference_of_shares(counts[0], counts[1])
+    percent, low, high = _percent(apart, 1.0)
+    least, most = (percent, percent) if low is None or high is None else (low, high)
+    growth = [None if value is None else -value for value in (percent, most, least)]
+    return Compared(
+        name=SUCCESS,
+        kind=SUCCESS,
+        unit="",
+        a=intervals.share(*counts[0]),
+        b=intervals.share(*counts[1]),
+        difference=apart,
+        percent=percent,
+        low=low,
+        high=high,
+        threshold=threshold,
+        verdict=verdict(growth[0], growth[1], growth[2], threshold),
+    )
+
+
+def _quantities(a: Runs, b: Runs, thresholds: Mapping[str, float]) -> tuple[Compared, ...]:
+    rows = (_quantity(one, a, b, thresholds[one.kind]) for one in QUANTITIES)
+    return tuple(row for row in rows if row.a is not None or row.b is not None)
+
+
+def _quantity(quantity: Quantity, a: Runs, b: Runs, threshold: float) -> Compared:
+    first, second = values(quantity, a.results), values(quantity, b.results)
+    ours, theirs = intervals.mean(list(first.values())), intervals.mean(list(second.values()))
+    apart = intervals.difference(first, second)
+    percent, low, high = _percent(apart, abs(ours.value) if ours else 0.0)
+    return Compared(
+        name=quantity.name,
+        kind=quantity.kind,
+        unit=quantity.unit,
+        a=ours,
+        b=theirs,
+        difference=apart,
+        percent=percent,
+        low=low,
+        high=high,
+        threshold=threshold,
+        verdict=verdict(percent, low, high, threshold) if quantity.judged else Verdict.SHOWN,
+    )
+
+
+def _percent(apart: Difference | None, of: float) -> tuple[float | None, float | None, float | None]:
+    """A difference in per cent of something; all None where it cannot be said."""
+    if apart is None or of == 0.0:
+        return None, None, None
+    low = None if apart.low is None else 100 * apart.low / of
+    high = None if apart.high is None else 100 * apart.high / of
+    return 100 * apart.value / of, low, high
+
+
+def _lost(a: tuple[Result, ...], b: tuple[Result, ...]) -> tuple[Lost, ...]:
+    fine = {one.seed for one in a if one.success}
+    return tuple(Lost(one.seed or 0, one.failure) for one in b if one.failure is not None and one.seed in fine)
+
+
+def _diverged(a: Runs, b: Runs) -> tuple[Diverged, ...]:
+    """Of the seeds that both have; two single runs are compared whatever their seeds."""
+    if len(a.said) == len(b.said) == 1:
+        (seed, ours), (_, theirs) = *a.said.items(), *b.said.items()
+        return (Diverged(seed, diverging.first(ours, theirs)),)
+    return tuple(
+        Diverged(seed, diverging.first(a.said[seed], b.said[seed])) for seed in sorted(set(a.said) & set(b.said))
+    )

@@ -1,0 +1,52 @@
+"""What was said in a run, as plain rows: who to whom, which act, about what, how large, when. Pure."""
+
+import re
+
+import msgspec
+
+from operate.recording.history import History
+from operate.recording.records import Spoken
+from operate.wording import words
+
+_NUMBERS = re.compile(r"\d+(\.\d+)?")
+
+
+class Said(msgspec.Struct, frozen=True):
+    """A communicate. `t`: s after the first one; `kind`: class of its content; `text`: its content in a few words."""
+
+    t: float
+    channel: str
+    sender: str
+    receiver: str
+    protocol: str
+    performative: str
+    conversation: str
+    kind: str
+    size: int
+    text: str
+
+    @property
+    def meaning(self) -> tuple[str, ...]:
+        """What two runs are compared by: who says what to whom; numbers, names of conversations and sizes differ."""
+        return self.sender, self.receiver, self.protocol, self.performative, self.kind, _NUMBERS.sub("#", self.text)
+
+
+def said(history: History) -> tuple[Said, ...]:
+    """The communicates of a history, in the order of time."""
+    return tuple(_row(one, history.begin) for one in history.said)
+
+
+def _row(one: Spoken, begin: float) -> Said:
+    content = one.content
+    return Said(
+        t=one.received - begin,
+        channel=one.channel,
+        sender=one.sender,
+        receiver=one.receiver,
+        protocol=one.protocol,
+        performative=one.performative,
+        conversation=one.conversation,
+        kind="" if content is None else type(content).__name__,
+        size=one.size,
+        text=words(content),
+    )

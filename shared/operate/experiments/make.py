@@ -1,0 +1,78 @@
+"""From the lines and recordings of an experiment to its report: report.json, .html, .md, runs.parquet."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pyarrow
+from pyarrow import parquet
+
+from operate.experiments import page, results, summary, tables
+from operate.experiments.exchanges import Said, said
+from operate.experiments.quantities import QUANTITIES
+from operate.experiments.results import NothingHere, Runs
+from operate.recording import history
+from operate.run_folder import TRAFFIC_FILE
+
+REPORT = "report"
+RUNS_FILE = "runs.parquet"
+
+
+class Made(msgspec.Struct, frozen=True):
+    """What was made, for whoever asked for it: `lines` are for people."""
+
+    folder: str
+    runs: int
+    success: float
+    low: float | None
+    high: float | None
+    lines: list[str]
+
+
+def everything(place: Path) -> Made:
+    """Make the report of an experiment's folder. Raises NothingHere."""
+    if not (place / results.RESULTS_FILE).is_file():
+        raise NothingHere(f"{place} holds no experiment; make one with `roco experiment pour --out {place}`")
+    _keep_said(place)
+    runs = results.load(place)
+    if not runs.results:
+        raise NothingHere(
+            f"{place} holds no run that is done; go on with `roco experiment pour --out {place} --resume`"
+        )
+    told = summary.summed(runs)
+    words = msgspec.json.format(msgspec.json.encode(told), indent=1) + b"\n"
+    (place / f"{REPORT}.json").write_bytes(words)
+    (place / f"{REPORT}.md").write_text(page.markdown(told) + "\n", encoding="utf-8")
+    (place / f"{REPORT}.html").write_text(page.rendered(runs, told), encoding="utf-8")
+    parquet.write_table(of_runs(runs), place / RUNS_FILE, compression="zstd")
+    return Made(str(place), told.runs, told.success.value, told.success.low, told.success.high, page.lines(told))
+
+
+def of_runs(runs: Runs) -> pyarrow.Table:
+    """One row a run: seed, success, why not, wall time, load, and every quantity."""
+    columns: dict[str, list[Any]] = {
+        "seed": [one.seed for one in runs.results],
+        "success": [one.success for one in runs.results],
+        "failure": [one.failure for one in runs.results],
+        "took_s": [one.took_s for one in runs.results],
+        "load": [one.load[0] if one.load else None for one in runs.results],
+    }
+    types = {"seed": pyarrow.int64(), "success": pyarrow.bool_(), "failure": pyarrow.string()}
+    for quantity in QUANTITIES:
+        name = f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name
+        columns[name] = [None if one.figures is None else quantity.read(one.figures) for one in runs.results]
+    return pyarrow.table(
+        {name: pyarrow.array(some, types.get(name, pyarrow.float64())) for name, some in columns.items()}
+    )
+
+
+def _keep_said(place: Path) -> None:
+    """Put together what was said in all runs whose recordings are there; of the others what was kept stays."""
+    file = place / results.SAID_FILE
+    kept: dict[int, tuple[Said, ...]] = tables.said_in(file) if file.exists() else {}
+    for one in results.results(place):
+        folder = place / results.RUNS / f"seed-{one.seed}"
+        if one.seed is not None and one.seed not in kept and (folder / TRAFFIC_FILE).exists():
+            kept[one.seed] = said(history.load(folder))
+    if kept:
+        tables.write_said(file, kept)

@@ -1,0 +1,151 @@
+"""The report of an experiment for people: report.html, one file that needs nothing else, and report.md."""
+
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+
+import jinja2
+
+from companion.tools.report.paper import PAPER
+from operate.experiments import pictures
+from operate.experiments.intervals import Interval
+from operate.experiments.results import Runs
+from operate.experiments.summary import RECEIVED, SENT, Row, Summary
+from operate.reports import counts
+from operate.reports.page import ABSENT, number
+from operate.reports.page import TEMPLATE as RUN_PAGE
+
+TEMPLATE = Path(__file__).with_name("page.html.j2")
+
+
+def rendered(runs: Runs, told: Summary) -> str:
+    """The page of an experiment."""
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {
+        "number": number,
+        "value": value,
+        "span": span,
+        "percent": percent,
+        "percent_span": percent_span,
+        "count": count,
+        "half": half,
+    }
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+        told=told,
+        results=runs.results,
+        began=began(told),
+        paper=PAPER,
+        agents=counts.AGENTS,
+        style=RUN_PAGE.read_text(encoding="utf-8").partition("<style>")[2].partition("</style>")[0],
+        sizes=pictures.sizes(runs),
+        shares=pictures.shares(runs),
+        plans=[pictures.planning(runs, 1), pictures.planning(runs, 2)],
+    )
+
+
+def markdown(told: Summary) -> str:
+    """The same without figures, for reading where it lies."""
+    return "\n".join((*_head(told), *_rows(told), *_table_7(told), *_table_8(told)))
+
+
+def lines(told: Summary) -> list[str]:
+    """What a person at the terminal is told: success, and some figures of a run."""
+    fine = told.runs - len(told.failures)
+    words = [f"{fine} of {told.runs} runs poured: {percent(told.success)}, 95 % interval {percent_span(told.success)}"]
+    words += [f"  seed {one.seed}: {one.why}" for one in told.failures]
+    wanted = ("command to end", "simulated acts", "energy of the body's joints", "communicates", "all bytes")
+    words += [f"{row.name}: {_in_words(row)}" for row in told.rows if row.name in wanted]
+    return words
+
+
+def began(told: Summary) -> str:
+    """The day and the hour at which it was begun."""
+    at = told.setting.began if told.setting else 0.0
+    return datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M") if at else ABSENT
+
+
+def value(interval: Interval | None, digits: int) -> str:
+    """The mean; a dash where there is none."""
+    return ABSENT if interval is None else number(interval.value, digits)
+
+
+def span(interval: Interval | None, digits: int) -> str:
+    """From where to where; a dash where that cannot be said."""
+    if interval is None or interval.low is None or interval.high is None:
+        return ABSENT
+    return f"{number(interval.low, digits)} … {number(interval.high, digits)}"
+
+
+def percent(interval: Interval) -> str:
+    """A share in per cent."""
+    return f"{100 * interval.value:.0f} %"
+
+
+def percent_span(interval: Interval) -> str:
+    """Where a share lies, in per cent."""
+    if interval.low is None or interval.high is None:
+        return ABSENT
+    return f"{100 * interval.low:.0f} … {100 * interval.high:.0f} %"
+
+
+def count(interval: Interval) -> str:
+    """A mean count: whole where it is whole; nothing for none at all."""
+    if interval.value == 0:
+        return ""
+    return number(interval.value, 0 if interval.value == round(interval.value) else 1)
+
+
+def half(interval: Interval) -> str:
+    """Half the width of an interval; "" where all runs were alike, or there is none."""
+    wide = 0.0 if interval.high is None else interval.high - interval.value
+    return number(wide, 1 if wide < 10 else 0) if wide >= 0.05 else ""
+
+
+def _in_words(row: Row) -> str:
+    unit = f" {row.unit}" if row.unit else ""
+    theirs = f" (paper: {number(row.paper)}{unit})" if row.paper is not None else ""
+    return f"{number(row.mean.value, row.digits)}{unit}, 95 % interval {span(row.mean, row.digits)}{theirs}"
+
+
+def _head(told: Summary) -> Iterator[str]:
+    setting = told.setting
+    yield f"# {told.runs - len(told.failures)} of {told.runs} runs poured"
+    yield ""
+    yield f"{percent(told.success)} of runs, 95 % interval {percent_span(told.success)}. {told.method}"
+    yield ""
+    if setting is not None:
+        yield f"- Begun {began(told)}; seeds {setting.seed} to {setting.seed + setting.runs - 1}, speed {setting.speed}"
+        yield f"- {setting.machine}, {setting.cores} cores, Python {setting.python}; sources {setting.commit or ABSENT}"
+    if told.load is not None:
+        yield f"- Load of the machine: {told.load[0]:.1f} to {told.load[1]:.1f}"
+    for one in told.failures:
+        yield f"- Seed {one.seed} failed: {one.why}"
+
+
+def _rows(told: Summary) -> Iterator[str]:
+    yield from ("", "| figure of a run | mean | 95 % interval | least | largest | paper |", "|---|---|---|---|---|---|")
+    for row in told.rows:
+        numbers = (number(row.mean.value, row.digits), span(row.mean, row.digits))
+        others = (number(row.least, row.digits), number(row.largest, row.digits), number(row.paper))
+        yield f"| {row.name}{f' [{row.unit}]' if row.unit else ''} | {' | '.join((*numbers, *others))} |"
+
+
+def _table_7(told: Summary) -> Iterator[str]:
+    yield from ("", "Table 7: s after the first communicate", "")
+    yield from ("| event | wall time | 95 % | simulated | 95 % | runs | paper |", "|---|---|---|---|---|---|---|")
+    for row in told.table_7:
+        ours = (value(row.t, 1), span(row.t, 1), value(row.sim_s, 1), span(row.sim_s, 1), str(row.runs))
+        yield f"| {row.name} | {' | '.join(ours)} | {number(row.paper)} |"
+
+
+def _table_8(told: Summary) -> Iterator[str]:
+    yield from ("", "Table 8: communicates of a run, rows receive, columns send; in brackets the paper's", "")
+    senders = (*counts.AGENTS, RECEIVED)
+    yield f"| | {' | '.join(senders)} |"
+    yield "|---" * (len(senders) + 1) + "|"
+    for receiver in (*counts.AGENTS, SENT):
+        cells = (told.table_8[sender][receiver] for sender in senders if receiver in told.table_8[sender])
+        words = (f"{count(cell.mean)}{f' ({cell.paper})' if cell.paper else ''}" for cell in cells)
+        yield f"| {receiver} | {' | '.join(words)} |"

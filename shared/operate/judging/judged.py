@@ -1,0 +1,156 @@
+"""What the judge of topdown says of a run: records in, one line for each communicate out.
+
+The same for the traffic as it goes by and for a recording afterwards. Must not know: files, the network.
+"""
+
+from collections.abc import Iterable, Iterator
+
+import msgspec
+
+from companion.design import DESIGN
+from companion.languages import LANGUAGES
+from fipa_codec.communicate import Communicate
+from fipa_codec.languages import Kind, Languages
+from fipa_codec.performatives import Performative
+from operate.recording.records import SETTING, Garbage, House, Record, Resumed, Spoken, Token
+from operate.run_folder import Again, AgentIn, Judged, LiveLine, Sent
+from operate.verdict_lines import line
+from topdown.judge.judge import Judge
+from topdown.judge.verdicts import Judgement, Verdict
+from topdown.model.design import Design
+
+HISTORY_S = 0.5
+"""A token heard sooner after the recorder began may be of an agent that lived before; estimate: they come in ms."""
+SYSTEM = "recorded"
+"""Stands in the keys of records, which do not keep the system's name."""
+
+
+class Judging:
+    """Judges records as they come."""
+
+    def __init__(self, design: Design = DESIGN, languages: Languages | None = LANGUAGES) -> None:
+        self._judge = Judge(design, languages)
+        self._key, self._languages = design.file.system.key, languages
+        self._began: float | None = None
+        self._last = 0.0
+
+    def lines(self, record: Record) -> Iterator[Judged]:
+        """The verdicts that a record brings: its own, and those of earlier ones that it explains or time decides."""
+        self._last = max(self._last, record.received)
+        for judgement in self._heard(record):
+            yield line(judgement, self._languages)
+
+    def pass_time(self, now: float) -> Iterator[Judged]:
+        """It is `now` [unix s]: what waited in vain."""
+        for judgement in self._judge.pass_time(now):
+            yield line(judgement, self._languages)
+
+    def finish(self, now: float | None = None) -> Iterator[Judged]:
+        """Nothing more will be heard; `now` None: since the last record."""
+        for judgement in self._judge.finish(self._last if now is None else now):
+            yield line(judgement, self._languages)
+
+    def _heard(self, record: Record) -> tuple[Judgement, ...]:
+        at = record.received
+        match record:
+            case Spoken():
+                return self._judge.hear(key_of(record, self._key), record.wire, at)
+            case Garbage():
+                return self._judge.hear(record.key, record.data, at, record.size)
+            case Token(alive=True):
+                fresh = self._began is not None and at > self._began + HISTORY_S
+                return self._judge.lived(record.agent, record.incarnation, at, fresh=fresh)
+            case House(kind=kind) if kind == SETTING:
+                self._began = at
+            case Resumed():
+                return self._judge.deaf(at)
+        return self._judge.pass_time(at)
+
+
+def key_of(one: Spoken | Sent, form: str) -> str:
+    """The key a recorded communicate was put on, of the system SYSTEM; `form`: how the design writes keys."""
+    return form.format(
+        system=SYSTEM,
+        channel=one.channel,
+        sender=one.sender,
+        receiver=one.receiver,
+        protocol=one.protocol,
+        performative=one.performative,
+    )
+
+
+def of_records(
+    records: Iterable[Record], design: Design = DESIGN, languages: Languages | None = LANGUAGES
+) -> tuple[Judged, ...]:
+    """All verdicts about a recording, in the order of time."""
+    judging = Judging(design, languages)
+    found = [one for record in records for one in judging.lines(record)]
+    return tuple(sorted((*found, *judging.finish()), key=lambda one: one.t))
+
+
+def of_live(lines: Iterable[LiveLine], design: Design = DESIGN) -> tuple[Judged, ...]:
+    """All verdicts about the lines of live.jsonl, which name contents, and do not have them.
+
+    What was no communicate of the design is not among those lines.
+    """
+    judge, said, at = Judge(design), {}, 0.0
+    found: list[Judgement] = []
+    mute: list[Judged] = []
+    for one in lines:
+        at = max(at, one.t)
+        match one:
+            case Sent(id=""):
+                mute.append(_mute(one))
+            case Sent():
+                key, communicate, read = _of_sent(one, design)
+                said[one.sender, one.receiver, one.id] = (key, communicate, one.bytes, read)
+                found += judge.hear(key, communicate, one.t, one.bytes, read)
+            case Again() if (one.sender, one.receiver, one.id) in said:
+                key, communicate, size, read = said[one.sender, one.receiver, one.id]
+                found += judge.hear(key, communicate, one.t, size, read)
+            case AgentIn(agent=agent, incarnation=incarnation) if incarnation and one.alive:
+                found += judge.lived(agent, incarnation, one.t)
+    found += judge.finish(at)
+    return tuple(sorted((*mute, *(line(one, None) for one in found)), key=lambda one: one.t))
+
+
+def _mute(one: Sent) -> Judged:
+    """A line of a version that says neither ids nor labels cannot be followed."""
+    return Judged(
+        t=one.t,
+        verdict=Verdict.NOT_JUDGED,
+        bytes=one.bytes,
+        channel=one.channel,
+        sender=one.sender,
+        receiver=one.receiver,
+        protocol=one.protocol,
+        performative=one.performative,
+        conversation=one.conversation,
+        language=one.language,
+        why="its line is of a version that says too little",
+    )
+
+
+def _of_sent(one: Sent, design: Design) -> tuple[str, Communicate, tuple[str, Kind]]:
+    """Key, communicate without its content, and what its content was."""
+    key = key_of(one, design.file.system.key)
+    communicate = Communicate(
+        performative=Performative(one.performative),
+        language=one.language,
+        ontology=one.ontology,
+        protocol=one.protocol,
+        reply_by=one.reply_by,
+        reply_with=one.reply_with,
+        in_reply_to=one.in_reply_to,
+        conversation=one.conversation,
+        sender=one.sender,
+        receiver=one.receiver,
+        id=one.id,
+        sent=one.sent,
+    )
+    return key, communicate, (one.content, Kind(one.use))
+
+
+def encoded(one: Judged) -> bytes:
+    """A line of verdicts.jsonl."""
+    return msgspec.json.encode(one) + b"\n"

@@ -1,0 +1,120 @@
+"""The process that draws: reads what the monitor hears from its standard input, and logs it to a Rerun server.
+
+The server is Rerun's own program, a child of this one: it serves viewers (gRPC) and the web viewer's page. Both have a
+limit of memory: beyond it they end, and the monitor starts them anew. Nobody waits for this process.
+"""
+
+import os
+import select
+import signal
+import time
+from pathlib import Path
+
+import rerun as rr
+
+from operate.pictures import places, wire
+from operate.pictures.blueprint import blueprint
+from operate.pictures.file import NAME
+from operate.pictures.happenings import Happening, Lost, Reader
+from operate.pictures.server import Server, rss_mb
+from operate.pictures.sheet import Sheet
+from operate.pictures.stage import Stage
+from operate.recording.records import Spoken, understood
+
+FLUSH_S = 0.2
+"""Pictures are renewed so often; estimate: an eye calls it smooth enough, and a flush costs 5-10 ms."""
+OWN_MB = 700
+"""More memory than this ends the process. It needs about 200 MB; Rerun's client may gather what its server is slow to
+take."""
+EARLY = 600
+"""Happenings that wait for the first communicate; estimate: half a minute of telemetry and truth."""
+READ_BYTES = 256 * 1024
+NICENESS = 10
+"""The fleet comes first."""
+
+
+class OverLimit(MemoryError):
+    """A process of the pictures needs more memory than it may."""
+
+    def __init__(self, who: str, found_mb: float, most_mb: float) -> None:
+        super().__init__(f"{who} has {found_mb:.0f} MB, at most {most_mb:.0f} MB: pictures begin anew")
+
+
+class Child:
+    """Draws what it reads until the pipe ends."""
+
+    def __init__(self, run: Path, place: places.Place) -> None:
+        self._server = Server(run, place)
+        self._reader = Reader()
+        self._stage: Stage | None = None
+        self._early: list[Happening] = []
+        self._idle = True
+        self._out = rr.RecordingStream(NAME, recording_id=f"{NAME}-live-{time.time():.3f}")
+        places.tell(run, place)
+
+    def serve(self, pipe: int) -> int:
+        """Draw what comes through this file descriptor. 0: it ended. Raises OverLimit, ServerError."""
+        frames, flushed = wire.Frames(), time.monotonic()
+        while True:
+            if select.select([pipe], [], [], FLUSH_S)[0]:
+                data = os.read(pipe, READ_BYTES)
+                if not data:
+                    return 0
+                for item in frames.feed(data):
+                    self._take(item)
+            if time.monotonic() - flushed > FLUSH_S:
+                self._flush()
+                flushed = time.monotonic()
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.close()
+
+    def _take(self, item: wire.Item) -> None:
+        self._idle = False
+        match item:
+            case wire.Heard(sample=sample):
+                for happening in self._reader.read(understood(sample)):
+                    self._draw(happening)
+            case wire.Said(judged=judged):
+                self._draw(Happening(judged.t, judged))
+            case wire.Missed(at=at, samples=count):
+                self._draw(Happening(at, Lost(count)))
+
+    def _draw(self, happening: Happening) -> None:
+        """What is there before the first communicate waits for it: time begins with it."""
+        if self._stage is None:
+            self._early.append(happening)
+            if isinstance(happening.what, Spoken) or len(self._early) > EARLY:
+                self._begin(happening.at)
+        else:
+            self._stage.take(happening)
+
+    def _begin(self, at: float) -> None:
+        rr.connect_grpc(self._server.url, default_blueprint=blueprint(None), recording=self._out)
+        self._stage = Stage(Sheet(self._out, at))
+        for happening in self._early:
+            self._stage.take(happening)
+        self._early.clear()
+
+    def _flush(self) -> None:
+        if self._stage is not None:
+            if self._idle:  # else what comes says what time it is: it may have waited
+                self._stage.pass_time(time.time() - FLUSH_S)
+            self._stage.sheet.flush()
+        self._idle = True
+        own = rss_mb(os.getpid())
+        if own > OWN_MB:
+            raise OverLimit("what draws", own, OWN_MB)
+        self._server.check()
+
+
+def main(run: Path, place: places.Place, pipe: int) -> int:
+    """Draw and serve."""
+    os.nice(NICENESS)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the monitor, which ends the pipe
+    child = Child(run, place)
+    try:
+        return child.serve(pipe)
+    finally:
+        child.close()

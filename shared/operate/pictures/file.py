@@ -1,0 +1,40 @@
+"""run.rrd: a recorded run for Rerun, with its blueprint. The same drawing as live."""
+
+from pathlib import Path
+
+import rerun as rr
+
+from operate.pictures.blueprint import blueprint
+from operate.pictures.happenings import of_history
+from operate.pictures.sheet import Sheet
+from operate.pictures.stage import Stage
+from operate.recording.history import History
+
+NAME = "robot_companion"
+
+
+def write(path: Path, history: History) -> dict[str, int]:
+    """Write the file, so that a reader sees the old one or the new one. How many rows each entity got."""
+    beside = path.with_name(f".{path.name}")
+    with rr.RecordingStream(NAME, recording_id=f"{NAME}-{history.begin:.3f}") as out:
+        rr.save(beside, default_blueprint=blueprint(end_s(history)), recording=out)
+        sheet = drawn(out, history)
+    beside.replace(path)
+    return sheet.rows
+
+
+def drawn(out: rr.RecordingStream, history: History) -> Sheet:
+    """The sheet on which a whole run was drawn."""
+    sheet = Sheet(out, history.begin)
+    stage = Stage(sheet)
+    for happening in of_history(history):
+        stage.take(happening)
+    stage.pass_time(history.begin + end_s(history) + 1.0)
+    sheet.flush()
+    return sheet
+
+
+def end_s(history: History) -> float:
+    """How long the run was [s]."""
+    times = [one.received for one in history.said[-1:]] + [at for at, _ in history.robot[-1:]]
+    return max(times, default=history.begin) - history.begin or 1.0

@@ -1,0 +1,99 @@
+"""Agents and channels as a graph: a node each, agents with their state, channels alight while they carry traffic.
+
+Edges of Rerun have neither colour nor label, so a channel is a node between two agents.
+"""
+
+import math
+
+import rerun as rr
+
+from companion.design import DESIGN
+from operate.pictures.colours import FRESH, GREY, RED, between, channel
+from operate.pictures.happenings import Happening
+from operate.pictures.sheet import Colour, Sheet, nodes
+from operate.pictures.traffic import BIN_S, Bins
+from operate.recording.history import Entered
+from operate.recording.records import Spoken
+
+GRAPH = "graph"
+WIDE, HIGH = 165.0, 90.0
+"""Half axes of the ellipse agents stand on, in points of the viewer; estimate: labels do not meet."""
+DIM: Colour = (110, 118, 130)
+"""A channel at rest, on light and on dark."""
+FADE = 0.55
+"""What is left of a channel's light after a bin; estimate: dark a second after its last word."""
+FULL = 4.0
+"""So many communicates in a bin are full light."""
+
+
+class Graph:
+    """Draws the graph at each change of a state or of a light."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        self._sheet, self._bins = sheet, Bins()
+        self._light: dict[str, float] = dict.fromkeys(DESIGN.channels, 0.0)
+        self._states: dict[str, tuple[str, bool]] = {}
+        self._drawn: tuple[list[str], list[Colour]] | None = None
+        places = positions()
+        edges = [(agent, name) for name, one in DESIGN.channels.items() for agent in one.ends]
+        radii = [9.0 if name in DESIGN.agents else 6.0 for name in places]
+        look = rr.GraphNodes(list(places), positions=list(places.values()), radii=radii, show_labels=True)
+        sheet.static(GRAPH, look)
+        sheet.static(GRAPH, rr.GraphEdges(edges))
+
+    def take(self, happening: Happening) -> None:
+        """Count a communicate, or note a state."""
+        match happening.what:
+            case Spoken(channel=name):
+                self._bins.add(name, 1.0)
+            case Entered(agent=agent, state=state, alive=alive):
+                self._states[agent] = (state, alive)
+
+    def pass_time(self, at: float) -> None:
+        """Let lights fade and draw what changed."""
+        for start, sums in self._bins.close(at):
+            for name in self._light:
+                lit = self._light[name] * FADE + sums.get(name, 0.0)
+                self._light[name] = lit if lit > 0.05 else 0.0
+            now = self._now(sums)
+            if now != self._drawn:
+                self._drawn = now
+                self._sheet.add(GRAPH, nodes, start, now)
+
+    def _now(self, sums: dict[str, float]) -> tuple[list[str], list[Colour]]:
+        labels, colours = [], []
+        for agent in DESIGN.agents:
+            state, alive = self._states.get(agent, ("", True))
+            labels.append(f"{agent}: {state}" if alive and state else agent if alive else f"{agent}: gone")
+            colours.append(FRESH if alive and state else GREY if alive else RED)
+        for name, light in self._light.items():
+            rate = sums.get(name, 0.0) / BIN_S
+            labels.append(f"{name} {rate:.0f}/s" if rate else name)
+            colours.append(between(DIM, channel(name), min(1.0, light / FULL) ** 0.5))
+        return labels, colours
+
+
+def positions() -> dict[str, tuple[float, float]]:
+    """Agents on an ellipse, neighbours by channels side by side; each channel in the middle of its two."""
+    ring = _ring()
+    turn = 2 * math.pi / len(ring)
+    places = {a: (-WIDE * math.cos(turn * k), -HIGH * math.sin(turn * k)) for k, a in enumerate(ring)}
+    ordered = {agent: places[agent] for agent in DESIGN.agents}
+    for name, one in DESIGN.channels.items():
+        (ax, ay), (bx, by) = (places[agent] for agent in one.ends)
+        ordered[name] = ((ax + bx) / 2, (ay + by) / 2)
+    return ordered
+
+
+def _ring() -> list[str]:
+    """Agents in an order in which channels lead from one to the next, where they do; the least connected first."""
+    beside = {
+        a: [b for one in DESIGN.channels.values() if a in one.ends for b in one.ends if b != a] for a in DESIGN.agents
+    }
+    ring: list[str] = []
+    waiting = sorted(beside, key=lambda agent: len(beside[agent]))
+    while waiting:
+        near = [agent for agent in waiting if ring and agent in beside[ring[-1]]]
+        ring.append(min(near, key=lambda agent: len(beside[agent])) if near else waiting[0])
+        waiting.remove(ring[-1])
+    return ring

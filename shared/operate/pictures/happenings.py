@@ -1,0 +1,67 @@
+"""What came to pass, one by one in the order of time: from records as they come, or from a whole history.
+
+Must not know: what is drawn of it.
+"""
+
+from collections.abc import Iterator
+
+import msgspec
+
+from companion.telemetry import Picture, RobotState, TrueState, told
+from operate.recording.history import Entered, History, state_in
+from operate.recording.records import House, Record, Spoken, Token
+from operate.run_folder import Judged
+
+_told = {"telemetry": told, "truth": msgspec.msgpack.Decoder(TrueState).decode}
+
+
+class Lost(msgspec.Struct, frozen=True):
+    """So many samples in all could not be shown: drawing was too slow. They are in the recording."""
+
+    samples: int
+
+
+What = Spoken | Judged | RobotState | Picture | TrueState | Entered | Lost
+
+
+class Happening(msgspec.Struct, frozen=True):
+    """Something at `at` [unix s]."""
+
+    at: float
+    what: What
+
+
+class Reader:
+    """Reads records as they come; remembers agents' states, to tell what is new."""
+
+    def __init__(self) -> None:
+        self._states: dict[str, tuple[str, bool]] = {}
+
+    def read(self, record: Record) -> Iterator[Happening]:
+        """What a record says; nothing for what is not drawn or cannot be read."""
+        if isinstance(record, Spoken):
+            yield Happening(record.received, record)
+        elif isinstance(record, House) and record.kind in _told:
+            try:
+                yield Happening(record.received, _told[record.kind](record.data))
+            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+                return
+        elif isinstance(record, House | Token):
+            yield from self._state(record)
+
+    def _state(self, record: House | Token) -> Iterator[Happening]:
+        now = state_in(record, self._states)
+        if now is not None and self._states.get(now.agent) != (now.state, now.alive):
+            self._states[now.agent] = (now.state, now.alive)
+            yield Happening(now.at, now)
+
+
+def of_history(history: History) -> list[Happening]:
+    """Everything of a recorded run."""
+    found = [Happening(one.received, one) for one in (*history.said, *history.copies)]
+    found += [Happening(one.t, one) for one in history.judged]
+    found += [Happening(at, state) for at, state in history.robot]
+    found += [Happening(at, picture) for at, picture in history.pictures]
+    found += [Happening(at, truth) for at, truth in history.truth]
+    found += [Happening(one.at, one) for one in history.entered]
+    return sorted(found, key=lambda one: one.at)

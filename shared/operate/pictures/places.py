@@ -1,0 +1,69 @@
+"""Where pictures are served: ROCO_VIEW, ROCO_VIEW_BIND, ROCO_VIEW_GRPC, ROCO_VIEW_WEB; view.json says it to people."""
+
+import socket
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from operate.run_folder import VIEW_FILE, ViewAddress
+
+SWITCH, BIND, GRPC, WEB = "ROCO_VIEW", "ROCO_VIEW_BIND", "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
+LOOPBACK = "127.0.0.1"
+
+
+class ViewSettingError(ValueError):
+    """A variable says what cannot be."""
+
+    def __init__(self, variable: str, found: str, wanted: str) -> None:
+        self.variable, self.found, self.wanted = variable, found, wanted
+        super().__init__(f"{variable} is {found!r}; it may be {wanted}")
+
+
+class Place(msgspec.Struct, frozen=True):
+    """An interface and the ports of pictures (gRPC) and of the page (HTTP)."""
+
+    bind: str
+    grpc: int
+    web: int
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """As arguments of the child."""
+        return self.bind, str(self.grpc), str(self.web)
+
+
+def wanted(environment: Mapping[str, str], number: int = 0) -> Place | None:
+    """The place that the environment asks for; None: it asks for no pictures. Ports of 0 become free ones.
+
+    `number`: of several systems the how-manieth: each has its own ports, the next ones. Raises ViewSettingError.
+    """
+    switch = environment.get(SWITCH) or "on"
+    if switch not in ("on", "off"):
+        raise ViewSettingError(SWITCH, switch, "on or off")
+    if switch == "off":
+        return None
+    bind = environment.get(BIND) or LOOPBACK
+    grpc, web = (_port(environment, name) for name in (GRPC, WEB))
+    return Place(bind, grpc + number if grpc else free_port(bind), web + number if web else free_port(bind))
+
+
+def tell(run: Path, place: Place) -> None:
+    """Write view.json, whole or not at all."""
+    beside = run / f".{VIEW_FILE}"
+    beside.write_bytes(msgspec.json.encode(ViewAddress(place.grpc, place.web)))
+    beside.replace(run / VIEW_FILE)
+
+
+def free_port(bind: str) -> int:
+    """A port that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind((bind, 0))
+        return int(probe.getsockname()[1])
+
+
+def _port(environment: Mapping[str, str], name: str) -> int:
+    text = environment.get(name) or "0"
+    if not text.isdecimal() or int(text) > 65535:
+        raise ViewSettingError(name, text, "a port, 0 for a free one")
+    return int(text)

@@ -1,0 +1,96 @@
+"""Rerun's own server as a child process: it keeps what was logged for viewers that join late, and serves the page.
+
+It listens where it is told (the SDK's own server listens at every interface), its memory is bounded, and it ends with
+the process that started it, however that ends.
+"""
+
+import ctypes
+import json
+import os
+import signal
+import socket
+import subprocess
+import time
+from pathlib import Path
+
+import rerun_cli  # type: ignore[import-untyped]
+
+from operate.pictures.places import LOOPBACK, Place
+
+PROGRAM = Path(rerun_cli.__file__).with_name("rerun")
+KEPT = "256MiB"
+"""Of what was logged, for viewers that join late; the oldest goes first. A pour needs 10 MB (estimate: 40 of them)."""
+MOST_MB = 600
+"""More memory than this ends the server: what it keeps, itself, and what it has on the way to viewers."""
+READY_S = 20.0
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 1e6
+_libc = ctypes.CDLL(None)
+
+
+class ServerError(RuntimeError):
+    """Rerun's server does not serve; the message says what to look at."""
+
+
+class Server:
+    """A running server."""
+
+    def __init__(self, run: Path, place: Place) -> None:
+        """Waits until it listens. Raises ServerError."""
+        self.url = f"rerun+http://{LOOPBACK}:{place.grpc}/proxy"
+        options = ("--serve-web", "--bind", place.bind, "--port", str(place.grpc))
+        limits = ("--web-viewer-port", str(place.web), "--server-memory-limit", KEPT)
+        self._process = subprocess.Popen(
+            [PROGRAM, *options, *limits],
+            stdin=subprocess.DEVNULL,
+            env=os.environ | {"HOME": str(_home(run)), "NO_COLOR": "1"},
+            preexec_fn=_die_with_parent,
+        )
+        self._wait(place.grpc)
+
+    def check(self) -> None:
+        """Raises ServerError where it has ended, or needs too much memory."""
+        code = self._process.poll()
+        if code is not None:
+            raise ServerError(f"Rerun's server ended with code {code}; its words are in rerun.log")
+        used = rss_mb(self._process.pid)
+        if used > MOST_MB:
+            raise ServerError(f"Rerun's server has {used:.0f} MB, at most {MOST_MB:.0f} MB: pictures begin anew")
+
+    def close(self) -> None:
+        """End it; what it kept is gone."""
+        self._process.kill()
+        self._process.wait()
+
+    def _wait(self, port: int) -> None:
+        end = time.monotonic() + READY_S
+        while time.monotonic() < end:
+            self.check()
+            with socket.socket() as probe:
+                if probe.connect_ex((LOOPBACK, port)) == 0:
+                    return
+            time.sleep(0.05)
+        raise ServerError(f"Rerun's server does not listen at port {port} after {READY_S:.0f} s; see rerun.log")
+
+
+def rss_mb(pid: int) -> float:
+    """Resident memory of a process; 0 where it is gone."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE_MB
+    except (OSError, IndexError):
+        return 0.0
+
+
+def _home(run: Path) -> Path:
+    """A home for the server, in which Rerun's usage statistics are switched off."""
+    home = (run / "rerun-home").resolve()
+    settings = home / ".config" / "rerun" / "analytics.json"
+    settings.parent.mkdir(parents=True, exist_ok=True)
+    places = {"config_file_path": str(settings), "data_dir_path": str(home / "analytics")}
+    off = {"analytics_enabled": False, "analytics_id": "none", "metadata": {}}
+    settings.write_text(json.dumps(off | places))
+    return home
+
+
+def _die_with_parent() -> None:
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -1,0 +1,274 @@
+"""A run as it was recorded: the monitor's MCAP and the agents' own step logs, merged, with what is missing named.
+
+The monitor may be killed; each agent also writes down what reached it. A communicate that only a step log has is taken
+from there; where that happened is a hole in the recording. Must not know: what a report wants of it.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from itertools import groupby
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from agent_runtime.core.effects import Receipt
+from agent_runtime.core.events import Arrived
+from agent_runtime.io import steplog
+from companion.telemetry import Picture, RobotState, TrueState
+from fipa_codec.communicate import encode
+from fipa_codec.errors import FipaError
+from operate.judging.judged import of_records
+from operate.recording import mcap_file
+from operate.recording.records import SETTING, Garbage, House, Origin, Record, Resumed, Spoken, Token, spoken
+from operate.run_folder import FLEET_FILE, Fleet, Judged, ProcessState, ProcessStatus
+
+T = TypeVar("T")
+STEPS = "steps"
+NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
+
+
+class Hole(msgspec.Struct, frozen=True):
+    """Something of the run that was not recorded; times in unix seconds."""
+
+    start: float
+    end: float
+    communicates: int
+    text: str
+
+
+class Entered(msgspec.Struct, frozen=True):
+    """An agent told its state; `alive` False: its token vanished."""
+
+    at: float
+    agent: str
+    state: str
+    alive: bool = True
+
+
+class Told(msgspec.Struct, frozen=True):
+    """A receipt of `owner` that came by, for communicates of `peer`."""
+
+    at: float
+    owner: str
+    peer: str
+    receipt: Receipt
+
+
+class Setting(msgspec.Struct, frozen=True):
+    """What the fleet was started with: `speed` "1" or "max"; `scene`: its file, "" for the canonical one."""
+
+    seed: int
+    speed: str
+    scene: str = ""
+
+
+class History(msgspec.Struct, frozen=True):
+    """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
+
+    `robot`, `pictures` and `truth`: when heard, and what. `judged`: what the judge says of what was recorded.
+    `houses`: how many of each kind of what is no communicate. `setting`: as the recorder was told it, None in a
+    recording without. `down`: processes that the fleet needs and that died or were given up, as its supervisor told
+    last.
+    """
+
+    said: tuple[Spoken, ...] = ()
+    copies: tuple[Spoken, ...] = ()
+    receipts: tuple[Told, ...] = ()
+    robot: tuple[tuple[float, RobotState], ...] = ()
+    pictures: tuple[tuple[float, Picture], ...] = ()
+    truth: tuple[tuple[float, TrueState], ...] = ()
+    entered: tuple[Entered, ...] = ()
+    garbage: tuple[Garbage, ...] = ()
+    houses: dict[str, int] = {}
+    holes: tuple[Hole, ...] = ()
+    judged: tuple[Judged, ...] = ()
+    setting: Setting | None = None
+    down: tuple[ProcessStatus, ...] = ()
+
+    @property
+    def begin(self) -> float:
+        """When the first communicate was heard; without one the first record [unix s]."""
+        times = [self.said[0].received] if self.said else [at for at, _ in self.robot[:1]]
+        return min(times, default=0.0)
+
+    @property
+    def paced(self) -> bool | None:
+        """Whether the loop kept a clock (speed 1); None where nobody tells. Without one there is no lateness at all."""
+        if self.setting is not None:
+            return self.setting.speed != "max"
+        return self.robot[-1][1].lateness_us.max > 0 if self.robot else None
+
+
+class _Beat(msgspec.Struct, frozen=True):
+    """What is wanted of an agent's heartbeat (agent_runtime.io.shell)."""
+
+    agent: str
+    state: str
+
+
+def load(run: Path) -> History:
+    """The history of a run folder. What cannot be read is a hole, never an error."""
+    heard = mcap_file.read(run / mcap_file.FILE)
+    logs = {path.stem: tuple(arrivals(path)) for path in sorted((run / STEPS).glob(f"*.{STEPS}"))}
+    return msgspec.structs.replace(merged(heard.records, logs, whole=heard.whole), down=_down(run))
+
+
+def _down(run: Path) -> tuple[ProcessStatus, ...]:
+    """Who did not run in the end, by the supervisor's file; nobody where there is none: in a container, for one."""
+    try:
+        told = msgspec.json.decode((run / FLEET_FILE).read_bytes(), type=Fleet)
+    except (OSError, msgspec.DecodeError):
+        return ()
+    return tuple(one for one in told.processes if one.state in NOT_UP and not one.optional)
+
+
+def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, whole: bool = True) -> History:
+    """The history in these records and logs (agent -> what reached it)."""
+    records = tuple(records)
+    tapped = tuple(record for record in records if isinstance(record, Spoken))
+    missed, lost = _missed(tapped, logs), _lost(tapped, logs)
+    ordered = sorted((*tapped, *missed), key=lambda one: one.received)
+    said, copies = _told_apart(ordered)
+    houses = [record for record in records if isinstance(record, House) and record.kind != SETTING]
+    holes = (*_unheard(ordered), *lost, *_torn(records, whole))
+    return History(
+        said=said,
+        copies=copies,
+        receipts=tuple(_receipts(houses)),
+        robot=tuple(_decoded(houses, "telemetry", RobotState)),
+        pictures=tuple(_decoded(houses, "telemetry", Picture)),
+        truth=tuple(_decoded(houses, "truth", TrueState)),
+        entered=tuple(_entered(records)),
+        garbage=tuple(record for record in records if isinstance(record, Garbage)),
+        houses=dict(Counter(house.kind for house in houses)),
+        holes=holes,
+        judged=of_records(records),
+        setting=next(_settings(records), None),
+    )
+
+
+def arrivals(path: Path) -> Iterator[Spoken]:
+    """The communicates that reached the agent whose step log this is; the log may end anywhere."""
+    try:
+        for step in steplog.read(path):
+            if step.kind == Arrived.__name__ and (one := _arrived(step)) is not None:
+                yield one
+    except (msgspec.MsgspecError, OSError):
+        return
+
+
+def _arrived(step: steplog.Step) -> Spoken | None:
+    """What reached the agent in this step; None for what the design does not know."""
+    try:
+        communicate = msgspec.msgpack.decode(step.input, type=Arrived).communicate
+        return spoken(communicate, encode(communicate), step.at, Origin.STEPS)
+    except (msgspec.MsgspecError, FipaError, LookupError):
+        return None
+
+
+def _missed(tapped: tuple[Spoken, ...], logs: dict[str, tuple[Spoken, ...]]) -> list[Spoken]:
+    """What agents heard and the tap did not."""
+    known = {one.identity for one in tapped}
+    first = {one.identity: one for log in logs.values() for one in reversed(log)}
+    return [one for identity, one in first.items() if identity not in known]
+
+
+def _lost(tapped: tuple[Spoken, ...], logs: dict[str, tuple[Spoken, ...]]) -> Iterator[Hole]:
+    """What the tap heard and its receiver did not step on."""
+    for agent, log in logs.items():
+        known = {one.identity for one in log}
+        lost = [one for one in tapped if one.receiver == agent and one.identity not in known]
+        if lost:
+            text = (
+                f"{_count(lost)} to {agent} went by, but {agent}'s step log has them not: lost on the way, or its tail"
+            )
+            yield Hole(lost[0].received, lost[-1].received, len(lost), text)
+
+
+def _unheard(ordered: list[Spoken]) -> Iterator[Hole]:
+    """Stretches of time in which only step logs have what was said."""
+    for origin, group in groupby(ordered, key=lambda one: one.origin):
+        if origin is Origin.STEPS:
+            stretch = list(group)
+            agents = ", ".join(sorted({one.receiver for one in stretch}))
+            text = f"the recorder did not hear {_count(stretch)}; taken from the step log of {agents}"
+            yield Hole(stretch[0].received, stretch[-1].received, len(stretch), text)
+
+
+def _torn(records: tuple[Record, ...], whole: bool) -> Iterator[Hole]:
+    """Times in which no monitor lived, or none could hear."""
+    for record in records:
+        if isinstance(record, Resumed):
+            away = f"the recorder was away or cut off for {record.received - record.since:.1f} s"
+            yield Hole(record.since, record.received, 0, f"{away}: only what agents logged is known of that time")
+    if not whole:
+        end = records[-1].received if records else 0.0
+        yield Hole(end, end, 0, "the recording was not closed in order: what came after its last record is not in it")
+
+
+def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken, ...]]:
+    """First copies and later ones. One without an id is never a copy."""
+    known: set[tuple[str, str, str]] = set()
+    said: list[Spoken] = []
+    copies: list[Spoken] = []
+    for one in ordered:
+        copy = bool(one.id) and one.identity in known
+        (copies if copy else said).append(one)
+        known.add(one.identity)
+    return tuple(said), tuple(copies)
+
+
+def _settings(records: tuple[Record, ...]) -> Iterator[Setting]:
+    for record in records:
+        if isinstance(record, House) and record.kind == SETTING:
+            with suppress(msgspec.MsgspecError, UnicodeDecodeError):
+                yield msgspec.json.decode(record.data, type=Setting)
+
+
+def _receipts(houses: list[House]) -> Iterator[Told]:
+    for house in houses:
+        if house.kind == "receipt":
+            try:
+                receipt = msgspec.msgpack.decode(house.data, type=Receipt)
+            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+                continue
+            yield Told(house.received, house.owner, house.peer, receipt)
+
+
+def _decoded(houses: list[House], kind: str, wanted: type[T]) -> Iterator[tuple[float, T]]:
+    decoder = msgspec.msgpack.Decoder(wanted)
+    for house in houses:
+        if house.kind == kind:
+            try:
+                yield house.received, decoder.decode(house.data)
+            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+                continue
+
+
+def _entered(records: tuple[Record, ...]) -> Iterator[Entered]:
+    """Changes of state only: a heartbeat that says the same again is no news."""
+    last: dict[str, tuple[str, bool]] = {}
+    for record in records:
+        now = state_in(record, last)
+        if now is not None and last.get(now.agent) != (now.state, now.alive):
+            last[now.agent] = (now.state, now.alive)
+            yield now
+
+
+def state_in(record: Record, last: dict[str, tuple[str, bool]]) -> Entered | None:
+    """What a record says of an agent's state; `last`: agent -> (state, alive) so far. None: nothing, or unreadable."""
+    if isinstance(record, Token):
+        return Entered(record.received, record.agent, last.get(record.agent, ("", True))[0], record.alive)
+    if isinstance(record, House) and record.kind == "state":
+        try:
+            beat = msgspec.json.decode(record.data, type=_Beat)
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            return None
+        return Entered(record.received, beat.agent, beat.state)
+    return None
+
+
+def _count(some: list[Spoken]) -> str:
+    return f"{len(some)} communicate{'s' * (len(some) != 1)}"

@@ -1,0 +1,170 @@
+"""`roco record`: a recording made beside the run's own, of what is meant, until it is told to stop.
+
+One tap, one queue, one thread; the file is whole up to FLUSH_S before a kill. No report and no judge: what is kept can
+be judged, shown and replayed afterwards. It ends with the process that started it.
+"""
+
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.io.options import Options
+from agent_runtime.io.tap import Sample, Tap, open_tap
+from agent_runtime.io.waiting import Waiting
+from operate.filters import Filter
+from operate.recording.mcap_file import Recording, first
+from operate.recording.records import SETTING, House, Record, Resumed, Spoken, Token, understood
+from operate.run_folder import TRAFFIC_FILE
+
+FLUSH_S = 0.1
+TOLD_S = 0.5
+"""How often it is told how far the recording is; estimate: what a person watches."""
+ROUTER_S = 5.0
+FILTER = "filter"
+NO_ROUTER = 3
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """How far a recording is: communicates, all records, bytes of the file, since when [s], what came too fast."""
+
+    communicates: int
+    records: int
+    bytes: int
+    seconds: float
+    dropped: int
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """Where to, and what of it; `count` communicates or `seconds`, 0: until it is told to stop."""
+
+    out: Path
+    which: Filter
+    count: int
+    seconds: float
+
+
+class Keeper:
+    """The open recording."""
+
+    def __init__(self, asked: Asked, setting: Record | None) -> None:
+        self._asked, self._began = asked, time.time()
+        self._recording = Recording(asked.out)
+        self.communicates = self.records = 0
+        if asked.which:
+            self._recording.note(FILTER, {kind: ",".join(names) for kind, names in _named(asked.which)})
+        self._add(House(SETTING, "record", "", self._began, setting.data if isinstance(setting, House) else b""))
+
+    @property
+    def over(self) -> bool:
+        """Whether there is enough."""
+        enough = self._asked.count and self.communicates >= self._asked.count
+        return bool(enough or (self._asked.seconds and time.time() - self._began >= self._asked.seconds))
+
+    def take(self, sample: Sample) -> None:
+        """Keep a sample, if it is meant: with a filter only communicates, and what is needed to judge them."""
+        record = understood(sample)
+        which = self._asked.which
+        if which and not (which.keeps(record) if isinstance(record, Spoken) else isinstance(record, Token | Resumed)):
+            return
+        self._add(record)
+        self.communicates += isinstance(record, Spoken)
+
+    def kept(self, dropped: int) -> Kept:
+        """How far it is, all of it with the operating system."""
+        self._recording.flush()
+        size = self._asked.out.stat().st_size
+        return Kept(self.communicates, self.records, size, round(time.time() - self._began, 3), dropped)
+
+    def finish(self, dropped: int) -> Kept:
+        """Close in order."""
+        self._recording.finish()
+        size = self._asked.out.stat().st_size
+        return Kept(self.communicates, self.records, size, round(time.time() - self._began, 3), dropped)
+
+    def _add(self, record: Record) -> None:
+        self._recording.add(record)
+        self.records += 1
+
+
+def serve(options: Options, asked: Asked, identity: str) -> int:
+    """Record; tells on standard output how far it is, a Kept a line. 0: ended in order; 3: no router answers."""
+    waiting, parent = _until_told(), os.getppid()
+    tap = tapped(options, waiting, identity)
+    if tap is None:
+        return NO_ROUTER
+    keeper = Keeper(asked, first(options.run_dir / TRAFFIC_FILE))
+    _keep(keeper, waiting, parent)
+    tap.close()
+    _end(keeper, waiting)
+    return 0
+
+
+def tapped(options: Options, waiting: Waiting, identity: str) -> Tap | None:
+    """A tap that fills `waiting`; None, and it is said, where no router answers in time."""
+    until = time.monotonic() + ROUTER_S
+    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, identity)
+    if tap is None:
+        print(f"no router answers at {options.connect}; is the fleet up (`roco status`)?", file=sys.stderr)
+    return tap
+
+
+def serve_heard(asked: Asked) -> int:
+    """Record what `hear` prints, from standard input to its end; the rest as `serve`."""
+    waiting, parent = _until_told(), os.getppid()
+    threading.Thread(target=_read, args=(waiting,), daemon=True).start()
+    keeper = Keeper(asked, None)
+    _keep(keeper, waiting, parent)
+    _end(keeper, waiting)
+    return 0
+
+
+def _until_told() -> Waiting:
+    """What a signal stops."""
+    waiting = Waiting()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, waiting.stop)
+    return waiting
+
+
+def _read(waiting: Waiting) -> None:
+    with os.fdopen(os.dup(0), "rb") as lines:  # sys.stdin may not be in use by a thread when Python ends
+        waiting.fill(lines)
+
+
+def _keep(keeper: Keeper, waiting: Waiting, parent: int) -> None:
+    flushed = told = time.monotonic()
+    _tell(keeper.kept(0))
+    while not waiting.stopped and not keeper.over and os.getppid() == parent:
+        sample = waiting.get(FLUSH_S)
+        if sample is not None:
+            keeper.take(sample)
+        now = time.monotonic()
+        if now - flushed > FLUSH_S:
+            kept, flushed = keeper.kept(waiting.dropped), now
+            if now - told > TOLD_S:
+                _tell(kept)
+                told = now
+
+
+def _end(keeper: Keeper, waiting: Waiting) -> None:
+    for sample in waiting.left():
+        if not keeper.over:
+            keeper.take(sample)
+    _tell(keeper.finish(waiting.dropped))
+
+
+def _named(which: Filter) -> list[tuple[str, tuple[str, ...]]]:
+    return [(kind, getattr(which, kind)) for kind in which.__struct_fields__]
+
+
+def _tell(kept: Kept) -> None:
+    try:
+        sys.stdout.buffer.write(msgspec.json.encode(kept) + b"\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        pass

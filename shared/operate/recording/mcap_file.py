@@ -1,0 +1,157 @@
+"""traffic.mcap: written record by record, readable up to wherever its writing ended.
+
+Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`, `monitor`; messages in JSON with a JSON schema,
+log time = heard, publish time = sent. Records are not gathered in chunks: one that a kill cuts off would be lost as a
+whole.
+"""
+
+import struct
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import Channel, Footer, Message
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
+from operate.recording.schemas import schema
+
+FILE = "traffic.mcap"
+PROFILE = "robot-companion"
+RECORD_LIMIT = 64 * 1024 * 1024
+"""A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its fields."""
+_NS = 1_000_000_000
+_encoder = msgspec.json.Encoder()
+_KINDS = {"communicates": "Spoken", "house": "House", "tokens": "Token", "monitor": "Resumed"}
+_decoders: dict[str, msgspec.json.Decoder[Any]] = {
+    kind.__name__: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Resumed)
+}
+
+
+class Recording:
+    """An open traffic.mcap."""
+
+    def __init__(self, path: Path) -> None:
+        """Begins the file; what a monitor that died left in it is taken over."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = path.with_name(f".{path.name}")
+        self._file = beside.open("wb")
+        self._writer = Writer(self._file, use_chunking=False)
+        self._writer.start(profile=PROFILE)
+        self._schemas: dict[type, int] = {}
+        self._channels: dict[str, int] = {}
+        self._count = 0
+        self._take_over(Reading(path))
+        self.flush()
+        beside.replace(path)
+
+    def add(self, record: Record) -> None:
+        """Append a record."""
+        self._count += 1
+        heard = int(record.received * _NS)
+        sent = int(record.sent * _NS) if isinstance(record, Spoken) and 0 < record.sent < 1e10 else heard
+        self._writer.add_message(self._channel(record), heard, _encoder.encode(record), sent, self._count)
+
+    def note(self, name: str, facts: dict[str, str]) -> None:
+        """Append words about the recording itself, as metadata."""
+        self._writer.add_metadata(name, facts)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system: from here on a kill cannot take it."""
+        self._file.flush()
+
+    def finish(self) -> None:
+        """Write the summary and close."""
+        self._writer.finish()
+        self._file.close()
+
+    def _take_over(self, before: Iterable[Record]) -> None:
+        """One by one: what was recorded for days may be larger than the memory."""
+        last: Record | None = None
+        for last in before:
+            self.add(last)
+        if last is not None:
+            self.add(Resumed(last.received, time.time()))
+
+    def _channel(self, record: Record) -> int:
+        name, kind = topic(record), type(record)
+        if name not in self._channels:
+            if kind not in self._schemas:
+                data = _encoder.encode(schema(kind))
+                self._schemas[kind] = self._writer.register_schema(kind.__name__, "jsonschema", data)
+            self._channels[name] = self._writer.register_channel(name, "json", self._schemas[kind])
+        return self._channels[name]
+
+
+def topic(record: Record) -> str:
+    """The topic a record stands under."""
+    match record:
+        case Spoken(channel=channel):
+            return f"communicates/{channel}"
+        case House(kind=kind):
+            return f"house/{kind}"
+        case Token():
+            return "tokens"
+        case Garbage():
+            return "garbage"
+        case Resumed():
+            return "monitor"
+
+
+class Read(msgspec.Struct, frozen=True):
+    """A recording: its records in the order they were heard; `whole`: it was closed in order, nothing is cut off."""
+
+    records: tuple[Record, ...]
+    whole: bool
+
+
+class Reading:
+    """The records of one traffic.mcap in the order they were heard, one by one; of a missing file none.
+
+    `whole`, once all are read: whether it was closed in order, nothing is cut off.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.whole = False
+
+    def __iter__(self) -> Iterator[Record]:
+        """Ends where the file does, however."""
+        if not self._path.exists():
+            return
+        with self._path.open("rb") as file:
+            try:
+                yield from self._records(StreamReader(file, record_size_limit=RECORD_LIMIT))
+            except (McapError, struct.error, ValueError, MemoryError):  # a torn record shows as any of them
+                self.whole = False
+
+    def _records(self, reader: StreamReader) -> Iterator[Record]:
+        kinds: dict[int, str] = {}
+        for found in reader.records:
+            if isinstance(found, Channel):
+                kinds[found.id] = _kind(found.topic)
+            elif isinstance(found, Message) and found.channel_id in kinds:
+                with suppress(msgspec.MsgspecError):  # cut off, or of another version
+                    yield _decoders[kinds[found.channel_id]].decode(found.data)
+            elif isinstance(found, Footer):
+                self.whole = True
+
+
+def read(path: Path) -> Read:
+    """Everything readable of one traffic.mcap; of a missing file nothing."""
+    reading = Reading(path)
+    return Read(tuple(reading), reading.whole)
+
+
+def first(path: Path) -> Record | None:
+    """The first record of a recording, which a recorder begins with its setting; None where nothing can be read."""
+    return next(iter(Reading(path)), None)
+
+
+def _kind(topic: str) -> str:
+    return _KINDS.get(topic.partition("/")[0], "Garbage")

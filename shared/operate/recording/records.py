@@ -1,0 +1,182 @@
+"""What the monitor records, as it stands in traffic.mcap: one Struct per topic, in JSON that any MCAP reader can show.
+
+A communicate is recorded with its fields, its whole bytes and its two times; what is none is recorded as it came.
+Must not know: where samples come from, what is made of them.
+"""
+
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import msgspec
+
+from agent_runtime.io.tap import Sample
+from companion.design import DESIGN
+from companion.languages import LANGUAGES
+from fipa_codec.communicate import Communicate, decode, decode_strictly
+from fipa_codec.errors import FipaError
+from fipa_codec.languages import Kind
+from operate.wording import words
+
+GARBAGE_BYTES = 64 * 1024
+"""Of bytes that are no communicate so many are kept; estimate: enough to see what it was."""
+HOUSE = "_"
+SETTING = "setting"
+"""Kind of the recorder's own first record."""
+
+
+class Origin(StrEnum):
+    """Who heard a communicate."""
+
+    TAP = "tap"
+    STEPS = "steps"
+
+
+class Spoken(msgspec.Struct, frozen=True, dict=True):
+    """A communicate. Times in unix seconds; `wire`: all of its bytes (base64 in JSON), `size` their number.
+
+    `text`: its content in a few words, for viewers; "" in recordings of older versions.
+    """
+
+    size: int
+    sender: str
+    receiver: str
+    performative: str
+    protocol: str
+    language: str
+    conversation: str
+    channel: str
+    id: str
+    sent: float
+    received: float
+    wire: bytes
+    origin: Origin = Origin.TAP
+    text: str = ""
+
+    @cached_property
+    def communicate(self) -> Communicate:
+        """All of its fields, with its content undecoded."""
+        return decode(self.wire)
+
+    @property
+    def content(self) -> Any:
+        """What it says, an object of its language; None where it says nothing or nothing that can be read."""
+        return self._read[0]
+
+    @property
+    def kind(self) -> Kind:
+        """Which use of its performative its content makes."""
+        return self._read[1]
+
+    @cached_property
+    def _read(self) -> tuple[Any, Kind]:
+        try:
+            return LANGUAGES.read(self.communicate)
+        except FipaError:
+            return None, Kind.PLAIN
+
+    @property
+    def identity(self) -> tuple[str, str, str]:
+        """What a re-sent copy shares with the first: ids are numbers of a stream, or names chosen by the sender."""
+        return self.sender, self.receiver, self.id
+
+
+class House(msgspec.Struct, frozen=True):
+    """What travels beside communicates (`kind`: receipt, ping, telemetry, ...) from `owner`, perhaps to `peer`."""
+
+    kind: str
+    owner: str
+    peer: str
+    received: float
+    data: bytes
+
+
+class Token(msgspec.Struct, frozen=True):
+    """The liveliness token of an agent's incarnation appeared or vanished."""
+
+    agent: str
+    incarnation: int
+    alive: bool
+    received: float
+
+
+class Garbage(msgspec.Struct, frozen=True):
+    """Bytes that are no communicate, or not the one their key says, or one the design does not have."""
+
+    key: str
+    size: int
+    reason: str
+    received: float
+    data: bytes
+
+
+class Resumed(msgspec.Struct, frozen=True):
+    """Nothing was heard from `since` on: the monitor took over from one that died, or had no router meanwhile, or its
+    router no way to any agent (reach.py).
+    """
+
+    since: float
+    received: float
+
+
+Record = Spoken | House | Token | Garbage | Resumed
+
+
+def understood(sample: Sample) -> Record:
+    """What a sample is. Never raises: what cannot be read is garbage."""
+    if sample.deaf_since:
+        return Resumed(sample.deaf_since, sample.at)
+    chunks = sample.key.split("/")
+    if len(chunks) > 3 and chunks[2] == HOUSE:
+        return _house(sample, chunks[3:])
+    try:
+        communicate = decode_strictly(sample.data)
+    except FipaError as error:
+        return _garbage(sample, str(error))
+    told = (communicate.sender, communicate.receiver, communicate.protocol, str(communicate.performative))
+    if tuple(chunks[3:]) != told:
+        return _garbage(sample, f"the communicate says {'/'.join(told)}")
+    try:
+        channel = DESIGN.rule(communicate).channel
+    except LookupError as error:
+        return _garbage(sample, str(error))
+    if chunks[2] != channel:
+        return _garbage(sample, f"the design has it on {channel}")
+    return spoken(communicate, sample.data, sample.at)
+
+
+def spoken(communicate: Communicate, wire: bytes, received: float, origin: Origin = Origin.TAP) -> Spoken:
+    """The record of a communicate that the design knows. Raises LookupError for another one."""
+    read = Spoken(
+        size=len(wire),
+        sender=communicate.sender,
+        receiver=communicate.receiver,
+        performative=str(communicate.performative),
+        protocol=communicate.protocol,
+        language=communicate.language,
+        conversation=communicate.conversation,
+        channel=DESIGN.rule(communicate).channel,
+        id=communicate.id,
+        sent=communicate.sent,
+        received=received,
+        wire=wire,
+        origin=origin,
+    )
+    told = msgspec.structs.replace(read, text=words(read.content))
+    told.__dict__.update(read.__dict__)  # what was decoded is not decoded again
+    return told
+
+
+def _house(sample: Sample, chunks: list[str]) -> Record:
+    kind, *rest = chunks
+    if sample.token:
+        if len(rest) == 2 and rest[1].isascii() and rest[1].isdigit():
+            return Token(rest[0], int(rest[1]), not sample.gone, sample.at)
+        return _garbage(sample, "a token is alive/<agent>/<incarnation>")
+    if not rest or len(rest) > 2:
+        return _garbage(sample, "a house key is _/<kind>/<owner>[/<peer>]")
+    return House(kind, rest[0], rest[1] if len(rest) == 2 else "", sample.at, sample.data)
+
+
+def _garbage(sample: Sample, reason: str) -> Garbage:
+    return Garbage(sample.key, len(sample.data), reason, sample.at, sample.data[:GARBAGE_BYTES])

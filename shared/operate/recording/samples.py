@@ -1,0 +1,64 @@
+"""A recording as the samples it was made of, for whoever looks at what was said or says it again (`roco`)."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.core.wiring import service_key
+from agent_runtime.io.tap import Sample
+from companion.design import DESIGN
+from operate.judging.judged import SYSTEM, key_of
+from operate.recording import mcap_file
+from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
+from operate.run_folder import TRAFFIC_FILE
+
+
+class NoRecordingError(Exception):
+    """There is nothing to read; it says what would be right."""
+
+
+def records(file: Path) -> tuple[Record, ...]:
+    """All records of a recording, or of the one in a run folder. Raises NoRecordingError."""
+    path = file / TRAFFIC_FILE if file.is_dir() else file
+    if not path.is_file():
+        raise NoRecordingError(f"{path} is not there; give a run folder or a recording (.mcap)")
+    found = mcap_file.read(path).records
+    if not found:
+        raise NoRecordingError(f"{path} holds no record that can be read; give one of `roco record` or of a run")
+    return found
+
+
+def samples(found: tuple[Record, ...], *, everything: bool = False) -> Iterator[Sample]:
+    """What a tap heard, in order; without `everything` communicates, tokens and what was no communicate.
+
+    With it also the recorder's own first word, its setting, as if it had been heard.
+    """
+    for record in found:
+        if everything or not isinstance(record, House):
+            yield sampled(record)
+
+
+def sampled(record: Record) -> Sample:
+    """What the tap heard when this was recorded."""
+    at = record.received
+    match record:
+        case Spoken():
+            return Sample(key_of(record, DESIGN.file.system.key), record.wire, at)
+        case Garbage():
+            return Sample(record.key, record.data, at)
+        case Token():
+            key = service_key(SYSTEM, "alive", record.agent, str(record.incarnation))
+            return Sample(key, b"", at, token=True, gone=not record.alive)
+        case House():
+            peer = (record.peer,) if record.peer else ()
+            return Sample(service_key(SYSTEM, record.kind, record.owner, *peer), record.data, at)
+        case Resumed():
+            return Sample("", b"", at, deaf_since=record.since)
+
+
+def main(file: Path, *, everything: bool) -> None:
+    """Print the samples of a recording, one JSON object a line. Raises NoRecordingError."""
+    for sample in samples(records(file), everything=everything):
+        sys.stdout.buffer.write(msgspec.json.encode(sample) + b"\n")

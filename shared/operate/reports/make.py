@@ -1,0 +1,49 @@
+"""From a run folder to its report: report.json, report.html, run.rrd. Each is made although another cannot be."""
+
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+from operate.recording import history
+from operate.reports import report
+from operate.run_folder import REPORT_FILE, RRD_FILE
+
+PAGE_FILE = "report.html"
+Say = Callable[..., None]
+
+
+def everything(run: Path, say: Say) -> bool:
+    """Make all three; `say(event, level, **fields)` is told what was made and what was not. True: all of it."""
+    try:
+        past = history.load(run)
+        figures = report.build(past)
+        report.write(run, figures)
+    except Exception:  # the recording stays: the report can be made again by a later version
+        say("no report", level="error", why=traceback.format_exc())
+        return False
+    say("report", success=figures.success, failure=figures.failure or "", file=str(run / REPORT_FILE))
+    page = _try(PAGE_FILE, lambda: _page(run, past, figures), say)
+    pictures = _try(RRD_FILE, lambda: _pictures(run, past), say)
+    return page and pictures
+
+
+def _try(name: str, make: Callable[[], None], say: Say) -> bool:
+    try:
+        make()
+    except Exception:
+        say(f"no {name}", level="error", why=traceback.format_exc())
+        return False
+    say("made", file=name)
+    return True
+
+
+def _page(run: Path, past: history.History, figures: report.Report) -> None:
+    from operate.reports import page
+
+    (run / PAGE_FILE).write_text(page.rendered(past, figures, run.name), encoding="utf-8")
+
+
+def _pictures(run: Path, past: history.History) -> None:
+    from operate.pictures import file
+
+    file.write(run / RRD_FILE, past)

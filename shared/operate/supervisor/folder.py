@@ -1,0 +1,63 @@
+"""The run folder as the supervisor keeps it: made, pointed at, and told the state of the fleet (docs/run-folder.md)."""
+
+import os
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED
+from operate.run_folder import FLEET_FILE, LATEST, OFF_SUFFIX, Fleet
+
+
+def make(run: Path, *, latest: bool = True) -> None:
+    """Make the folder with its stop flag, nobody switched off; `latest`: let the link beside it point to it."""
+    run.mkdir(parents=True, exist_ok=True)
+    flag = run / STOP_FILE
+    if not flag.exists():
+        flag.write_bytes(STOP_RELEASED)
+    for name in off(run):
+        (run / f"{name}{OFF_SUFFIX}").unlink(missing_ok=True)
+    link = run.parent / LATEST
+    if latest and (link.is_symlink() or not link.exists()):
+        beside = run.parent / f".{LATEST}-{os.getpid()}"
+        beside.symlink_to(run.name)
+        beside.replace(link)
+
+
+def tell(run: Path, fleet: Fleet) -> None:
+    """Rewrite fleet.json; a reader sees the old one or the new one."""
+    beside = run / f".{FLEET_FILE}"
+    beside.write_bytes(msgspec.json.format(msgspec.json.encode(fleet), indent=2) + b"\n")
+    beside.replace(run / FLEET_FILE)
+
+
+def ready_file(run: Path, name: str) -> Path:
+    """The file a process makes when it can serve."""
+    return run / f"{name}.ready"
+
+
+def pid_file(run: Path, name: str) -> Path:
+    """Where the process id stands while a process runs."""
+    return run / f"{name}.pid"
+
+
+def log_file(run: Path, name: str) -> Path:
+    """Where a process's standard output and error go."""
+    return run / f"{name}.log"
+
+
+def off(run: Path) -> frozenset[str]:
+    """Who shall not run: for each there is a file NAME.off."""
+    return frozenset(path.name.removesuffix(OFF_SUFFIX) for path in run.glob(f"*{OFF_SUFFIX}"))
+
+
+def last_line(log: Path, limit: int = 4096) -> str:
+    """The last line of a log that is not empty, "" if there is none; only the last `limit` bytes are read."""
+    try:
+        with log.open("rb") as file:
+            file.seek(0, os.SEEK_END)
+            file.seek(max(0, file.tell() - limit))
+            lines = file.read().decode(errors="replace").split("\n")
+    except OSError:
+        return ""
+    return next((line.strip() for line in reversed(lines) if line.strip()), "")

@@ -1,0 +1,168 @@
+"""Runs a project made by `roco design new` in the foreground: router and agents as processes, and what they say.
+
+`python -m <project>` ends here. Processes are started, watched and restarted as the fleet of the Robot
+Companion is.
+"""
+
+import os
+import queue
+import threading
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agent_runtime.io.options import Options
+from agent_runtime.io.tap import Sample, Tap, open_tap
+from agent_runtime.io.zenoh_wire import free_endpoint
+from fipa_codec.communicate import Communicate, decode_strictly
+from fipa_codec.errors import FipaError
+from fipa_codec.languages import Languages
+from operate.run_folder import ProcessState
+from operate.supervisor import folder
+from operate.supervisor.processes import Process
+from operate.supervisor.shell import Shell
+
+ROUTER = Process("router", "services.router")
+PATIENCE_S = 30.0
+"""Until all must be ready (estimate: an agent's start takes a second, more on a busy machine)."""
+
+
+def run(package: str, agents: tuple[str, ...], languages: Languages) -> None:
+    """The command line of a project; ends the process."""
+    command = typer.Typer(name=package, add_completion=False, pretty_exceptions_enable=False)
+
+    @command.command(help=f"Run {package}: router and agents as processes, printing what they say; Ctrl-C ends them.")
+    def main(
+        run_dir: Annotated[Path | None, typer.Option(help="The run's folder; else runs/<time>.")] = None,
+        connect: Annotated[str, typer.Option(help="The router's address; empty: a free port.")] = "",
+        seconds: Annotated[float, typer.Option(help="End after so long with all ready; 0: at Ctrl-C.")] = 0.0,
+        until_ready: Annotated[bool, typer.Option(help="End as soon as all are ready.")] = False,
+        scene: Annotated[str, typer.Option(help="A file that the agents get as --scene.")] = "",
+    ) -> None:
+        where = (run_dir or Path("runs") / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")).resolve()
+        after_s = 0.0 if until_ready else seconds or None
+        raise typer.Exit(foreground(package, agents, languages, where, connect or free_endpoint(), after_s, scene))
+
+    command()
+
+
+def foreground(
+    package: str,
+    agents: tuple[str, ...],
+    languages: Languages,
+    run_dir: Path,
+    connect: str,
+    after_s: float | None,
+    scene: str = "",
+) -> int:
+    """Run it until a signal comes, or for `after_s` once all are ready. 0: as wanted; 1: not all became ready."""
+    folder.make(run_dir)
+    processes = (ROUTER, *(Process(name, f"{package}.{name}", after=("router",)) for name in agents))
+    shell = Shell(run_dir, processes, package, connect, _environment(package, run_dir, connect, scene))
+    names = ", ".join(process.name for process in processes)
+    here = run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
+    print(f"{package}: {names}; files in {here}", flush=True)
+    watch = _Watch(shell, languages, Options(connect=connect, system=package, run_dir=run_dir), after_s)
+    watch.start()
+    shell.serve()
+    watch.join()
+    return watch.status
+
+
+def _environment(package: str, run_dir: Path, connect: str, scene: str) -> dict[str, str]:
+    """What all processes share, besides the folder they are run in."""
+    return os.environ | {
+        "ROCO_RUN_DIR": str(run_dir),
+        "ROCO_SYSTEM": package,
+        "ROCO_CONNECT": connect,
+        "ROCO_LISTEN": connect,
+        "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+class _Watch(threading.Thread):
+    """Prints what becomes of the processes and what the agents say; asks for the end when it is time."""
+
+    def __init__(self, shell: Shell, languages: Languages, options: Options, after_s: float | None) -> None:
+        super().__init__(daemon=True)
+        self.status = 0
+        self._shell, self._languages, self._options, self._after_s = shell, languages, options, after_s
+        self._began = time.time()
+        self._ready_at: float | None = None
+        self._tap: Tap | None = None
+        self._samples: queue.SimpleQueue[Sample] = queue.SimpleQueue()
+        self._seen: set[tuple[str, str, str, str]] = set()
+        self._states: dict[str, ProcessState] = {}
+
+    def run(self) -> None:
+        ended = self._shell.end_asked
+        threading.Thread(target=self._listen, daemon=True).start()
+        while not ended.wait(0.05):
+            self._look()
+            self._tell()
+            if self._over():
+                ended.set()
+        self._tell()
+        if self._tap is not None:
+            self._tap.close()
+
+    def _listen(self) -> None:
+        """Hear what is said, as soon as the router is there; the tap is kept, or Zenoh would undeclare it."""
+        self._tap = open_tap(self._options, self._samples.put, self._shell.end_asked.is_set)
+
+    def _look(self) -> None:
+        for status in self._shell.fleet.status:
+            if status.state is not self._states.get(status.name):
+                self._states[status.name] = status.state
+                if status.state in (ProcessState.BACKING_OFF, ProcessState.GIVEN_UP):
+                    self._print(f"{status.name}: {status.state}: {status.note}")
+        if self._ready_at is None and self._shell.fleet.ready:
+            self._ready_at = time.time()
+            self._print("all ready")
+
+    def _over(self) -> bool:
+        if self._after_s is None:
+            return False
+        now = time.time()
+        if self._ready_at is not None:
+            return now - self._ready_at >= self._after_s
+        if now - self._began < PATIENCE_S and ProcessState.GIVEN_UP not in self._states.values():
+            return False
+        late = ", ".join(name for name, state in self._states.items() if state is not ProcessState.READY)
+        self._print(f"not ready: {late}; see {self._options.run_dir}/*.log")
+        self.status = 1
+        return True
+
+    def _tell(self) -> None:
+        while not self._samples.empty():
+            sample = self._samples.get()
+            chunks = sample.key.split("/")
+            if not sample.token and len(chunks) == 7:
+                self._communicate(chunks[2], sample)
+
+    def _communicate(self, channel: str, sample: Sample) -> None:
+        try:
+            communicate = decode_strictly(sample.data)
+        except FipaError as error:
+            self._print(f"{channel}  {error}")
+            return
+        name = (communicate.sender, communicate.receiver, communicate.conversation, communicate.id)
+        if name in self._seen:
+            return  # sent again, since its receipt was not there in time
+        self._seen.add(name)
+        way = f"{communicate.sender} -> {communicate.receiver}"
+        self._print(f"{channel}  {way}  {communicate.performative}  {self._content(communicate)}".rstrip(), sample.at)
+
+    def _content(self, communicate: Communicate) -> str:
+        try:
+            content, _ = self._languages.read(communicate)
+        except FipaError as error:
+            return f"({error})"
+        return "" if content is None else repr(content)
+
+    def _print(self, text: str, at: float | None = None) -> None:
+        print(f"{(at or time.time()) - self._began:7.2f} s  {text}", flush=True)

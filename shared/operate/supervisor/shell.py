@@ -1,0 +1,150 @@
+"""The supervisor's hands: starts and ends processes as the core says, and tells the core what happened.
+
+One thread, one loop: look at the children and their ready files, take that in, decide, act, write fleet.json. Children
+get sessions of their own, so that Ctrl-C in a terminal reaches the supervisor alone and the order of the end is kept.
+A supervisor that is killed leaves them running: the robot does not drop the jar because of it, and `roco down` finds
+them by their pid files.
+"""
+
+import importlib.util
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from agent_runtime.io.pulse import Pulse
+from operate.run_folder import Fleet as FleetFile
+from operate.run_folder import ProcessState
+from operate.supervisor import core, folder
+from operate.supervisor.processes import Process
+
+NAME = "supervisor"
+PERIOD_S = 0.05  # estimate: a death is seen soon enough, and 20 looks a second cost next to nothing
+
+
+class Shell:
+    """Runs one fleet in one run folder. `command` makes the argument list of a process (tests put their own there).
+
+    `tend`: what else is to be looked after at each look.
+    """
+
+    def __init__(
+        self,
+        run: Path,
+        processes: tuple[Process, ...],
+        system: str,
+        connect: str,
+        environment: Mapping[str, str],
+        command: Callable[[Process], list[str]] | None = None,
+        tend: Callable[[], None] | None = None,
+    ) -> None:
+        self.run = run
+        self.system = system
+        self.connect = connect
+        self.environment = dict(environment)
+        self.command = command or python_module
+        self.tend = tend or (lambda: None)
+        self.fleet = core.begin(processes, time.monotonic())
+        self.started = time.time()
+        self.children: dict[str, subprocess.Popen[bytes]] = {}
+        self.end_asked = threading.Event()
+
+    def serve(self) -> None:
+        """Run the fleet until SIGTERM or SIGINT, and to the end of the last process."""
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: self.end_asked.set())
+        folder.pid_file(self.run, NAME).write_text(f"{os.getpid()}\n")
+        pulse, ready = Pulse(self.run, NAME), folder.ready_file(self.run, NAME)
+        ready.touch()
+        while not self.fleet.ended:
+            pulse.beat()
+            self.step(time.monotonic())
+            self.end_asked.wait(PERIOD_S) if not self.fleet.stopping else time.sleep(PERIOD_S)
+        for file in (ready, pulse.file, folder.pid_file(self.run, NAME)):
+            file.unlink(missing_ok=True)
+
+    def step(self, now: float) -> None:
+        """Look, decide, act, tell."""
+        before = self.fleet.status
+        self.tend()
+        if self.end_asked.is_set():
+            self.fleet = core.stop(self.fleet)
+        self.fleet = core.switch(self.fleet, folder.off(self.run), now)
+        for event in self._look():
+            self.fleet = core.take(self.fleet, event, now)
+        self.fleet, actions = core.decide(self.fleet, now)
+        for action in actions:
+            outcome = self._act(action)
+            if outcome is not None:
+                self.fleet = core.take(self.fleet, outcome, now)
+        if self.fleet.status != before or actions or not (self.run / "fleet.json").exists():
+            folder.tell(self.run, FleetFile(self.system, self.connect, os.getpid(), self.started, self.fleet.status))
+
+    def _look(self) -> list[core.Event]:
+        """See which children ended, and which became ready."""
+        seen: list[core.Event] = []
+        for name, child in list(self.children.items()):
+            code = child.poll()
+            if code is not None:
+                del self.children[name]
+                folder.pid_file(self.run, name).unlink(missing_ok=True)
+                seen.append(core.Exited(name, code, folder.last_line(folder.log_file(self.run, name))))
+            elif self.fleet.known[name].state is ProcessState.STARTING and folder.ready_file(self.run, name).exists():
+                seen.append(core.Ready(name))
+        return seen
+
+    def _act(self, action: core.Action) -> core.Event | None:
+        """Do one action; a start gives what came of it."""
+        match action:
+            case core.Start(name=name):
+                return self._start(self.fleet.known[name].process)
+            case core.Terminate(name=name) if name in self.children:
+                self.children[name].terminate()
+            case core.Kill(name=name) if name in self.children:
+                self.children[name].kill()
+            case _:
+                pass
+        return None
+
+    def _start(self, process: Process) -> core.Event:
+        """Start a process; where that cannot work, say why."""
+        folder.ready_file(self.run, process.name).unlink(missing_ok=True)
+        try:
+            command = self.command(process)
+            with folder.log_file(self.run, process.name).open("ab") as log:
+                child = subprocess.Popen(
+                    command,
+                    env=self.environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                )
+        except (OSError, NotBuiltError) as error:
+            return core.Refused(process.name, str(error))
+        self.children[process.name] = child
+        folder.pid_file(self.run, process.name).write_text(f"{child.pid}\n")
+        return core.Started(process.name, child.pid)
+
+
+class NotBuiltError(Exception):
+    """A process of the table has no program yet."""
+
+    def __init__(self, module: str) -> None:
+        self.module = module
+        super().__init__(f"{module} has no program: {module.replace('.', '/')}/__main__.py is missing")
+
+
+def python_module(process: Process) -> list[str]:
+    """The command of a process: this Python, its module. NotBuiltError where there is no such program."""
+    try:
+        found = importlib.util.find_spec(f"{process.module}.__main__")
+    except ModuleNotFoundError:
+        found = None
+    if found is None:
+        raise NotBuiltError(process.module)
+    return [sys.executable, "-m", process.module]

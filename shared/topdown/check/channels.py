@@ -1,0 +1,55 @@
+"""Every channel carries a protocol, and the ends of a protocol and of its messages are those of its channel."""
+
+from collections.abc import Iterator
+
+from topdown.model import elements
+from topdown.model.design import Design
+from topdown.model.findings import Finding, Kind
+
+
+def findings(design: Design) -> Iterator[Finding]:
+    """Channels and what is no communicate, then the ends of protocols. Channels in doubt are left out."""
+    used = {use.channel for use in design.file.protocol}
+    doubtful = design.decomposition.doubtful
+    pairs: dict[frozenset[str], str] = {}
+    for channel in design.channels.values():
+        where, at = f"channel {channel.id}", ("step", channel.born - 1, "channels")
+        first = pairs.setdefault(frozenset(channel.ends), channel.id)
+        if first != channel.id:
+            right = f"one channel for each pair: complement {first}"
+            yield Finding(Kind.SECOND_CHANNEL, where, f"joins two groups that have {first}", right, at)
+        elif channel.id not in used and channel.id not in doubtful:
+            yield Finding(Kind.SILENT_CHANNEL, where, "carries no protocol", "give it one", at)
+    for index, use in enumerate(design.file.protocol):
+        yield from _ends(design, index, use)
+    yield from _houses(design)
+
+
+def _ends(design: Design, index: int, use: elements.Protocol) -> Iterator[Finding]:
+    where, at = f"protocol {use.name}", ("protocol", index)
+    channel = design.channels.get(use.channel)
+    if channel is None:
+        if not design.decomposition.astray:
+            right = f"one of {', '.join(design.channels)}"
+            yield Finding(Kind.UNKNOWN_CHANNEL, where, f"channel {use.channel!r} is not there", right, (*at, "channel"))
+        return
+    if use.channel not in design.decomposition.doubtful:
+        for role, agent in (("initiator", use.initiator), ("participant", use.participant)):
+            if agent not in channel.ends:
+                wrong, right = f"{role} {agent!r} is no end of {use.channel}", f"they are {' and '.join(channel.ends)}"
+                yield Finding(Kind.NO_END, where, wrong, right, (*at, role))
+        if use.initiator == use.participant:
+            yield Finding(Kind.NO_END, where, f"{use.initiator} talks with itself", "name both ends", at)
+    for number, message in enumerate(use.message):
+        if message.sender not in (use.initiator, use.participant, *channel.ends):
+            said, place = f"{where}, {message.sender} {message.performative}", (*at, "message", number, "sender")
+            right = f"{use.initiator} or {use.participant}"
+            yield Finding(Kind.NO_END, said, f"sender {message.sender!r} is no end of it", right, place)
+
+
+def _houses(design: Design) -> Iterator[Finding]:
+    for index, house in enumerate(design.file.house):
+        if "{system}" not in house.key or "{owner}" not in house.key:
+            wrong = f"its key {house.key!r} lacks system or owner"
+            right = "name {system} and {owner} in it"
+            yield Finding(Kind.NO_OWNER, f"house {house.kind}", wrong, right, ("house", index, "key"))

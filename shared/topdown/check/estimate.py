@@ -1,0 +1,178 @@
+"""What a design will carry, before anything runs: how many communicates, how large, how fast, where it is narrow.
+
+A small model of typical figures that the designer states. Conversations of a use are opened within those of another
+(`within`, `per`); the roots are opened by a person or the start. A message is said `count` times in a conversation of
+its use, or of the use `each`, and has `typical_bytes`. A conversation takes `typical_s` and, one after the other,
+whatever is opened within it, but for what goes on `alongside`. Beside the typical figures stand the most that the
+budgets allow. Where figures are missing, there is one conversation of a use, the shortest that its table allows with
+the listed acts, and each communicate is as large as its budget. Left out: what is said in parallel, waiting in queues,
+faults and what is said again because of them.
+"""
+
+from collections import Counter
+
+import msgspec
+
+from fipa_codec.exploration import shortest
+from fipa_codec.tables import Role, Way
+from topdown.check.protocols import listed, restricted
+from topdown.model import elements
+from topdown.model.design import Design
+
+
+class Load(msgspec.Struct, frozen=True):
+    """What goes over a channel, or belongs to a use: how many communicates, their bytes, the most the budgets allow.
+
+    `mean_bit_s`: over the whole run; `busy_bit_s`: while the conversations go on within which it is said (of a channel
+    that of its busiest use).
+    """
+
+    communicates: float
+    bytes: float
+    most_bytes: float
+    mean_bit_s: float
+    busy_bit_s: float
+
+
+class UseEstimate(msgspec.Struct, frozen=True):
+    """A use of a protocol: its conversations, what one takes [s], what its answer takes [s] beside its budget (0: none)
+    and `share`: of the whole time the part that passes in it and in nothing opened within it.
+    """
+
+    use: str
+    channel: str
+    conversations: float
+    seconds: float
+    latency_s: float
+    budget_s: float
+    share: float
+    load: Load
+
+
+class Estimate(msgspec.Struct, frozen=True):
+    """`seconds`: from the first opening to the end of the roots; `missing`: uses that lack figures, in whose place one
+    shortest conversation with the sizes of the budgets is counted.
+    """
+
+    seconds: float
+    channels: dict[str, Load]
+    uses: tuple[UseEstimate, ...]
+    missing: tuple[str, ...]
+
+    @property
+    def narrowest(self) -> str:
+        """The channel that carries most while it is busy; "" where nothing is known."""
+        busy = {name: load.busy_bit_s for name, load in self.channels.items() if load.busy_bit_s > 0}
+        return max(busy, key=lambda name: busy[name], default="")
+
+    @property
+    def slowest(self) -> str:
+        """The use in which most of the time passes."""
+        shares = {one.use: one.share for one in self.uses if one.share > 0}
+        return max(shares, key=lambda name: shares[name], default="")
+
+
+def estimate(design: Design) -> Estimate:
+    """The estimate of a sound design; a use without figures counts nothing and is named under `missing`."""
+    return _Model(design).estimate()
+
+
+class _Model:
+    """Conversations, durations and messages of each use."""
+
+    def __init__(self, design: Design) -> None:
+        self.design = design
+        self.uses = design.protocols
+        self.opened = {name: self._conversations(name, ()) for name in self.uses}
+        self.took = {name: self._seconds(name, ()) for name in self.uses}
+        roots = [use for use in self.uses.values() if not use.within and not use.alongside]
+        self.seconds = sum(self.opened[use.name] * self.took[use.name] for use in roots)
+
+    def estimate(self) -> Estimate:
+        uses = tuple(self._use(use) for use in self.uses.values())
+        missing = tuple(use.name for use in self.uses.values() if _lacks(use))
+        return Estimate(self.seconds, {name: self._channel(name, uses) for name in self.design.channels}, uses, missing)
+
+    def _conversations(self, name: str, below: tuple[str, ...]) -> float:
+        use = self.uses.get(name)
+        if use is None or name in below:
+            return 0.0
+        return _per(use) * (self._conversations(use.within, (*below, name)) if use.within else 1.0)
+
+    def _seconds(self, name: str, above: tuple[str, ...]) -> float:
+        """What one conversation takes, with all that is opened within it."""
+        if name in above:
+            return 0.0
+        children = [use for use in self.uses.values() if use.within == name and not use.alongside]
+        return self.uses[name].typical_s + sum(_per(use) * self._seconds(use.name, (*above, name)) for use in children)
+
+    def _said(self, use: elements.Protocol) -> list[tuple[elements.Message, float]]:
+        """Each message and how often it is said in all."""
+        counts = [message.count or 0.0 for message in use.message] if _has_counts(use) else self._shortest(use)
+        opened = [self.opened.get(message.each or use.name, 0.0) for message in use.message]
+        return [(message, count * times) for message, count, times in zip(use.message, counts, opened, strict=True)]
+
+    def _shortest(self, use: elements.Protocol) -> list[float]:
+        """How often each message stands in the shortest conversation; an act that is listed twice counts once."""
+        table = self.design.tables.get(use.follows)
+        steps = shortest(restricted(table, listed(use))) if table else ()
+        ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
+        said = Counter((ends[step.role], step.row.performative) for step in steps if step.row.way is Way.SEND)
+        return [float(said.pop((message.sender, message.performative), 0)) for message in use.message]
+
+    def _use(self, use: elements.Protocol) -> UseEstimate:
+        said = self._said(use)
+        count = sum(times for _, times in said)
+        size = sum(times * (message.typical_bytes or message.bytes) for message, times in said)
+        most = sum(times * message.bytes for message, times in said)
+        return UseEstimate(
+            use=use.name,
+            channel=use.channel,
+            conversations=self.opened[use.name],
+            seconds=self.took[use.name],
+            latency_s=self.took[use.name] if use.answer else use.typical_latency_s,
+            budget_s=use.latency_s,
+            share=self._share(use),
+            load=Load(count, size, most, _rate(size, self.seconds), _rate(size, self._going_on(use))),
+        )
+
+    def _share(self, use: elements.Protocol) -> float:
+        if not self.seconds or use.alongside:
+            return 0.0
+        return self.opened[use.name] * use.typical_s / self.seconds
+
+    def _going_on(self, use: elements.Protocol) -> float:
+        """How long that goes on within which the use's conversations are opened."""
+        around = use.within
+        while around and self.uses[around].alongside:
+            around = self.uses[around].within
+        return self.opened[around] * self.took[around] if around else self.seconds
+
+    def _channel(self, name: str, uses: tuple[UseEstimate, ...]) -> Load:
+        loads = [one.load for one in uses if one.channel == name]
+        size = sum(load.bytes for load in loads)
+        return Load(
+            communicates=sum(load.communicates for load in loads),
+            bytes=size,
+            most_bytes=sum(load.most_bytes for load in loads),
+            mean_bit_s=_rate(size, self.seconds),
+            busy_bit_s=max((load.busy_bit_s for load in loads), default=0.0),
+        )
+
+
+def _per(use: elements.Protocol) -> float:
+    return 1.0 if use.per is None else use.per
+
+
+def _has_counts(use: elements.Protocol) -> bool:
+    return any(message.count is not None for message in use.message)
+
+
+def _lacks(use: elements.Protocol) -> bool:
+    """Whether figures are missing; `per = 0` says that nobody opens it."""
+    return use.per is None or (use.per > 0 and not _has_counts(use))
+
+
+def _rate(size: float, seconds: float) -> float:
+    """Bit per second; 0 where no time passes."""
+    return 8 * size / seconds if seconds > 0 else 0.0

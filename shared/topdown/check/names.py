@@ -1,0 +1,136 @@
+"""Every name once, every name that is used defined, every name that is defined used."""
+
+from collections.abc import Collection, Iterable, Iterator
+from typing import NamedTuple
+
+from topdown.model.design import Design
+from topdown.model.findings import Finding, Kind
+from topdown.model.loading import Path_
+
+
+class Named(NamedTuple):
+    """A kind of entries: its word, where they stand in the file, their names."""
+
+    word: str
+    at: Path_
+    names: tuple[str, ...]
+
+
+def twice(design: Design) -> Iterator[Finding]:
+    """Names that two entries of the same kind have."""
+    for kind in _kinds(design):
+        for index, name in enumerate(kind.names):
+            if name in kind.names[:index]:
+                where = f"{kind.word} {name}"
+                count = kind.names.count(name)
+                yield Finding(Kind.TWICE, where, f"is defined {count} times", "every name once", (*kind.at, index))
+
+
+def _kinds(design: Design) -> Iterator[Named]:
+    file = design.file
+    yield Named("requirement", ("requirement",), tuple(entry.id for entry in file.requirement))
+    yield Named("language", ("language",), tuple(entry.name for entry in file.language))
+    yield Named("ontology", ("ontology",), tuple(entry.name for entry in file.ontology))
+    yield Named("interface", ("interface",), tuple(entry.name for entry in file.interface))
+    yield Named("protocol", ("protocol",), tuple(entry.name for entry in file.protocol))
+    yield Named("table", ("table",), tuple(entry.name for entry in file.table))
+    yield Named("agent", ("agent",), tuple(entry.name for entry in file.agent))
+    yield Named("group", ("group",), tuple(entry.name for entry in file.group))
+    yield Named("house", ("house",), tuple(entry.kind for entry in file.house))
+    yield Named("claim", ("claim",), tuple(entry.name for entry in file.claim))
+    for index, agent in enumerate(file.agent):
+        yield Named(f"agent {agent.name}, state", ("agent", index, "state"), tuple(state.name for state in agent.state))
+    for index, entry in enumerate(file.interface):
+        names = tuple(one.name for one in entry.entries)
+        yield Named(f"interface {entry.name}, entry", ("interface", index, "entries"), names)
+
+
+def findings(design: Design) -> Iterator[Finding]:
+    """Undefined and unused languages, ontologies, content types, interfaces and tables."""
+    file = design.file
+    spoken = {message.language for use in file.protocol for message in use.message}
+    yield from _unused("language", design, [entry.name for entry in file.language], spoken | _of_interfaces(design))
+    named = {use.ontology for use in file.protocol}
+    yield from _unused("ontology", design, [entry.name for entry in file.ontology], named)
+    offered = {name for use in file.protocol for name in use.interface}
+    yield from _unused("interface", design, [entry.name for entry in file.interface], offered)
+    followed = {use.follows for use in file.protocol}
+    yield from _unused("table", design, [entry.name for entry in file.table], followed)
+    yield from _undefined(design)
+    yield from _content_types(design)
+
+
+def _of_interfaces(design: Design) -> set[str]:
+    return {
+        name.partition(".")[0]
+        for interface in design.file.interface
+        for entry in interface.entries
+        for name in (*entry.arguments, *entry.answers)
+    }
+
+
+def _unused(kind: str, design: Design, defined: Iterable[str], used: Collection[str]) -> Iterator[Finding]:
+    for index, name in enumerate(defined):
+        if name not in used:
+            right = "name it in a protocol or drop it"
+            yield Finding(Kind.UNUSED, f"{kind} {name}", "no protocol uses it", right, (kind, index))
+
+
+def _undefined(design: Design) -> Iterator[Finding]:
+    """Ontologies and interfaces of protocols, languages of messages, that no entry defines."""
+    ontologies = [entry.name for entry in design.file.ontology]
+    languages = [entry.name for entry in design.file.language]
+    for index, use in enumerate(design.file.protocol):
+        where, at = f"protocol {use.name}", ("protocol", index)
+        if use.ontology and use.ontology not in ontologies:
+            yield _missing("ontology", use.ontology, ontologies, where, (*at, "ontology"))
+        for name in use.interface:
+            if name not in design.interfaces:
+                yield _missing("interface", name, design.interfaces, where, (*at, "interface"))
+        for number, message in enumerate(use.message):
+            if message.language not in languages:
+                said = f"{where}, {message.sender} {message.performative}"
+                yield _missing("language", message.language, languages, said, (*at, "message", number, "language"))
+    for index, interface in enumerate(design.file.interface):
+        for row, entry in enumerate(interface.entries):
+            for name in (*entry.arguments, *entry.answers):
+                if name.partition(".")[0] not in languages:
+                    said = f"interface {interface.name}, {entry.name}"
+                    place: Path_ = ("interface", index, "entries", row)
+                    yield _missing("language", name.partition(".")[0], languages, said, place)
+
+
+def _missing(kind: str, name: str, known: Iterable[str], where: str, at: Path_) -> Finding:
+    right = f"one of {', '.join(sorted(known))}" if known else f"the design has no {kind}: define it"
+    return Finding(Kind.UNDEFINED, where, f"{kind} {name!r} is not there", right, at)
+
+
+def _content_types(design: Design) -> Iterator[Finding]:
+    """Classes of languages that list them: said but not listed, listed but never said."""
+    listed = {entry.name: entry.classes for entry in design.file.language if entry.classes}
+    said: set[str] = set()
+    for where, name, at in _classes_said(design):
+        language, _, word = name.partition(".")
+        said.add(name)
+        if language in listed and word not in listed[language]:
+            right = f"its classes are {', '.join(listed[language])}"
+            yield Finding(Kind.UNDEFINED, where, f"language {language} has no content type {word!r}", right, at)
+    for index, entry in enumerate(design.file.language):
+        for word in entry.classes:
+            if f"{entry.name}.{word}" not in said:
+                right = "list it as content or drop it"
+                where = f"language {entry.name}"
+                yield Finding(Kind.UNUSED, where, f"no message carries {word}", right, ("language", index, "classes"))
+
+
+def _classes_said(design: Design) -> Iterator[tuple[str, str, Path_]]:
+    """(where, LANGUAGE.Class, path) of every class that a message or an interface entry names."""
+    for index, use in enumerate(design.file.protocol):
+        for number, message in enumerate(use.message):
+            for name in (name for name in message.content if not name.startswith("*")):
+                where = f"protocol {use.name}, {message.sender} {message.performative}"
+                yield where, f"{message.language}.{name}", ("protocol", index, "message", number, "content")
+    for index, interface in enumerate(design.file.interface):
+        for row, entry in enumerate(interface.entries):
+            for name in (*entry.arguments, *entry.answers):
+                yield f"interface {interface.name}, {entry.name}", name, ("interface", index, "entries", row)

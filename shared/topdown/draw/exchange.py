@@ -1,0 +1,243 @@
+"""From a protocol's two tables to what can be drawn: who says what, in alternatives, loops and options.
+
+Both roles are walked together as if every message arrived at once, so nothing crosses on the way; rows that only
+crossing messages or copies need are told apart. What one may say at any time but nobody can wait for (`Row.free`: a
+cancel) is taken out of the main line and gets an option of its own. Nothing here knows a particular protocol.
+"""
+
+from collections.abc import Iterable, Iterator
+
+import msgspec
+
+from fipa_codec.performatives import Performative
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import START, Protocol, Role, Row
+from topdown.draw.meeting import Edge, Meeting, Place, Sayable, meet, name_of, spoken
+
+DECLINING = frozenset({P.REFUSE, P.FAILURE, P.REJECT_PROPOSAL, P.DISCONFIRM, P.NOT_UNDERSTOOD})
+"""Acts that say no (SC00037J): their branches stand behind the others."""
+
+
+class Said(msgspec.Struct, frozen=True, tag=True):
+    """One side says one of these; `words`: performatives with their guard words."""
+
+    sender: Role
+    words: tuple[str, ...]
+    acts: tuple[Performative, ...]
+
+
+class Remark(msgspec.Struct, frozen=True, tag=True):
+    """How it stands here: ended, where it goes on, a name that is referred to."""
+
+    text: str
+
+
+class Frame(msgspec.Struct, frozen=True, tag=True):
+    """alt: one of the branches; loop: the branch any number of times; opt: the branch or nothing."""
+
+    kind: str
+    title: str
+    branches: tuple[tuple["Part", ...], ...]
+
+
+Part = Said | Remark | Frame
+
+
+class Exchange(msgspec.Struct, frozen=True):
+    """The parts in order, and the rows no part shows (role, row): crossing messages, copies, repetitions."""
+
+    parts: tuple[Part, ...]
+    crossing: tuple[tuple[Role, Row], ...]
+
+
+def exchange(protocol: Protocol, sayable: Sayable | None = None) -> Exchange:
+    """The exchange two tables make; `sayable`: the acts each role uses of those that its table has (None: all)."""
+    meeting = meet(protocol, sayable)
+    used = {(e.sender, e.sent) for edges in meeting.values() for e in edges}
+    used |= {(e.sender.other, e.taken) for edges in meeting.values() for e in edges}
+    rows = ((role, row) for role, table in protocol.tables.items() for row in table)
+    unused = tuple((role, row) for role, row in rows if (role, row) not in used and spoken(role, row, sayable))
+    return Exchange(_Writer(protocol, meeting).parts(), unused)
+
+
+class _Writer:
+    """Writes each place once; what comes to it again refers to it, unless it is short."""
+
+    def __init__(self, protocol: Protocol, meeting: Meeting) -> None:
+        self.protocol, self.meeting = protocol, meeting
+        self.main = {place: tuple(e for e in edges if not e.interrupts) for place, edges in meeting.items()}
+        self.written: set[Place] = set()
+        self.referred: set[Place] = set()
+        self.marks: dict[Remark, Place] = {}
+
+    def parts(self) -> tuple[Part, ...]:
+        parts = [*self._line((START, START), ()), *self._interruptions()]
+        return tuple(self._marked(parts))
+
+    def _interruptions(self) -> Iterator[Part]:
+        targets: dict[tuple[tuple[Role, str], Place], list[Edge]] = {}
+        sources: dict[tuple[tuple[Role, str], Place], list[Place]] = {}
+        for place, edges in self.meeting.items():
+            for edge in edges:
+                if edge.interrupts:
+                    targets.setdefault((edge.said, edge.to), []).append(edge)
+                    sources.setdefault((edge.said, edge.to), []).append(place)
+        self.referred |= {place for places in sources.values() for place in places}
+        whiles: dict[tuple[Part, ...], list[Place]] = {}
+        for (said, place), found in targets.items():
+            after = (*_said(found[:1]), *self._line(place, ()))
+            whiles.setdefault(after, []).extend(sources[said, place])
+        for after, places in whiles.items():
+            yield Frame("opt", f"while {' or '.join(name_of(place) for place in places)}", (after,))
+
+    def _line(self, place: Place, heads: tuple[Place, ...]) -> list[Part]:
+        """What follows a place, up to the end or the innermost head of a loop."""
+        if place in heads:
+            return [] if place == heads[-1] else [self._reference(place)]
+        if place in self.written and not self._short(place):
+            return [self._reference(place)]
+        if place in self.written:
+            return self._short_line(place)
+        first, place = self._before_the_choice(place, heads)
+        self.written.add(place)
+        parts: list[Part] = [*first, self._mark(place)]
+        back = [e for e in self.main[place] if self._returns(e.to, place, heads)]
+        if back:
+            parts.append(Frame("loop", "", (tuple(self._either(_grouped(back), (*heads, place))),)))
+        out = [e for e in self.main[place] if e not in back]
+        if not out:
+            return [*parts, self._end(place)]
+        onward = self._either(_grouped(out), heads)
+        if self._rests(place):
+            onward = _or_else(onward, Remark(f"may stay: {name_of(place)}"))
+        return [*parts, *onward]
+
+    def _short_line(self, place: Place) -> list[Part]:
+        """One or two messages and the end, written once more."""
+        parts: list[Part] = []
+        while self.main[place]:
+            parts += _said(list(self.main[place]))
+            place = self.main[place][0].to
+        return [*parts, self._end(place)]
+
+    def _before_the_choice(self, place: Place, heads: tuple[Place, ...]) -> tuple[list[Part], Place]:
+        """Messages without a choice before a loop, and the place where the loop is entered or left."""
+        first: list[Part] = []
+        here, passed = place, {place}
+        while len(self.main[here]) == 1 and not self._rests(here):
+            first += _said(list(self.main[here]))
+            here = self.main[here][0].to
+            if here in passed or here in heads:
+                return [], place
+            passed.add(here)
+        return (first, here) if first and self._returns(here, place, heads) else ([], place)
+
+    def _either(self, groups: list[list[Edge]], heads: tuple[Place, ...]) -> list[Part]:
+        """One of several things is said, each with what follows."""
+        shortcut = self._shortcut(groups, heads)
+        if shortcut is not None:
+            detour, others = shortcut
+            place = detour[0].to
+            self.written.add(place)
+            loops = [e for e in self.main[place] if e.to == place]
+            inside = (*heads, place)
+            again = [Frame("loop", "", (tuple(self._either(_grouped(loops), inside)),))] if loops else []
+            rest = self._either(_grouped([e for e in self.main[place] if e.to != place]), heads)
+            line: list[Part] = [Frame("opt", "", ((*_said(detour), self._mark(place), *again),)), *rest]
+            return _alternatives([line, *(self._branch(group, heads) for group in others)])
+        return _alternatives([self._branch(group, heads) for group in groups])
+
+    def _branch(self, group: list[Edge], heads: tuple[Place, ...]) -> list[Part]:
+        return [*_said(group), *self._line(group[0].to, heads)]
+
+    def _shortcut(
+        self, groups: list[list[Edge]], heads: tuple[Place, ...]
+    ) -> tuple[list[Edge], list[list[Edge]]] | None:
+        """Return a step that can be omitted without hiding a message from the diagram (an agree), else None.
+
+        That is: after it only messages are possible that were possible before it. Also return the groups of messages
+        that it does not lead to.
+        """
+        offered = {(e.said, e.to) for group in groups for e in group}
+        for group in groups:
+            place = group[0].to
+            onward = {(e.said, e.to) for e in self.main[place] if e.to != place}
+            known = place in self.written or place in heads or self._rests(place)
+            if not known and onward and onward <= offered - {(e.said, e.to) for e in group}:
+                return group, [g for g in groups if g is not group and not {(e.said, e.to) for e in g} <= onward]
+        return None
+
+    def _returns(self, place: Place, head: Place, heads: tuple[Place, ...]) -> bool:
+        """Whether the main line leads from a place to a head without passing the heads around it."""
+        seen, ahead = {place}, [place]
+        while ahead:
+            here = ahead.pop()
+            if here == head:
+                return True
+            if here not in heads:
+                new = {e.to for e in self.main[here]} - seen
+                seen |= new
+                ahead += new
+        return False
+
+    def _rests(self, place: Place) -> bool:
+        tables = (self.protocol.tables[role] for role in (Role.INITIATOR, Role.PARTICIPANT))
+        return all(state in table.ended | table.resting for state, table in zip(place, tables, strict=True))
+
+    def _short(self, place: Place) -> bool:
+        """Whether what follows is one or two messages without a choice."""
+        for _ in range(3):
+            edges = self.main[place]
+            if not edges:
+                return True
+            if len(edges) > 1 or edges[0].to == place or self._rests(place):
+                return False
+            place = edges[0].to
+        return False
+
+    def _end(self, place: Place) -> Remark:
+        return Remark(f"{'ends' if self._rests(place) else 'stands still'}: {name_of(place)}")
+
+    def _reference(self, place: Place) -> Remark:
+        self.referred.add(place)
+        return Remark(f"goes on as at ({name_of(place)})")
+
+    def _mark(self, place: Place) -> Remark:
+        mark = Remark(f"({name_of(place)})")
+        self.marks[mark] = place
+        return mark
+
+    def _marked(self, parts: Iterable[Part]) -> Iterator[Part]:
+        """The parts with the marks that something refers to, and without the others."""
+        for part in parts:
+            if isinstance(part, Frame):
+                branches = (tuple(self._marked(branch)) for branch in part.branches)
+                yield Frame(part.kind, part.title, tuple(branches))
+            elif not isinstance(part, Remark) or part not in self.marks or self.marks[part] in self.referred:
+                yield part
+
+
+def _grouped(edges: list[Edge]) -> list[list[Edge]]:
+    """Edges of one speaker to one place together."""
+    groups: dict[tuple[Role, Place], list[Edge]] = {}
+    for edge in edges:
+        groups.setdefault((edge.sender, edge.to), []).append(edge)
+    return sorted(groups.values(), key=lambda group: all(e.sent.performative in DECLINING for e in group))
+
+
+def _said(edges: list[Edge]) -> tuple[Said, ...]:
+    words = tuple(edge.sent.word for edge in edges)
+    acts = tuple(dict.fromkeys(edge.sent.performative for edge in edges))
+    return (Said(edges[0].sender, words, acts),) if edges else ()
+
+
+def _alternatives(branches: list[list[Part]]) -> list[Part]:
+    return branches[0] if len(branches) == 1 else [Frame("alt", "", tuple(tuple(branch) for branch in branches))]
+
+
+def _or_else(parts: list[Part], other: Part) -> list[Part]:
+    """One more alternative."""
+    match parts:
+        case [Frame("alt", title, branches)]:
+            return [Frame("alt", title, (*branches, (other,)))]
+    return _alternatives([parts, [other]])

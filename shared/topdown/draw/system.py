@@ -1,0 +1,235 @@
+"""The system figure (the paper's Figure 10): agents with their control subsystems and buffers, channels between them.
+
+A group that stays a group (no agent of its name) has a broken outline. Each end of a channel is a pair of buffers on
+the border: x receives, y sends.
+"""
+
+import msgspec
+
+from topdown.draw.canvas import Box, Canvas, Point, width_of, wrapped
+from topdown.draw.parts import Figure, Section
+from topdown.draw.placing import placed
+from topdown.draw.steps import natural
+from topdown.draw.text import hung
+from topdown.draw.tracks import spread, tracks
+from topdown.model.decomposition import Channel
+from topdown.model.design import Design
+
+INNER = 196.0  # least width of a box [px]
+PORT = 15.0
+PAIR = 2 * PORT + 12  # room for the two buffers of a channel [px]
+LINE = 15.0
+SIDES = ("left", "right", "top", "bottom")
+
+
+class Join(msgspec.Struct, frozen=True):
+    """A channel with its label and the side of each end's box it leaves from."""
+
+    channel: Channel
+    label: tuple[str, ...]
+    sides: tuple[str, str]
+
+    @property
+    def width(self) -> float:
+        """How wide its label is [px]."""
+        return max(width_of(self.label[0], "strong"), *(width_of(line, "small") for line in self.label[1:]), 0.0) + 8
+
+    @property
+    def height(self) -> float:
+        """How high its label is [px]."""
+        return LINE * len(self.label) + 6
+
+
+def section(design: Design, width: int) -> Section:
+    """The system figure."""
+    lead = "The agents, their control subsystems and buffers, and the channels between them with their protocols."
+    name = design.file.system.name
+    note = "x: input buffer T_x, y: output buffer T_y of the control subsystem; a → b: a asks, b serves."
+    figure = Figure("system", f"The system {name}", draw(design), _plain(design, width), None, (note,))
+    return Section("system", "The system", lead, (figure,))
+
+
+def labels(design: Design, channel: Channel) -> tuple[str, ...]:
+    """What stands at a channel: its id, and who asks whom in which protocol."""
+    uses = (use for use in design.file.protocol if use.channel == channel.id)
+    return (channel.id, *dict.fromkeys(f"{use.follows}: {use.initiator} → {use.participant}" for use in uses))
+
+
+def task_of(design: Design, group: str) -> str:
+    """What a group is for: the task a step gave it, or what is said of the group that stays one."""
+    texts = {entry.name: entry.text for entry in design.file.group}
+    return design.decomposition.tasks.get(group, "") or texts.get(group, "")
+
+
+def _plain(design: Design, width: int) -> str:
+    lines: list[str] = []
+    for group in design.decomposition.last.groups:
+        kind = "agent" if group in design.agents else "group of agents"
+        lines += hung("", f"[{group}] {kind}: {task_of(design, group)}".rstrip(": "), width, "  ")
+        channels = (c for c in design.channels.values() if group in c.ends)
+        for channel in sorted(channels, key=lambda c: natural(c.id)):
+            head, *uses = labels(design, channel)
+            words = f"{head} ┄ [{channel.other(group)}]  {'; '.join(uses)}"
+            lines += hung("  ", words, width, "     ")
+    return "\n".join(lines)
+
+
+def draw(design: Design) -> Canvas:
+    """The figure."""
+    return _Drawing(design).canvas
+
+
+class _Drawing:
+    def __init__(self, design: Design) -> None:
+        self.design = design
+        self.canvas = Canvas(f"Agents and channels of {design.file.system.name}")
+        groups = design.decomposition.last.groups
+        channels = sorted(design.channels.values(), key=lambda c: natural(c.id))
+        shown = [c for c in channels if all(end in groups for end in c.ends) and c.ends[0] != c.ends[1]]
+        self.cells = placed(groups, [c.ends for c in shown])
+        self.joins = [Join(c, labels(design, c), self._sides(c)) for c in shown]
+        self.words = {group: self._task(group) for group in groups}
+        self.width = max(INNER, *(PAIR * self._most(group, ("top", "bottom")) + 20 for group in groups))
+        beside = max((j.height for j in self.joins if j.sides[0] in ("left", "right")), default=0.0)
+        high = max(self._most(group, ("left", "right")) for group in groups)
+        lines = max(len(words) for words in self.words.values())
+        self.height = max(118.0 + 14 * lines, (max(beside, PAIR) + 10) * high + 20)
+        self.pitch = self.width + max([80.0, *(j.width + 44 for j in self.joins if self._is_beside(j))])
+        outside = [j for j in self.joins if self._is_around(j)]
+        self.lane = max((j.height for j in outside), default=0.0) + 10
+        self._place()
+        for group in groups:
+            self._box(group)
+        for join in self.joins:
+            self._ports(join)
+
+    def _task(self, group: str) -> list[str]:
+        return wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small")
+
+    def _sides(self, channel: Channel) -> tuple[str, str]:
+        (row, column), (other_row, other_column) = (self.cells[end] for end in channel.ends)
+        if row != other_row:
+            return ("bottom", "top") if row == 0 else ("top", "bottom")
+        if abs(column - other_column) == 1:
+            return ("right", "left") if column < other_column else ("left", "right")
+        return ("top", "top") if row == 0 else ("bottom", "bottom")
+
+    def _is_beside(self, join: Join) -> bool:
+        return join.sides[0] in ("left", "right")
+
+    def _is_around(self, join: Join) -> bool:
+        return join.sides[0] == join.sides[1]
+
+    def _at(self, group: str, side: str) -> list[Join]:
+        """The channels at one side of a group, from left to right by where they lead."""
+        here = [j for j in self.joins if (group, side) in zip(j.channel.ends, j.sides, strict=True)]
+        mine = self.cells[group][1]
+
+        def order(join: Join) -> tuple[float, str]:
+            other = self.cells[join.channel.other(group)][1] - mine
+            # lines around nest: of those to one side, the farther one starts nearer to the middle
+            return (1 / other if self._is_around(join) else float(other)), join.channel.id
+
+        return sorted(here, key=order)
+
+    def _most(self, group: str, sides: tuple[str, ...]) -> int:
+        return max(len(self._at(group, side)) for side in sides)
+
+    def _place(self) -> None:
+        """Boxes, with the corridor as high as the labels in it need."""
+        corridor = 96.0
+        while True:
+            self.boxes = {
+                group: Box(column * self.pitch, row * (self.height + corridor), self.width, self.height)
+                for group, (row, column) in self.cells.items()
+            }
+            spots = self._spots()
+            if spots is not None or corridor > 3000:
+                break
+            corridor += 24
+        for join in self.joins:
+            self._line(join)
+        for join in self.joins:
+            if (spots or {}).get(join.channel.id) is not None and spots:
+                self._label(join, spots[join.channel.id])
+
+    def _port(self, join: Join, end: int) -> Point:
+        group, side = join.channel.ends[end], join.sides[end]
+        here, box = self._at(group, side), self.boxes[group]
+        place = here.index(join)
+        if side in ("left", "right"):
+            y = spread(len(here), box.y, box.bottom)[place]
+            return (box.x if side == "left" else box.right), y
+        x = spread(len(here), box.x, box.right)[place]
+        return x, (box.y if side == "top" else box.bottom)
+
+    def _path(self, join: Join) -> list[Point]:
+        one, other = self._port(join, 0), self._port(join, 1)
+        if self._is_beside(join):  # both boxes may have another number of channels there
+            y = (one[1] + other[1]) / 2
+            return [(one[0], y), (other[0], y)] if one[1] == other[1] else [one, other]
+        if not self._is_around(join):
+            return [one, other]
+        outside = [j for j in self.joins if j.sides == join.sides and self._is_around(j)]
+        spans = [(self._port(j, 0)[0], self._port(j, 1)[0]) for j in outside]
+        track = tracks(spans)[outside.index(join)]
+        away = 20 + join.height / 2 + self.lane * track
+        y = one[1] - away if join.sides[0] == "top" else one[1] + away
+        return [one, (one[0], y), (other[0], y), other]
+
+    def _spots(self) -> dict[str, Point] | None:
+        """Middles of the labels, each at a place where it meets no box and no other label; None: no room."""
+        taken = list(self.boxes.values())
+        found: dict[str, Point] = {}
+        for join in sorted(self.joins, key=lambda j: (not self._is_beside(j), not self._is_around(j))):
+            path = self._path(join)
+            a, b = (path[1], path[2]) if self._is_around(join) else (path[0], path[-1])
+            for part in (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82):
+                x, y = a[0] + (b[0] - a[0]) * part, a[1] + (b[1] - a[1]) * part
+                spot = Box(x - join.width / 2, y - join.height / 2, join.width, join.height)
+                if not any(spot.meets(other, 4) for other in taken):
+                    taken.append(spot)
+                    found[join.channel.id] = (x, y)
+                    break
+            else:
+                return None
+        return found
+
+    def _line(self, join: Join) -> None:
+        self.canvas.line(self._path(join), "channel")
+
+    def _label(self, join: Join, middle: Point) -> None:
+        x, y = middle
+        top = y - join.height / 2
+        self.canvas.box(Box(x - join.width / 2, top, join.width, join.height), "patch", 3, solid=False)
+        self.canvas.words((x, top + 14), join.label[0], "strong marked", "middle")
+        for number, line in enumerate(join.label[1:], start=1):
+            self.canvas.words((x, top + 14 + LINE * number), line, "small", "middle")
+
+    def _box(self, group: str) -> None:
+        box = self.boxes[group]
+        agent = self.design.agents.get(group)
+        self.canvas.box(box, "box" if agent else "group", 8)
+        x = box.middle[0]
+        self.canvas.words((x, box.y + 40), group, "strong large", "middle")
+        self.canvas.words((x, box.y + 55), "agent" if agent else "group of agents", "small quiet", "middle")
+        for number, line in enumerate(self.words[group]):
+            self.canvas.words((x, box.y + 72 + 14 * number), line, "small", "middle")
+        if agent:
+            inner = Box(box.x + 26, box.bottom - 50, box.width - 52, 28)
+            self.canvas.box(inner, "inner", 4, solid=False)
+            words = f"c_{group}: {len(agent.state)} states" if agent.state else f"c_{group}"
+            self.canvas.words((x, inner.y + 18), words, "small", "middle")
+
+    def _ports(self, join: Join) -> None:
+        for end, side in enumerate(join.sides):
+            x, y = self._port(join, end)
+            for number, letter in enumerate("xy"):
+                shift = PORT * (number - 1)
+                if side in ("left", "right"):
+                    corner = (x if side == "left" else x - PORT, y + shift)
+                else:
+                    corner = (x + shift, y if side == "top" else y - PORT)
+                self.canvas.box(Box(*corner, PORT, PORT), f"port{' full' if number else ''}", 2, solid=False)
+                css = "small strong knock" if number else "small strong"
+                self.canvas.words((corner[0] + PORT / 2, corner[1] + 11), letter, css, "middle")

@@ -1,0 +1,121 @@
+"""Protocols in use: a sequence diagram of each (the paper's Figures 8 and 9), its messages, and the rows behind it."""
+
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Protocol, Role, Row, Way
+from topdown.draw import sequence
+from topdown.draw.channels import seconds, size
+from topdown.draw.exchange import Exchange, exchange
+from topdown.draw.meeting import Sayable, spoken
+from topdown.draw.parts import Figure, Grid, Section, listed, rulings
+from topdown.model.design import Design
+from topdown.model.elements import Message
+from topdown.model.elements import Protocol as Use
+from topdown.model.errors import NoSuchEntry
+from topdown.model.own_tables import fipa_table
+
+ALWAYS = "not-understood: either side may say it at any point; it ends the conversation."
+
+
+def section(design: Design, wanted: str | None, width: int) -> Section:
+    """Every use of a protocol, or those named so; a table that the design does not use is drawn with its roles."""
+    uses = [use for use in design.file.protocol if wanted in (None, use.name, use.follows)]
+    about = {entry.name: (" ".join(entry.text.split()),) for entry in design.file.table if entry.text}
+    parts = [
+        part for use in uses for part in _use(use, design.tables.get(use.follows), about.get(use.follows, ()), width)
+    ]
+    if not uses:
+        table = design.own_tables.get(wanted or "") or fipa_table(wanted or "")
+        if table is None:
+            raise NoSuchEntry("protocol", str(wanted), sorted({*design.protocols, *design.tables}))
+        parts = _table_alone(table, width)
+    lead = "Who may say what, in which order. alt: one of these; loop: any number of times; opt: once or not at all."
+    return Section("protocols", "Protocols", lead, tuple(parts))
+
+
+def _use(use: Use, protocol: Protocol | None, about: tuple[str, ...], width: int) -> list[Grid | Figure]:
+    parts: list[Grid | Figure] = []
+    if protocol is not None:
+        sayable = {
+            role: frozenset(m.performative for m in use.message if m.sender == name)
+            for role, name in ((Role.INITIATOR, use.initiator), (Role.PARTICIPANT, use.participant))
+        }
+        found = exchange(protocol, sayable)
+        cast = sequence.Cast(use.initiator, use.participant, _carried(use))
+        caption = f"{use.name}: {use.follows} on {use.channel}, {use.initiator} asks {use.participant}"
+        notes = (*about, ALWAYS, *rulings((use.name, use.ruling)))
+        parts.append(_figure(f"protocol-{use.name}", caption, found, cast, width, notes))
+    parts.append(_messages(use))
+    if protocol is not None:
+        parts.append(_rows(f"{use.name}: the rows of {use.follows}", protocol, found, sayable))
+    return parts
+
+
+def _table_alone(protocol: Protocol, width: int) -> list[Grid | Figure]:
+    """A protocol between no particular agents."""
+    found = exchange(protocol)
+    cast = sequence.Cast("initiator", "participant")
+    figure = _figure(f"protocol-{protocol.name}", f"{protocol.name}, by its table", found, cast, width, (ALWAYS,))
+    return [figure, _rows(f"The rows of {protocol.name}", protocol, found, None)]
+
+
+def _figure(
+    name: str, caption: str, found: Exchange, cast: sequence.Cast, width: int, notes: tuple[str, ...]
+) -> Figure:
+    canvas = sequence.draw(found.parts, cast, caption)
+    return Figure(name, caption, canvas, sequence.plain(found.parts, cast, width), found.parts, notes)
+
+
+def _carried(use: Use) -> sequence.Carried:
+    """What each act carries: languages, and classes or the sets of them."""
+    carried: dict[tuple[Role, Performative], tuple[sequence.Content, ...]] = {}
+    for message in use.message:
+        role = Role.INITIATOR if message.sender == use.initiator else Role.PARTICIPANT
+        key = (role, message.performative)
+        carried[key] = (*carried.get(key, ()), (message.language, _contents(message)))
+    return carried
+
+
+def _contents(message: Message) -> tuple[str, ...]:
+    return tuple(f"one of {name[1:]}" if name.startswith("*") else name for name in message.content)
+
+
+def _messages(use: Use) -> Grid:
+    """The communicates <V, Z, L, O, I> in detail."""
+    rows = tuple(
+        (
+            f"{m.sender} → {use.participant if m.sender == use.initiator else use.initiator}",
+            m.performative.value,
+            m.language,
+            listed(_contents(m), "none"),
+            use.ontology or "-",
+            size(m.bytes),
+        )
+        for m in use.message
+    )
+    within = f" (answer within {seconds(use.latency_s)})" if use.latency_s else ""
+    title = f"{use.name}: messages{within}"
+    notes = rulings(*((f"{m.sender} {m.performative}", m.ruling) for m in use.message))
+    return Grid(title, ("from → to", "performative", "language", "content", "ontology", "at most"), rows, notes)
+
+
+def _rows(title: str, protocol: Protocol, found: Exchange, sayable: Sayable | None) -> Grid:
+    """The table itself; rows the diagram does not show are marked."""
+    crossing = frozenset(found.crossing)
+
+    def seen(role: Role, row: Row) -> str:
+        if not spoken(role, row, sayable):
+            return "not said in this use"
+        return "if messages cross or come twice" if (role, row) in crossing else "yes"
+
+    rows = tuple(
+        (
+            role.value,
+            row.state,
+            f"{'says' if row.way is Way.SEND else 'takes'} {row.word}",
+            row.to,
+            seen(role, row),
+        )
+        for role, table in protocol.tables.items()
+        for row in table
+    )
+    return Grid(title, ("role", "state", "act", "next state", "in the diagram"), rows, detail=True)

@@ -1,0 +1,304 @@
+"""The judge: hears every communicate that goes by, and says of each whether it is as designed, and if not, why.
+
+By the same tables, rules and languages as the agents run by. It takes part in nothing, may begin in the middle, and
+hears things in an order that need not be the one in which they were said: a communicate that nothing heard so far
+explains waits up to `patience_s` for what does. Time comes in as an argument; there is no I/O. A conversation whose
+beginning was not heard is not judged, and never an alarm.
+"""
+
+from itertools import count
+
+from fipa_codec.communicate import Communicate, decode_strictly
+from fipa_codec.errors import MalformedError
+from fipa_codec.languages import Kind, Languages
+from fipa_codec.tables import Role
+from topdown.judge.admission import Admission
+from topdown.judge.copies import Copies, Known, Pair, Streams
+from topdown.judge.talks import Entry, Talk, Talks
+from topdown.judge.timers import Timers
+from topdown.judge.verdicts import Heard, Judgement, Verdict
+from topdown.model.design import Design
+
+PATIENCE_S = 3.0
+"""How long what is not explained waits for its explanation. Longer than the longest wait between two sendings of a
+durable communicate (2 s, agent_runtime.core.streams), by which time a lost one was heard."""
+SETTLED_S = 0.25
+"""At the end of a recording, what was heard so long before it waits for nothing more: on one host the order differs by
+milliseconds (estimate)."""
+
+
+class Judge:
+    """Judges the traffic of a design. Every communicate gets at least one judgement, perhaps later than it is heard.
+
+    `languages` None: contents are not read. Times [s] of any one clock that does not go back; reply-by is compared
+    with it.
+    """
+
+    def __init__(self, design: Design, languages: Languages | None = None, *, patience_s: float = PATIENCE_S) -> None:
+        self._admission, self._talks = Admission(design, languages), Talks(design)
+        self._copies, self._streams = Copies(), Streams[Entry]()
+        self._patience = patience_s
+        self._numbers, self._timers = count(1), Timers()
+        self._lives: dict[str, int] = {}
+        self._whole: set[str] = set()
+        self._found: list[Judgement] = []
+
+    # --- what comes in ------------------------------------------------------------------------------------------------
+
+    def hear(
+        self,
+        key: str,
+        said: bytes | Communicate,
+        at: float,
+        size: int = 0,
+        read: tuple[str, Kind] | None = None,
+    ) -> tuple[Judgement, ...]:
+        """A communicate went by on `key` at `at` [s]; `size` [bytes], where it is not given as bytes.
+
+        `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before. Judgements of it,
+        and of earlier ones that it explains.
+        """
+        self._advance(at)
+        one: Communicate | None = None
+        why = ""
+        if isinstance(said, Communicate):
+            one = said
+        else:
+            size = size or len(said)
+            try:
+                one = decode_strictly(said)
+            except MalformedError as error:
+                why = str(error)
+        heard = Heard(next(self._numbers), at, key, size, one)
+        if one is None:
+            self._say(Verdict.MALFORMED, heard, (self._admission.parts(key) or {}).get("channel", ""), why)
+        else:
+            self._admit(heard, one, read)
+        return self._told()
+
+    def pass_time(self, now: float) -> tuple[Judgement, ...]:
+        """It is `now` [s]: what waited in vain is judged."""
+        self._advance(now)
+        return self._told()
+
+    def lived(self, agent: str, incarnation: int, at: float, *, fresh: bool = False) -> tuple[Judgement, ...]:
+        """An incarnation of an agent appeared. `fresh`: it was certainly not there before the judge listened.
+
+        Soft conversations (those no journal keeps) end with a life.
+        """
+        self._advance(at)
+        before = self._lives.get(agent)
+        self._lives[agent] = incarnation
+        if before is None and fresh and incarnation == 1:
+            self._whole.add(agent)
+        if before is not None and incarnation < before:  # its journal is lost: it numbers from 1 again
+            self._copies.forget(agent)
+            self._lose([talk for talk in self._talks if agent in talk.agents], self._streams.forget(agent))
+        elif before is not None and incarnation > before:
+            self._reborn(agent)
+        return self._told()
+
+    def deaf(self, at: float) -> tuple[Judgement, ...]:
+        """Until now something may have been said that was not heard: open conversations are judged no more."""
+        self._advance(at)
+        self._whole.clear()
+        self._lose(list(self._talks), self._streams.forget())
+        return self._told()
+
+    def finish(self, at: float) -> tuple[Judgement, ...]:
+        """Nothing more will be heard after `at` [s]: what still waits is judged."""
+        self._timers.run(at)
+        self._timers.run(at - SETTLED_S + self._patience)
+        self._lose([talk for talk in self._talks if talk.pending], self._streams.forget())
+        return self._told()
+
+    # --- one communicate ----------------------------------------------------------------------------------------------
+
+    def _admit(self, heard: Heard, one: Communicate, read: tuple[str, Kind] | None) -> None:
+        """By itself; as a copy; then in its place."""
+        admitted = self._admission.check(heard.key, one, heard.size, read)
+        rule = admitted.rule
+        if rule is None:
+            self._say(admitted.faults[0].verdict, heard, admitted.channel, admitted.faults[0].why)
+            return
+        known = self._copies.note(heard, rule)
+        entry = Entry(heard, one, rule, admitted.kinds)
+        if known is Known.SAME:
+            self._again(entry)
+            return
+        for fault in admitted.faults:
+            self._say(fault.verdict, heard, rule.channel, fault.why)
+        if known is Known.OTHER:
+            if not admitted.faults:
+                why = f"{one.sender} said something else to {one.receiver} under the id {one.id!r}"
+                self._say(Verdict.OUT_OF_SEQUENCE, heard, rule.channel, why)
+            return
+        doubtful = any(fault.verdict is not Verdict.OVER_BUDGET for fault in admitted.faults)
+        entry = entry._replace(doubtful=doubtful, faulty=bool(admitted.faults))
+        if rule.durable:
+            self._number(entry)
+        else:
+            self._place(entry)
+
+    def _again(self, entry: Entry) -> None:
+        talk = self._talks.find(entry.communicate)
+        if talk is not None and talk.followed is not None and not talk.lost:
+            said = talk.read(entry)
+            if not isinstance(said, str):
+                talk.followed.repeat(talk.role(entry.communicate.sender), said)
+        self._judge(Verdict.COPY, entry)
+
+    def _number(self, entry: Entry) -> None:
+        """In the order of its stream."""
+        one = entry.communicate
+        if not (one.id.isascii() and one.id.isdigit()):
+            self._judge(Verdict.OUT_OF_SEQUENCE, entry, f"its id is {one.id!r}, not the number of a durable stream")
+            return
+        pair, number = (one.sender, one.receiver), int(one.id)
+        ready = self._streams.put(pair, number, entry, first=1 if one.sender in self._whole else None)
+        if ready is None:
+            self._judge(Verdict.NOT_JUDGED, entry, "said before anything of this stream was heard")
+        elif not ready:
+            self._timers.later(entry.heard.at + self._patience, lambda now: self._give_up(pair, number))
+        for each in ready or ():
+            self._place(each)
+
+    def _give_up(self, pair: Pair, number: int) -> None:
+        """A number of a stream was not heard: what it said nobody knows."""
+        found = self._streams.give_up(pair, number)
+        if found is None:
+            return
+        (first, last), ready = found
+        self._whole.difference_update(pair)
+        numbers = str(first) if first == last else f"{first} to {last}"
+        between = [talk for talk in self._talks if set(talk.agents) == set(pair)]
+        self._lose(between, [], f"number {numbers} of {pair[0]} was not heard")
+        for entry in ready:
+            self._place(entry)
+
+    def _place(self, entry: Entry) -> None:
+        """In its conversation."""
+        one = entry.communicate
+        if not one.conversation:
+            self._judge(Verdict.OUT_OF_SEQUENCE, entry, "it belongs to no conversation: it has no m_c")
+            return
+        talk = self._talks.find(one)
+        if talk is None and self._talks.is_over(one):
+            self._judge(Verdict.NOT_JUDGED, entry, "its conversation ended long ago")
+            return
+        if talk is None:
+            talk = self._talks.begin(entry)
+        talk.at = entry.heard.at
+        if talk.followed is None and not talk.lost and self._talks.opens(one):
+            self._talks.open(talk, entry)
+        if talk.lost:
+            self._judge(Verdict.NOT_JUDGED, entry, "the beginning of its conversation was not heard")
+        elif talk.followed is None or self._behind(talk, entry) or not self._took(talk, entry):
+            talk.pending.append(entry)
+            self._timers.later(entry.heard.at + self._patience, lambda now: self._expire(talk, entry))
+        else:
+            self._retry(talk)
+
+    def _behind(self, talk: Talk, entry: Entry) -> bool:
+        """Whether something that the same agent said before still waits: a stream is in order."""
+        sender = entry.communicate.sender
+        return entry.rule.durable and any(one.communicate.sender == sender for one in talk.pending)
+
+    def _took(self, talk: Talk, entry: Entry) -> bool:
+        """Whether it is in sequence, by what was heard so far."""
+        if talk.take(entry) is not None:
+            return False
+        verdict, why = talk.timed(entry)
+        wait = talk.waits.get(talk.role(entry.communicate.sender))
+        if wait is not None and wait.entry is entry:
+            self._timers.later(wait.reply_by + self._patience, lambda now: self._unanswered(talk, entry))
+        if verdict is Verdict.LATE or not entry.faulty:
+            self._judge(verdict, entry, why, talk)
+        return True
+
+    def _retry(self, talk: Talk) -> None:
+        """Perhaps what waits is explained now."""
+        going = bool(talk.pending)
+        while going and talk.followed is not None:
+            going = False
+            waiting, talk.pending = talk.pending, []
+            for entry in waiting:
+                if self._behind(talk, entry) or not self._took(talk, entry):
+                    talk.pending.append(entry)
+                else:
+                    going = True
+
+    # --- what waited in vain ------------------------------------------------------------------------------------------
+
+    def _expire(self, talk: Talk, entry: Entry) -> None:
+        if not any(one is entry for one in talk.pending):
+            return
+        one = entry.communicate
+        before = next(other for other in talk.pending if other.communicate.sender == one.sender)
+        if entry.rule.durable and before is not entry:  # it waits for that one, which was heard later
+            self._timers.later(before.heard.at + self._patience, lambda now: self._expire(talk, entry))
+            return
+        if entry.rule.durable and self._streams.unheard((one.receiver, one.sender), one.in_reply_to):
+            self._whole.difference_update(talk.agents)
+            self._lose([talk], [], f"number {one.in_reply_to} of {one.receiver}, which it answers, was not heard")
+            return
+        if talk.followed is None:
+            whole = self._whole.issuperset(talk.agents) and not entry.doubtful
+            if whole:
+                talk.pending = [one for one in talk.pending if one is not entry]
+                why = f"nothing opened conversation {entry.communicate.conversation}"
+                self._judge(Verdict.OUT_OF_SEQUENCE, entry, why)
+            self._lose([talk], [])
+            return
+        talk.pending = [one for one in talk.pending if one is not entry]
+        # Never None here: what is explained was taken by the last retry.
+        self._judge(Verdict.OUT_OF_SEQUENCE, entry, talk.take(entry) or "", talk)
+        talk.overlook(entry)
+        talk.waits.pop(
+            talk.role(entry.communicate.sender).other, None
+        )  # an answer, if a wrong one: one fault, one verdict
+        self._retry(talk)
+
+    def _unanswered(self, talk: Talk, entry: Entry) -> None:
+        role = talk.role(entry.communicate.sender)
+        wait = talk.waits.get(role)
+        if wait is not None and wait.entry is entry:
+            del talk.waits[role]
+            why = f"{entry.communicate.receiver} had not answered when reply-by passed"
+            self._say(Verdict.UNANSWERED, entry.heard, entry.rule.channel, why)
+
+    def _lose(self, talks: list[Talk], entries: list[Entry], why: str = "") -> None:
+        why = why or "a part of its conversation was not heard"
+        for talk in talks:
+            entries = [*entries, *talk.lose()]
+        for entry in entries:
+            self._judge(Verdict.NOT_JUDGED, entry, why)
+
+    def _reborn(self, agent: str) -> None:
+        for talk in self._talks:
+            if agent in talk.agents and talk.followed is not None and not talk.followed.durable:
+                talk.followed.sides[talk.role(agent)].forget()
+                if agent == talk.initiator:
+                    talk.waits.pop(Role.INITIATOR, None)
+                self._retry(talk)
+
+    # --- verdicts and time --------------------------------------------------------------------------------------------
+
+    def _advance(self, now: float) -> None:
+        """It is `now` [s]: what was to be done by then is done, what is over is forgotten."""
+        self._timers.run(now)
+        self._talks.sweep(now)
+
+    def _judge(self, verdict: Verdict, entry: Entry, why: str = "", talk: Talk | None = None) -> None:
+        """Of one whose faults were told already only another violation is news."""
+        judgement_states = talk.followed.states if talk is not None and talk.followed is not None else ("", "")
+        found = Judgement(verdict, entry.heard, entry.rule.channel, why, judgement_states)
+        if found.violation or not entry.faulty:
+            self._found.append(found)
+
+    def _say(self, verdict: Verdict, heard: Heard, channel: str, why: str) -> None:
+        self._found.append(Judgement(verdict, heard, channel, why))
+
+    def _told(self) -> tuple[Judgement, ...]:
+        found, self._found = tuple(self._found), []
+        return found

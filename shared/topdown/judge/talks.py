@@ -1,0 +1,216 @@
+"""The conversations a judge follows: who is in them, what waits for an explanation, who waits for an answer."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from fipa_codec.communicate import Communicate
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
+from topdown.judge.copies import Remembered
+from topdown.judge.follow import Followed, Said
+from topdown.judge.verdicts import Heard, Verdict
+from topdown.model import elements
+from topdown.model.design import Design, Rule
+
+ENDED_S = 60.0
+"""An ended conversation is kept so long for its stragglers (estimate)."""
+QUIET_S = 3600.0
+"""One that neither ended nor may rest for ever is kept so long after its last word (estimate)."""
+OVER = 20_000
+"""Ended conversations whose names are remembered, so that a straggler is no answer to nothing (estimate)."""
+SWEEP_S = 10.0
+"""How often is looked which of them are to be kept no longer (estimate: that is 1 us for each that is open)."""
+
+Name = tuple[str, str, str, str]
+"""m_c, protocol and the two agents, sorted: with several participants each has a conversation of its own."""
+
+
+class Entry(NamedTuple):
+    """A communicate that the design knows. `doubtful`: something is wrong with it, so it may count for nothing.
+
+    `faulty`: it was judged already, and not as legal.
+    """
+
+    heard: Heard
+    communicate: Communicate
+    rule: Rule
+    kinds: tuple[Kind, ...]
+    doubtful: bool = False
+    faulty: bool = False
+
+
+class Waits(NamedTuple):
+    """Somebody waits for an answer to `entry` until `reply_by` [unix s]."""
+
+    entry: Entry
+    reply_by: float
+
+
+class Talk:
+    """A conversation. `followed` None: nothing opened it yet. `lost`: a part of it was not heard, it is not judged."""
+
+    def __init__(self, name: Name, at: float) -> None:
+        self.name, self.at = name, at
+        self.initiator = ""
+        self.followed: Followed | None = None
+        self.lost = False
+        self.pending: list[Entry] = []
+        self.waits: dict[Role, Waits] = {}
+        self.opened: tuple[float, elements.Protocol] | None = None
+        """When it was opened [s], and in which use; None once it was answered."""
+        self.opening: str | None = None
+        """m_w of the opening."""
+
+    @property
+    def agents(self) -> tuple[str, str]:
+        """Both agents."""
+        return self.name[2:]
+
+    def role(self, agent: str) -> Role:
+        """The role of one of them."""
+        return Role.INITIATOR if agent == self.initiator else Role.PARTICIPANT
+
+    def lose(self) -> list[Entry]:
+        """Judge it no more; what waited in it."""
+        left, self.pending, self.lost = self.pending, [], True
+        self.waits.clear()
+        return left
+
+    def kept(self, now: float) -> bool:
+        """Whether it is still to be kept at `now` [s]: none for ever, but one that may rest."""
+        if self.followed is None or self.lost:
+            return now < self.at + QUIET_S
+        if any(side.may_rest for side in self.followed.sides.values()):
+            return True
+        return now < self.at + (ENDED_S if self.followed.ended else QUIET_S)
+
+    def read(self, entry: Entry) -> Said | str:
+        """The communicate as the tables see it, or what is wrong with its labels."""
+        assert self.followed is not None
+        one = entry.communicate
+        return self.followed.read(self.role(one.sender), one.performative, one.reply_with, one.in_reply_to, entry.kinds)
+
+    def take(self, entry: Entry) -> str | None:
+        """Follow it. What is wrong with it, in words; None: it is in sequence."""
+        assert self.followed is not None
+        role, said = self.role(entry.communicate.sender), self.read(entry)
+        if isinstance(said, str):
+            return None if entry.doubtful else said
+        if entry.doubtful:
+            self.followed.doubt(role, said)
+            return None
+        side = self.followed.sides[role]
+        again = self._asks_anew(entry) if said.performative in self.followed.protocol.openings else None
+        if again is not None:
+            return again
+        if self.followed.take(role, said):
+            return None
+        kinds = "|".join(kind for kind in said.kinds if kind)
+        word = f"{said.performative}[{kinds}]" if kinds else str(said.performative)
+        states = self.followed.states[0 if role is Role.INITIATOR else 1]
+        who = f"{self.followed.protocol.name}: {role} {entry.communicate.sender}"
+        return f"{who} says {word} in {states}; it may say {side.may_say()}"
+
+    def overlook(self, entry: Entry) -> None:
+        """It was out of sequence: go on as if it had been said, or not."""
+        assert self.followed is not None
+        one, said = entry.communicate, self.read(entry)
+        if isinstance(said, str):
+            kinds = tuple(Kind) if one.performative is Performative.CONFIRM else entry.kinds
+            said = Said(one.performative, kinds, one.reply_with)
+        self.followed.doubt(self.role(one.sender), said)
+
+    def timed(self, entry: Entry) -> tuple[Verdict, str]:
+        """Whether it came in time, if it is an answer; what it waits for itself is noted."""
+        one, role = entry.communicate, self.role(entry.communicate.sender)
+        verdict, why = self._answered(entry, role)
+        if one.reply_by is not None:
+            self.waits[role] = Waits(entry, one.reply_by)
+        return verdict, why
+
+    def _answered(self, entry: Entry, role: Role) -> tuple[Verdict, str]:
+        one, wait = entry.communicate, self.waits.pop(role.other, None)
+        at = one.sent or entry.heard.at
+        if wait is not None and at > wait.reply_by:
+            asked = wait.entry.communicate
+            return Verdict.LATE, f"{at - wait.reply_by:.3f} s after the reply-by of {asked.performative} {asked.id}"
+        if self.opened is None or role is Role.INITIATOR:
+            return Verdict.LEGAL, ""
+        since, use = self.opened
+        if use.answer and one.performative not in use.answer:
+            return Verdict.LEGAL, ""
+        self.opened = None
+        took = entry.heard.at - since
+        if took > use.latency_s > 0:
+            why = f"{1000 * took:.1f} ms after it was asked; {use.name} allows {1000 * use.latency_s:g} ms"
+            return Verdict.SLOW, why
+        return Verdict.LEGAL, ""
+
+    def _asks_anew(self, entry: Entry) -> str | None:
+        """An opening is said once; again it is a copy with the same label, unless the protocol has rounds."""
+        one = entry.communicate
+        assert self.followed is not None
+        if self.opening in (None, one.reply_with) or one.performative in self.followed.protocol.rounds:
+            self.opening = one.reply_with
+            return None
+        return f"asked again with reply-with {one.reply_with!r}; it was {self.opening!r}"
+
+
+class Talks:
+    """Conversations by name; those that ended are forgotten after a while."""
+
+    def __init__(self, design: Design) -> None:
+        self._tables = design.tables
+        self._uses = {(use.initiator, use.participant, use.follows): use for use in design.file.protocol}
+        self._open: dict[Name, Talk] = {}
+        self._over = Remembered[bool](OVER)
+        self._swept = float("-inf")
+
+    def __iter__(self) -> Iterator[Talk]:
+        return iter(tuple(self._open.values()))
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def find(self, one: Communicate) -> Talk | None:
+        """The conversation of a communicate."""
+        return self._open.get(name(one))
+
+    def is_over(self, one: Communicate) -> bool:
+        """Whether its conversation ended, and was forgotten."""
+        return name(one) in self._over
+
+    def begin(self, entry: Entry) -> Talk:
+        """A conversation that is not open yet."""
+        talk = self._open[name(entry.communicate)] = Talk(name(entry.communicate), entry.heard.at)
+        return talk
+
+    def opens(self, one: Communicate) -> bool:
+        """Whether a communicate may open a conversation."""
+        table = self._tables.get(one.protocol)
+        use = self._uses.get((one.sender, one.receiver, one.protocol))
+        return table is not None and use is not None and one.performative in table.openings
+
+    def open(self, talk: Talk, entry: Entry) -> None:
+        """It is opened by this communicate."""
+        one = entry.communicate
+        table, use = self._tables[one.protocol], self._uses[one.sender, one.receiver, one.protocol]
+        talk.initiator, talk.followed = one.sender, Followed(table, durable=use.durable)
+        talk.opened = (entry.heard.at, use)
+
+    def sweep(self, now: float) -> None:
+        """It is `now` [s]: forget the conversations that are not to be kept, but for their names."""
+        if abs(now - self._swept) < SWEEP_S:
+            return
+        self._swept = now
+        for talk in self:
+            if not talk.kept(now):
+                del self._open[talk.name]
+                self._over.note(talk.name, True)
+
+
+def name(one: Communicate) -> Name:
+    """What conversations are known by."""
+    low, high = sorted((one.sender, one.receiver))
+    return one.conversation, one.protocol, low, high

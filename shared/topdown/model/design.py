@@ -1,0 +1,301 @@
+"""A design, and all that is derived from its file: channels, keys, rules for each message, interfaces, state machines.
+
+What the paper has in tables (sections 4 and 5) a designer types once in a file; the rest is computed here, so that it
+cannot drift. Nothing here knows a particular system, Zenoh or a clock.
+"""
+
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol as Shape
+from typing import TypeVar
+
+import msgspec
+
+from fipa_codec.languages import REASON as REASON_LANGUAGE
+from fipa_codec.languages import Reason
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Protocol
+from topdown.model import elements, loading
+from topdown.model.decomposition import Channel, Decomposition, decompose
+from topdown.model.errors import NoSuchEntry
+from topdown.model.own_tables import fipa_table, own_table
+
+T = TypeVar("T")
+
+
+class Addressed(Shape):
+    """What a key expression is made of; a communicate is such a thing."""
+
+    @property
+    def sender(self) -> str: ...
+    @property
+    def receiver(self) -> str: ...
+    @property
+    def protocol(self) -> str: ...
+    @property
+    def performative(self) -> Performative: ...
+
+
+class Rule(msgspec.Struct, frozen=True):
+    """What may travel on one key: the act, who says it to whom, how it is written, how large it may be.
+
+    `contents`: language.Class of each content the act may have (none: no content). `bytes`: largest size, of all
+    contents.
+    `sizes`: largest size per content class. `durable`: numbered and journalled; `latest`: only the newest value counts.
+    `language`: the one it is written in, but for a Reason, which refuse, failure and not-understood may always carry.
+    """
+
+    channel: str
+    sender: str
+    receiver: str
+    protocol: str
+    performative: Performative
+    use: str
+    language: str
+    ontology: str
+    contents: tuple[str, ...]
+    sizes: dict[str, int]
+    bytes: int
+    durable: bool
+    latest: bool
+    latency_s: float
+
+
+class Side(msgspec.Struct, frozen=True):
+    """An agent's interface: performatives, languages and ontologies it sends and those it receives (paper, section
+    4, step 4).
+    """
+
+    sends: frozenset[Performative]
+    receives: frozenset[Performative]
+    languages_sent: frozenset[str]
+    languages_received: frozenset[str]
+    ontologies_sent: frozenset[str]
+    ontologies_received: frozenset[str]
+
+
+# What a peer may always answer with, in the language everybody reads, and the size it may have (a reason in words;
+# estimate).
+REASON = f"{REASON_LANGUAGE.name}.{Reason.__name__}"
+REASON_BYTES = 1000
+_MAY_SAY_WHY = (Performative.NOT_UNDERSTOOD, Performative.REFUSE, Performative.FAILURE)
+
+
+class Design(msgspec.Struct, frozen=True, dict=True):
+    """A design: its file's entries and what follows from them. Look-ups raise NoSuchEntry, which lists what there
+    is.
+    """
+
+    file: elements.DesignFile
+    path: str = ""
+    text: str = ""
+
+    @cached_property
+    def decomposition(self) -> Decomposition:
+        """Stages, groups' tasks, slips."""
+        return decompose(self.file.system.root, self.file.step)
+
+    @cached_property
+    def channels(self) -> dict[str, Channel]:
+        """The channels of the finished design, by id."""
+        return {channel.id: channel for channel in self.decomposition.last.channels}
+
+    @cached_property
+    def agents(self) -> dict[str, elements.Agent]:
+        """The agents by name, with their state machines."""
+        return {agent.name: agent for agent in self.file.agent}
+
+    @cached_property
+    def protocols(self) -> dict[str, elements.Protocol]:
+        """The uses of protocols by name."""
+        return {protocol.name: protocol for protocol in self.file.protocol}
+
+    @cached_property
+    def interfaces(self) -> dict[str, elements.Interface]:
+        """The sets of interface entries by name."""
+        return {interface.name: interface for interface in self.file.interface}
+
+    @cached_property
+    def houses(self) -> dict[str, elements.House]:
+        """What travels beside communicates, by kind."""
+        return {house.kind: house for house in self.file.house}
+
+    @cached_property
+    def own_tables(self) -> dict[str, Protocol]:
+        """The interaction protocols that the design brings along, by name. Raises DesignError."""
+        return {entry.name: own_table(entry, self.path or "design.toml") for entry in self.file.table}
+
+    @cached_property
+    def tables(self) -> dict[str, Protocol]:
+        """The table of every protocol that is followed, by the name under which it is; unknown ones are left out."""
+        found = dict(self.own_tables)
+        for name in sorted({use.follows for use in self.file.protocol} - found.keys()):
+            if (table := fipa_table(name)) is not None:
+                found[name] = table
+        return found
+
+    @cached_property
+    def rules(self) -> dict[tuple[str, str, str, Performative], Rule]:
+        """Every rule, by (sender, receiver, protocol, performative)."""
+        found: dict[tuple[str, str, str, Performative], Rule] = {}
+        for use in self.file.protocol:
+            for rule in self._rules_of(use):
+                key = (rule.sender, rule.receiver, rule.protocol, rule.performative)
+                found[key] = _joined(found[key], rule) if key in found else rule
+        return found
+
+    def agent(self, name: str) -> elements.Agent:
+        """The agent of this name."""
+        return _look_up("agent", name, self.agents)
+
+    def protocol(self, name: str) -> elements.Protocol:
+        """The use of a protocol of this name."""
+        return _look_up("protocol", name, self.protocols)
+
+    def peers(self, agent: str) -> dict[str, str]:
+        """Agents that share a channel with this one -> the channel's id."""
+        self.agent(agent)
+        return {channel.other(agent): channel.id for channel in self.channels.values() if agent in channel.ends}
+
+    def rule(self, message: Addressed) -> Rule:
+        """The rule a communicate must obey. Raises NoSuchEntry where the design has no such message."""
+        key = (message.sender, message.receiver, message.protocol, message.performative)
+        rule = self.rules.get(key)
+        if rule is None:
+            known = sorted(p for s, r, i, p in self.rules if (s, r, i) == key[:3])
+            raise NoSuchEntry(
+                f"message {message.sender}->{message.receiver} in {message.protocol}", message.performative, known
+            )
+        return rule
+
+    def key(self, system: str, message: Addressed) -> str:
+        """The key expression a communicate travels on. Raises NoSuchEntry where the design has no such message."""
+        return self.key_of(system, self.rule(message))
+
+    def key_of(self, system: str, rule: Rule) -> str:
+        """The key expression of a rule."""
+        return self.file.system.key.format(
+            system=system,
+            channel=rule.channel,
+            sender=rule.sender,
+            receiver=rule.receiver,
+            protocol=rule.protocol,
+            performative=rule.performative.value,
+        )
+
+    def keys_to(self, system: str, receiver: str) -> str:
+        """The key expression (with wildcards) of everything said to an agent."""
+        self.agent(receiver)
+        return self.file.system.key.format(
+            system=system, channel="*", sender="*", receiver=receiver, protocol="*", performative="*"
+        )
+
+    def house_key(self, kind: str, *, system: str, owner: str, peer: str = "*", incarnation: int | str = "*") -> str:
+        """The key expression of what is no communicate."""
+        house = _look_up("house key", kind, self.houses)
+        return house.key.format(system=system, owner=owner, peer=peer, incarnation=incarnation)
+
+    def allowed(self, sender: str, receiver: str, protocol: str) -> frozenset[Performative]:
+        """The acts one agent may say to another in a protocol."""
+        return frozenset(p for s, r, i, p in self.rules if (s, r, i) == (sender, receiver, protocol))
+
+    def use(self, one: str, other: str, follows: str) -> elements.Protocol:
+        """The use of the protocol `follows` (a communicate's protocol field) between two agents, whoever began."""
+        ends = {one, other}
+        for use in self.file.protocol:
+            if use.follows == follows and {use.initiator, use.participant} == ends:
+                return use
+        known = (use.follows for use in self.file.protocol if {use.initiator, use.participant} == ends)
+        raise NoSuchEntry(f"protocol between {one} and {other}", follows, known)
+
+    def entries(self, use: str) -> tuple[elements.InterfaceEntry, ...]:
+        """The interface entries of a use of a protocol."""
+        names = self.protocol(use).interface
+        return tuple(entry for name in names for entry in _look_up("interface", name, self.interfaces).entries)
+
+    def side(self, agent: str) -> Side:
+        """What an agent sends and receives."""
+        out = [rule for rule in self.rules.values() if rule.sender == agent]
+        into = [rule for rule in self.rules.values() if rule.receiver == agent]
+        return Side(
+            sends=frozenset(rule.performative for rule in out),
+            receives=frozenset(rule.performative for rule in into),
+            languages_sent=frozenset(rule.language for rule in out if rule.language),
+            languages_received=frozenset(rule.language for rule in into if rule.language),
+            ontologies_sent=frozenset(rule.ontology for rule in out if rule.ontology),
+            ontologies_received=frozenset(rule.ontology for rule in into if rule.ontology),
+        )
+
+    def conditions(self, agent: str) -> frozenset[str]:
+        """The names an agent's code must bind: initial conditions of arcs, terminal and error conditions of states."""
+        entry = self.agent(agent)
+        ends = [name for state in entry.state for name in (state.terminal, state.error)]
+        return frozenset(name for name in [*ends, *(arc.when for arc in entry.arc)] if name)
+
+    def contents(self, use: elements.Protocol, message: elements.Message) -> tuple[str, ...]:
+        """language.Class of every content of a message; "*set" becomes the argument or answer classes of the set."""
+        names: list[str] = []
+        for content in message.content:
+            if not content.startswith("*"):
+                names.append(f"{message.language}.{content}")
+                continue
+            for entry in _look_up("interface", content[1:], self.interfaces).entries:
+                names += entry.arguments if message.sender == use.initiator else entry.answers
+        return tuple(dict.fromkeys(names))
+
+    def _rules_of(self, use: elements.Protocol) -> list[Rule]:
+        rules = [self._rule(use, message) for message in use.message]
+        for sender in (use.initiator, use.participant):
+            not_understood = elements.Message(
+                sender=sender,
+                performative=Performative.NOT_UNDERSTOOD,
+                language=REASON_LANGUAGE.name,
+                bytes=REASON_BYTES,
+            )
+            rules.append(self._rule(use, not_understood))
+        return rules
+
+    def _rule(self, use: elements.Protocol, message: elements.Message) -> Rule:
+        contents = self.contents(use, message)
+        sizes = dict.fromkeys(contents, message.bytes)
+        if message.performative in _MAY_SAY_WHY:
+            sizes[REASON] = REASON_BYTES
+        return Rule(
+            channel=use.channel,
+            sender=message.sender,
+            receiver=use.participant if message.sender == use.initiator else use.initiator,
+            protocol=use.follows,
+            performative=message.performative,
+            use=use.name,
+            language=message.language,
+            ontology=use.ontology if message.performative is not Performative.NOT_UNDERSTOOD else "",
+            contents=tuple(sizes),
+            sizes=sizes,
+            bytes=max(message.bytes, *sizes.values(), 0),
+            durable=use.durable,
+            latest=use.latest and message.performative is Performative.INFORM,
+            latency_s=use.latency_s,
+        )
+
+
+def load(path: Path) -> Design:
+    """The design in the file at `path`. Raises DesignError."""
+    text = path.read_text(encoding="utf-8")
+    return Design(loading.read(text, str(path)), path.name, text)
+
+
+def _joined(one: Rule, other: Rule) -> Rule:
+    """Two rows of the same act (contents with different budgets) are one rule."""
+    return msgspec.structs.replace(
+        one,
+        contents=tuple(dict.fromkeys((*one.contents, *other.contents))),
+        sizes={**one.sizes, **other.sizes},
+        bytes=max(one.bytes, other.bytes),
+    )
+
+
+def _look_up(kind: str, name: str, table: dict[str, T]) -> T:
+    """An entry by name. Raises NoSuchEntry."""
+    if name not in table:
+        raise NoSuchEntry(kind, name, table)
+    return table[name]

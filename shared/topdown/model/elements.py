@@ -1,0 +1,288 @@
+"""What a design file is made of: one frozen Struct for each kind of entry, with the file's own field names.
+
+The design method of the paper, sections 4 and 5: requirement tree, binary decomposition, channels, protocols,
+interfaces, and the agents' finite state machines. `ruling` on any entry: the paper is silent or contradicts itself,
+and this is what the design does. Nothing here knows a particular system.
+"""
+
+import msgspec
+
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Way
+from topdown.model.method import Complement as Complement
+from topdown.model.method import Division as Division
+from topdown.model.method import Entry as Entry
+from topdown.model.method import Group as Group
+from topdown.model.method import NewChannel as NewChannel
+from topdown.model.method import Reallocation as Reallocation
+from topdown.model.method import Requirement as Requirement
+from topdown.model.method import Split as Split
+from topdown.model.method import Step as Step
+from topdown.model.method import Stop as Stop
+from topdown.model.method import Task as Task
+from topdown.model.statements import Claim, Outcome, Tally
+
+
+class System(Entry, frozen=True):
+    """The system as a whole. `root`: the group that is divided first. `key`: template of a communicate's key
+    expression. `recorders`: identities, no agents, that may hear every communicate and say none.
+    """
+
+    name: str
+    root: str
+    key: str
+    text: str = ""
+    recorders: tuple[str, ...] = ()
+
+
+class House(Entry, frozen=True):
+    """Traffic that is no communicate (liveliness, receipts, pings ...): its key template, who may write and read it."""
+
+    kind: str
+    key: str
+    writers: tuple[str, ...]
+    readers: tuple[str, ...]
+    text: str = ""
+
+
+class Language(Entry, frozen=True):
+    """A content language by name; its classes are Python's business and are compared by the checks.
+
+    `classes`: their names, where the design is to be checked without code (none: the code knows them).
+    """
+
+    name: str
+    classes: tuple[str, ...] = ()
+    text: str = ""
+
+
+class Ontology(Entry, frozen=True):
+    """An ontology by name, in a file beside the design."""
+
+    name: str
+    file: str
+    text: str = ""
+
+
+class InterfaceEntry(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """[performative, name, argument classes, answer classes]; a class is written LANGUAGE.Class."""
+
+    performative: Performative
+    name: str
+    arguments: tuple[str, ...]
+    answers: tuple[str, ...]
+
+
+class Interface(Entry, frozen=True):
+    """A named set of entries, which several protocols may share."""
+
+    name: str
+    entries: tuple[InterfaceEntry, ...]
+
+
+class Message(Entry, frozen=True):
+    """Who says which act, in which language; `content`: class names of that language ("*set": those of an interface),
+    none = no content.
+
+    `bytes`: the largest size of the whole communicate; 0: no budget is stated. For estimates: `typical_bytes`, and
+    `count`, how often it is said per conversation of its use, or of the use `each`; none of a use has one: as often as
+    in its shortest conversation.
+    """
+
+    sender: str
+    performative: Performative
+    language: str
+    bytes: int = 0
+    content: tuple[str, ...] = ()
+    typical_bytes: int = 0
+    count: float | None = None
+    each: str = ""
+
+
+class RoleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A role's rows [state, "send" or "receive", performative, next state]; a guard word stands behind its act, as in
+    `inform[final]`. `ended`, `urgent`, `resting`: as fipa_codec.tables.Table has them.
+    """
+
+    rows: tuple[tuple[str, Way, str, str], ...]
+    ended: tuple[str, ...]
+    urgent: tuple[str, ...] = ()
+    resting: tuple[str, ...] = ()
+
+
+class Table(Entry, frozen=True):
+    """An interaction protocol of the system's own, beside FIPA's: what `follows` may name.
+
+    `confirmed`: performatives whose every use is confirmed by name. `rounds`: openings that may come again within a
+    conversation, as a new round of it.
+    """
+
+    name: str
+    initiator: RoleTable
+    participant: RoleTable
+    confirmed: tuple[Performative, ...] = ()
+    rounds: tuple[Performative, ...] = ()
+    text: str = ""
+
+
+class Protocol(Entry, frozen=True):
+    """A use of an interaction protocol on a channel.
+
+    `follows`: the name of its table of rows, which is also the communicate's protocol field. `durable`: numbered,
+    journalled, re-sent. `latest`: of informs only the newest value of a subject counts. `latency_s`: what an answer
+    should need at most; 0: no budget is stated. `answer`: the acts that answer in this sense; none: whatever comes
+    first. For estimates: `within`, the use in whose conversations this one's are opened (none: a person or the start
+    opens them), `per`, how many in each (none: one); `typical_s`, what one takes besides those opened within it;
+    `typical_latency_s`, what its answer takes; `alongside`: it goes on beside the others, nobody waits for its end.
+    """
+
+    name: str
+    channel: str
+    follows: str
+    initiator: str
+    participant: str
+    durable: bool
+    message: tuple[Message, ...]
+    latency_s: float = 0.0
+    answer: tuple[Performative, ...] = ()
+    interface: tuple[str, ...] = ()
+    ontology: str = ""
+    latest: bool = False
+    within: str = ""
+    per: float | None = None
+    typical_s: float = 0.0
+    typical_latency_s: float = 0.0
+    alongside: bool = False
+
+
+class State(Entry, frozen=True):
+    """A state: its behaviour, the names of its terminal and error conditions, the protocols it acts in."""
+
+    name: str
+    behaviour: str
+    terminal: str
+    error: str = ""
+    talks: tuple[str, ...] = ()
+    text: str = ""
+
+
+class Arc(Entry, frozen=True):
+    """An arc, labelled by the name of its initial condition; no `when`: True."""
+
+    source: str
+    target: str
+    when: str = ""
+
+
+class Row(Entry, frozen=True, rename={"in_": "in"}):
+    """What an agent does at one event: a row of its conversational behaviour, over states in which it waits.
+
+    `in`: the states it stands in. `on`: the event, one of
+        "USE act[kind]"   a message of the peer in that use of a protocol is taken; a message that no row of the state
+                          names stays in the inbox
+        "late USE"        the wait for the end of a conversation this agent opened is over (reply-by, patience)
+        "back AGENT"      a peer appeared, or came back under another incarnation
+        "restart"         this agent was restored after a death: soft conversations are gone
+        "own WORD"        something of its own side came to an end (worker, device, timer): it will, sooner or later
+        "person WORD"     somebody may do this, and nobody may wait for it
+    `say`: what it says in the same step, in order, "USE act[kind]"; an opening begins a conversation. The row applies
+    only where the protocols' tables allow all of it. `may`: what it may say besides. `drop`: uses whose volatile
+    conversation it gives up. `when`: "USE state|state" of its conversations after the event ("none": not open), or
+    "USE settled" / "USE unsettled" (nothing / something is due to the subscriber). `owes`: uses in which it now owes
+    an observation. `moves`: the use whose conversation this physical act serves; no act is begun twice in one.
+    `to`: the state it then waits in; none: the same. `then`: a choice of the agent, each part of which is a way to go
+    on: its words are said behind `say`, its `when` holds besides (after what is owed), its `to`, if any, counts.
+    `several`: only where more than one conversation of a use is open
+    at a time; such rows are compared with what runs, but are not explored.
+    """
+
+    in_: tuple[str, ...]
+    on: str
+    say: tuple[str, ...] = ()
+    may: tuple[str, ...] = ()
+    drop: tuple[str, ...] = ()
+    when: tuple[str, ...] = ()
+    owes: tuple[str, ...] = ()
+    moves: str = ""
+    to: str = ""
+    then: str = ""
+    several: bool = False
+    text: str = ""
+
+
+class Onward(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A part of a choice."""
+
+    say: tuple[str, ...] = ()
+    when: tuple[str, ...] = ()
+    to: str = ""
+
+
+class Choice(Entry, frozen=True):
+    """Ways to go on that several rows share; which of them is taken is the agent's business."""
+
+    name: str
+    ways: tuple[Onward, ...]
+    text: str = ""
+
+
+class Never(Entry, frozen=True, rename={"while_": "while"}):
+    """What must never happen: `agent` says one of `says` while all of `while_` holds.
+
+    `while`: "AGENT in state|state", "AGENT owes USE", "AGENT USE state|state".
+    """
+
+    name: str
+    agent: str
+    says: tuple[str, ...]
+    while_: tuple[str, ...]
+    text: str = ""
+
+
+class Ends(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One half of an agent's interface, as the designer declares it (paper, section 4, step 4)."""
+
+    performatives: tuple[Performative, ...] = ()
+    protocols: tuple[str, ...] = ()
+    languages: tuple[str, ...] = ()
+    ontologies: tuple[str, ...] = ()
+
+
+class Agent(Entry, frozen=True):
+    """An agent (a group of the same name that is divided no further) and the state machine of its control subsystem.
+
+    `row`: its conversational behaviour, over the same states; `rest`: the states in which it is idle (none: `initial`).
+    `choice`: ways to go on that rows share.
+    `sends`, `receives`: its interface as declared, to be compared with the messages; none: it is derived from them.
+    """
+
+    name: str
+    initial: str = ""
+    state: tuple[State, ...] = ()
+    arc: tuple[Arc, ...] = ()
+    row: tuple[Row, ...] = ()
+    choice: tuple[Choice, ...] = ()
+    rest: tuple[str, ...] = ()
+    sends: Ends | None = None
+    receives: Ends | None = None
+    text: str = ""
+
+
+class DesignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The whole file."""
+
+    system: System
+    requirement: tuple[Requirement, ...]
+    step: tuple[Step, ...]
+    language: tuple[Language, ...]
+    interface: tuple[Interface, ...]
+    protocol: tuple[Protocol, ...]
+    agent: tuple[Agent, ...]
+    house: tuple[House, ...] = ()
+    ontology: tuple[Ontology, ...] = ()
+    table: tuple[Table, ...] = ()
+    never: tuple[Never, ...] = ()
+    group: tuple[Group, ...] = ()
+    outcome: Outcome | None = None
+    claim: tuple[Claim, ...] = ()
+    tally: Tally | None = None

@@ -1,0 +1,248 @@
+"""An agent's conversational behaviour as rows: which event, in which state, makes it say what, and wait where next.
+
+The rows stand in the design file beside the states and arcs (elements.Row). Two readers use them: the running agent
+takes a message only where a row of its state names it, and its steps are compared with the rows; the proof composes
+the rows of all agents. Nothing here knows a particular system.
+"""
+
+import re
+from collections.abc import Collection
+from enum import StrEnum
+from functools import cached_property
+from typing import NamedTuple
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Protocol, Role
+from topdown.model import elements
+from topdown.model.design import Design
+from topdown.model.errors import DesignError
+from topdown.model.own_tables import act_word
+
+NONE = "none"
+"""Word for a conversation that is not open, in a row's `when`."""
+SETTLED, UNSETTLED = "settled", "unsettled"
+
+
+class Cause(StrEnum):
+    """What kind of event a row is for."""
+
+    TAKE = "take"
+    LATE = "late"
+    BACK = "back"
+    RESTART = "restart"
+    OWN = "own"
+    PERSON = "person"
+
+
+class Said(NamedTuple):
+    """An act in a use of a protocol."""
+
+    use: str
+    act: Performative
+    kind: Kind
+
+    def __str__(self) -> str:
+        return f"{self.use} {self.act}[{self.kind}]" if self.kind else f"{self.use} {self.act}"
+
+
+class Event(NamedTuple):
+    """What a row answers to. `name`: the use (take, late), the peer (back), a word (own, person)."""
+
+    cause: Cause
+    name: str = ""
+    act: Performative | None = None
+    kind: Kind = Kind.PLAIN
+
+    def __str__(self) -> str:
+        if self.cause is Cause.TAKE and self.act is not None:
+            return str(Said(self.name, self.act, self.kind))
+        return f"{self.cause} {self.name}".strip()
+
+
+class Guard(NamedTuple):
+    """A condition on one of the agent's own conversations, or on what is due in it."""
+
+    use: str
+    words: frozenset[str]
+
+
+class Row(NamedTuple):
+    """elements.Row, read."""
+
+    number: int
+    states: frozenset[str]
+    event: Event
+    say: tuple[Said, ...]
+    may: tuple[Said, ...]
+    drop: tuple[str, ...]
+    when: tuple[Guard, ...]
+    owes: tuple[str, ...]
+    moves: str
+    to: str
+    several: bool
+
+    def __str__(self) -> str:
+        says = f" say {', '.join(map(str, self.say))}" if self.say else ""
+        return f"row {self.number} (on {self.event}{says}{f', to {self.to}' if self.to else ''})"
+
+
+class Use(NamedTuple):
+    """An agent's side of a use of a protocol."""
+
+    name: str
+    peer: str
+    role: Role
+    protocol: Protocol
+    durable: bool
+    latest: bool
+
+
+class Machine:
+    """The rows of one agent, by state and event. Raises DesignError for a row that cannot be read."""
+
+    def __init__(self, design: Design, agent: str) -> None:
+        self.agent = agent
+        self.entry = design.agent(agent)
+        self.uses = {
+            use.name: _side(use, agent, design.tables[use.follows])
+            for use in design.file.protocol
+            if agent in (use.initiator, use.participant) and use.follows in design.tables
+        }
+        read = _Reader(self, design)
+        self.rows = tuple(
+            read.row(number, row, onward)
+            for number, row in enumerate(self.entry.row, start=1)
+            for onward in read.onwards(number, row)
+        )
+
+    @property
+    def rest(self) -> frozenset[str]:
+        """States in which the agent is idle."""
+        return frozenset(self.entry.rest or (self.entry.initial,))
+
+    @cached_property
+    def waits(self) -> frozenset[str]:
+        """The states it waits in between two steps: those that rows name."""
+        ends = {row.to for row in self.rows if row.to} | {self.entry.initial}
+        return frozenset(ends.union(*(row.states for row in self.rows)))
+
+    @cached_property
+    def by_event(self) -> dict[tuple[str, Event], tuple[Row, ...]]:
+        """Rows for an event in a state."""
+        found: dict[tuple[str, Event], list[Row]] = {}
+        for row in self.rows:
+            for state in row.states:
+                found.setdefault((state, row.event), []).append(row)
+        return {key: tuple(rows) for key, rows in found.items()}
+
+    @cached_property
+    def spontaneous(self) -> dict[str, tuple[Row, ...]]:
+        """Rows of a state that need no message: everything but what is taken."""
+        return {
+            state: tuple(row for row in self.rows if state in row.states and row.event.cause is not Cause.TAKE)
+            for state in self.waits
+        }
+
+    def takes(self, state: str, use: str, act: Performative, kind: Kind) -> bool:
+        """Whether a message is taken in this state; what is not waits in the inbox. Without rows everything is."""
+        return not self.rows or (state, Event(Cause.TAKE, use, act, kind)) in self.by_event
+
+
+def machines(design: Design) -> dict[str, Machine]:
+    """The machine of every agent, by name."""
+    return {name: Machine(design, name) for name in design.agents}
+
+
+def _side(use: elements.Protocol, agent: str, protocol: Protocol) -> Use:
+    initiates = agent == use.initiator
+    return Use(
+        name=use.name,
+        peer=use.participant if initiates else use.initiator,
+        role=Role.INITIATOR if initiates else Role.PARTICIPANT,
+        protocol=protocol,
+        durable=use.durable,
+        latest=use.latest,
+    )
+
+
+_CAUSE = re.compile(r"(late|back|own|person) (\S+)|restart")
+
+
+class _Reader:
+    """Reads the words of rows; every error names agent and row, and what there is."""
+
+    def __init__(self, machine: Machine, design: Design) -> None:
+        self.machine, self.file, self.where = machine, design.path or "design.toml", ""
+        uses = machine.uses.values()
+        self.agents = design.agents.keys()
+        self.volatile = {use.name for use in uses if not use.durable}
+        self.observed = {use.name for use in uses if use.latest and use.role is Role.PARTICIPANT}
+
+    def onwards(self, number: int, row: elements.Row) -> tuple[elements.Onward, ...]:
+        """The ways a row goes on; one that adds nothing where it names no choice."""
+        self.where = f"agent {self.machine.agent}, row {number}"
+        if not row.then:
+            return (elements.Onward(),)
+        choices = {choice.name: choice.ways for choice in self.machine.entry.choice}
+        self._among("choice", row.then, choices.keys())
+        return choices[row.then]
+
+    def row(self, number: int, row: elements.Row, onward: elements.Onward) -> Row:
+        self.where = f"agent {self.machine.agent}, row {number}"
+        states, to = {state.name for state in self.machine.entry.state}, onward.to or row.to
+        for state in (*row.in_, *((to,) if to else ())):
+            self._among("state", state, states)
+        for use in row.drop:
+            self._among("volatile protocol to drop", use, self.volatile)
+        for use in row.owes:
+            self._among("latest protocol with a subscriber", use, self.observed)
+        if row.moves:
+            self._among("protocol", row.moves, self.machine.uses)
+        return Row(
+            number,
+            frozenset(row.in_),
+            self.event(row.on),
+            tuple(map(self.said, (*row.say, *onward.say))),
+            tuple(map(self.said, row.may)),
+            row.drop,
+            tuple(map(self.guard, (*row.when, *onward.when))),
+            row.owes,
+            row.moves,
+            to,
+            row.several,
+        )
+
+    def event(self, text: str) -> Event:
+        match = _CAUSE.fullmatch(text)
+        if match is None:
+            return Event(Cause.TAKE, *self.said(text))
+        if match[1] == Cause.LATE:
+            self._among("protocol", match[2], self.machine.uses)
+        if match[1] == Cause.BACK:
+            self._among("agent", match[2], self.agents)
+        return Event(Cause(match[1] or "restart"), match[2] or "")
+
+    def said(self, text: str) -> Said:
+        use, _, word = text.partition(" ")
+        self._among("protocol", use, self.machine.uses)
+        try:
+            return Said(use, *act_word(word))
+        except ValueError as error:
+            raise self._error(f"{text!r}: {error}", 'write "USE act" or "USE act[kind]"') from error
+
+    def guard(self, text: str) -> Guard:
+        use, _, words = text.partition(" ")
+        self._among("protocol", use, self.machine.uses)
+        table = self.machine.uses[use].protocol.tables[self.machine.uses[use].role]
+        known = {*map(str, table.states), NONE, SETTLED, UNSETTLED}
+        for word in words.split("|"):
+            self._among(f"state of {use}", word, known)
+        return Guard(use, frozenset(words.split("|")))
+
+    def _among(self, kind: str, name: str, known: Collection[str]) -> None:
+        if name not in known:
+            raise self._error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}")
+
+    def _error(self, wrong: str, right: str) -> DesignError:
+        return DesignError(self.file, None, self.where, wrong, right)

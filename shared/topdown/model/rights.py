@@ -1,0 +1,210 @@
+"""Who may do what on which key: derived from a design, and written as the access rules of a Zenoh router.
+
+Default deny. An agent may put exactly the communicates that the design lets it say (sender, receiver, protocol,
+performative) and hear exactly what is said to it; of what is no communicate it may write its own keys where the design
+has it among the writers, and read where it is among the readers. What names a peer in its key goes to that peer, and
+to readers that are no agents. Nobody queries and nobody answers queries: requests are communicates.
+
+An identity is the common name (CN) of a certificate. The router compares it with the sender in the key, and the
+receiving agent compares the key with the sender in the communicate: so a sender is who holds the private key of that
+name. Nothing here knows a certificate or a router.
+"""
+
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
+from typing import Any
+
+import msgspec
+
+from topdown.model.design import Design
+from topdown.model.elements import House
+
+ROUTER = "router"
+"""The identity of the router: it listens, and has no right as a client."""
+_INCARNATION = "{incarnation}"
+_PEER = "{peer}"
+
+
+class Action(StrEnum):
+    """What an identity may want to do on a key. `TOKEN`: declare a liveliness token; `WATCH`: see tokens."""
+
+    PUT = "put"
+    SUBSCRIBE = "subscribe"
+    QUERY = "query"
+    QUERYABLE = "queryable"
+    TOKEN = "token"
+    WATCH = "watch"
+
+
+class Right(msgspec.Struct, frozen=True, order=True):
+    """One allowed cell: `identity` may do `action` on `key`."""
+
+    identity: str
+    action: str
+    key: str
+
+
+class Family(msgspec.Struct, frozen=True, order=True):
+    """Keys that are one thing to the design: a communicate's act on a channel, or one owner's key of a house kind.
+
+    `key`: with * for the number of an incarnation only. `what`: the channel, or the kind; `peer` "" where none.
+    """
+
+    key: str
+    what: str
+    owner: str
+    peer: str
+    act: str = ""
+    token: bool = False
+
+
+def identities(design: Design) -> tuple[str, ...]:
+    """Agents, then whoever else reads or writes, then the router: each has a certificate of its own."""
+    others = [name for house in design.file.house for name in (*house.writers, *house.readers)]
+    return tuple(dict.fromkeys([*design.agents, *design.file.system.recorders, *others, ROUTER]))
+
+
+def families(design: Design, system: str) -> tuple[Family, ...]:
+    """Every key of the design that somebody may write."""
+    said = [
+        Family(
+            key=design.key_of(system, rule),
+            what=rule.channel,
+            owner=rule.sender,
+            peer=rule.receiver,
+            act=f"{rule.protocol}/{rule.performative.value}",
+        )
+        for rule in design.rules.values()
+    ]
+    return (*said, *(family for house in design.file.house for family in _of_house(design, system, house)))
+
+
+def rights(design: Design, system: str) -> tuple[Right, ...]:
+    """Every allowed cell; what is not here is denied."""
+    found: list[Right] = []
+    for family in families(design, system):
+        write, read = (Action.TOKEN, Action.WATCH) if family.token else (Action.PUT, Action.SUBSCRIBE)
+        found.append(Right(family.owner, write, family.key))
+        found += [Right(name, read, family.key) for name in _hearers(design, family)]
+    return tuple(sorted(set(found)))
+
+
+def common_names(
+    design: Design, systems: Sequence[str], *, linked: bool = False
+) -> dict[str, tuple[tuple[str, str], ...]]:
+    """The common name (CN) of each certificate, and as whom it counts: (identity, system) pairs.
+
+    One system: the CN is the identity. Several behind one router: an agent's CN is `<system>.<identity>`, so that the
+    two of a name are told apart; whoever is no agent (router, recorders, readers) is one for all systems. `linked`:
+    each system has a router of its own.
+    """
+    several = {*design.agents, *([ROUTER] if linked else [])} if len(systems) > 1 else set()
+    found: dict[str, list[tuple[str, str]]] = {}
+    for system in systems:
+        for identity in identities(design):
+            name = f"{system}.{identity}" if identity in several else identity
+            found.setdefault(name, []).append((identity, system))
+    return {name: tuple(pairs) for name, pairs in found.items()}
+
+
+def access_control(design: Design, *systems: str, linked: bool = False) -> dict[str, Any]:
+    """The part `access_control` of a Zenoh router's configuration (1.10): subjects are common names of certificates.
+
+    Directions are the router's: ingress is what a client sends. A subscription may have wildcards (`_ears`); what then
+    reaches the subscriber are only the keys that it has a right to. Subscriptions of others are told to no agent, so a
+    publisher cannot learn who listens. `linked`: each system has a router of its own, and the rules are for each of
+    these; the others are its clients, too (`_neighbour`).
+    """
+    holders = common_names(design, systems, linked=linked)
+    rules = {name: list(_rules(design, name, pairs)) for name, pairs in holders.items()}
+    if linked:
+        rules |= {f"{system}.{ROUTER}": list(_neighbour(design, system, systems)) for system in systems}
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [rule for found in rules.values() for rule in found],
+        "subjects": [{"id": name, "cert_common_names": [name]} for name in holders],
+        "policies": [
+            {"subjects": [name], "rules": [rule["id"] for rule in found]} for name, found in rules.items() if found
+        ],
+    }
+
+
+def _rules(design: Design, name: str, pairs: tuple[tuple[str, str], ...]) -> Iterator[dict[str, Any]]:
+    keys: dict[Action, list[str]] = {action: [] for action in Action}
+    ears: dict[Action, list[str]] = {Action.SUBSCRIBE: [], Action.WATCH: []}
+    for identity, system in pairs:
+        for right in rights(design, system):
+            if right.identity == identity:
+                keys[Action(right.action)].append(right.key)
+        for action, wide in _ears(design, system, identity).items():
+            ears[action] += wide
+    yield from _rule(f"{name} puts", "ingress", ["put"], keys[Action.PUT])
+    yield from _rule(f"{name} hears", "egress", ["put"], keys[Action.SUBSCRIBE])
+    yield from _rule(f"{name} listens", "ingress", ["declare_subscriber"], ears[Action.SUBSCRIBE])
+    yield from _rule(f"{name} lives", "ingress", ["liveliness_token"], keys[Action.TOKEN])
+    yield from _rule(f"{name} sees", "egress", ["liveliness_token"], keys[Action.WATCH])
+    watching = ["liveliness_query", "declare_liveliness_subscriber"]
+    yield from _rule(f"{name} looks", "ingress", watching, ears[Action.WATCH])
+
+
+def _neighbour(design: Design, system: str, systems: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """What the router of `system` may do at those of the other systems: bring what is said in its own system, and take
+    what is said in theirs; of subscriptions are told those that such words are for, which only recorders and readers
+    of several systems have.
+    """
+    name, others = f"{system}.{ROUTER}", [other for other in systems if other != system]
+    brought, taken = families(design, system), [family for other in others for family in families(design, other)]
+    for told, token in (("put", False), ("liveliness_token", True)):
+        ours, theirs = ([one.key for one in some if one.token is token] for some in (brought, taken))
+        yield from _rule(f"{name} brings {told}", "ingress", [told], ours)
+        yield from _rule(f"{name} takes {told}", "egress", [told], theirs)
+    yield from _rule(f"{name} asks", "ingress", ["declare_subscriber"], [_all_of(design, other) for other in others])
+    yield from _rule(f"{name} is asked", "egress", ["declare_subscriber"], [_all_of(design, system)])
+
+
+def _all_of(design: Design, system: str) -> str:
+    """Every key of a system."""
+    return design.file.system.key.split("{channel}")[0].format(system=system) + "**"
+
+
+def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> Iterator[dict[str, Any]]:
+    """A rule, none where there are no keys: Zenoh refuses an empty one."""
+    if keys:
+        yield {"id": name, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
+
+
+def _ears(design: Design, system: str, identity: str) -> dict[Action, list[str]]:
+    """The widest key expressions an identity may declare: a declaration must lie within one of them."""
+    ears: dict[Action, list[str]] = {Action.SUBSCRIBE: [], Action.WATCH: []}
+    if identity in design.agents:
+        ears[Action.SUBSCRIBE].append(design.keys_to(system, identity))
+    if identity in design.file.system.recorders:
+        ears[Action.SUBSCRIBE].append(_all_of(design, system))
+    for house in design.file.house:
+        if identity in house.readers:
+            peer = identity if identity in design.agents else "*"
+            key = design.house_key(house.kind, system=system, owner="*", peer=peer)
+            ears[Action.WATCH if _is_token(house) else Action.SUBSCRIBE].append(key)
+    return ears
+
+
+def _of_house(design: Design, system: str, house: House) -> Iterator[Family]:
+    for owner in house.writers:
+        peers = design.peers(owner) if owner in design.agents else design.agents
+        for peer in sorted(peers) if _PEER in house.key else [""]:
+            key = design.house_key(house.kind, system=system, owner=owner, peer=peer)
+            yield Family(key=key, what=house.kind, owner=owner, peer=peer, token=_is_token(house))
+
+
+def _is_token(house: House) -> bool:
+    """What names an incarnation in its key is no message but a liveliness token."""
+    return _INCARNATION in house.key
+
+
+def _hearers(design: Design, family: Family) -> tuple[str, ...]:
+    """Who may hear it: of a communicate its receiver and the recorders, else the readers."""
+    if family.act:
+        return (family.peer, *design.file.system.recorders)
+    readers = design.houses[family.what].readers
+    return tuple(name for name in readers if not family.peer or name == family.peer or name not in design.agents)

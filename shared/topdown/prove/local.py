@@ -1,0 +1,267 @@
+"""What one agent may do in the composed model: its rows applied to where its conversations stand.
+
+A local state is small: the state it waits in, the state of its conversation in each use (one at a time), what it owes,
+which act was begun, which peers it has news of. Everything an event may lead to is worked out once and kept.
+"""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import RECEIVE, SEND, START, Role
+from topdown.model.machines import NONE, SETTLED, UNSETTLED, Cause, Event, Guard, Machine, Row, Said, Use
+
+DIES = "dies and comes back"
+GONE = "gone"
+"""State of an agent that died for good."""
+
+
+class Stray(str):
+    """Why a word is none of an open conversation: where copies and late answers are normal, it is dropped."""
+
+
+class Local(NamedTuple):
+    """`talks`: state of the conversation of each use, "" where none is open; `owed`, `begun`: uses in which an
+    observation is due, an act was begun; `news`: peers that came back and were not taken note of.
+    """
+
+    state: str
+    talks: tuple[str, ...]
+    owed: frozenset[str] = frozenset()
+    begun: frozenset[str] = frozenset()
+    news: frozenset[str] = frozenset()
+
+
+class Effect(NamedTuple):
+    """What a step does outside the agent: `kind` is one of "say", "open", "close", "owe"; `said` for the first two."""
+
+    kind: str
+    use: str
+    said: Said | None = None
+
+
+class Outcome(NamedTuple):
+    """Where an event leads: `label` in words, `row` its number (0: the runtime's own answer), `again`: an act was begun
+    that had been begun before.
+    """
+
+    there: Local
+    effects: tuple[Effect, ...]
+    label: str
+    row: int
+    again: str = ""
+
+
+class Agent:
+    """An agent of the composed model. `silent`: words that change nothing anywhere, which are not sent."""
+
+    def __init__(self, machine: Machine, silent: frozenset[Said]) -> None:
+        self.machine, self.silent = machine, silent
+        self.uses: tuple[Use, ...] = tuple(machine.uses.values())
+        self.index = {use.name: number for number, use in enumerate(self.uses)}
+        self.take = lru_cache(maxsize=None)(self._take)
+        self.spontaneous = lru_cache(maxsize=None)(self._spontaneous)
+        self.restarted = lru_cache(maxsize=None)(self._restarted)
+
+    @property
+    def start(self) -> Local:
+        """Before anything was said; every peer whose coming back matters has just come."""
+        return Local(self.machine.entry.initial, ("",) * len(self.uses), news=self.watched)
+
+    @property
+    def watched(self) -> frozenset[str]:
+        """Peers whose coming back some row answers."""
+        return frozenset(row.event.name for row in self.machine.rows if row.event.cause is Cause.BACK)
+
+    def talk(self, local: Local, use: str) -> str:
+        """State of the conversation of a use, "" where none is open."""
+        return local.talks[self.index[use]]
+
+    def at_rest(self, local: Local) -> bool:
+        """Idle, nothing open but what may rest for ever, nothing owed, no news."""
+        quiet = all(
+            not talk or talk in use.protocol.tables[use.role].resting
+            for use, talk in zip(self.uses, local.talks, strict=True)
+        )
+        return quiet and local.state in self.machine.rest and not local.owed and not local.news
+
+    # --- what can happen ----------------------------------------------------------------------------------------------
+
+    def _take(self, local: Local, said: Said) -> "tuple[Outcome, ...] | str | None":
+        """Outcomes of a message at the head of its queue; None: it waits; a text: nobody has thought of it."""
+        if local.state == GONE:
+            return None
+        use = self.machine.uses[said.use]
+        talk, table = self.talk(local, said.use), use.protocol.tables[use.role]
+        if not talk and said.act is Performative.CANCEL and use.role is Role.PARTICIPANT:
+            return self._late_cancel(local, use, said)
+        named = self.machine.by_event.get((local.state, Event(Cause.TAKE, *said)), ())
+        rows = [row for row in named if not row.several]
+        if not rows:
+            several = f"only rows for several at a time of {self.machine.agent} in {local.state} take {said}"
+            return several if named else None
+        found = table.find(talk or START, RECEIVE, said.act, said.kind)
+        if found is None:
+            return Stray(f"{self.machine.agent} in {local.state} has {said.use} in {talk or NONE} and got {said}")
+        after = self.with_talk(local, said.use, str(found.to))
+        outcomes = tuple(self._apply(after, rows))
+        if not outcomes:
+            state = {u.name: t for u, t in zip(self.uses, after.talks, strict=True) if t}
+            return f"no row of {self.machine.agent} in {local.state} applies to {said}; its conversations: {state}"
+        return outcomes
+
+    def _late_cancel(self, local: Local, use: Use, said: Said) -> "tuple[Outcome, ...] | str":
+        """The runtime answers a cancel of what has ended as the table says."""
+        if use.protocol.tables[use.role].find(START, RECEIVE, said.act, said.kind) is None:
+            return f"{self.machine.agent} knows no conversation of {said.use} and got {said}"
+        effects = tuple(Effect("say", use.name, answer) for answer in self.late_answers(use.name))
+        return (Outcome(local, effects, f"{said} <- {use.peer}, too late", 0),)
+
+    def late_answers(self, name: str) -> tuple[Said, ...]:
+        """What the runtime says to a cancel of what is not open: one word or, where the table owes none, nothing."""
+        use = self.machine.uses[name]
+        table = use.protocol.tables[use.role]
+        taken = table.find(START, RECEIVE, Performative.CANCEL)
+        owed = table.allowed(taken.to, SEND) if taken is not None and taken.to in table.urgent else ()
+        return tuple(Said(name, row.performative, row.kind) for row in owed[:1])
+
+    def _spontaneous(self, local: Local) -> tuple[tuple[Outcome, Event], ...]:
+        """What needs no message, but for restarts: own, person, back (with news of that peer), late."""
+        found: list[tuple[Outcome, Event]] = []
+        for row in self.machine.spontaneous.get(local.state, ()):
+            event = row.event
+            if row.several or event.cause is Cause.RESTART or not self._happens(local, event):
+                continue
+            found += [(outcome, event) for outcome in self._happened(local, event, row)]
+        answered = {event.name for _, event in found if event.cause is Cause.BACK}
+        return (*found, *(self._unheeded(local, peer) for peer in sorted(local.news - answered)))
+
+    def _unheeded(self, local: Local, peer: str) -> tuple[Outcome, Event]:
+        """News are told once: where no row answers them, they change nothing."""
+        after = local._replace(news=local.news - {peer})
+        return Outcome(after, (), f"news of {peer} is dropped", 0), Event(Cause.BACK, peer)
+
+    def _happened(self, local: Local, event: Event, row: Row) -> Iterator[Outcome]:
+        """Outcomes of an event that is no message; a volatile conversation whose wait is over is given up by it."""
+        gives_up = event.cause is Cause.LATE and not self.machine.uses[event.name].durable
+        after = local._replace(news=local.news - {event.name}) if event.cause is Cause.BACK else local
+        after = self.with_talk(after, event.name, "") if gives_up else after
+        for outcome in self._apply(after, [row]):
+            closed = (Effect("close", event.name),) if gives_up else ()
+            yield outcome._replace(effects=(*closed, *outcome.effects))
+
+    def _happens(self, local: Local, event: Event) -> bool:
+        if event.cause is Cause.BACK:
+            return event.name in local.news
+        if event.cause is Cause.LATE:
+            use = self.machine.uses[event.name]
+            return use.role is Role.INITIATOR and bool(self.talk(local, event.name))
+        return True
+
+    def _restarted(self, local: Local) -> tuple[Outcome, ...]:
+        """After a death: soft conversations are gone, then a row for it, where there is one that applies."""
+        closed = tuple(Effect("close", use.name) for use in self.uses if not use.durable)
+        talks = tuple(talk if use.durable else "" for use, talk in zip(self.uses, local.talks, strict=True))
+        after = local._replace(talks=talks, news=self.watched)
+        rows = self.machine.by_event.get((local.state, Event(Cause.RESTART)), ())
+        outcomes = tuple(self._apply(after, [row for row in rows if not row.several]))
+        found = outcomes or (Outcome(after, (), "", 0),)
+        return tuple(one._replace(effects=(*closed, *one.effects), label=f"{DIES}{_and(one.label)}") for one in found)
+
+    def would_change(self, local: Local, said: Said) -> bool:
+        """Whether a silent word, where it may come, would change this state after all, or would not be taken."""
+        use = self.machine.uses[said.use]
+        talk = self.talk(local, said.use)
+        if not talk or use.protocol.tables[use.role].find(talk, RECEIVE, said.act, said.kind) is None:
+            return False
+        found = self.take(local, said)
+        return found is None or isinstance(found, str) or any(one.there != local or one.effects for one in found)
+
+    def gone(self) -> Outcome:
+        """Dead for good."""
+        closed = tuple(Effect("close", use.name) for use in self.uses if not use.durable)
+        return Outcome(Local(GONE, ("",) * len(self.uses)), closed, "dies for good", 0)
+
+    # --- a row applied ------------------------------------------------------------------------------------------------
+
+    def _apply(self, after: Local, rows: list[Row]) -> Iterator[Outcome]:
+        """Every row that applies to `after` (the event has happened to it)."""
+        for row in rows:
+            local, effects = after, []
+            for name in row.owes:
+                local = local._replace(owed=local.owed | {name})
+                effects.append(Effect("owe", name))
+            if not all(self._holds(local, guard) for guard in row.when):
+                continue
+            for name in row.drop:
+                if self.talk(local, name):
+                    local = self.with_talk(local, name, "")
+                    effects.append(Effect("close", name))
+            spoken = self._spoken(local, row.say)
+            if spoken is None:
+                continue
+            local, said = spoken
+            again = row.moves if row.moves and row.moves in local.begun else ""
+            if row.moves:
+                local = local._replace(begun=local.begun | {row.moves})
+            if row.to:
+                local = local._replace(state=row.to)
+            ended, closing = self._forget_ended(local)
+            if ended is not None:
+                yield Outcome(ended, (*effects, *said, *closing), self.label(row), row.number, again)
+
+    def _holds(self, local: Local, guard: Guard) -> bool:
+        talk = self.talk(local, guard.use) or NONE
+        due = UNSETTLED if guard.use in local.owed else SETTLED
+        return talk in guard.words or due in guard.words
+
+    def _spoken(self, local: Local, words: tuple[Said, ...]) -> "tuple[Local, list[Effect]] | None":
+        """The local state after these words, and what they do outside; None where a table forbids one."""
+        effects: list[Effect] = []
+        for said in words:
+            use = self.machine.uses[said.use]
+            table, talk = use.protocol.tables[use.role], self.talk(local, said.use)
+            opens = use.role is Role.INITIATOR and said.act in use.protocol.openings
+            begins = opens and (not use.durable or talk in table.ended)
+            found = table.find(START if begins else talk or START, SEND, said.act, said.kind)
+            if found is None:
+                return None
+            local = self.with_talk(local, said.use, str(found.to))
+            if said not in self.silent:
+                effects.append(Effect("open" if opens else "say", said.use, said))
+        return local, effects
+
+    def _forget_ended(self, local: Local) -> "tuple[Local | None, list[Effect]]":
+        """Ended conversations are not kept; None where one still owes a word, so that the row does not apply."""
+        effects: list[Effect] = []
+        for use, talk in zip(self.uses, local.talks, strict=True):
+            table = use.protocol.tables[use.role]
+            if talk and talk in table.urgent:
+                return None, []
+            if talk and talk in table.ended:
+                local = self.with_talk(local, use.name, "")._replace(begun=local.begun - {use.name})
+                if not use.durable:
+                    effects.append(Effect("close", use.name))
+        return local, effects
+
+    def with_talk(self, local: Local, use: str, state: str) -> Local:
+        """The same with another state of the conversation of a use."""
+        number = self.index[use]
+        return local._replace(talks=(*local.talks[:number], state, *local.talks[number + 1 :]))
+
+    def label(self, row: Row) -> str:
+        """A row in words, as drawings of traces show it."""
+        return f"{self._event_words(row.event)}{_and(', '.join(self._words(one) for one in row.say))}"
+
+    def _event_words(self, event: Event) -> str:
+        if event.cause is Cause.TAKE:
+            return f"{event} <- {self.machine.uses[event.name].peer}"
+        return str(event) if event.cause is not Cause.OWN else event.name.replace("_", " ")
+
+    def _words(self, said: Said) -> str:
+        return f"{said} -> {self.machine.uses[said.use].peer}"
+
+
+def _and(words: str) -> str:
+    return f"; {words}" if words else ""

@@ -1,0 +1,151 @@
+"""Layer 2 of a design: every use of a protocol explored with copies and receipts explicit, as its delivery has it.
+
+A use is explored with the words that its agents say: those in their rows, or, where an agent has no rows, the acts
+that the use lists. Nothing here knows a particular system.
+"""
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import SEND, START, Protocol, Role, Table
+from topdown.model import elements
+from topdown.model.design import Design
+from topdown.model.machines import Machine
+from topdown.prove.durable import durable_pair
+from topdown.prove.engine import Exploration, explore
+from topdown.prove.ideal import ideal_pair
+from topdown.prove.net import Net
+from topdown.prove.net_model import NetModel
+from topdown.prove.roles import Players, reachable, restricted
+from topdown.prove.volatile import volatile_pair
+
+
+class PairResult(NamedTuple):
+    """`unreached`: states of a role's table that no walk came through, "AGENT STATE"."""
+
+    use: str
+    channel: str
+    delivery: str
+    faults: int | None
+    exploration: Exploration
+    unreached: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Nothing was found, nothing is open, every state was reached."""
+        return self.exploration.holds and not self.unreached
+
+
+def verify_pairs(
+    design: Design,
+    channels: Collection[str] | None = None,
+    faults: int | None = 1,
+    *,
+    seconds: float | None = None,
+    most_states: int | None = None,
+) -> tuple[PairResult, ...]:
+    """Each use of a protocol on these channels (None: on all), under at most so many faults (None: any number).
+
+    `seconds` and `most_states` limit each pair. Uses that follow an unknown protocol are left out: checks name them.
+    """
+    uses = [use for use in design.file.protocol if channels is None or use.channel in channels]
+    return tuple(
+        explore_use(design, use.name, faults, seconds=seconds, most_states=most_states)
+        for use in uses
+        if use.follows in design.tables
+    )
+
+
+def explore_use(
+    design: Design, use: str, faults: int | None = 1, *, seconds: float | None = None, most_states: int | None = None
+) -> PairResult:
+    """One use. Raises NoSuchEntry."""
+    entry, protocol = design.protocol(use), spoken(design, use)
+    model = NetModel(net_of(design, use, faults))
+    found = explore(model, seconds=seconds, most_states=most_states, first=False, keep=True)
+    unreached = _unreached(model, protocol, Players(entry.initiator, entry.participant), found)
+    return PairResult(use, entry.channel, delivery(entry), faults, found._replace(reached=()), unreached)
+
+
+def net_of(design: Design, use: str, faults: int | None = 1, *, ideal: bool = False) -> Net:
+    """The net of one use. `ideal`: a durable one over ideal queues, which need no faults. Raises NoSuchEntry."""
+    entry = design.protocol(use)
+    players = Players(entry.initiator, entry.participant)
+    protocol = spoken(design, use)
+    if entry.durable and ideal:
+        net = ideal_pair(protocol, players)
+    elif entry.durable:
+        net = durable_pair(protocol, players, faults=faults)
+    else:
+        net = volatile_pair(protocol, players, faults=faults, latest=entry.latest)
+    return net._replace(name=use)
+
+
+def delivery(use: elements.Protocol) -> str:
+    """In one word."""
+    return "durable" if use.durable else "latest" if use.latest else "volatile"
+
+
+def spoken(design: Design, use: str) -> Protocol:
+    """The protocol of a use, with the words that its agents say. Raises NoSuchEntry, DesignError."""
+    entry = design.protocol(use)
+    protocol = design.tables[entry.follows]
+    says = {role: _words(design, entry, role, protocol) for role in Role}
+    return restricted(protocol, says)
+
+
+def _words(design: Design, use: elements.Protocol, role: Role, protocol: Protocol) -> frozenset[str]:
+    agent = use.initiator if role is Role.INITIATOR else use.participant
+    rows = Machine(design, agent).rows if agent in design.agents else ()
+    sends = [row for row in protocol.tables[role] if row.way is SEND]
+    said = {(word.act, word.kind) for row in rows for word in (*row.say, *row.may) if word.use == use.name}
+    owed = any(use.name in row.owes for row in rows)
+    listed = {message.performative for message in use.message if message.sender == agent}
+    if said or owed:
+        return frozenset(
+            row.word
+            for row in sends
+            if (row.performative, row.kind) in said or (owed and row.performative is Performative.INFORM)
+        )
+    return frozenset(row.word for row in sends if row.performative in listed)
+
+
+def _unreached(model: NetModel, protocol: Protocol, players: Players, found: Exploration) -> tuple[str, ...]:
+    if not found.holds:
+        return ()
+    seen = {role: {state[number] for state in found.reached} for number, role in enumerate(Role)}
+    values = {role: model.net.variables[number].values for number, role in enumerate(Role)}
+    return tuple(
+        f"{players.named(role)} {value}"
+        for role in Role
+        for number, value in enumerate(values[role])
+        if number not in seen[role] and value in _of_rows(protocol, role)
+    )
+
+
+def _of_rows(protocol: Protocol, role: Role) -> frozenset[str]:
+    """States that rows alone lead to: what an opening asked again leads to is the delivery's business."""
+    old = protocol.tables[role]
+    again = [row for row in old if row.performative in protocol.openings and row.state != START]
+    rows = [row for row in old if row not in again]
+    states = {state for row in rows for state in (row.state, row.to)}
+    return reachable(Table(rows, ended=old.ended & states)).states
+
+
+def changed_channels(design: Design, step: int) -> tuple[str, ...]:
+    """Channels of the finished design that a step (from 1) created or changed: new ones, reallocated, split or
+    complemented ones, and what became of them when they were split later. Raises IndexError for a step there is not.
+    """
+    steps = design.file.step
+    if not 1 <= step <= len(steps):
+        raise IndexError(f"step {step}: the design has steps 1 to {len(steps)}")
+    one = steps[step - 1]
+    touched = [channel.id for channel in one.channels]
+    touched += [move.channel for move in one.reallocate] + [more.channel for more in one.complement]
+    touched += [name for split in one.split for name in split.into]
+    for later in steps[step:]:
+        for split in later.split:
+            if split.channel in touched:
+                touched += split.into
+    return tuple(name for name in design.channels if name in touched)

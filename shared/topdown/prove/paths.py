@@ -1,0 +1,152 @@
+"""Whether what agents really did is a path of the composed model: each step of theirs must be a move of it.
+
+The model chooses where agents choose by content, so all states it may be in are kept. What agents do not show as steps
+of theirs (a question asked again, a loss, a cancel that the runtime answers) the model may do in between.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from fipa_codec.tables import Role
+from topdown.judge.steps import Done, Steps
+from topdown.model.design import Design
+from topdown.model.errors import NoSuchEntry
+from topdown.model.machines import Cause, Event, Row, Said
+from topdown.prove.fleet import ANY, Faults, Flat, Fleet
+from topdown.prove.local import DIES
+
+HIDDEN = 4
+"""Moves in between that no agent shows, at most (estimate: a loss, a repetition, a late cancel and one to spare)."""
+
+
+class Deviation(NamedTuple):
+    """The step that no move of the model answers to; `number` counts steps from 1, `here` are states of one guess."""
+
+    number: int
+    agent: str
+    what: str
+    here: dict[str, str]
+
+
+class Follower:
+    """Follows steps of running agents through the composed model of their design, from the start of all agents.
+
+    `states`: those the model may be in. `aside`: (use, agent) of questions and answers that are not in the model.
+    """
+
+    def __init__(self, design: Design) -> None:
+        self.fleet = Fleet(design, Faults(ANY))
+        self.steps = {name: Steps(design, name) for name in design.agents}
+        self.states: set[Flat] = {self.fleet.boot}
+        self.news = tuple(f"{soft.news} <-" for soft in self.fleet.soft if soft.latest)
+        self.count = self.most = 0
+        self.aside: Counter[tuple[str, str]] = Counter()
+
+    def follow(self, deeds: Iterable[tuple[str, Done]]) -> Deviation | None:
+        """Take (agent, step) in the order in which they happened; the first that is no move, None where all are.
+
+        Raises NoSuchEntry for an agent that the design does not have.
+        """
+        for agent, deed in deeds:
+            if agent not in self.steps:
+                raise NoSuchEntry("agent", agent, self.steps)
+            self.count += 1
+            if self._shows_nothing(agent, deed):
+                continue
+            found = self._after(agent, deed) or self._unasked(agent, deed)
+            if not found:
+                here = self.fleet.describe(min(self.states))
+                return Deviation(self.count, agent, _told(deed), here)
+            self.states, self.most = found, max(self.most, len(found))
+            self._note_aside(agent, deed)
+        return None
+
+    def _shows_nothing(self, agent: str, deed: Done) -> bool:
+        """A step that the model leaves out: a silent word, a complaint, nothing said or changed."""
+        if deed.took is None:
+            return not deed.said and deed.before == deed.after and not deed.event.startswith(("Started", "PeerChanged"))
+        return Said(*deed.took) in self.fleet.parts.silent or deed.took[1] == "not-understood"
+
+    def _after(self, agent: str, deed: Done) -> set[Flat]:
+        """All states the model may be in after the step, with as few moves in between as need be."""
+        labels = frozenset(self._labels(agent, deed))
+        seen = here = set(self.states)
+        for _ in range(HIDDEN + 1):
+            found = {there for state in here for there in self._answers(state, agent, deed, labels)}
+            if found:
+                return found
+            here = {there for state in here for there in self._hidden(state)} - seen
+            seen = seen | here
+        return set(self.states) if self._is_repeated(agent, deed) else set()
+
+    def _note_aside(self, agent: str, deed: Done) -> None:
+        """Questions that a row may ask besides, or that were given up, are not in the model: answered once each."""
+        steps = self.steps[agent]
+        rows = steps.fitting(deed)
+        asked = [one[0] for one in deed.said if rows and all(_is_besides(row, Said(*one)) for row in rows)]
+        for use in (*asked, *{use for row in rows for use in row.drop}, *self._given_up(steps, deed)):
+            if not steps.uses[use].durable:
+                self.aside[use, steps.uses[use].peer] += 1
+
+    def _given_up(self, steps: Steps, deed: Done) -> list[str]:
+        """Uses whose question nobody waits for any more: the wait is over, or who asked has died."""
+        asks = [use for use in steps.uses.values() if use.role is Role.INITIATOR and not use.durable]
+        word, _, about = deed.event.partition(" ")
+        return [use.name for use in asks if word == "Started" or (word == "Late" and about == use.name)]
+
+    def _unasked(self, agent: str, deed: Done) -> set[Flat]:
+        """Such a question is answered, or its answer taken: nothing else may change."""
+        if deed.took is None or deed.before != deed.after or not self.aside[deed.took[0], agent]:
+            return set()
+        self.aside[deed.took[0], agent] -= 1
+        for use, _, _ in deed.said:
+            self.aside[use, self.steps[agent].uses[use].peer] += 1
+        return set(self.states)
+
+    def _answers(self, state: Flat, agent: str, deed: Done, labels: frozenset[str]) -> Iterator[Flat]:
+        number = self.fleet.parts.place[agent]
+        for who, what, there, _, _ in self.fleet.moves(state):
+            if who != agent or isinstance(there[0], str):
+                continue
+            if self.fleet.parts.local(number, there[number]).state == deed.after and _plain(what) in labels:
+                yield there
+
+    def _hidden(self, state: Flat) -> Iterator[Flat]:
+        """Moves that no agent shows as a step of its own; of observations any may be the last one that is owed."""
+        for who, what, there, _, _ in self.fleet.moves(state):
+            hidden = who == "net" or what.endswith(("again", "too late", "is dropped")) or what.startswith(self.news)
+            if hidden and not isinstance(there[0], str):
+                yield there
+
+    def _is_repeated(self, agent: str, deed: Done) -> bool:
+        """One observation stands for all; a peer that appears again brings no news; a start that changes nothing."""
+        if deed.took is None:
+            return deed.event.startswith(("PeerChanged", "Started")) and deed.before == deed.after and not deed.said
+        return self.steps[agent].uses[deed.took[0]].latest and not deed.said and deed.before == deed.after
+
+    def _labels(self, agent: str, deed: Done) -> Iterator[str]:
+        steps = self.steps[agent]
+        if deed.event.startswith("Started"):
+            yield DIES
+        for row in steps.fitting(deed):
+            words = self._words(agent, row)
+            yield f"{DIES}; {words}" if row.event.cause is Cause.RESTART else words
+
+    def _words(self, agent: str, row: Row) -> str:
+        return self.fleet.parts.agents[self.fleet.parts.place[agent]].label(row)
+
+
+def _is_besides(row: Row, said: Said) -> bool:
+    return said in row.may and said not in row.say
+
+
+def _plain(what: str) -> str:
+    """The label less what it says of the surroundings."""
+    return what.removesuffix(" (a copy)").removesuffix("; its receipt is lost")
+
+
+def _told(deed: Done) -> str:
+    took = Event(Cause.TAKE, *deed.took) if deed.took else deed.event
+    said = ", ".join(str(Said(*one)) for one in deed.said) or "nothing"
+    return f"in {deed.before} on {took} said {said}, then {deed.after}"

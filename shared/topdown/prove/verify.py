@@ -1,0 +1,121 @@
+"""All three layers of the proof of a design, one verdict after the other.
+
+Layer 1: the durable stream, and a physical act, in micro-steps. Layer 2: each use of a protocol with copies and
+receipts explicit. Layer 3: the composed system of all agents' rows. Must not know: how verdicts are printed, who waits
+for them.
+"""
+
+from collections.abc import Callable, Collection, Iterator
+from typing import NamedTuple
+
+from topdown.model.design import Design
+from topdown.model.machines import machines
+from topdown.prove.engine import Exploration, Finding, explore
+from topdown.prove.fleet import ANY, Faults, Fleet
+from topdown.prove.pairs import changed_channels, explore_use
+from topdown.prove.physical_act import explore_act
+from topdown.prove.stream import explore_stream
+
+LAYERS = (1, 2, 3)
+Progress = Callable[[int, int], None]
+
+
+class Verdict(NamedTuple):
+    """`faults` None: any number. `open`: what is not proven though nothing was found. `notes`: nothing wrong."""
+
+    layer: int
+    what: str
+    faults: int | None
+    states: int
+    edges: int
+    seconds: float
+    findings: tuple[Finding, ...]
+    open: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Nothing was found, and nothing is open."""
+        return not self.findings and not self.open
+
+
+class Task(NamedTuple):
+    """A verdict to be had; `run(progress)` works it out."""
+
+    layer: int
+    what: str
+    run: Callable[[Progress | None], Verdict]
+
+
+def tasks(
+    design: Design,
+    *,
+    faults: int | None = 1,
+    layers: Collection[int] = LAYERS,
+    step: int | None = None,
+    gone: Collection[str] = (),
+    seconds: float | None = None,
+) -> Iterator[Task]:
+    """What is to be proven, in order. `step`: only the channels which that step of the design created or changed (layer
+    2). `gone`: agents that may die for good, besides. `seconds` limits each. Raises NoSuchEntry, IndexError.
+    """
+    channels = None if step is None else changed_channels(design, step)
+    if 1 in layers and step is None and any(use.durable for use in design.file.protocol):
+        yield Task(1, "durable stream", lambda _: _micro("durable stream", explore_stream()))
+    if 1 in layers and step is None and any(row.moves for agent in design.file.agent for row in agent.row):
+        yield Task(1, "physical act", lambda _: _micro("physical act", explore_act()))
+    if 2 in layers:
+        for use in design.file.protocol:
+            if use.follows in design.tables and (channels is None or use.channel in channels):
+                yield Task(2, f"{use.channel} {use.name}", _pair(design, use.name, faults, seconds))
+    if 3 in layers and step is None:
+        most = ANY if faults is None else faults
+        started = Faults(0, boot=True)
+        yield Task(3, "all agents, starting", _fleet(design, "all agents, starting", started, seconds))
+        yield Task(3, "all agents", _fleet(design, "all agents", Faults(most), seconds))
+        for name in gone:
+            design.agent(name)
+            wish = Faults(0, gone=name, waiting=_person(design))
+            yield Task(3, f"{name} dies for good", _fleet(design, f"{name} dies for good", wish, seconds))
+
+
+def _micro(what: str, found: Exploration) -> Verdict:
+    return Verdict(1, what, None, found.states, found.edges, found.seconds, found.findings, _open(found))
+
+
+def _pair(design: Design, use: str, faults: int | None, seconds: float | None) -> Callable[[Progress | None], Verdict]:
+    def run(progress: Progress | None) -> Verdict:
+        result = explore_use(design, use, faults, seconds=seconds)
+        found, notes = result.exploration, tuple(f"never reached: {state}" for state in result.unreached)
+        what = f"{result.channel} {use}"
+        return Verdict(2, what, faults, found.states, found.edges, found.seconds, found.findings, _open(found), notes)
+
+    return run
+
+
+def _fleet(design: Design, what: str, faults: Faults, seconds: float | None) -> Callable[[Progress | None], Verdict]:
+    def run(progress: Progress | None) -> Verdict:
+        most = None if faults.most == ANY else faults.most
+        silent = [name for name, machine in machines(design).items() if not machine.rows]
+        if silent:
+            missing = f"agents without rows cannot be composed: {', '.join(silent)}"
+            return Verdict(3, what, most, 0, 0, 0.0, (), (missing,))
+        fleet = Fleet(design, faults)
+        found = explore(fleet, seconds=seconds, progress=progress)
+        loud = fleet.not_silent() if not found.findings else ()
+        notes = () if faults.gone or faults.boot or found.findings else fleet.unused()
+        return Verdict(
+            3, what, most, found.states, found.edges, found.seconds, found.findings, (*_open(found), *loud), notes
+        )
+
+    return run
+
+
+def _open(found: Exploration) -> tuple[str, ...]:
+    return (found.unproven,) if found.unproven and not found.findings else ()
+
+
+def _person(design: Design) -> str:
+    """The agent that persons talk to."""
+    named = [one.name for one in design.file.agent if any(row.on.startswith("person ") for row in one.row)]
+    return named[0] if named else design.file.agent[0].name

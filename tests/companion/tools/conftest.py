@@ -1,0 +1,16 @@
+"""Makes the synthetic run of tests/operate importable (tests have no packages)."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "operate"))
+
+from synthetic import Run, pour
+
+
+@pytest.fixture(scope="session")
+def pouring() -> Run:
+    """A whole run of the main job, as it would go by a tap."""
+    return pour(seed=1)

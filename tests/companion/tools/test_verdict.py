@@ -1,0 +1,196 @@
+"""When a run did the main job, as a table: one thing changed at a time."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+import synthetic
+from synthetic import Run
+
+from companion.languages import cmd, hfsm, sw
+from companion.languages.values import Pose
+from companion.telemetry import TrueState
+from companion.tools.report import events, plans, story, verdict
+from fipa_codec.performatives import Performative as P
+from operate.recording import history
+from operate.recording.records import Spoken, understood
+from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
+
+Change = Callable[[TrueState], TrueState]
+
+
+def changed(**fields: object) -> Change:
+    """The truth with other fields."""
+    return lambda truth: msgspec.structs.replace(truth, **fields)
+
+
+TRUTHS = [
+    ("as it should be", changed(), None),
+    ("nine tenths", changed(grains_in={"jar_1": 3, "bowl_1": 27}), None),
+    ("less than nine tenths", changed(grains_in={"jar_1": 4, "bowl_1": 26}), "87% of the content"),
+    ("tilted a little", changed(tilt_deg={"jar_1": 0.0, "bowl_1": 9.9}), None),
+    ("tilted", changed(tilt_deg={"jar_1": 0.0, "bowl_1": 10.0}), "tilted by 10 degrees"),
+    ("jar dropped", changed(fingers_on={"jar_1": {"left": 0, "right": 0}, "bowl_1": {}}), "does not hold the jar"),
+    (
+        "jar in the other hand",
+        changed(fingers_on={"jar_1": {"left": 0, "right": 5}, "bowl_1": {}}),
+        "left hand does not",
+    ),
+    ("bowl held", changed(fingers_on={"jar_1": {"left": 4}, "bowl_1": {"right": 3}}), "touches the bowl"),
+    ("bowl on the floor", changed(at={"jar_1": (0.0, 0.0, 1.0), "bowl_1": (0.58, -0.52, 0.0)}), "not on a table"),
+    ("bowl beside", changed(at={"jar_1": (0.0, 0.0, 1.0), "bowl_1": (0.0, -0.1, 0.775)}), "not on a table"),
+    ("no grains", changed(grains=0), "how much is in the bowl"),
+]
+
+
+@pytest.mark.parametrize(("truth", "reason"), [case[1:] for case in TRUTHS], ids=[case[0] for case in TRUTHS])
+def test_success_by_the_truth(pouring: Run, truth: Change, reason: str | None) -> None:
+    """Success is no reason against it; a failure names what was wrong."""
+    past = _past(pouring)
+    at, last = past.truth[-1]
+    past = msgspec.structs.replace(past, truth=(*past.truth[:-1], (at, truth(last))))
+    found = verdict.failure(past)
+    assert found is None if reason is None else found is not None and reason in found
+
+
+def test_without_the_truth_there_is_no_success(pouring: Run) -> None:
+    """Nothing is assumed."""
+    past = msgspec.structs.replace(_past(pouring), truth=())
+    assert verdict.failure(past) == "the true state of the simulation was not recorded"
+
+
+def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) -> None:
+    """A truth without poses is judged by observed tables."""
+    past = _past(pouring)
+    at, last = past.truth[-1]
+    bare = msgspec.structs.replace(last, poses={}, models={})
+    assert verdict.failure(msgspec.structs.replace(past, truth=((at, bare),))) is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        (lambda one: isinstance(one.content, sw.Report) and one.content.state in sw.FINAL, "plan 1 did not end"),
+        (lambda one: isinstance(one.content, cmd.TaskReport) and one.performative == "inform", "task did not end"),
+        (lambda one: isinstance(one.content, cmd.Command), "no command"),
+        (lambda one: one.channel == "C1", "no plan was carried out"),
+        (lambda one: one.channel == "C3" and one.sender == "pl", "no answer came"),
+    ],
+)
+def test_every_plan_and_the_task_must_end(pouring: Run, kind: Callable[[Spoken], bool], reason: str) -> None:
+    """What was never said is missed."""
+    past = _past(pouring)
+    found = verdict.failure(msgspec.structs.replace(past, said=tuple(one for one in past.said if not kind(one))))
+    assert found is not None
+    assert reason in found
+
+
+def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
+    """Say another command, which comes to nothing: co refuses it, or pl finds no plan for it. Its conversation."""
+    talk, network = run.name("hi"), run.name("co")
+    run.say("hi", "co", P.REQUEST, command, talk=talk, protocol="request")
+    if agreed:
+        waiting = cmd.TaskReport(cmd.TaskState.WAITING, "I will")
+        run.say("co", "hi", P.AGREE, waiting, talk=talk, protocol="request")
+        asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("take", ("cup", "")),))
+        run.say("co", "pl", P.REQUEST, asked, talk=network, protocol="request")
+        run.say("pl", "co", P.REFUSE, hfsm.NoPlan(asked.id, "there is no cup"), talk=network, protocol="request")
+        failed = cmd.TaskReport(cmd.TaskState.FAILED, "there is no cup")
+        run.say("co", "hi", P.INFORM, failed, talk=talk, protocol="request")
+    else:
+        busy = cmd.TaskReport(cmd.TaskState.FAILED, "busy: 1 task is open already")
+        run.say("co", "hi", P.REFUSE, busy, talk=talk, protocol="request")
+    return talk
+
+
+@pytest.mark.parametrize("agreed", [False, True])
+@pytest.mark.parametrize("command", [cmd.Take("cup"), cmd.PourInto("cup", "bowl")])
+def test_another_command_that_comes_to_nothing_is_no_failure(command: cmd.Command, agreed: bool) -> None:
+    """The content is in the bowl; what else was asked for is told beside it, by its own name."""
+    run = synthetic.pour(queries=5)
+    aside(run, command, agreed=agreed)
+    past = _past(run)
+    assert verdict.failure(past) is None
+    told = {event.name: event.text for event in events.events(past)}
+    name = "ended, failed" if agreed else "refused"
+    assert told[f"{name}: {plans.asked(plans.commands(past)[-1])}"]
+    assert told["finished"]
+    assert [bar.end >= bar.start for bar in story._bars(past)].count(False) == 0
+    assert sum("refused" in text for bar in story._bars(past) for text in bar.texts) == 0
+
+
+def test_a_plan_of_the_job_that_is_refused_stays_a_failure() -> None:
+    """Also while other commands are refused."""
+    run = synthetic.pour(queries=5)
+    aside(run, cmd.Take("cup"), agreed=False)
+    past = _past(run)
+    kept = tuple(one for one in past.said if not (one.channel == "C3" and one.sender == "pl"))
+    assert "no answer came" in str(verdict.failure(msgspec.structs.replace(past, said=kept)))
+
+
+def test_a_plan_that_was_put_off_is_no_plan() -> None:
+    """The robot looked around first: the request that came to a plan is the first one, and the pour is a success."""
+    run = synthetic.pour(queries=5)
+    before = _past(run)
+    first = next(one for one in before.said if isinstance(one.content, hfsm.GroundTaskNetwork))
+    talk = run.name("co")
+    run.say("co", "pl", P.REQUEST, first.content, talk=talk, protocol="request")
+    off = hfsm.NoPlan(first.content.id, "the look around is not over", later=True)
+    run.say("pl", "co", P.FAILURE, off, talk=talk, protocol="request")
+    past = _past(run)
+    assert verdict.failure(past) is None
+    assert [plan.number for plan in plans.made(past)] == [plan.number for plan in plans.made(before)]
+
+
+def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job() -> None:
+    """The report is of the command that was taken."""
+    run = synthetic.pour(queries=5)
+    talk = aside(run, cmd.PourInto("jar", "bowl"), agreed=False)
+    past = _past(run)
+    first = tuple(one for one in past.said if one.conversation == talk)
+    past = msgspec.structs.replace(past, said=(*first, *(one for one in past.said if one not in first)))
+    assert verdict.failure(past) is None
+    alone = msgspec.structs.replace(past, said=first)
+    assert str(verdict.failure(alone)).startswith("the task ended, refused: busy")
+
+
+def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path: Path) -> None:
+    """Of processes that were needed; instead of what follows from it."""
+    state = ProcessState
+    processes = (
+        ProcessStatus("router", state.STOPPED),
+        ProcessStatus("loop", state.GIVEN_UP, note="ended with code 2: loop: scene: file is none"),
+        ProcessStatus("monitor", state.GIVEN_UP, note="no room", optional=True),
+    )
+    whole = Fleet("roco", "", 7, 0.0, processes)
+    (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(whole))
+    blamed = "loop did not run (given-up: ended with code 2: loop: scene: file is none)"
+    assert verdict.failure(history.load(tmp_path)) == blamed
+    (tmp_path / FLEET_FILE).unlink()
+    assert verdict.failure(history.load(tmp_path)) == "no command of a person was heard"
+
+
+def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
+    """A process that is away in the end is a cause only where something failed."""
+    dead = (ProcessStatus("km", ProcessState.BACKING_OFF, note="killed by signal 9"),)
+    past = msgspec.structs.replace(_past(pouring), down=dead)
+    assert verdict.failure(past) is None
+    past = msgspec.structs.replace(past, truth=())
+    assert str(verdict.failure(past)).startswith("km did not run (backing-off: killed by signal 9); ")
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5, math.pi / 2, -2.0])
+def test_a_point_on_a_turned_table_is_on_it(yaw: float) -> None:
+    """A corner of the top belongs to it, whichever way the table is turned; a point outside does not."""
+    table = Pose((1.0, 2.0, 0.0), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
+    for reach, inside in ((0.45, True), (0.47, False)):
+        x = 1.0 + reach * math.cos(yaw) - reach * math.sin(yaw)
+        y = 2.0 + reach * math.sin(yaw) + reach * math.cos(yaw)
+        assert verdict._stands_on(x, y, 0.775, table) is inside
+        assert not verdict._stands_on(x, y, 0.9, table)
+
+
+def _past(run: Run) -> history.History:
+    return history.merged([understood(sample) for sample in run.samples], {})

@@ -1,0 +1,97 @@
+"""A pretended fleet for the console's tests: one process that writes a run folder, answers as a_hi, reports at SIGTERM.
+
+Called as `fake_fleet.py services.supervisor RUN SUCCESS [MODE]`; the first word makes it look like the supervisor. MODE
+`starting`: it never gets ready; `slow`: nor does it end at once, but when RUN/may-end is there.
+"""
+
+import http.server
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED
+from companion import run_files
+from companion.run_files import HiAddress, TaskLine
+from operate import run_folder
+from operate.run_folder import AgentIn, Fleet, Happened, PlanAt, PlanSeen, ProcessStatus, Sent
+
+TOKEN = "a token"
+STORY = (
+    AgentIn(t=1.0, agent="ta", state="running"),
+    PlanSeen(t=1.0, plan="p1", task="pour", states=("main", "main/take", "main/take/grasp", "main/pour")),
+    PlanAt(t=1.5, at="main/take/grasp"),
+    Sent(t=2.0, channel="C4", sender="pl", receiver="km", protocol="query", performative="query-ref", bytes=231),
+    Happened(t=3.0, name="jar grasped", text="left hand"),
+    PlanAt(t=4.0, at="main/pour", outcome="succeeded"),
+)
+
+
+class Answers(http.server.BaseHTTPRequestHandler):
+    """The part of docs/http.md that the console uses; a task is done at the second look."""
+
+    task: TaskLine | None = None
+    looks = 0
+
+    def do_POST(self) -> None:
+        """Take a sentence, or a cancel."""
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        if self.path == "/say":
+            said = msgspec.json.decode(body, type=run_files.Say).text
+            known = "pour" in said
+            answer = TaskLine("hi-1-1" if known else "", "waiting" if known else "refused", "I can pour", said)
+            Answers.task = answer if known else None
+            self.reply(answer)
+        elif Answers.task is None:
+            self.reply(run_files.Problem("no task has not ended"), 404)
+        else:
+            self.reply(Answers.task)
+
+    def do_GET(self) -> None:
+        """Tell the tasks."""
+        Answers.looks += 1
+        task = Answers.task
+        if task is not None and Answers.looks > 1:
+            Answers.task = task = msgspec.structs.replace(task, state="done")
+        self.reply(run_files.Tasks((task,) if task else ()))
+
+    def reply(self, what: msgspec.Struct, code: int = 200) -> None:
+        """Answer, to those with the token."""
+        allowed = self.headers["Authorization"] == f"Bearer {TOKEN}"
+        self.send_response(code if allowed else 401)
+        self.end_headers()
+        self.wfile.write(msgspec.json.encode(what if allowed else run_files.Problem("wrong token")))
+
+    def log_message(self, *words: object) -> None:
+        """Say nothing."""
+
+
+def main(run: Path, success: bool, mode: str) -> None:
+    """Be a fleet until SIGTERM."""
+    server = http.server.HTTPServer(("127.0.0.1", 0), Answers)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    end = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: end.set())
+    encode = msgspec.json.encode
+    (run / STOP_FILE).write_bytes(STOP_RELEASED)
+    (run / run_files.HI_FILE).write_bytes(encode(HiAddress(server.server_port, TOKEN)))
+    (run / run_folder.LIVE_FILE).write_bytes(b"".join(encode(line) + b"\n" for line in STORY))
+    state = run_folder.ProcessState.READY if mode == "ready" else run_folder.ProcessState.STARTING
+    processes = (ProcessStatus("ta", state, os.getpid()),)
+    whole = run / "beside"
+    whole.write_bytes(encode(Fleet("test", "", os.getpid(), time.time(), processes)))
+    whole.replace(run / run_folder.FLEET_FILE)
+    end.wait()
+    while mode == "slow" and not (run / "may-end").exists():
+        time.sleep(0.02)
+    server.shutdown()
+    report = {"success": success, "failure": None if success else "the jar slipped", "poured_fraction": 0.97}
+    (run / run_folder.REPORT_FILE).write_bytes(encode({**report, "sim_time_s": 98.5, "wall_time_s": 120.0}))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[2]), sys.argv[3] == "True", *(sys.argv[4:] or ["ready"]))

@@ -1,0 +1,144 @@
+"""`roco compare`, `roco report`, `roco export`: exit codes, and what people and programs are shown."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from operate.cli.__main__ import app
+from operate.cli.runs import compare
+
+POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
+
+
+def run(*words: str) -> tuple[int, str, str]:
+    """Exit code, standard output, standard error."""
+    done = CliRunner().invoke(app, list(words), env={"COLUMNS": "100"})
+    return done.exit_code, done.stdout, done.stderr
+
+
+def experiment(place: Path, factor: float = 1.0, lost: int = 0) -> Path:
+    """An experiment's folder: twenty runs with energies around a mean, the first ones failed."""
+    place.mkdir()
+    lines = [
+        {
+            "seed": seed,
+            "failure": "the jar fell" if seed <= lost else None,
+            "figures": {"success": seed > lost, "energy_J": factor * (600.0 + seed), "began": 1.0},
+        }
+        for seed in range(1, 21)
+    ]
+    (place / "results.jsonl").write_bytes(b"\n".join(map(msgspec.json.encode, lines)))
+    return place
+
+
+@pytest.mark.timeout(180)
+def test_a_regression_is_said_and_ends_with_1(tmp_path: Path) -> None:
+    """Energy by name, with its threshold; the same set alone passes; a wide threshold passes, too."""
+    before, after = experiment(tmp_path / "before"), experiment(tmp_path / "after", 1.3)
+    code, out, _ = run("compare", str(before), str(after))
+    assert code == 1
+    assert "regression: energy of the body's joints (threshold 10)" in out
+    assert "+30.0" in out
+    assert run("compare", str(before), str(after), "--threshold", "energy=40")[0] == 0
+    assert run("compare", str(after), str(before))[0] == 0
+
+
+def test_lost_runs_are_named(tmp_path: Path) -> None:
+    """Half of them failed: exit code 1, the first seeds and why."""
+    code, out, _ = run("compare", str(experiment(tmp_path / "a")), str(experiment(tmp_path / "b", lost=10)))
+    assert code == 1
+    assert "seed 1 succeeded in A and not in B: the jar fell" in out
+    assert "regression: success (threshold 5)" in out
+
+
+def test_two_recordings_for_programs() -> None:
+    """A folder and the file in it are the same run."""
+    code, out, _ = run("compare", str(POUR), str(POUR / "traffic.mcap"), "--format", "json")
+    told = msgspec.json.decode(out)
+    assert (code, told["regression"], told["runs"]) == (0, False, [1, 1])
+    assert told["diverged"] == [{"seed": 7, "first": None}]
+
+
+@pytest.mark.timeout(180)
+def test_what_is_no_set_of_runs_is_wrong_use(tmp_path: Path) -> None:
+    """Exit code 2 and what would be right, also for a threshold that is none."""
+    code, _, error = run("compare", str(tmp_path), str(POUR))
+    assert code == 2
+    assert "give an experiment's folder" in error
+    code, _, error = run("compare", str(POUR), str(POUR), "--threshold", "speed=3")
+    assert code == 2
+    assert "success, latency, energy, traffic" in error
+
+
+def test_a_unit_and_an_interval_are_shown() -> None:
+    """Brackets would be taken for markup."""
+    row = {"name": "command to end", "kind": "latency", "unit": "s", "verdict": "same", "threshold": 10.0}
+    row |= {"a": {"value": 48.0}, "b": {"value": 50.0}, "percent": 4.2, "low": -1.0, "high": 9.4}
+    console = Console(width=80, color_system=None)
+    with console.capture() as text:
+        console.print(compare.quantities({"rows": [row]}))
+    assert "command to end, s" in text.get()
+    assert "-1.0 … +9.4" in text.get()
+
+
+def test_the_first_difference_is_shown_in_words() -> None:
+    """Which conversation, which communicate, what each side says there."""
+    said = {
+        "t": 1.5,
+        "sender": "ta",
+        "receiver": "km",
+        "performative": "inform",
+        "text": "seen jar",
+        "kind": "SeenObject",
+    }
+    first = {"of": "km to ta, subscribe", "conversation": 1, "position": 3, "a": said, "b": None}
+    lines = compare.divergences({"diverged": [{"seed": 4, "first": first}, {"seed": 5, "first": None}]})
+    assert lines[0].startswith("what was said differs in 1 of 2 seeds")
+    assert "seed 4: km to ta, subscribe, conversation 1, communicate 3" in lines[1]
+    assert lines[2].endswith("A: 1.50 s  ta > km  inform  seen jar")
+    assert lines[3].endswith("B: nothing more")
+    assert compare.divergences({"diverged": [{"seed": 4, "first": None}]}) == [
+        "the same was said in 1 run of each side"
+    ]
+
+
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_a_report_is_made_of_a_recording_alone(form: str) -> None:
+    """Nothing is written; success ends with 0."""
+    before = sorted(POUR.iterdir())
+    code, out, error = run("report", str(POUR / "traffic.mcap"), "--format", form)
+    assert code == 0, error
+    assert sorted(POUR.iterdir()) == before
+    if form == "json":
+        assert msgspec.json.decode(out)["communicates"]["total"] == 420
+    else:
+        assert "success; seed 7, speed 1" in out
+        assert "plan 1       " in out
+        assert "written:" not in out
+
+
+@pytest.mark.timeout(180)
+def test_a_report_goes_where_it_is_wanted_and_overwrites_no_recording(tmp_path: Path) -> None:
+    """report.json, report.html and run.rrd beside a copy of the recording."""
+    code, out, error = run("report", str(POUR / "traffic.mcap"), "--out", str(tmp_path / "again"))
+    assert code == 0, error
+    assert {"report.json", "report.html", "run.rrd", "traffic.mcap"} <= {p.name for p in (tmp_path / "again").iterdir()}
+    assert "written:" in out
+    code, _, error = run("report", str(POUR / "traffic.mcap"), "--out", str(tmp_path / "again"))
+    assert code == 2
+    assert "another --out" in error
+
+
+@pytest.mark.timeout(180)
+def test_tables_are_written(tmp_path: Path) -> None:
+    """Which, and how many rows."""
+    code, out, error = run("export", str(POUR), "--to", "csv", "--out", str(tmp_path), "--format", "json")
+    assert code == 0, error
+    assert {Path(one["file"]).name: one["rows"] for one in msgspec.json.decode(out)} == {
+        "communicates.csv": 420, "events.csv": 19, "telemetry.csv": 172,
+    }  # fmt: skip
+    assert (tmp_path / "communicates.csv").read_text().count("\n") == 421
+    assert run("export", str(tmp_path), "--out", str(tmp_path))[0] == 2

@@ -1,0 +1,163 @@
+"""A fleet in containers, seen through a pretended docker that runs the real scripts."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+from typer.testing import CliRunner, Result
+
+from companion.run_files import HiAddress
+from operate.cli.__main__ import app
+from operate.cli.errors import DockerError, UsageError
+from operate.cli.fleet import targets
+from operate.run_folder import Fleet, ProcessState, ProcessStatus
+
+DOCKER = Path(__file__).with_name("fake_docker.py")
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Containers of two services and of ex, which has a supervisor with two processes; a foreign one beside them."""
+    root, bin = tmp_path / "containers", tmp_path / "bin"
+    for name in ("one.router", "one.hi", "one.ex", "other.cache"):
+        (root / name).mkdir(parents=True)
+        (root / name / "state").write_text("running")
+        (root / name / "stop").write_bytes(b"\0")
+    for service in ("router", "hi"):
+        (root / f"one.{service}" / f"{service}.ready").touch()
+        os.utime(root / f"one.{service}" / f"{service}.ready", (4e9, 4e9))  # after any /dev was made
+    (root / "one.hi" / "hi.heartbeat.json").write_text(f'{{"pid":{os.getpid()},"incarnation":2,"state":"listening"}}')
+    (root / "one.hi" / "hi.json").write_bytes(msgspec.json.encode(HiAddress(1, "t")))
+    both = tuple(ProcessStatus(name, ProcessState.READY, 7) for name in ("loop", "ex"))
+    (root / "one.ex" / "fleet.json").write_bytes(msgspec.json.encode(Fleet("roco", "", 1, 0.0, both)))
+    bin.mkdir()
+    (bin / "docker").write_text(f'#!/bin/sh\nexec "{sys.executable}" -I -S "{DOCKER}" "$@"\n')
+    (bin / "docker").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{bin}:{os.environ['PATH']}")
+    monkeypatch.setenv("FAKE_DOCKER", str(root))
+    monkeypatch.delenv("ROCO_RUN_DIR", raising=False)
+    monkeypatch.chdir(tmp_path)
+    return root
+
+
+def roco(*words: str) -> Result:
+    """Call the command line."""
+    return CliRunner().invoke(app, list(words))
+
+
+def test_containers_are_found_out_where_nothing_runs_here(world: Path) -> None:
+    """Every process in its container, those of ex as their supervisor says; the foreign container is none of ours."""
+    found = targets.find().look()
+    assert [one.name for one in found.seen] == ["router", "loop", "ex", "hi"]
+    assert {one.status.state for one in found.seen} == {ProcessState.READY}
+    hi = found.seen[-1]
+    assert hi.beat is not None
+    assert (hi.beat.incarnation, hi.home, hi.status.pid) == (2, "hi", os.getpid())
+    assert targets.find().hi() == HiAddress(1, "t")
+
+
+def test_a_service_is_stopped_and_started_by_docker(world: Path) -> None:
+    """It stays down meanwhile, and the status says what to do."""
+    assert roco("agent", "stop", "hi").exit_code == 0
+    assert (world / "one.hi" / "state").read_text() == "exited"
+    said = roco("status")
+    assert said.exit_code == 1
+    assert "roco agent start hi" in said.stdout
+    assert roco("agent", "start", "hi", "--format", "json").exit_code == 0
+    assert (world / "one.hi" / "state").read_text() == "running"
+
+
+def test_who_shares_a_container_is_switched_by_its_supervisor(world: Path) -> None:
+    """By the file in its run folder; the container stays up."""
+    fleet = targets.find("compose")
+    fleet.switch("loop", on=False)
+    fleet.switch("ex", on=False)
+    assert {path.name for path in (world / "one.ex").glob("*.off")} == {"loop.off", "ex.off"}
+    assert (world / "one.ex" / "state").read_text() == "running"
+    fleet.switch("loop", on=True)
+    assert {path.name for path in (world / "one.ex").glob("*.off")} == {"ex.off"}
+    with pytest.raises(UsageError, match="'nobody'; there are router, loop, ex, hi"):
+        fleet.switch("nobody", on=True)
+
+
+def test_stop_reaches_the_loop_in_place(world: Path) -> None:
+    """The byte that the loop has mapped changes, no other file takes its place."""
+    flag = world / "one.ex" / "stop"
+    number = flag.stat().st_ino
+    assert roco("stop").exit_code == 0
+    assert (flag.read_bytes(), flag.stat().st_ino) == (b"\x01", number)
+    assert json.loads(roco("agents", "--format", "json").stdout)["where"] == "compose project one"
+    assert targets.find().look().stop_held
+    assert roco("release").exit_code == 0
+    assert flag.read_bytes() == b"\x00"
+
+
+def test_which_project_is_meant_must_be_said_where_there_are_two(world: Path) -> None:
+    """By its name; one that has ended can be named, too."""
+    (world / "two.router").mkdir()
+    (world / "two.router" / "state").write_text("running")
+    done = roco("status")
+    assert done.exit_code == 2
+    assert "one or two" in done.stderr
+    (world / "two.router" / "state").write_text("exited")
+    assert targets.find().where == "compose project one"
+    assert targets.find("two").look().seen[0].status.state is ProcessState.STOPPED
+    assert roco("status", "--target", "two").exit_code == 3
+    assert roco("status", "--target", "three").exit_code == 3
+
+
+def test_down_ends_the_router_last(world: Path) -> None:
+    """All that ran are named."""
+    assert set(targets.find().down()) == {"router", "ex", "hi"}
+    assert (world / "one.router" / "state").read_text() == "exited"
+    assert (world / "other.cache" / "state").read_text() == "running"
+
+
+def test_the_monitors_file_is_read_from_a_byte_on(world: Path) -> None:
+    """And a service that does not run is told."""
+    with pytest.raises(DockerError, match="service monitor of compose project one does not run"):
+        targets.find().live(0)
+    (world / "one.monitor").mkdir()
+    (world / "one.monitor" / "state").write_text("running")
+    (world / "one.monitor" / "live.jsonl").write_text("abcdef")
+    assert targets.find().live(2) == b"cdef"
+
+
+def test_without_docker_nothing_is_found_there(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No error of docker, but that nothing runs."""
+    monkeypatch.setenv("PATH", "/nowhere")
+    done = roco("status")
+    assert done.exit_code == 3
+    assert "roco up" in done.stderr
+
+
+def test_of_several_robots_one_is_meant(world: Path) -> None:
+    """PROJECT/ROBOT: its own services, though their names have numbers, and what all share; no other's."""
+    judged = (
+        '{"t":1.0,"verdict":"legal","bytes":1,"channel":"C2","sender":"hi","receiver":"co","conversation":"hi-1-1"}\n'
+    )
+    both = "velma1,velma2"
+    for service, system in {"router": both, "monitor": both, "hi": "velma1", "ex": "velma1", "hi2": "velma2",
+                            "ex2": "velma2"}.items():  # fmt: skip
+        folder = world / f"one.{service}"
+        folder.mkdir(exist_ok=True)
+        (folder / "state").write_text("running")
+        (folder / "stop").write_bytes(b"\0")
+        (folder / "environment").write_text(f"{'ROCO_SYSTEMS' if ',' in system else 'ROCO_SYSTEM'}={system}\n")
+    (world / "one.monitor" / "velma2").mkdir()
+    (world / "one.monitor" / "velma2" / "verdicts.jsonl").write_text(judged)
+    second = targets.find("one/velma2")
+    assert [one.home for one in second.look().seen] == ["router", "monitor", "ex2", "hi2"]
+    second.hold(True)
+    assert (world / "one.ex2" / "stop").read_bytes() == b"\x01"
+    assert (world / "one.ex" / "stop").read_bytes() == b"\x00"
+    assert [one.conversation for one in second.verdicts()] == ["hi-1-1"]
+    assert targets.find("compose/velma1").verdicts() == []
+    assert (
+        json.loads(roco("conversation", "list", "--target", "one/velma2", "--format", "json").stdout)[0]["id"]
+        == "hi-1-1"
+    )
+    assert roco("status", "--target", "one/velma3").exit_code == 3

@@ -1,0 +1,130 @@
+"""`roco conversation`: listed with filters, drawn as a sequence of arrows, of a run that ended or goes on."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from rich.cells import cell_len
+from typer.testing import CliRunner
+
+from operate.cli.__main__ import app
+from operate.cli.terminal import sequence
+from operate.cli.traffic import conversation
+from operate.cli.traffic.verdicts import told
+from operate.run_folder import VERDICTS_FILE, Judged
+from topdown.judge.verdicts import Verdict
+
+POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
+ASKED = Judged(
+    t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex", protocol="request",
+    performative="request", conversation="ta-1-2", id="1", text="look", initiator="asked", participant="asked",
+)  # fmt: skip
+AGREED = msgspec.structs.replace(
+    ASKED, t=102.2, sender="ex", receiver="ta", performative="agree", text="accepted", initiator="agreed",
+    participant="agreed",
+)  # fmt: skip
+WRONG = msgspec.structs.replace(
+    AGREED, t=103.0, verdict=Verdict.OUT_OF_SEQUENCE, violation=True,
+    why="request: participant ex says agree in agreed; it may say failure, inform, inform[progress]",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pour, with its verdicts as the monitor writes them."""
+    run = tmp_path_factory.mktemp("run")
+    (run / VERDICTS_FILE).write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in told(POUR)))
+    return run
+
+
+def roco(run_dir: Path, *words: str, columns: int = 80, code: int = 0) -> str:
+    """What it prints; its exit code must be `code`."""
+    done = CliRunner().invoke(
+        app, ["conversation", *words, "--run-dir", str(run_dir)], env={"COLUMNS": str(columns)}, terminal_width=columns
+    )
+    assert done.exit_code == code, done.output
+    return done.stdout + done.stderr
+
+
+def listed(run_dir: Path, *words: str) -> list[conversation.Conversation]:
+    """The list, for programs."""
+    return msgspec.json.decode(roco(run_dir, "list", "--format", "json", *words), type=list[conversation.Conversation])
+
+
+def test_every_conversation_is_listed_once(run_dir: Path) -> None:
+    """Each with its agents in their roles, oldest first."""
+    found = listed(run_dir)
+    assert len({one.id for one in found}) == len(found) == 137
+    assert [one.since for one in found] == sorted(one.since for one in found)
+    assert {(one.initiator, one.participant) for one in found if one.channel == "C1"} == {("co", "ta")}
+
+
+@pytest.mark.parametrize(
+    ("words", "count"),
+    [
+        (("--channel", "C1"), 2),
+        (("--agent", "hi"), 1),
+        (("--protocol", "subscribe"), 1),
+        (("--open",), 1),
+        (("--ended", "--channel", "C5"), 14),
+        (("--wrong",), 0),
+        (("--channel", "C1", "--channel", "C2"), 3),
+        (("--performative", "subscribe", "--performative", "confirm"), 3),
+        (("--run", str(POUR / "traffic.mcap"), "--agent", "hi"), 1),
+    ],
+)
+def test_filters(run_dir: Path, words: tuple[str, ...], count: int) -> None:
+    """Only what was asked for; the live subscription is the one that goes on."""
+    assert len(listed(run_dir, *words)) == count
+
+
+def test_a_conversation_is_drawn(run_dir: Path) -> None:
+    """Both lifelines, each act with its size, its content, the states after it."""
+    text = roco(run_dir, "show", "ta-1-2")
+    assert [word for word in ("request  196 B", "agree  115 B", "inform  1.03 kB") if word not in text] == []
+    assert text.count("▶") == 1
+    assert text.count("◀") == 2
+    assert "look" in text
+    assert "done" in text
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120, 200])
+@pytest.mark.parametrize("name", ["hi-1-1", "km-1-1", "co-1-2"])
+def test_a_drawing_fits_the_terminal(run_dir: Path, name: str, columns: int) -> None:
+    """No line is wider, and both lifelines stand in the same columns throughout."""
+    [one] = [one for one in conversation.conversations(told(run_dir)) if one.id == name]
+    lines = sequence.drawn(one.said, one.initiator, one.participant, columns).plain.splitlines()
+    assert max(map(cell_len, lines)) <= columns
+    assert len({(line.index("│"), line.rindex("│")) for line in lines[1:]}) == 1
+
+
+def test_what_is_wrong_is_marked_with_its_reason() -> None:
+    """Verdict and why, under the arrow."""
+    text = sequence.drawn((ASKED, AGREED, WRONG), "ta", "ex", 80).plain
+    assert "OUT OF SEQUENCE" in text
+    assert " ".join(text.split()).count("it may say failure, inform, inform[progress]") == 1
+    assert "+3.00 s" in text
+
+
+def test_an_unknown_conversation_is_said(run_dir: Path) -> None:
+    """Exit code 1, and where the known ones are."""
+    assert "roco conversation list" in roco(run_dir, "show", "nobody-1-1", code=1)
+
+
+def test_a_run_that_goes_on_is_shown_as_far_as_it_is(tmp_path: Path) -> None:
+    """A line that is not whole yet is left out; the conversation goes on."""
+    lines = msgspec.json.encode(ASKED) + b"\n" + msgspec.json.encode(AGREED)[:40]
+    (tmp_path / VERDICTS_FILE).write_bytes(lines)
+    [one] = listed(tmp_path)
+    assert (one.ended, one.states) == (False, ("asked", "asked"))
+    assert "goes on" in roco(tmp_path, "show", one.id)
+
+
+def test_a_run_without_verdicts_is_judged_now() -> None:
+    """Of an older monitor there is the recording alone."""
+    assert len(told(POUR)) == 424
+
+
+def test_no_run_is_said(tmp_path: Path) -> None:
+    """Exit code 3: there is nothing to ask."""
+    assert "no run at" in roco(tmp_path / "none", "list", code=3)

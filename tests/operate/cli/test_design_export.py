@@ -1,0 +1,68 @@
+"""`roco design export`: files for spin and for Petri net tools, of any design file."""
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from companion.design import DESIGN
+from operate.cli.__main__ import app
+from topdown.prove.pairs import net_of
+from topdown.prove.promela import promela
+
+LAMP = Path(__file__).parents[2] / "topdown" / "lamp.toml"
+
+
+def export(*words: str) -> Result:
+    """Call `roco design export`."""
+    return CliRunner().invoke(app, ["design", "export", *words])
+
+
+def test_one_use_goes_to_one_file(tmp_path: Path) -> None:
+    """The text is that of the net which is explored."""
+    file = tmp_path / "plan.pml"
+    said = export("--promela", str(file), "--use", "execute_plan", "--faults", "1")
+    assert said.exit_code == 0, said.output
+    assert file.read_text() == promela(net_of(DESIGN, "execute_plan", 1))
+    assert f"spin -a -o1 -o2 {file}" in said.stdout.replace("\n", "")
+
+
+def test_a_pair_goes_to_a_folder_as_nets(tmp_path: Path) -> None:
+    """Both uses between ta and ex that have a small net; each is XML with places and a marking."""
+    said = export("--pnml", str(tmp_path / "nets"), "--pair", "co-ta", "--use", "generate_plan", "--format", "json")
+    assert said.exit_code == 0, said.output
+    written = json.loads(said.stdout)
+    assert [one["use"] for one in written] == ["generate_plan", "execute_plan"]
+    for one in written:
+        net = ElementTree.parse(one["file"]).getroot()
+        assert sum(element.tag.endswith("initialMarking") for element in net.iter()) == one["variables"] + one["queues"]
+
+
+def test_another_design_is_exported_whole(tmp_path: Path) -> None:
+    """Nothing of the companion is needed."""
+    said = export(str(LAMP), "--promela", str(tmp_path), "--pnml", str(tmp_path), "--ideal")
+    assert said.exit_code == 0, said.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["switch.pml", "switch.pnml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "nothing to write; name a file or a folder with --promela or --pnml"),
+        (["--promela", "x.pml", "--use", "dance"], "execute_plan"),
+        (["--promela", "x.pml", "--pair", "co"], "write two agents, as co-ta"),
+        (["--promela", "x.pml", "--pair", "hi-ex"], "hi-co"),
+        (["--pnml", "x.pnml", "--use", "watch_robot", "--faults", "2"], "is the most"),
+    ],
+)
+def test_what_is_wrong_is_said_with_what_would_be_right(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    result = export(*words)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert not list(tmp_path.iterdir())

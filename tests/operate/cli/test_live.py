@@ -1,0 +1,228 @@
+"""The picture of a run: folded from lines, drawn at any width."""
+
+import io
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from companion.design import DESIGN
+from companion.run_files import TaskLine
+from companion.tools.verbs import demo
+from operate.cli.fleet import state_words
+from operate.cli.terminal import draw, run_state
+from operate.run_folder import (
+    Against,
+    AgentIn,
+    Fleet,
+    Happened,
+    LiveLine,
+    PlanAt,
+    PlanSeen,
+    ProcessState,
+    ProcessStatus,
+    Sent,
+)
+
+STATES = ("main", "main/take", "main/take/approach", "main/take/grasp", "main/pour", "main/pour/tilt")
+
+words = st.text("abc/", min_size=1, max_size=6)
+lines: st.SearchStrategy[LiveLine] = st.one_of(
+    st.builds(
+        Sent,
+        t=st.floats(0, 1e9),
+        channel=st.sampled_from(["C1", "C4", "C9"]),
+        sender=words,
+        receiver=words,
+        protocol=words,
+        performative=words,
+        bytes=st.integers(0, 10**6),
+    ),
+    st.builds(AgentIn, t=st.floats(0, 1e9), agent=st.sampled_from(["ta", "pl"]), state=words, alive=st.booleans()),
+    st.builds(PlanSeen, t=st.floats(0, 1e9), plan=words, task=words, states=st.just(STATES)),
+    st.builds(
+        PlanAt, t=st.floats(0, 1e9), at=st.sampled_from([*STATES, "elsewhere"]), outcome=st.sampled_from(["", "failed"])
+    ),
+    st.builds(Happened, t=st.floats(0, 1e9), name=words, text=words),
+)
+
+
+def scene(view: run_state.View) -> draw.Scene:
+    """A scene around a view, with something of everything."""
+    processes = (
+        ProcessStatus("router", ProcessState.READY, 7),
+        ProcessStatus("ta", ProcessState.READY, 8, restarts=2),
+        ProcessStatus("pl", ProcessState.GIVEN_UP, note="no program"),
+    )
+    fleet = Fleet("test", "tcp/127.0.0.1:1", 9, 0.0, processes)
+    return draw.Scene("a run", 0.0, fleet, (TaskLine("hi-1-1", "running", "on my way", "pour"),), view, stop_held=True)
+
+
+def drawn(view: run_state.View, width: int = 110) -> str:
+    """The picture as text."""
+    console = Console(width=width, record=True, force_terminal=True, file=io.StringIO())
+    console.print(draw.picture(scene(view), now=12.0))
+    return console.export_text()
+
+
+def folded(*told: LiveLine) -> run_state.View:
+    """The view after these lines."""
+    view = run_state.View()
+    for line in told:
+        view = run_state.fold(view, line)
+    return view
+
+
+@given(st.lists(lines, max_size=20), st.integers(20, 200))
+def test_whatever_was_told_can_be_drawn(told: list[LiveLine], width: int) -> None:
+    """No line and no width of a terminal breaks the picture; the fleet stands in it."""
+    text = drawn(folded(*told), width)
+    assert "router" in text or width < 60
+
+
+@given(st.lists(lines, max_size=20))
+def test_counts_are_those_of_the_lines(told: list[LiveLine]) -> None:
+    """Each communicate counts once, on its channel, with its bytes."""
+    view = folded(*told)
+    for channel in ("C1", "C4", "C9"):
+        sent = [line for line in told if isinstance(line, Sent) and line.channel == channel]
+        counted = view.channels.get(channel, run_state.Counted())
+        assert (counted.count, counted.bytes) == (len(sent), sum(line.bytes for line in sent))
+
+
+def test_the_present_state_stands_out_and_those_before_are_ticked() -> None:
+    """The tree shows where the robot is."""
+    text = drawn(
+        folded(
+            PlanSeen(t=0, plan="p", task="pour", states=STATES),
+            PlanAt(t=1, at="main/take/approach"),
+            PlanAt(t=2, at="main/take/grasp"),
+        )
+    )
+    assert "▶ grasp" in text
+    assert "✓ approach" in text
+    assert "▾ take" in text
+    assert "· tilt" in text
+
+
+@given(st.lists(lines, max_size=60), st.integers(24, 60), st.sampled_from((80, 100, 140)))
+def test_the_picture_fits_the_terminal(told: list[LiveLine], height: int, width: int) -> None:
+    """From 80 x 24 on nothing is cut off, however much has happened."""
+    console = Console(width=width, height=height, force_terminal=True, file=io.StringIO())
+    fleet = Fleet("t", "", 9, 0.0, tuple(ProcessStatus(f"p{n}", ProcessState.READY, 1) for n in range(9)))
+    reason = " ".join(["a long reason"] * 24) if height > 30 else "plan 1"  # five lines instead of one
+    task = TaskLine("hi-1-1", "planning", reason, "pour")
+    many = (Happened(t=float(n), name="event", text=str(n)) for n in range(run_state.LATEST_EVENTS))
+    whole = draw.Scene("a run", 0.0, fleet, (task,), folded(*told, *many))
+    assert len(console.render_lines(draw.picture(whole, 12.0, height, width))) < height
+
+
+REASON = "the task failed: " + " ".join(f"reason-{number}" for number in range(30))
+
+
+def test_a_reason_can_be_read_whole() -> None:
+    """Longer than a line at 80 columns: of an event, of a task, and of the verdict; no word is broken."""
+    view = folded(Happened(t=1.0, name="ended, failed", text=REASON))
+    told = draw.Scene("a run", 0.0, None, (TaskLine("hi-1-1", "failed", REASON, "pour"),), view)
+    console = Console(width=80, height=40, record=True, force_terminal=True, file=io.StringIO())
+    console.print(draw.picture(told, 12.0, console.height, console.width))
+    text = console.export_text()
+    assert " ".join(text.split()).count(REASON) == 2
+    assert len(text.splitlines()) < console.height
+    said = demo.verdict(demo.Report(success=False, failure=REASON), Path("run"), 80).splitlines()
+    assert max(map(len, said)) <= 80
+    assert " ".join(" ".join(said[:-1]).split()) == f"no success: {REASON}"
+
+
+def test_an_event_longer_than_the_picture_is_cut_where_it_ends() -> None:
+    """The latest one comes first, older ones as long as they fit whole."""
+    view = folded(Happened(t=1.0, name="old", text=REASON), Happened(t=2.0, name="new", text=REASON))
+    lines = draw.events(view, 0.0, 5, 80).plain.splitlines()
+    assert len(lines) <= 5
+    assert lines[0].startswith("    2 s  new: the task failed")
+    assert len(draw.events(view, 0.0, 3, 40).plain.splitlines()) == 3
+
+
+def test_the_start_says_whom_it_waits_for() -> None:
+    """Before there is a task, the second line tells how far the fleet is."""
+    processes = (ProcessStatus("router", ProcessState.READY, 7), ProcessStatus("km", ProcessState.STARTING, 8))
+    starting = draw.Scene("a run", 0.0, Fleet("t", "", 9, 0.0, processes))
+    assert "starting: 1 of 2 ready, waiting for km" in draw.header(starting, 3.0).plain
+    assert "starting the supervisor" in draw.header(draw.Scene("a run", 0.0), 0.0).plain
+
+
+def test_states_of_all_agents_have_words() -> None:
+    """No state of the design is shown as an id."""
+    for agent, entry in DESIGN.agents.items():
+        assert {state.name for state in entry.state} == set(state_words.WORDS[agent])
+
+
+def test_a_machine_left_behind_is_ticked() -> None:
+    """Once the last state of a machine has passed, the machine has."""
+    text = drawn(
+        folded(
+            PlanSeen(t=0, plan="p", task="pour", states=STATES),
+            PlanAt(t=2, at="main/take/grasp"),
+            PlanAt(t=3, at="main/pour/tilt"),
+        )
+    )
+    assert "✓ take" in text
+
+
+@given(st.integers(1, 30), st.integers(1, 12), st.data())
+def test_a_long_plan_is_cut_around_the_present_state(machines: int, leaves: int, data: st.DataObject) -> None:
+    """At most so many lines, in the order of the tree, and the present state is one of them."""
+    states = [path for m in range(machines) for path in (f"m{m}", *(f"m{m}/s{n}" for n in range(leaves)))]
+    at = data.draw(st.sampled_from(states))
+    paths = draw.shown(run_state.Plan("p", "pour", tuple(states), at), 16)
+    assert len(paths) <= 16
+    assert at in paths
+    assert list(paths) == [path for path in states if path in paths]
+
+
+def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> None:
+    """A line in the making waits for the next look; a kind of a later version does no harm."""
+    file = tmp_path / "live.jsonl"
+    follow = run_state.Follow(run_state.of_file(file))
+    assert follow.new() == []
+    first, second = Happened(t=1.0, name="a"), Happened(t=2.0, name="b")
+    whole = msgspec.json.encode(second) + b"\n"
+    file.write_bytes(msgspec.json.encode(first) + b'\n{"kind":"Later","t":1}\nnot json\n' + whole[:9])
+    assert follow.new() == [first]
+    with file.open("ab") as rest:
+        rest.write(whole[9:])
+    assert follow.new() == [second]
+    assert follow.new() == []
+
+
+AGAINST = Against(
+    t=1.0, verdict="late", channel="C4", sender="km", receiver="pl", performative="inform-ref", why="too late"
+)
+
+
+def test_what_is_not_as_designed_is_an_event() -> None:
+    """A person who watches sees it among what happened."""
+    [event] = run_state.fold(run_state.View(), AGAINST).events
+    assert (event.who, event.text) == ("late", "km > pl inform-ref: too late")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (PlanAt(t=0, at="take jar_1/grasp"), "  take jar: grasp"),
+        (PlanAt(t=0, at="main/pour", outcome="failed"), ""),
+        (PlanSeen(t=0, plan="p", task="take jar_1", states=STATES), "plan received: take jar, in 3 steps"),
+        (Happened(t=0, name="jar grasped"), "jar grasped"),
+        (Happened(t=0, name="plan 1 ended: Failed", text="it slipped"), "plan 1 ended: Failed: it slipped"),
+        (Happened(t=0, name="plan 1 begins"), ""),
+        (AgentIn(t=0, agent="km", state="idle", alive=False), "km: gone"),
+        (AgentIn(t=0, agent="km", state="idle"), ""),
+        (AGAINST, "not as designed, late: km > pl inform-ref: too late"),
+    ],
+)
+def test_a_line_in_words(line: LiveLine, said: str) -> None:
+    """What a log shows; what is merely counted shows nothing."""
+    assert run_state.in_words(line) == said

@@ -1,0 +1,90 @@
+"""The operator's verbs on the real fleet: seen, stopped, started, restarted, drawn, frozen and found out."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(400)]
+VERB_S = 150.0
+
+
+def roco(run: Path, *words: str, code: int = 0) -> dict[str, Any]:
+    """What a verb says to programs; its exit code must be `code`."""
+    command = [sys.executable, "-m", "operate.cli", *words, "--run-dir", str(run), "--format", "json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=VERB_S, check=False)
+    assert done.returncode == code, done.stdout + done.stderr
+    found: dict[str, Any] = json.loads(done.stdout or done.stderr)
+    return found
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """One fleet for all of it, as fast as it goes."""
+    folder = tmp_path_factory.mktemp("operated") / "run"
+    command = [sys.executable, "-m", "operate.cli", "up", "--out", str(folder), "--speed", "max"]
+    try:
+        subprocess.run(command, check=True, timeout=VERB_S)
+        yield folder
+    finally:
+        command = [sys.executable, "-m", "operate.cli", "down", "--run-dir", str(folder)]
+        subprocess.run(command, check=False, timeout=VERB_S)
+
+
+def rows(run: Path, code: int = 0) -> dict[str, dict[str, Any]]:
+    """The processes by name."""
+    return {row["name"]: row for row in roco(run, "agents", code=code)["agents"]}
+
+
+def test_every_process_is_seen(run: Path) -> None:
+    """Nine, each with memory; agents with their state, first life, and a heartbeat."""
+    found = rows(run)
+    assert set(found) == {"router", "monitor", "loop", "km", "pl", "ta", "ex", "co", "hi"}
+    assert all(row["memory"] > 10 << 20 for row in found.values())
+    assert (found["km"]["state"], found["km"]["incarnation"]) == ("idle", 1)
+    assert all(found[name]["heartbeat_s"] < 10 for name in ("km", "pl", "ta", "ex", "co", "hi"))
+
+
+def test_a_stopped_agent_stays_down_until_it_is_started(run: Path) -> None:
+    """The others live on; the status says who is down, and its next life counts on."""
+    roco(run, "agent", "stop", "km")
+    states = {one["name"]: one["state"] for one in roco(run, "status", code=1)["fleet"]["processes"]}
+    assert {name for name, state in states.items() if state != "ready"} == {"km"}
+    assert "roco agent start km" in json.dumps(roco(run, "doctor", code=1))
+    roco(run, "agent", "start", "km")
+    row = rows(run)["km"]
+    assert (row["process"], row["incarnation"], row["restarts"]) == ("ready", 2, 0)
+
+
+def test_a_restarted_agent_is_another_process(run: Path) -> None:
+    """Ready again when the verb comes back."""
+    before = rows(run)["pl"]["pid"]
+    after = roco(run, "agent", "restart", "pl")
+    assert after["process"] == "ready"
+    assert after["pid"] != before
+    assert rows(run)["pl"]["incarnation"] == 2
+
+
+def test_a_frozen_process_is_found_out_and_a_restart_helps(run: Path) -> None:
+    """Doctor names it with a remedy, and the remedy works: the supervisor kills who does not end."""
+    os.kill(rows(run)["ta"]["pid"], signal.SIGSTOP)
+    assert rows(run, code=1)["ta"]["trouble"] == "frozen by a signal"
+    checks = {check["name"]: check for check in roco(run, "doctor", code=1)["checks"]}
+    assert "roco agent restart ta" in checks["ta"]["remedy"]
+    roco(run, "agent", "restart", "ta")
+    assert rows(run)["ta"]["trouble"] == ""
+
+
+def test_the_graph_has_what_was_said(run: Path) -> None:
+    """After a sentence channel C2 has traffic."""
+    roco(run, "say", "status")
+    roco(run, "say", "look around")
+    (picture,) = [roco(run, "top", "--count", "1")]
+    assert picture["task"]["said"] == "look around"
+    assert {one["name"]: one["count"] for one in roco(run, "graph")["channels"]}["C2"] > 0

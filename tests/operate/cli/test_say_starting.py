@@ -1,0 +1,228 @@
+"""`roco say` right after a start: a fleet on its way is waited for; where nothing starts it says so at once."""
+
+import http.server
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+from typer.testing import CliRunner, Result
+
+from companion.run_files import HI_FILE, HiAddress, Problem
+from companion.tools.verbs import talk
+from operate.cli.__main__ import app
+from operate.cli.fleet import starting
+from operate.cli.runs import folders
+from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
+
+from . import fake_fleet
+
+STARTING = "the fleet is starting"
+Act = Callable[[], None]
+
+
+class Clock:
+    """In place of `time` in the verb: what is to happen while it waits happens there, one thing at each pause."""
+
+    def __init__(self) -> None:
+        self.now, self.pauses = 0.0, 0
+        self.acts: list[Act] = []
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+        self.pauses += 1
+        if self.acts:
+            self.acts.pop(0)()
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
+    """The time of the verb, in a place without runs and containers."""
+    made = Clock()
+    monkeypatch.setattr(talk, "time", made)
+    monkeypatch.setattr("operate.cli.fleet.compose.projects", lambda **_: ())
+    monkeypatch.delenv("ROCO_RUN_DIR", raising=False)
+    monkeypatch.delenv("ROCO_CONNECT", raising=False)
+    monkeypatch.chdir(tmp_path)
+    return made
+
+
+@pytest.fixture
+def called() -> Iterator[Callable[..., int]]:
+    """Have a process live that does nothing and was called with these words; its pid."""
+    processes: list[subprocess.Popen[bytes]] = []
+
+    def call(*words: object) -> int:
+        idle = [sys.executable, "-c", "import time; time.sleep(300)", *(str(word) for word in words)]
+        processes.append(subprocess.Popen(idle))
+        pid, until = processes[-1].pid, time.monotonic() + 20.0
+        while not folders.is_service(pid):  # for a moment it still bears the words of this process
+            assert time.monotonic() < until, f"{words} did not start"
+        return pid
+
+    yield call
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def say(*words: object) -> Result:
+    """Say a sentence."""
+    return CliRunner().invoke(app, ["say", "pour the jar into the bowl", *(str(word) for word in words)])
+
+
+def heard(done: Result) -> None:
+    """It became a task, and a person read once what was waited for."""
+    assert done.exit_code == 0, done.output
+    assert "hi-1-1" in done.stdout
+    assert done.stderr.count(STARTING) == 1
+
+
+def told(run: Path, state: ProcessState, supervisor: int) -> None:
+    """What a supervisor says of a_hi."""
+    run.mkdir(parents=True, exist_ok=True)
+    processes = (ProcessStatus("hi", state, supervisor),)
+    (run / FLEET_FILE).write_bytes(msgspec.json.encode(Fleet("test", "", supervisor, time.time(), processes)))
+
+
+def listening(pretend: Callable[[bool], None], run: Path) -> Act:
+    """Bring up a fleet with somebody who listens, where nothing may be yet."""
+
+    def come_up() -> None:
+        pretend(True)
+        beside = run.with_name("beside")
+        supervisor = starting.start(beside, [])
+        starting.wait_ready(beside, supervisor, lambda _: None)
+        run.mkdir(exist_ok=True)
+        (run / HI_FILE).write_bytes((beside / HI_FILE).read_bytes())
+
+    return come_up
+
+
+def test_before_anything_is_in_the_run_folder(clock, called, pretend, tmp_path: Path) -> None:
+    """The supervisor lives, and has told nothing."""
+    run = tmp_path / "run"
+    called(folders.SUPERVISOR, "--run-dir", run)
+    clock.acts = [lambda: None, listening(pretend, run)]
+    heard(say("--run-dir", run))
+    assert clock.pauses == 2
+
+
+def test_the_run_that_will_be_the_latest(clock, called, pretend, tmp_path: Path) -> None:
+    """Without a name it is waited for, though the run that is the latest so far has ended."""
+    old = tmp_path / "runs" / "old"
+    told(old, ProcessState.READY, 0)
+    (old / HI_FILE).write_bytes(msgspec.json.encode(HiAddress(1, "t")))
+    (tmp_path / "runs" / "latest").symlink_to(old)
+    new = tmp_path / "runs" / "new"
+    called(folders.SUPERVISOR, "--run-dir", new)
+
+    def linked() -> None:
+        listening(pretend, new)()
+        told(new, ProcessState.READY, called("services.supervisor"))
+        (tmp_path / "runs" / "latest").unlink()
+        (tmp_path / "runs" / "latest").symlink_to(new)
+
+    clock.acts = [linked]
+    heard(say())
+
+
+@pytest.mark.parametrize("state", [ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF])
+def test_while_the_supervisor_brings_it_up(clock, called, pretend, tmp_path: Path, state: ProcessState) -> None:
+    """As it says in the run folder."""
+    run = tmp_path / "run"
+    told(run, state, called("services.supervisor"))
+    clock.acts = [listening(pretend, run)]
+    heard(say("--run-dir", run))
+
+
+@pytest.mark.parametrize("state", [ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY])
+def test_what_does_not_come_is_not_waited_for(clock, called, tmp_path: Path, state: ProcessState) -> None:
+    """It was given up or stopped, or is there and hangs: said at once."""
+    run = tmp_path / "run"
+    told(run, state, called("services.supervisor", "--run-dir", run))
+    done = say("--run-dir", run)
+    assert (done.exit_code, clock.pauses) == (3, 0)
+    assert STARTING not in done.stderr
+
+
+def test_a_fleet_without_a_human_interface_is_not_waited_for(clock, called, tmp_path: Path) -> None:
+    """Such as that of `roco up --only router,km`."""
+    run = tmp_path / "run"
+    told(run, ProcessState.READY, called("services.supervisor", "--run-dir", run))
+    text = (run / FLEET_FILE).read_text().replace('"hi"', '"km"')
+    (run / FLEET_FILE).write_text(text)
+    assert (say("--run-dir", run).exit_code, clock.pauses) == (3, 0)
+
+
+def test_nothing_starts(clock, tmp_path: Path) -> None:
+    """No supervisor, no container: said at once."""
+    done = say()
+    assert (done.exit_code, clock.pauses) == (3, 0)
+    assert "roco up" in done.stderr
+
+
+def test_the_wait_ends(clock, called, tmp_path: Path) -> None:
+    """In words that say what to look at."""
+    run = tmp_path / "run"
+    told(run, ProcessState.STARTING, called("services.supervisor"))
+    done = say("--run-dir", run)
+    assert done.exit_code == 3
+    assert clock.now == pytest.approx(talk.STARTING_S, abs=1.0)
+    assert "still starting after 90 s; see `roco status`" in done.stderr
+
+
+def test_in_a_container_a_hi_itself_is_looked_for(clock, called, pretend, tmp_path: Path, monkeypatch) -> None:
+    """There is no supervisor, and no run folder until a_hi makes it."""
+    run = tmp_path / "run"
+    monkeypatch.setattr(folders, "HUMAN_INTERFACE", "services.a_hi_of_this_test")  # others may have a fleet here
+    monkeypatch.setenv("ROCO_CONNECT", "tls/router:7447")
+    monkeypatch.setenv("ROCO_RUN_DIR", str(run))
+    assert say().exit_code == 3
+    assert clock.pauses == 0, "it is no container of a_hi"
+    called(folders.HUMAN_INTERFACE)
+    clock.acts = [listening(pretend, run)]
+    heard(say())
+
+
+class WithoutCo(fake_fleet.Answers):
+    """A_hi that has no coordinator for its first two sentences."""
+
+    said = 0
+
+    def do_POST(self) -> None:
+        """Decline, then take it."""
+        WithoutCo.said += 1
+        if WithoutCo.said <= 2:
+            self.rfile.read(int(self.headers["Content-Length"]))
+            self.reply(Problem("there is no coordinator yet"), 503)
+        else:
+            super().do_POST()
+
+
+def test_a_hi_without_a_coordinator_is_asked_again(clock, tmp_path: Path) -> None:
+    """It has done nothing with the sentence, so that it can be said again."""
+    server = http.server.HTTPServer(("127.0.0.1", 0), WithoutCo)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    address = HiAddress(server.server_port, fake_fleet.TOKEN)
+    (tmp_path / HI_FILE).write_bytes(msgspec.json.encode(address))
+    heard(say("--run-dir", tmp_path))
+    assert clock.pauses == 2
+    server.shutdown()
+    server.server_close()
+
+
+def test_programs_read_nothing_but_the_answer(clock, called, pretend, tmp_path: Path) -> None:
+    """Nothing on standard error, as where other verbs wait."""
+    run = tmp_path / "run"
+    called(folders.SUPERVISOR, "--run-dir", run)
+    clock.acts = [listening(pretend, run)]
+    done = say("--run-dir", run, "--format", "json")
+    assert (done.exit_code, done.stderr) == (0, "")

@@ -1,0 +1,133 @@
+"""What a look at a process says: from /proc, from heartbeats, from two looks."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from operate.cli.fleet import process_status
+from operate.cli.fleet.container_snapshot import SHEET, sheet
+from operate.cli.fleet.local import Local
+from operate.cli.fleet.process_status import Beat, Look, Seen, Used
+from operate.run_folder import Fleet, ProcessState, ProcessStatus
+
+IDLE = "import time; time.sleep(600)"
+
+
+@pytest.fixture
+def idle() -> Iterator[int]:
+    """The pid of a process that does nothing and looks like one of ours, as soon as it does."""
+    process = subprocess.Popen([sys.executable, "-c", IDLE, "services.pretended"])
+    line = Path(f"/proc/{process.pid}/cmdline")
+    while b"services.pretended" not in line.read_bytes():  # Popen returns amid the exec, on a busy machine long before
+        time.sleep(0.001)
+    yield process.pid
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture
+def run(tmp_path: Path, idle: int) -> Path:
+    """A run folder of that process, with a heartbeat as an agent writes it."""
+    fleet = Fleet("test", "", idle, 0.0, (ProcessStatus("km", ProcessState.READY, idle),))
+    (tmp_path / "fleet.json").write_bytes(msgspec.json.encode(fleet))
+    beat = {"agent": "km", "pid": idle, "incarnation": 3, "step": 5, "state": "idle", "ready": True, "up": True}
+    beat |= {"peers": {"pl": 1}, "unreceipted": {"pl": 2}, "due": {"ta": 1}, "counts": {}, "at": 0.0}
+    (tmp_path / "km.heartbeat.json").write_bytes(msgspec.json.encode(beat))
+    (tmp_path / "stop").write_bytes(b"\x01")
+    return tmp_path
+
+
+def test_a_process_is_seen_with_its_heartbeat_and_what_it_uses(run: Path, idle: int) -> None:
+    """As /proc and the heartbeat's file say."""
+    (row,) = process_status.rows(Local(run).look(), Local(run).look())
+    assert (row.name, row.state, row.pid, row.incarnation, row.waiting, row.trouble) == ("km", "idle", idle, 3, 3, "")
+    assert row.memory is not None
+    assert 1 << 20 < row.memory < 1 << 28
+    assert row.heartbeat_s is not None
+    assert row.heartbeat_s < 30
+    assert Local(run).look().stop_held
+
+
+def test_a_process_stopped_by_a_signal_is_called_frozen(run: Path, idle: int) -> None:
+    """Its heartbeat is young still, and the pid is there."""
+    os.kill(idle, signal.SIGSTOP)
+    while not (found := process_status.trouble(Local(run).look().seen[0])):
+        time.sleep(0.01)
+    assert found == "frozen by a signal"
+
+
+def test_an_old_heartbeat_is_one_of_a_process_that_hangs(run: Path) -> None:
+    """Also of one that is there."""
+    os.utime(run / "km.heartbeat.json", (0, time.time() - 60))
+    assert re.search("hangs: last heartbeat 6[0-9] s ago", process_status.trouble(Local(run).look().seen[0]))
+
+
+def test_a_child_counts_for_its_parent() -> None:
+    """Lines as Linux writes them, with a name that has a parenthesis."""
+    rest = "0 0 0 0 0 0 0 0 0 {ticks} 0 0 0 20 0 1 0 0 0 {pages} 0"
+    lines = [
+        f"7 (a) b) S 1 {rest.format(ticks=10, pages=3)}",
+        f"8 (c) S 7 {rest.format(ticks=5, pages=2)}",
+        f"9 (d) T 1 {rest.format(ticks=1, pages=1)}",
+        "10 (cut) S",
+    ]
+    found = process_status.stats(lines)
+    assert sorted(found) == [7, 8, 9]
+    assert process_status.used(7, found) == Used(15 * process_status.TICK_S, 5 * process_status.PAGE, False)
+    assert process_status.used(9, found) == Used(process_status.TICK_S, process_status.PAGE, True)
+    assert process_status.used(10, found) is None
+
+
+def look(pid: int, cpu_s: float, at: float) -> Look:
+    """A look at one process."""
+    status = ProcessStatus("ta", ProcessState.READY, pid)
+    return Look(None, (Seen(status, Beat(pid=pid), 0.1, Used(cpu_s, 1, False)),), False, at)
+
+
+def test_the_share_of_a_processor_is_between_two_looks_at_the_same_process() -> None:
+    """Half a second of work in two seconds; another process begins anew."""
+    assert process_status.rows(look(5, 1.0, 10.0), look(5, 1.5, 12.0))[0].cpu == pytest.approx(25.0)
+    assert process_status.rows(look(5, 1.0, 10.0), look(6, 1.5, 12.0))[0].cpu is None
+
+
+def test_a_sheet_of_a_container_says_what_its_files_say(run: Path, idle: int) -> None:
+    """The script is run by a shell here, as it is in a container."""
+    (run / "km.ready").write_text("1")
+    done = subprocess.run(
+        ["sh", "-c", SHEET],
+        env={"PATH": os.environ["PATH"], "ROCO_RUN_DIR": str(run)},
+        capture_output=True,
+        timeout=20,
+        check=True,
+    )
+    read = sheet(done.stdout)
+    beat, age = read.beat("km")
+    assert beat is not None
+    assert (beat.incarnation, beat.peers) == (3, {"pl": 1})
+    assert age is not None
+    assert age < 30
+    assert read.stop_held
+    assert read.fleet is not None
+    assert read.fleet.processes[0].pid == idle
+    assert read.pid("km") == idle
+    assert process_status.used(idle, read.stats) is not None
+    assert read.ready("km")
+    assert not read.ready("pl")
+    assert read.beat("pl") == (None, None)
+
+
+@pytest.mark.parametrize("data", [b"", b"nothing\n", b"@@ now 1.0\n@@ stat 0\n"])
+def test_an_empty_sheet_says_nothing(data: bytes) -> None:
+    """As of a container that ended meanwhile."""
+    read = sheet(data)
+    assert read.fleet is None
+    assert not read.ready("km")
+    assert read.pid("km") == 0

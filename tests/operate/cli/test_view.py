@@ -1,0 +1,71 @@
+"""`roco view` says what shows a run, or what is missing and what to do."""
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from operate.cli.errors import NoRunError, UsageError
+from operate.cli.fleet import view
+from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
+
+NOWHERE = {name: word for name, word in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+
+
+@pytest.fixture
+def served() -> Iterator[int]:
+    """A port that somebody listens at."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, served: int) -> None:
+    """Live comes before a recording; page and viewer connect to the same port."""
+    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(served, 4711)))
+    (tmp_path / RRD_FILE).touch()
+    seen = view.found(tmp_path, "", web=False)
+    assert seen.live
+    assert seen.command[1:] == ("--connect", f"rerun+http://127.0.0.1:{served}/proxy")
+    assert seen.url == f"http://127.0.0.1:4711/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{served}%2Fproxy"
+
+
+def test_a_fleet_that_has_ended_is_shown_by_its_recording(tmp_path: Path) -> None:
+    """view.json is left, nobody listens there."""
+    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(view.free_port(), 1)))
+    (tmp_path / RRD_FILE).touch()
+    seen = view.found(tmp_path, "", web=False)
+    assert (seen.live, seen.command[1:]) == (False, (str(tmp_path / RRD_FILE),))
+    page = view.found(tmp_path / RRD_FILE, "", web=True)
+    assert "--serve-web" in page.command
+    assert page.command[page.command.index("--bind") + 1] == "127.0.0.1"
+    assert page.url.startswith(f"http://127.0.0.1:{page.command[page.command.index('--web-viewer-port') + 1]}/?url=")
+
+
+def test_a_run_without_pictures_says_how_they_are_made(tmp_path: Path) -> None:
+    """No fleet, no run.rrd."""
+    with pytest.raises(NoRunError, match="roco report"):
+        view.found(tmp_path, "", web=False)
+    with pytest.raises(UsageError, match="no run's folder"):
+        view.found(tmp_path / "none", "", web=False)
+
+
+def test_containers_serve_where_compose_publishes() -> None:
+    """The usual ports, or those of the environment."""
+    assert view.containers({}) == ViewAddress(9876, 9090)
+    assert view.containers({view.GRPC: "9976", view.WEB: "9190"}) == ViewAddress(9976, 9190)
+    with pytest.raises(UsageError, match=view.WEB):
+        view.containers({view.WEB: "page"})
+
+
+def test_without_a_display_it_names_the_page(tmp_path: Path) -> None:
+    """Exit code 1, and the words say what works instead."""
+    (tmp_path / RRD_FILE).touch()
+    words = [sys.executable, "-m", "operate.cli", "view", str(tmp_path)]
+    done = subprocess.run(words, env=NOWHERE, capture_output=True, text=True, timeout=50)
+    assert done.returncode == 1
+    assert "roco view --web" in done.stderr

@@ -1,0 +1,175 @@
+"""`roco agents`, `agent info`, `graph`, `top` and `doctor` on a pretended fleet, and on a terminal."""
+
+import json
+import os
+import pty
+import select
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner, Result
+
+from companion.tools.verbs import pace
+from operate.cli.__main__ import app
+from operate.cli.fleet import checkup_machine
+from operate.cli.fleet.local import Local
+from operate.cli.runs import folders
+from operate.cli.terminal import top
+
+
+def roco(*words: object) -> Result:
+    """Call the command line."""
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def test_agents_tells_of_every_process(run: Path) -> None:
+    """A row for each; the same for programs."""
+    done = roco("agents", "--run-dir", run)
+    assert done.exit_code == 0, done.output
+    assert "MiB" in done.stdout
+    (row,) = json.loads(roco("agents", "--run-dir", run, "--format", "json").stdout)["agents"]
+    assert (row["name"], row["process"]) == ("ta", "ready")
+    assert row["cpu"] >= 0
+
+
+def test_agent_info_knows_its_channels_and_names_who_there_is(run: Path) -> None:
+    """A name that is not there is a wrong use."""
+    told = json.loads(roco("agent", "info", "ta", "--run-dir", run, "--format", "json").stdout)
+    assert told["channels"] == {"co": "C1", "ex": "C5", "km": "C6"}
+    done = roco("agent", "info", "nobody", "--run-dir", run)
+    assert done.exit_code == 2
+    assert "there are: ta" in done.stderr
+
+
+def test_where_no_supervisor_is_nobody_is_stopped(run: Path) -> None:
+    """It says what to do."""
+    fleet = json.loads((run / "fleet.json").read_bytes())
+    (run / "fleet.json").write_text(json.dumps(fleet | {"supervisor": 0}))
+    done = roco("agent", "stop", "ta", "--run-dir", run)
+    assert done.exit_code == 1
+    assert "`roco down`, then `roco up`" in done.stderr
+    assert not list(run.glob("*.off"))
+
+
+def test_graph_and_top_tell_what_went_over_a_channel(run: Path) -> None:
+    """The one communicate of the story, long ago."""
+    channels = json.loads(roco("graph", "--run-dir", run, "--format", "json").stdout)["channels"]
+    assert {one["name"]: one["count"] for one in channels}["C4"] == 1
+    pictures = roco("top", "--run-dir", run, "--count", "2", "--period", "0.2", "--format", "json").stdout.splitlines()
+    assert len(pictures) == 2
+    assert json.loads(pictures[1])["plan"] == "plan 1: pour, succeeded"
+    assert "carries out the plan" in roco("top", "--run-dir", run, "--count", "1").stdout
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (100, 30)])
+def test_the_picture_of_top_fits(width: int, height: int, run: Path) -> None:
+    """No line is longer than the terminal, and no more lines than it has."""
+    console = Console(width=width, height=height, force_terminal=True, file=Path(os.devnull).open("w"))  # noqa: SIM115
+    lines = console.render_lines(top.Watched(Local(run)).picture(width, height))
+    assert len(lines) <= height
+    console.file.close()
+
+
+def test_top_ends_at_q_and_leaves_the_terminal_as_it_was(run: Path) -> None:
+    """In a terminal of its own: the picture comes, q ends it with 0."""
+    ours, theirs = pty.openpty()
+    before = termios.tcgetattr(theirs)
+    command = [sys.executable, "-m", "operate.cli", "top", "--run-dir", str(run)]
+    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=os.environ | {"TERM": "xterm"})
+    told = b""
+    while b"who" not in told and b"agent" not in told:
+        assert select.select([ours], [], [], 30)[0], told
+        told += os.read(ours, 4096)
+    os.write(ours, b"q")
+    until = time.monotonic() + 30
+    while process.poll() is None and time.monotonic() < until:
+        if select.select([ours], [], [], 0.1)[0]:
+            os.read(ours, 4096)
+    assert process.returncode == 0
+    assert termios.tcgetattr(theirs) == before
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_doctor_finds_nothing_wrong_with_a_fleet_that_is_well(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And a note where it is held."""
+    monkeypatch.setattr(checkup_machine, "IMPORTS", ("msgspec",))
+    roco("stop", "--run-dir", run)
+    done = roco("doctor", "--run-dir", run, "--format", "json")
+    checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
+    assert checks["fleet"]["level"] == "fine"
+    assert checks["stop"]["level"] == "note"
+    assert {"python", "libraries", "imports", "ports", "disk", "memory", "processor"} <= checks.keys()
+
+
+def test_doctor_names_what_died_and_what_was_left_behind(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each with its remedy; exit code 1."""
+    monkeypatch.setattr(checkup_machine, "IMPORTS", ("msgspec",))
+    fleet = json.loads((run / "fleet.json").read_bytes())
+    left = tmp_path / "runs" / "before"
+    left.mkdir(parents=True)
+    (left / "fleet.json").write_text(json.dumps(fleet | {"supervisor": 0}))
+    dead = {"name": "km", "state": "given-up", "note": "killed by signal 9"}
+    (run / "fleet.json").write_text(
+        json.dumps(fleet | {"connect": "tls/127.0.0.1:1", "processes": [*fleet["processes"], dead]})
+    )
+    monkeypatch.chdir(tmp_path)
+    done = roco("doctor", "--run-dir", run, "--format", "json")
+    assert done.exit_code == 1
+    checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
+    assert checks["km"]["what"] == "given-up: killed by signal 9"
+    assert "roco agent start km" in checks["km"]["remedy"]
+    assert "does not answer" in checks["router"]["what"]
+    assert checks["other runs"]["level"] == "wrong"
+    assert "roco down --run-dir runs/before" in checks["other runs"]["remedy"]
+    assert "✗" in roco("doctor", "--run-dir", run).stdout
+
+
+@pytest.mark.parametrize(("late", "level"), [(20, "fine"), (300, "wrong")])
+def test_doctor_says_whether_real_time_can_be_held(
+    late: int, level: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a second of the loop, and what to do where it cannot."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(pace, "measure", lambda: pace.Pace(500, late, held=late < 50))
+    check = next(iter(checkup_machine.real_time()))
+    assert check.level == level
+    assert ("real time cannot be held" in check.what) == (level == "wrong")
+    assert ("--speed max" in check.remedy) == (level == "wrong")
+    assert f"{late / 5:.0f} % of the control loop's cycles" in check.what
+
+
+def test_doctor_times_no_loop_beside_a_fleet(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both would be late; nor where nothing can be measured."""
+    monkeypatch.chdir(run.parent)
+    monkeypatch.setattr(folders, "RUNS", run.parent)
+    monkeypatch.setattr(pace, "measure", lambda: pytest.fail("a loop was timed"))
+    assert [check.what for check in checkup_machine.real_time() if "late" in check.what] == []
+
+
+def test_the_load_of_a_fleet_of_ones_own_is_only_told(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At --speed max nothing fails by it."""
+    monkeypatch.chdir(run.parent)
+    (run.parent / "runs").symlink_to(run.parent)
+    monkeypatch.setattr(os, "getloadavg", lambda: (99.0, 0.0, 0.0))
+    assert next(iter(checkup_machine.processors())).level == "note"
+
+
+def test_doctor_names_libraries_that_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the extra that brings them; those of development are nobody's business."""
+    wanted = ["nowhere-to-be>=1; extra == 'executor'", "not-this>=2; extra == 'dev'", "msgspec>=0.20"]
+    monkeypatch.setattr("importlib.metadata.requires", lambda _: wanted)
+    (check,) = checkup_machine.libraries()
+    assert check.what == "not installed: nowhere-to-be"
+    assert "[executor]" in check.remedy
+    monkeypatch.setattr(checkup_machine, "IMPORTS", ("nowhere_to_be",))
+    (check,) = checkup_machine.imports()
+    assert check.level == "wrong"
+    assert "nowhere_to_be" in check.what

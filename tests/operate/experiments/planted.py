@@ -1,0 +1,91 @@
+"""Sets of run results made by hand, with known means and known faults: nothing here is measured."""
+
+import random
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+
+import msgspec
+
+from operate.experiments import results
+from operate.experiments.exchanges import Said
+from operate.experiments.results import Communicates, Figures, Happened, Latency, Plan, Result, Runs, Sizes, Spans
+
+Change = Callable[[Figures], Figures]
+
+
+def same(figures: Figures) -> Figures:
+    """No change."""
+    return figures
+
+
+def figures(seed: int, noise: random.Random) -> Figures:
+    """One run: the seed decides what is drawn, the noise what a machine adds."""
+    drawn, shake = random.Random(seed), noise.gauss(0.0, 0.02)
+    wall = 50.0 * (1.0 + drawn.gauss(0.0, 0.05) + shake)
+    return Figures(
+        success=True,
+        poured_fraction=1.0,
+        sim_time_s=64.0 * (1.0 + drawn.gauss(0.0, 0.04)),
+        wall_time_s=wall,
+        energy_J=650.0 * (1.0 + drawn.gauss(0.0, 0.04)),
+        communicates=Communicates(
+            total=421,
+            small=0.9,
+            matrix={"pl": {"km": 116}, "km": {"pl": 116 + seed % 3}},
+            per_channel={"C4": Sizes(count=232, total=104888, least=110, mean=452.0, largest=22870)},
+        ),
+        plans=(Plan(1, 1.0, 10.0 * (1.0 + shake), 92, 184, 92534, 0.1), Plan(2, wall - 10, 2.1, 22, 44, 11819, 0.03)),
+        events=(Happened("command received", 4.6, 3.2, ("C2",)), Happened("finished", 4.6 + wall, 67.0, ("C2",))),
+        latency=(Latency("C3", "generate_plan", 15000.0, Spans(2, 6000.0 * (1.0 + shake), 10000.0, 10200.0)),),
+        seed=seed,
+        speed="max",
+        began=1.7e9 + seed,
+    )
+
+
+def said(seed: int) -> tuple[Said, ...]:
+    """What was said: some queries of pl and their answers, and a request of co; times shake from run to run."""
+    shake = random.Random(seed)
+    rows, t = [], 0.0
+    for n in range(6):
+        for sender, receiver, act, kind in (
+            ("pl", "km", "query-ref", "ObjectPose"),
+            ("km", "pl", "inform-ref", "PoseOf"),
+        ):
+            t += shake.uniform(0.01, 0.5)
+            rows.append(Said(t, "C4", sender, receiver, "query", act, f"pl-1-{n}", kind, 150 + n, f"object pose {n}"))
+    for sender, receiver, act in (("co", "pl", "request"), ("pl", "co", "agree")):
+        t += 0.1
+        rows.append(Said(t, "C3", sender, receiver, "request", act, "co-1-1", "", 90, ""))
+    return tuple(rows)
+
+
+def runs(
+    seeds: Iterable[int] = range(1, 31), *, change: Change = same, failing: Collection[int] = (), machine: int = 1
+) -> Runs:
+    """A set; `machine`: another one adds other noise. Of the failing seeds the reason is "the jar fell"."""
+    noise = random.Random(machine)
+    found = []
+    for seed in seeds:
+        one = change(figures(seed, noise))
+        why = "the jar fell" if seed in failing else None
+        one = msgspec.structs.replace(one, success=why is None, failure=why)
+        found.append(Result(seed, why, one, one.began, 60.0, False, (1.0, 2.0)))
+    return Runs("planted", None, tuple(found), {one.seed: said(one.seed) for one in found if one.seed is not None})
+
+
+def times(factor: float, *names: str) -> Change:
+    """Multiply some figures."""
+    return lambda one: msgspec.structs.replace(one, **{name: factor * getattr(one, name) for name in names})
+
+
+def written(place: Path, of: Runs, setting: results.Setting | None = None) -> Path:
+    """An experiment's folder with these results, as `roco experiment` leaves it, without recordings."""
+    from operate.experiments import tables
+
+    place.mkdir(parents=True)
+    (place / results.RESULTS_FILE).write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in of.results))
+    tables.write_said(place / results.SAID_FILE, of.said)
+    if setting is not None:
+        (place / results.SETTING_FILE).write_bytes(msgspec.json.encode(setting))
+    return place

@@ -1,0 +1,143 @@
+"""The judge in the monitor: while traffic goes by and afterwards it says the same, in file, log, report and page."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from planting import POUR, Traffic, answer_to_nothing, no_communicate, query_too_large
+
+from agent_runtime.io.tap import Sample
+from operate.judging import rejudge
+from operate.judging.judged import of_live
+from operate.recording import history
+from operate.recording.history import Setting
+from operate.recording.recorder import Recorder
+from operate.recording.records import understood
+from operate.reports import make, report
+from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged, LiveLine, Sent
+from topdown.judge.verdicts import Verdict
+
+PLANTED = (answer_to_nothing, no_communicate, query_too_large)
+
+
+def wrong() -> Traffic:
+    """The pour with three violations."""
+    traffic = Traffic()
+    for plant in PLANTED:
+        plant(traffic)
+    return traffic
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, Any]]]:
+    """A run folder that a recorder wrote, and what it logged."""
+    run, log = tmp_path_factory.mktemp("run"), []
+    recorder = Recorder(run, lambda event, **fields: log.append({"event": event, **fields}))
+    for item in wrong().items:
+        if isinstance(item, Sample):
+            recorder.take(item)
+    recorder.finish()
+    return run, log
+
+
+def lines(path: Path, kind: Any) -> list[Any]:
+    """The lines of a file."""
+    return [msgspec.json.decode(line, type=kind) for line in path.read_bytes().splitlines()]
+
+
+def test_verdicts_are_written_as_they_come(told: tuple[Path, list[dict[str, Any]]]) -> None:
+    """A line for each communicate; the violations are in the log, as warnings, and among the lines for people."""
+    run, log = told
+    verdicts = lines(run / VERDICTS_FILE, Judged)
+    assert len(verdicts) == sum(isinstance(item, Sample) for item in wrong().items)
+    against = {one.verdict for one in verdicts if one.violation}
+    # the recorder began after its agents as far as it knows, so an answer to nothing is none of its business
+    assert against == {Verdict.MALFORMED, Verdict.OVER_BUDGET}
+    assert [(one["event"], one["level"]) for one in log] == [("not as designed", "warning")] * 2
+    assert {one["verdict"] for one in log} == against
+    assert all(one["why"] for one in log)
+    shown = [line for line in lines(run / LIVE_FILE, LiveLine) if isinstance(line, Against)]
+    assert {line.verdict for line in shown} == against
+
+
+def test_afterwards_the_same_is_said(told: tuple[Path, list[dict[str, Any]]]) -> None:
+    """The recording judged again gives the lines that were written while it was made."""
+    run, _ = told
+    assert list(rejudge.judge(run)) == sorted(lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t)
+
+
+def test_lines_for_people_can_be_judged_too(told: tuple[Path, list[dict[str, Any]]]) -> None:
+    """live.jsonl has what sequence, size and entitlement need; what was no communicate of the design is not in it."""
+    found = rejudge.judge(told[0] / LIVE_FILE)
+    assert {one.verdict for one in found if one.violation} == {Verdict.OVER_BUDGET}
+    assert sum(one.verdict == Verdict.COPY for one in found) == 4
+
+
+def test_live_lines_of_an_earlier_version_are_not_judged(told: tuple[Path, list[dict[str, Any]]]) -> None:
+    """They say neither ids nor labels: what cannot be followed by them is not called wrong."""
+    sent = [line for line in lines(told[0] / LIVE_FILE, LiveLine) if isinstance(line, Sent)]
+    old = [msgspec.structs.replace(line, id="", reply_with="", in_reply_to="") for line in sent]
+    assert {one.verdict for one in of_live(old)} == {Verdict.NOT_JUDGED}
+    assert len(of_live(old)) == len(old)
+
+
+def test_the_report_tells_what_was_against_the_design() -> None:
+    """Counts of each verdict, and of each violation when, where and why; nothing where all is well."""
+    past = history.merged([_known(item) for item in wrong().items], {})
+    judged = report.build(past).judged
+    assert judged is not None
+    assert {one.verdict for one in judged.violations} == {"out of sequence", "malformed", "over budget"}
+    assert sum(judged.verdicts.values()) == judged.communicates == 426
+    assert all(one.why and one.t > 0 for one in judged.violations)
+    clean = report.build(history.load(POUR.parent)).judged
+    assert clean is not None
+    assert clean.violations == ()
+
+
+def test_the_page_shows_it(tmp_path: Path) -> None:
+    """The section says that all is as designed, or lists what is not."""
+    from operate.reports import page
+
+    past = history.load(POUR.parent)
+    assert "All 424 communicates as designed." in page.rendered(past, report.build(past), "clean")
+    past = history.merged([_known(item) for item in wrong().items], {})
+    text = page.rendered(past, report.build(past), "wrong")
+    assert "3 of 426 communicates are not as designed." in text
+    assert "nothing opened conversation pl-1-900" in text
+
+
+def test_a_recorder_that_began_first_knows_beginnings(tmp_path: Path) -> None:
+    """Told when it began, it can say that nothing opened a conversation between agents that were born since."""
+    recorder = Recorder(tmp_path)
+    recorder.begin(Setting(seed=7, speed="1"))
+    recorder.finish()
+    assert (tmp_path / VERDICTS_FILE).read_bytes() == b""
+    assert make.everything(tmp_path, lambda *_, **__: None)
+
+
+@pytest.mark.parametrize("name", ["nothing", "empty.mcap", "empty.jsonl"])
+def test_what_cannot_be_judged_says_so(name: str, tmp_path: Path) -> None:
+    """A missing or empty recording is named, with what to give; an empty run has nothing wrong in it."""
+    if name != "nothing":
+        (tmp_path / name).write_bytes(b"")
+    if name.endswith("jsonl"):
+        assert rejudge.judge(tmp_path / name) == ()
+        return
+    with pytest.raises(rejudge.CannotJudge, match=r"give a "):
+        rejudge.judge(tmp_path / name)
+
+
+def test_another_systems_design_and_languages_are_named(tmp_path: Path) -> None:
+    """A design file that is none, and languages that are none, are errors that say what to write."""
+    (tmp_path / "no.toml").write_text("x = 1")
+    with pytest.raises(rejudge.CannotJudge, match=r"no\.toml"):
+        rejudge.judge(POUR, tmp_path / "no.toml")
+    for place in ("companion.languages", "companion.languages:NOTHING", "companion.design:DESIGN"):
+        with pytest.raises(rejudge.CannotJudge, match=place):
+            rejudge.judge(POUR, None, place)
+    assert rejudge.judge(POUR, None, "companion.languages:LANGUAGES") == rejudge.judge(POUR)
+
+
+def _known(item: Any) -> Any:
+    return understood(item) if isinstance(item, Sample) else item

@@ -1,0 +1,44 @@
+"""Makes `noted` beside it importable (tests have no packages)."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from noted import Noted, afterwards, recorded
+from synthetic import Run
+
+from operate.recording import history
+from operate.recording.records import Record, understood
+
+
+@pytest.fixture(scope="session")
+def records(pouring: Run) -> list[Record]:
+    """What goes by in the synthetic run."""
+    return [understood(sample) for sample in pouring.samples]
+
+
+@pytest.fixture(scope="session")
+def past(records: list[Record]) -> history.History:
+    """Its history."""
+    return history.merged(records, {})
+
+
+@pytest.fixture(scope="session")
+def sheet(past: history.History) -> Noted:
+    """It, drawn."""
+    return afterwards(past)
+
+
+@pytest.fixture(scope="session")
+def true_past() -> history.History:
+    """A recorded pour of the whole fleet."""
+    return recorded()
+
+
+@pytest.fixture(scope="session")
+def true_sheet(true_past: history.History) -> Noted:
+    """It, drawn."""
+    return afterwards(true_past)

@@ -1,0 +1,134 @@
+"""The real processes of the pictures: killed, frozen, bereaved; recording goes on, and pictures come back."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import msgspec
+import pytest
+from synthetic import Run
+from test_feed import eventually
+
+from operate.pictures import child, server
+from operate.pictures import feed as feeding
+from operate.pictures.child import OverLimit
+from operate.pictures.feed import Feed
+from operate.pictures.places import Place, wanted
+from operate.pictures.server import ServerError
+from operate.recording import mcap_file
+from operate.recording.recorder import Recorder
+from operate.recording.records import Spoken
+from operate.run_folder import VIEW_FILE, ViewAddress
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(240)]
+PATIENCE_S = 60.0
+
+
+def place() -> Place:
+    """Free ports."""
+    found = wanted({})
+    assert found is not None
+    return found
+
+
+def children(pid: int) -> list[int]:
+    """The processes that any of its threads started."""
+    return [int(word) for file in Path(f"/proc/{pid}/task").glob("*/children") for word in file.read_text().split()]
+
+
+def lives(pid: int) -> bool:
+    """Whether any of its threads runs: the first may be a zombie while another still holds the port open."""
+    try:
+        threads = list(Path(f"/proc/{pid}/task").iterdir())
+    except OSError:
+        return False
+    return any(map(runs, threads))
+
+
+def runs(thread: Path) -> bool:
+    """Whether this thread is there, and not a zombie."""
+    try:
+        return (thread / "stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def serves(run: Path) -> bool:
+    """Whether somebody listens where view.json says."""
+    try:
+        address = msgspec.json.decode((run / VIEW_FILE).read_bytes(), type=ViewAddress)
+    except OSError:
+        return False
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", address.grpc)) == 0
+
+
+def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
+    tmp_path: Path, pouring: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drawing process is killed, its server is killed, the drawing process is frozen: every sample is recorded."""
+    monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.1)
+    samples = iter(pouring.samples)
+    feed = Feed(tmp_path, place(), lambda event, **_: None)
+    recorder = Recorder(tmp_path, feed=feed)
+
+    def some(count: int) -> None:
+        for _, sample in zip(range(count), samples, strict=False):
+            recorder.take(sample)
+
+    try:
+        for whom in (0, 1):
+            assert eventually(lambda: feed.pid and serves(tmp_path), PATIENCE_S)
+            some(500)
+            both = (feed.pid, *children(feed.pid))
+            assert len(both) == 2
+            os.kill(both[whom], signal.SIGKILL)
+            assert eventually(lambda gone=both: not any(map(lives, gone)), PATIENCE_S)
+        assert eventually(lambda: feed.pid and serves(tmp_path), PATIENCE_S)
+        os.kill(feed.pid, signal.SIGSTOP)
+        some(len(pouring.samples))
+    finally:
+        recorder.finish()
+    said = [one for one in mcap_file.read(tmp_path / mcap_file.FILE).records if isinstance(one, Spoken)]
+    assert len(said) == len(pouring.said)
+    assert not serves(tmp_path)
+
+
+@pytest.mark.parametrize(("module", "limit", "error"), [(child, "OWN_MB", OverLimit), (server, "MOST_MB", ServerError)])
+def test_a_process_above_its_limit_of_memory_ends(
+    module: ModuleType, limit: str, error: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What draws looks at itself and at its server, and says who is too large; the monitor starts them anew."""
+    drawing = child.Child(tmp_path, place())
+    out, into = os.pipe()
+    monkeypatch.setattr(module, limit, 1.0)
+    try:
+        with pytest.raises(error, match="at most 1 MB"):
+            drawing.serve(out)
+    finally:
+        drawing.close()
+        os.close(out)
+        os.close(into)
+
+
+def test_a_monitor_that_is_killed_leaves_nobody_behind(tmp_path: Path) -> None:
+    """The drawing process ends with its pipe, its server with it."""
+    code = (
+        "import sys, time; from pathlib import Path\n"
+        "from operate.pictures.feed import Feed\n"
+        "from operate.pictures.places import wanted\n"
+        "Feed(Path(sys.argv[1]), wanted({}), lambda event, **_: None); time.sleep(600)"
+    )
+    monitor = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
+    try:
+        assert eventually(lambda: serves(tmp_path), PATIENCE_S)
+        (drawing,) = children(monitor.pid)
+        (serving,) = children(drawing)
+    finally:
+        monitor.kill()
+        monitor.wait()
+    assert eventually(lambda: not lives(drawing) and not lives(serving), PATIENCE_S)

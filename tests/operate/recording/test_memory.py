@@ -1,0 +1,137 @@
+"""What is kept in memory of what was said is bounded: a fleet is watched for weeks."""
+
+import gc
+import tracemalloc
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agent_runtime.io.tap import Sample
+from companion.design import DESIGN
+from fipa_codec.communicate import Communicate, encode
+from operate.judging import live
+from operate.recording import mcap_file
+from operate.recording.history import load
+from operate.recording.recorder import Recorder
+from operate.recording.records import Spoken, understood
+from operate.run_folder import VERDICTS_FILE, Happened
+from topdown.judge import copies, talks
+from topdown.judge.copies import Remembered
+
+RECORDED = Path(__file__).parents[2] / "histories" / "pour_seed_7"
+PAUSE_S = 1.0
+"""Between two conversations: 60 s after their ends as many are kept as in 60 s begin."""
+BLOCK = 100
+"""Conversations between two looks at the memory; more than are kept."""
+
+
+class Again:
+    """A conversation said again and again, under names and numbers of its own each time."""
+
+    def __init__(self, said: list[Spoken]) -> None:
+        self._said, self._numbers, self._times = said, Counter[str](), 0
+
+    def block(self, of: int = BLOCK) -> Iterator[Sample]:
+        """So many of them."""
+        for _ in range(of):
+            self._times += 1
+            labels = {"": ""}
+            for k, one in enumerate(self._said):
+                yield self._renamed(one.communicate, labels, 1e9 + self._times * PAUSE_S + 0.001 * k)
+
+    def _renamed(self, old: Communicate, labels: dict[str, str], at: float) -> Sample:
+        self._numbers[old.sender] += 1
+        number = str(self._numbers[old.sender])
+        name = number if old.id.isdigit() else f"{old.sender}-1-{number}"
+        if old.reply_with:
+            labels[old.reply_with] = name
+        new = msgspec.structs.replace(
+            old,
+            conversation=str(self._times),
+            id=name,
+            reply_with=old.reply_with and name,
+            in_reply_to=labels[old.in_reply_to],
+            sent=at,
+            reply_by=at + 5.0 if old.reply_by else None,
+        )
+        return Sample(DESIGN.key("roco", new), encode(new), at)
+
+
+def grown(recorder: Recorder, again: Again) -> list[int]:
+    """Bytes in use after each block but the first ones, in which what is bounded fills."""
+    sizes = []
+    tracemalloc.start()
+    for _ in range(6):
+        for sample in again.block():
+            recorder.take(sample)
+        recorder.flush()
+        gc.collect()
+        sizes.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    return sizes[2:]
+
+
+@pytest.mark.parametrize("channel", ["C4", "C3"])
+def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Judge, live lines and file, with what they remember filled soon."""
+    for module, name in ((copies, "REMEMBERED"), (talks, "OVER"), (live, "KNOWN"), (live, "STORY")):
+        monkeypatch.setattr(module, name, 100)
+    told = [one for one in load(RECORDED).said if one.channel == channel]
+    said = [one for one in told if one.conversation == told[0].conversation]
+    recorder = Recorder(tmp_path)
+    sizes = grown(recorder, Again(said))
+    recorder.finish()
+    verdicts = [msgspec.json.decode(line) for line in (tmp_path / VERDICTS_FILE).read_bytes().splitlines()]
+    assert {one["verdict"] for one in verdicts} == {"legal"}
+    assert max(sizes) < 1.03 * sizes[0], sizes
+
+
+def test_events_are_told_after_older_ones_were_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each command is told once, whether or not the story was cut."""
+    said = [one for one in load(RECORDED).said if one.channel == "C2"]
+
+    def told() -> list[str]:
+        seen = live.Live()
+        lines = [line for sample in Again(said).block(20) for line in seen.lines(understood(sample))]
+        return [line.name for line in lines if isinstance(line, Happened)]
+
+    whole = told()
+    assert len(whole) == 40
+    monkeypatch.setattr(live, "STORY", 3 * len(said))
+    assert len(told()) == len(whole)
+
+
+@given(st.lists(st.integers(0, 20)), st.integers(1, 10))
+def test_the_last_are_remembered(keys: list[int], most: int) -> None:
+    """The first value of each of the keys that came last; no more than there is room for."""
+    remembered = Remembered[int](most)
+    model: dict[int, int] = {}
+    for value, key in enumerate(keys):
+        assert remembered.note(key, value) == model.get(key)
+        model.setdefault(key, value)
+        if len(model) > most:
+            del model[next(iter(model))]
+    assert [key for key in range(21) if key in remembered] == sorted(model)
+
+
+def test_a_recording_is_taken_over_record_by_record(tmp_path: Path) -> None:
+    """The memory a second monitor needs to begin does not grow with what the first one wrote."""
+    said = [one for one in load(RECORDED).said if one.channel == "C4"][:2]
+    peaks = []
+    for blocks in (1, 4):
+        path = tmp_path / f"{blocks}.mcap"
+        first = mcap_file.Recording(path)
+        for sample in Again(said).block(blocks * BLOCK):
+            first.add(understood(sample))
+        first.flush()
+        tracemalloc.start()
+        mcap_file.Recording(path).finish()
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        first.finish()
+    assert peaks[1] < 1.2 * peaks[0]

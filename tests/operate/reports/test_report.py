@@ -1,0 +1,180 @@
+"""The report says what was recorded: counts are direct counts, what is missing is named."""
+
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic import Run
+
+from agent_runtime.core.events import Arrived
+from agent_runtime.io import steplog
+from agent_runtime.io.tap import Sample
+from companion.design import DESIGN
+from companion.tools.report import plans
+from fipa_codec.communicate import encode
+from operate.recording import history, mcap_file
+from operate.recording.recorder import Recorder
+from operate.recording.records import Garbage, Record, Spoken, understood
+from operate.reports import make, report
+
+
+def records(samples: list[Sample]) -> list[Record]:
+    """What the recorder makes of samples."""
+    return [understood(sample) for sample in samples]
+
+
+def figures(samples: list[Sample]) -> report.Report:
+    """The report of these samples."""
+    return report.build(history.merged(records(samples), {}))
+
+
+def test_the_main_job_is_told_as_it_was_made(pouring: Run) -> None:
+    """Totals, matrix and bytes are those of the communicates that were said."""
+    told = figures(pouring.samples)
+    matrix = Counter((m.sender, m.receiver) for m in pouring.said)
+    sizes: Counter[str] = Counter()
+    for message in pouring.said:
+        sizes[DESIGN.rule(message).channel] += len(encode(message))
+    assert told.communicates.total == len(pouring.said)
+    assert {(s, r): n for s, row in told.communicates.matrix.items() for r, n in row.items() if n} == matrix
+    assert {channel: n for channel, n in told.communicates.bytes.items() if n} == sizes
+    assert told.success
+    assert told.failure is None
+    assert told.missing == ()
+    assert [plan.queries for plan in told.plans] == [320, 22]
+    assert [plan.ended for plan in told.plans] == ["Replan", "Succeeded"]
+
+
+def test_the_events_are_those_of_table_7_in_their_order(pouring: Run) -> None:
+    """Every row of the paper's time table is found in a run of the main job, in the paper's order."""
+    from companion.tools.report.paper import PAPER
+
+    names = [event.name for event in figures(pouring.samples).events]
+    assert [name for name in names if name in PAPER.times] == list(PAPER.times)
+
+
+def test_simulated_time_counts_acts_only(pouring: Run) -> None:
+    """Simulated seconds of acts are those the run let pass in them, to a sample of telemetry for each act."""
+    told, past = figures(pouring.samples), history.merged(records(pouring.samples), {})
+    assert told.sim_time_s == pytest.approx(pouring.sim, abs=0.05 * len(plans.acts(past)))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.data())
+def test_copies_count_once_and_order_on_the_wire_does_not_matter(pouring: Run, data: st.DataObject) -> None:
+    """Re-sent communicates change nothing but the number of copies."""
+    said = [s for s in pouring.samples if "/_/" not in s.key]
+    again = data.draw(st.lists(st.sampled_from(said), max_size=20))
+    late = [msgspec.structs.replace(sample, at=sample.at + 0.2) for sample in again]
+    told = figures(sorted([*pouring.samples, *late], key=lambda sample: sample.at)).communicates
+    assert told.copies == len(late)
+    assert told.total == len(pouring.said)
+    assert sum(told.bytes.values()) == sum(len(s.data) for s in said)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.binary(max_size=300), st.sampled_from(["roco/roco/C1/co/ta/coordinate/request", "roco/roco/_/telemetry/ex", "x"])
+)
+def test_garbage_harms_nobody_and_is_counted(data: bytes, key: str) -> None:
+    """Any bytes on any key are recorded; on a communicate's key they are garbage."""
+    record = understood(Sample(key, data, 1.0))
+    assert isinstance(record, Garbage) or "/_/" in key
+    told = report.build(history.merged([record], {}))
+    assert told.communicates.garbage == isinstance(record, Garbage)
+    assert not told.success
+
+
+def test_what_only_agents_heard_is_taken_from_their_logs(pouring: Run, tmp_path: Path) -> None:
+    """A hole in the recording is named, and filled from the step logs."""
+    cut = slice(len(pouring.samples) // 3, len(pouring.samples) // 2)
+    unheard = [r for r in records(pouring.samples[cut]) if isinstance(r, Spoken)]
+    log = steplog.StepLog(tmp_path / "steps" / "km.steps")
+    for one in unheard:
+        if one.receiver == "km":
+            event = msgspec.msgpack.encode(Arrived(one.communicate))
+            log.write([(steplog.Step(1, 1, one.received, "Arrived", event), steplog.NOTHING)])
+    log.close()
+    heard = [*pouring.samples[: cut.start], *pouring.samples[cut.stop :]]
+    past = history.merged(records(heard), {"km": tuple(history.arrivals(tmp_path / "steps" / "km.steps"))})
+    to_km = [one for one in unheard if one.receiver == "km"]
+    assert sum(hole.communicates for hole in past.holes if "did not hear" in hole.text) == len(to_km)
+    assert len(past.said) == len(pouring.said) - len(unheard) + len(to_km)
+
+
+def test_what_was_on_the_wire_and_not_in_its_receivers_log_is_named(pouring: Run) -> None:
+    """A communicate that its receiver did not step on is a hole, too."""
+    past = history.merged(records(pouring.samples), {"hi": ()})
+    assert [hole.communicates for hole in past.holes] == [2]
+    assert "to hi" in past.holes[0].text
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.93, 0.9999])
+def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_path: Path, share: float) -> None:
+    """What was flushed before a kill is read, in order, and nothing else; the report names the hole."""
+    recorder = Recorder(tmp_path)
+    for sample in pouring.samples:
+        recorder.take(sample)
+    recorder.finish()
+    path = tmp_path / mcap_file.FILE
+    whole = mcap_file.read(path)
+    assert whole.whole
+    assert list(whole.records) == records(pouring.samples)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    part = mcap_file.read(path)
+    assert not part.whole
+    assert part.records == whole.records[: len(part.records)]
+    assert any("not closed in order" in hole.text for hole in history.load(tmp_path).holes)
+    if share > 0.9:
+        assert len(part.records) > 0.85 * len(whole.records)
+
+
+def test_a_recorder_that_comes_back_goes_on_where_the_other_died(pouring: Run, tmp_path: Path) -> None:
+    """After a kill the next recorder keeps what was flushed, and the time between is a hole."""
+    half = len(pouring.samples) // 2
+    first = Recorder(tmp_path / "first")
+    for sample in pouring.samples[:half]:
+        first.take(sample)
+    first.flush()
+    shutil.copy(tmp_path / "first" / mcap_file.FILE, tmp_path)
+    first.finish()
+    second = Recorder(tmp_path)
+    for sample in pouring.samples[half:]:
+        second.take(sample)
+    second.finish()
+    past = history.load(tmp_path)
+    assert len(past.said) == len(pouring.said)
+    assert [hole.text for hole in past.holes if "away" in hole.text]
+
+
+def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_path: Path) -> None:
+    """report.json, report.html and run.rrd come from the recording alone; the page needs nothing from elsewhere."""
+    recorder = Recorder(tmp_path)
+    for sample in pouring.samples:
+        recorder.take(sample)
+    recorder.finish()
+    said: list[str] = []
+    assert make.everything(tmp_path, lambda event, **_: said.append(event)), said
+    told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
+    assert told["success"] is True
+    assert told["communicates"]["matrix"]["pl"]["km"] == 342
+    assert set(told["loop"]["lateness_us"]) == {"p50", "p99", "p999", "max"}
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("<svg") == 5
+    assert "src=" not in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert (tmp_path / "run.rrd").stat().st_size > 100_000
+
+
+def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:
+    """With nothing recorded there is a report without a single figure, and a reason for each."""
+    assert make.everything(tmp_path, lambda *_, **__: None)
+    told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
+    assert told["success"] is False
+    assert told["poured_fraction"] is None
+    assert len(told["missing"]) == 7

@@ -1,0 +1,223 @@
+"""The supervisor's core: what it orders, whatever happens in whatever order."""
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from operate.run_folder import ProcessState
+from operate.supervisor import core
+from operate.supervisor.processes import FLEET, Process
+
+THREE = (
+    Process("router", "r"),
+    Process("monitor", "m", after=("router",), optional=True),
+    Process("ta", "t", after=("router", "monitor")),
+)
+
+
+class World:
+    """Pretended processes under a core: does at once what is ordered, and dies or gets ready when told to."""
+
+    def __init__(self, processes: tuple[Process, ...] = THREE) -> None:
+        self.now = 0.0
+        self.fleet = core.begin(processes, self.now)
+        self.log: list[core.Action] = []
+        self.deaf: set[str] = set()
+
+    def tick(self, seconds: float = 0.05) -> list[core.Action]:
+        """Let time pass; give what was ordered."""
+        self.now += seconds
+        self.fleet, actions = core.decide(self.fleet, self.now)
+        for action in actions:
+            self.log.append(action)
+            match action:
+                case core.Start(name=name):
+                    assert all(self.ready_or_optional(other) for other in self.fleet.known[name].process.after)
+                    self.tell(core.Started(name, pid=100 + len(self.log)))
+                case core.Terminate(name=name):
+                    followers = [known for known in self.fleet.known.values() if name in known.process.after]
+                    assert not any(known.running for known in followers)
+                    if name not in self.deaf:
+                        self.tell(core.Exited(name, 0))
+                case core.Kill(name=name):
+                    self.tell(core.Exited(name, -9))
+        return actions
+
+    def ready_or_optional(self, name: str) -> bool:
+        known = self.fleet.known[name]
+        return known.state is ProcessState.READY or known.process.optional or known.restarts > 0
+
+    def tell(self, event: core.Event) -> None:
+        self.fleet = core.take(self.fleet, event, self.now)
+
+    def all_ready(self) -> None:
+        """Bring everything up."""
+        for _ in self.fleet.known:
+            for action in self.tick():
+                self.tell(core.Ready(action.name))
+        assert self.fleet.ready
+
+    def state(self, name: str) -> ProcessState:
+        return self.fleet.known[name].state
+
+
+def test_a_process_starts_when_all_before_it_are_ready() -> None:
+    """First the router alone, then the next, and nobody twice."""
+    world = World()
+    assert world.tick() == [core.Start("router")]
+    assert world.tick() == []
+    world.tell(core.Ready("router"))
+    assert world.tick() == [core.Start("monitor")]
+    assert world.tick() == []
+    world.tell(core.Ready("monitor"))
+    assert world.tick() == [core.Start("ta")]
+
+
+@pytest.mark.parametrize("how", ["never ready", "given up"])
+def test_nobody_waits_long_for_an_optional_process(how: str) -> None:
+    """The robot works without its recorder."""
+    world = World()
+    world.tick()
+    world.tell(core.Ready("router"))
+    world.tick()
+    if how == "given up":
+        world.tell(core.Refused("monitor", "no program"))
+    else:
+        assert world.tick() == []
+        world.now += 11.0
+    assert core.Start("ta") in world.tick()
+    world.tell(core.Ready("ta"))
+    assert world.fleet.ready
+
+
+def test_a_process_that_dies_is_started_again_and_counted() -> None:
+    """One death costs one restart, after a short pause, of that process alone."""
+    world = World()
+    world.all_ready()
+    world.tell(core.Exited("router", -9, "bye"))
+    assert not world.fleet.ready
+    assert world.fleet.known["router"].note == "killed by signal 9: bye"
+    assert world.tick(0.1) == []
+    assert world.tick(0.2) == [core.Start("router")]
+    world.tell(core.Ready("router"))
+    assert world.fleet.ready
+    assert [status.restarts for status in world.fleet.status] == [1, 0, 0]
+
+
+def test_pauses_grow_with_failures_in_a_row_up_to_a_bound() -> None:
+    """A process that keeps dying does not keep the machine busy."""
+    world = World()
+    world.all_ready()
+    pauses = []
+    for _ in range(9):
+        world.tell(core.Exited("router", 1))
+        began = world.now
+        while not world.tick():
+            pass
+        pauses.append(world.now - began)
+        world.tell(core.Ready("router"))
+    assert pauses == sorted(pauses)
+    assert pauses[0] < 0.3
+    assert pauses[-1] == pytest.approx(core.LONGEST_PAUSE_S, abs=0.1)
+
+
+def test_a_death_after_a_long_good_time_counts_as_the_first() -> None:
+    """Old failures are forgotten."""
+    world = World()
+    world.all_ready()
+    for _ in range(5):
+        world.now += 2 * core.SETTLED_S
+        world.tell(core.Exited("router", 1))
+        assert world.fleet.known["router"].failures == 1
+        world.tick(0.3)
+        world.tell(core.Ready("router"))
+
+
+def test_a_process_that_never_gets_ready_is_given_up() -> None:
+    """It ends with the last words of the process."""
+    world = World()
+    for _ in range(core.ATTEMPTS):
+        world.tick(6.0)
+        world.tell(core.Exited("router", 1, "ImportError: no module named x"))
+    assert world.state("router") is ProcessState.GIVEN_UP
+    assert "ImportError" in world.fleet.known["router"].note
+    assert world.tick(100.0) == []
+
+
+def test_a_wrong_option_is_not_tried_again() -> None:
+    """Exit code 2 is a usage error."""
+    world = World()
+    world.tick()
+    world.tell(core.Exited("router", core.USAGE_ERROR, "Invalid value for --speed"))
+    assert world.state("router") is ProcessState.GIVEN_UP
+
+
+def test_the_end_comes_in_reverse_order() -> None:
+    """Who started last ends first; each is asked once."""
+    world = World()
+    world.all_ready()
+    world.fleet = core.stop(world.fleet)
+    ended = [action for _ in range(4) for action in world.tick()]
+    assert ended == [core.Terminate("ta"), core.Terminate("monitor"), core.Terminate("router")]
+    assert world.fleet.ended
+
+
+def test_who_does_not_end_in_order_is_killed_once() -> None:
+    """SIGKILL follows after the time the table gives."""
+    world = World()
+    world.all_ready()
+    world.deaf = {"ta"}
+    world.fleet = core.stop(world.fleet)
+    assert world.tick() == [core.Terminate("ta")]
+    assert world.tick(4.0) == []
+    assert world.tick(2.0) == [core.Kill("ta")]
+    assert "did not stop in 5 s" in world.fleet.known["ta"].note
+
+
+def test_a_table_out_of_order_is_refused_by_name() -> None:
+    """Whom a process waits for stands before it, so there is no circle."""
+    with pytest.raises(ValueError, match="ta starts after monitor, but \\['router'\\] stands before it"):
+        core.begin((THREE[0], THREE[2], THREE[1]), 0.0)
+
+
+def test_loop_and_agent_of_ex_are_siblings() -> None:
+    """Each is restarted without the other."""
+    world = World(FLEET)
+    world.all_ready()
+    for name in ("loop", "ex"):
+        world.tell(core.Exited(name, -9))
+        assert [action for _ in range(10) for action in world.tick()] == [core.Start(name)]
+        world.tell(core.Ready(name))
+
+
+happenings = st.lists(
+    st.tuples(
+        st.sampled_from([process.name for process in FLEET]),
+        st.sampled_from(["ready", "dies", "wrong", "stop", "nothing"]),
+        st.floats(0.0, 8.0),
+    ),
+    max_size=60,
+)
+
+
+@given(happenings)
+def test_whatever_happens_the_end_is_reached_and_nothing_runs_twice(story: list[tuple[str, str, float]]) -> None:
+    """Starts only what does not run, stops only what does, and always comes to an end when asked."""
+    world = World(FLEET)
+    for name, what, seconds in story:
+        running = {known.process.name for known in world.fleet.known.values() if known.running}
+        for action in world.tick(seconds):
+            assert isinstance(action, core.Start) == (action.name not in running)
+        if what == "stop":
+            world.fleet = core.stop(world.fleet)
+        elif world.fleet.known[name].running:
+            event = {"ready": core.Ready(name), "dies": core.Exited(name, 1), "wrong": core.Exited(name, 2)}.get(what)
+            if event is not None:
+                world.tell(event)
+    world.fleet = core.stop(world.fleet)
+    for _ in range(10):
+        world.tick(100.0)
+    assert world.fleet.ended
+    assert not any(status.pid for status in world.fleet.status)
+    assert msgspec.json.encode(world.fleet.status)

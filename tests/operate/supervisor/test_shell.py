@@ -1,0 +1,145 @@
+"""The supervisor's shell with real processes: short Python programs in place of the services."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from operate.run_folder import OFF_SUFFIX, Fleet, ProcessState
+from operate.supervisor import core, folder
+from operate.supervisor.processes import Process
+from operate.supervisor.shell import NotBuiltError, Shell, python_module
+
+READY = "import pathlib, sys, os; pathlib.Path(os.environ['RUN'], sys.argv[1] + '.ready').touch(); "
+WAIT = READY + "import signal; signal.pause()"
+TABLE = (Process("router", WAIT), Process("ta", WAIT, after=("router",), stop_within_s=0.3))
+
+
+def program(process: Process) -> list[str]:
+    """In these tests a process's module is the text of its program."""
+    return [sys.executable, "-c", process.module, process.name]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Shell]]:
+    """Make a shell in a run folder of its own; whatever still runs at the end is killed."""
+    shells: list[Shell] = []
+
+    def make(*processes: Process) -> Shell:
+        run = tmp_path / "run"
+        folder.make(run)
+        shells.append(Shell(run, processes, "test", "", os.environ | {"RUN": str(run)}, program))
+        return shells[-1]
+
+    yield make
+    for shell in shells:
+        for child in shell.children.values():
+            child.kill()
+            child.wait()
+
+
+def until(shell: Shell, condition: Callable[[], bool]) -> None:
+    """Step the shell until the condition holds; pytest's time-out ends a wait for ever."""
+    while not condition():
+        shell.step(time.monotonic())
+        shell.end_asked.wait(0.01)
+
+
+def read(shell: Shell) -> Fleet:
+    return msgspec.json.decode((shell.run / "fleet.json").read_bytes(), type=Fleet)
+
+
+def test_a_fleet_comes_up_and_goes_down_in_order(start: Callable[..., Shell]) -> None:
+    """All ready, pid files while they run, none after, and every child is gone."""
+    shell = start(*TABLE)
+    until(shell, lambda: shell.fleet.ready)
+    pids = [status.pid for status in read(shell).processes]
+    assert [int(folder.pid_file(shell.run, name).read_text()) for name in ("router", "ta")] == pids
+    shell.end_asked.set()
+    until(shell, lambda: shell.fleet.ended)
+    assert not list(shell.run.glob("*.pid"))
+    assert [status.state for status in read(shell).processes] == [ProcessState.STOPPED] * 2
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+def test_a_killed_process_comes_back_with_a_fresh_ready_file(start: Callable[..., Shell]) -> None:
+    """The old ready file does not speak for the new process."""
+    shell = start(*TABLE)
+    until(shell, lambda: shell.fleet.ready)
+    first = shell.children["router"].pid
+    os.kill(first, signal.SIGKILL)
+    until(shell, lambda: not shell.fleet.ready)
+    until(shell, lambda: shell.fleet.ready)
+    router = read(shell).processes[0]
+    assert router.restarts == 1
+    assert router.pid != first
+
+
+def test_what_ignores_the_request_to_end_is_killed(start: Callable[..., Shell]) -> None:
+    """A deaf process does not hold up the end."""
+    deaf = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); " + READY + "\nwhile True: signal.pause()"
+    shell = start(Process("ta", deaf, stop_within_s=0.2))
+    until(shell, lambda: shell.fleet.ready)
+    shell.end_asked.set()
+    until(shell, lambda: shell.fleet.ended)
+    assert "killed: did not stop in 0.2 s" in shell.fleet.known["ta"].note
+
+
+def test_the_last_words_of_a_process_are_told(start: Callable[..., Shell]) -> None:
+    """Why it died can be read in fleet.json."""
+    shell = start(Process("ta", "import sys; print('no such scene'); sys.exit(2)"))
+    until(shell, lambda: shell.fleet.known["ta"].state is ProcessState.GIVEN_UP)
+    assert read(shell).processes[0].note == "ended with code 2: no such scene"
+
+
+def test_a_service_without_a_program_is_named() -> None:
+    """The message says which file is missing."""
+    with pytest.raises(NotBuiltError, match=r"services/nowhere/__main__\.py is missing"):
+        python_module(Process("x", "services.nowhere"))
+    assert python_module(Process("supervisor", "services.supervisor"))[1:] == ["-m", "services.supervisor"]
+
+
+def test_the_program_itself_beats_and_stops_in_order_on_sigterm(tmp_path: Path) -> None:
+    """`python -m services.supervisor` with a real router: who looks from outside sees that it gets on, and its end."""
+    run = tmp_path / "runs" / "one"
+    command = [sys.executable, "-m", "services.supervisor", "--run-dir", str(run), "--only", "router"]
+    with subprocess.Popen(command) as supervisor:
+        while not all((run / f"{name}.ready").exists() for name in ("supervisor", "router")):
+            assert supervisor.poll() is None
+            time.sleep(0.02)
+        beat = run / "supervisor.heartbeat.json"
+        assert json.loads(beat.read_bytes())["pid"] == supervisor.pid
+        first = beat.stat().st_mtime_ns
+        while beat.stat().st_mtime_ns == first:
+            assert supervisor.poll() is None
+            time.sleep(0.02)
+        supervisor.terminate()
+        assert supervisor.wait(30) == 0
+    assert not list(run.glob("supervisor.*"))
+    assert (run.parent / "latest").resolve() == run.resolve()
+    assert (run / "stop").read_bytes() == b"\x00"
+
+
+def test_the_file_beside_it_keeps_a_process_down(start: Callable[..., Shell]) -> None:
+    """With real processes: it ends when the file appears, and starts when it goes; a new start knows of no file."""
+    shell = start(*TABLE)
+    until(shell, lambda: shell.fleet.ready)
+    off = shell.run / f"ta{OFF_SUFFIX}"
+    off.touch()
+    until(shell, lambda: shell.fleet.known["ta"].state is ProcessState.STOPPED)
+    assert read(shell).processes[1].note == core.OFF
+    assert shell.fleet.known["router"].state is ProcessState.READY
+    off.unlink()
+    until(shell, lambda: shell.fleet.ready)
+    off.touch()
+    folder.make(shell.run)
+    assert not off.exists()
