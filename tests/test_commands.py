@@ -8,7 +8,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-MODULES = sorted(".".join(path.relative_to(ROOT).parent.parts) for path in (ROOT / "services").rglob("__main__.py"))
+MODULES = sorted(
+    ".".join(path.relative_to(above).parent.parts)
+    for above, room in ((ROOT, "services"), (ROOT / "shared", "operate"))
+    for path in (above / room).rglob("__main__.py")
+)
 SHARED = {"CONNECT", "LISTEN", "SYSTEM", "RUN_DIR", "LOG_LEVEL", "SPEED", "SEED", "SCENE"}
 OWN = {
     "operate.cli": set(),
@@ -16,6 +20,7 @@ OWN = {
     "operate.pictures": set(),
     "services.executor.loop": {"SLOTS", "SCENE", "SEED", "SPEED"},
     "services.supervisor": SHARED - {"LISTEN"},
+    "operate.supervisor": SHARED - {"LISTEN"},
 }
 
 
@@ -33,8 +38,8 @@ def run(module: str, *arguments: str, **environment: str) -> subprocess.Complete
 
 
 def test_all_are_here() -> None:
-    """Six agents, the loop, the four that are no agents, what draws for the monitor, and the kit for back-ends."""
-    assert len(MODULES) == 13
+    """Six agents, the loop, the kit for back-ends; router, monitor, supervisor twice; what draws, and roco."""
+    assert len(MODULES) == 6 + 1 + 1 + 2 * 3 + 2
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -1,11 +1,6 @@
-"""The fleet's router: a Zenoh router opened from Python (as fast as the stand-alone one, and nothing to install).
+"""The fleet's router (operate.router)."""
 
-It listens, says so by `router.ready` in the run folder and a line, and waits for a signal. No agent may live in this
-process: the router's access rules would not hold for it.
-"""
-
-from agent_runtime.io import cli
-from agent_runtime.io.router import serve
+from operate.router.__main__ import main
 
 if __name__ == "__main__":
-    cli.run("router", "The fleet's Zenoh router.", serve)
+    main()

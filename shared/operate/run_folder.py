@@ -158,13 +158,18 @@ class ProcessStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Fleet(msgspec.Struct, frozen=True):
-    """fleet.json, rewritten whole by the supervisor whenever something changes."""
+    """fleet.json, rewritten whole by the supervisor whenever something changes.
+
+    `entry`, `project`: the system (operate.system): `module:NAME`, and the folder it is imported from.
+    """
 
     system: str
     connect: str
     supervisor: int
     started: float
     processes: tuple[ProcessStatus, ...]
+    entry: str = ""
+    project: str = ""
 
 
 class ViewAddress(msgspec.Struct, frozen=True):

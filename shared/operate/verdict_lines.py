@@ -5,17 +5,16 @@ Must not know: files, the network.
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
-from fipa_codec.languages import Languages
 from operate.run_folder import Judged
-from operate.wording import words
+from operate.system import System
 from topdown.judge.verdicts import Judgement, Verdict
 
 OF_KEYS = (Verdict.WRONG_CHANNEL, Verdict.NOT_ENTITLED)
 """Verdicts about what a communicate was put on, beside MALFORMED."""
 
 
-def line(judgement: Judgement, languages: Languages | None) -> Judged:
-    """A verdict as a line; with `languages` the content in a few words."""
+def line(judgement: Judgement, system: System | None) -> Judged:
+    """A verdict as a line; with the `system` the content in a few words."""
     heard, one = judgement.heard, judgement.heard.communicate
     if one is None:
         return Judged(
@@ -39,7 +38,7 @@ def line(judgement: Judgement, languages: Languages | None) -> Judged:
         conversation=one.conversation,
         id=one.id,
         language=one.language,
-        text=_text(one, languages),
+        text=_text(one, system),
         initiator=judgement.states[0],
         participant=judgement.states[1],
         why=judgement.why,
@@ -48,8 +47,8 @@ def line(judgement: Judgement, languages: Languages | None) -> Judged:
     )
 
 
-def _text(one: Communicate, languages: Languages | None) -> str:
+def _text(one: Communicate, system: System | None) -> str:
     try:
-        return words(languages.read(one)[0]) if languages is not None else ""
+        return system.words(system.languages.read(one)[0]) if system is not None and system.languages else ""
     except FipaError:
         return ""

@@ -1,17 +1,19 @@
-"""A content in a few words, for people. Must not know: who asks."""
+"""A content of any language in a few words, for people."""
 
-from companion.languages import cmd, sw
-from companion.words import plain, spaced
+import re
 
-TEXT_LENGTH = 80
-_TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state", "at", "reason", "text")
+import msgspec
+
+LENGTH = 80
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 def words(content: object) -> str:
-    """A content in a few words: what it is and what it is about; a report is its own words."""
+    """Return the class of a content, spaced, and its short values: `Offer ox 12.5`; "" for no content."""
     if content is None:
         return ""
-    about = [one for one in (getattr(content, name, "") for name in _TELLING) if one and isinstance(one, str)]
-    kind = () if isinstance(content, cmd.TaskReport | sw.Report) else (spaced(type(content).__name__),)
-    text = plain(" ".join((*kind, *about)))
-    return text if len(text) <= TEXT_LENGTH else text[: TEXT_LENGTH - 1] + "…"
+    fields = content.__struct_fields__ if isinstance(content, msgspec.Struct) else ()
+    values = [getattr(content, name) for name in fields]
+    told = [f"{one:g}" if isinstance(one, float) else str(one) for one in values if isinstance(one, str | int | float)]
+    text = " ".join((_HUMP.sub(" ", type(content).__name__).lower(), *filter(None, told)))
+    return text if len(text) <= LENGTH else text[: LENGTH - 1] + "…"

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from companion.design import DESIGN
-from operate.supervisor.processes import FLEET
+from companion.tools.system import PROCESSES
 from topdown.model.rights import identities
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,7 +26,7 @@ every_service = pytest.mark.parametrize("name", SERVICES)
 def test_all_processes_of_the_fleet_are_there():
     """Those of the supervisor's table, each in one service."""
     inside = [process for name in SERVICES for process in INSIDE.get(name, {name})]
-    assert sorted(inside) == sorted(process.name for process in FLEET)
+    assert sorted(inside) == sorted(process.name for process in PROCESSES)
 
 
 def command(name):
@@ -40,7 +40,7 @@ def command(name):
 @every_service
 def test_a_service_runs_what_the_supervisor_would_run(name):
     """The same module, or the supervisor with just the processes that belong together."""
-    modules = {process.name: process.module for process in FLEET}
+    modules = {process.name: process.module for process in PROCESSES}
     if name in INSIDE:
         module, only, names = command(name)
         assert (module, only) == ("services.supervisor", "--only")
@@ -120,7 +120,7 @@ def test_health_starts_no_python(name):
 @every_service
 def test_agents_start_when_the_router_routes_and_the_monitor_taps(name):
     """As the supervisor's table says; agents wait for each other by themselves."""
-    wanted = {other for process in FLEET if process.name == name for other in process.after} - {"loop"}
+    wanted = {other for process in PROCESSES if process.name == name for other in process.after} - {"loop"}
     after = SERVICES[name].get("depends_on", {})
     assert set(after) == (wanted or {"keys"})
     assert all(condition == {"condition": "service_healthy"} for condition in after.values())

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from operate.supervisor.processes import FLEET
+from companion.tools.system import PROCESSES
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SCRIPT = (DEPLOY / "swarm").read_text()
@@ -32,7 +32,7 @@ every_service = pytest.mark.parametrize("name", STACK["services"])
 
 def test_all_services_are_there_but_the_keeper_of_the_keys():
     """Secrets take its place."""
-    wanted = {process.name for process in FLEET} - {"loop"}
+    wanted = {process.name for process in PROCESSES} - {"loop"}
     assert set(STACK["services"]) == set(OVERRIDE["services"]) == wanted
     assert set(STACK["volumes"]) == wanted
 

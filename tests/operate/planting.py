@@ -10,6 +10,7 @@ import msgspec
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN, language_of
 from companion.languages import cmd, wm
+from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, decode, encode
 from fipa_codec.performatives import Performative as P
 from operate.judging.judged import Judging
@@ -71,7 +72,7 @@ class Traffic:
 
     def found(self) -> list[Expected]:
         """What the judge finds against the design."""
-        judging = Judging()
+        judging = Judging(SYSTEM)
         lines = [line for item in self.items for line in judging.lines(_record(item))]
         lines += judging.finish()
         return [
@@ -82,7 +83,7 @@ class Traffic:
 
     def verdicts(self) -> list[str]:
         """All verdicts."""
-        judging = Judging()
+        judging = Judging(SYSTEM)
         lines = [line for item in self.items for line in judging.lines(_record(item))]
         return [one.verdict for one in (*lines, *judging.finish())]
 
@@ -110,7 +111,7 @@ def _sample(record: Record) -> Item:
 
 
 def _record(item: Item) -> Record:
-    return understood(item) if isinstance(item, Sample) else item
+    return understood(item, SYSTEM) if isinstance(item, Sample) else item
 
 
 # --- out of sequence --------------------------------------------------------------------------------------------------

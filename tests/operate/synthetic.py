@@ -16,10 +16,11 @@ from companion.design import DESIGN, language_of
 from companion.languages import cmd, hfsm, rc, rs, sw, wm
 from companion.languages.values import BodyPosture, Box, Pose, Side
 from companion.telemetry import Lateness, RobotState, TrueState
+from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative as P
 
-SYSTEM = "roco"
+PREFIX = "roco"
 START = 1_700_000_000.0
 TABLE = Pose((0.783, -0.840, 0.0), (math.cos(-0.747 / 2), 0.0, 0.0, math.sin(-0.747 / 2)))
 BOWL_END = (0.58, -0.52, 0.775)
@@ -103,14 +104,14 @@ class Run:
 
     def put(self, message: Communicate) -> None:
         """Its bytes go by (again)."""
-        key = DESIGN.key(SYSTEM, message)
+        key = DESIGN.key(PREFIX, message)
         self.now += self.random.uniform(0.0003, 0.0012)
         self.samples.append(Sample(key, encode(message), self.now))
 
     def house(self, kind: str, owner: str, data: bytes, peer: str = "") -> None:
         """Something that is no communicate goes by."""
         end = f"/{peer}" if peer else ""
-        self.samples.append(Sample(f"roco/{SYSTEM}/_/{kind}/{owner}{end}", data, self.now))
+        self.samples.append(Sample(f"roco/{PREFIX}/_/{kind}/{owner}{end}", data, self.now))
 
     def state(self, agent: str, state: str) -> None:
         """An agent's heartbeat."""
@@ -290,7 +291,7 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
     """The main job, done."""
     run = Run(seed)
     for agent in DESIGN.agents:
-        run.samples.append(Sample(f"roco/{SYSTEM}/_/alive/{agent}/1", b"", run.now, token=True))
+        run.samples.append(Sample(f"roco/{PREFIX}/_/alive/{agent}/1", b"", run.now, token=True))
         run.state(agent, DESIGN.agent(agent).initial)
     run.say("km", "ta", P.SUBSCRIBE, wm.ObserveWorld(), talk="km-1-1", protocol="subscribe")
     run.say("ta", "km", P.AGREE, talk="km-1-1", protocol="subscribe", silent="WM")
@@ -329,7 +330,7 @@ if __name__ == "__main__":
 
     from operate.recording.recorder import Recorder
 
-    recorder = Recorder(Path(sys.argv[1]))
+    recorder = Recorder(Path(sys.argv[1]), SYSTEM)
     for sample in pour().samples:
         recorder.take(sample)
     recorder.finish()

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from test_traffic import ROCO, Router, told, wait_for
 
+from companion.tools.system import SYSTEM
 from operate.recording import mcap_file
 from operate.recording.history import Setting, load
 from operate.recording.records import SETTING, House, Spoken
@@ -104,7 +105,7 @@ def test_a_recording_is_made_here_with_the_fleets_setting(containers: Containers
     (done,) = told(process)
     assert done["communicates"] == 40
     file.rename(containers.run / TRAFFIC_FILE)
-    assert load(containers.run).setting == Setting(5, "max")
+    assert load(containers.run, SYSTEM).setting == Setting(5, "max")
 
 
 def test_a_monitor_that_stops_is_told(containers: Containers) -> None:

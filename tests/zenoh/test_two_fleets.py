@@ -16,6 +16,7 @@ from toy_fleet import wait_for
 
 from agent_runtime.io.zenoh_wire import free_endpoint
 from companion.run_files import TaskLine
+from companion.tools.system import SYSTEM
 from companion.tools.verbs.hi import Hi
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
@@ -114,7 +115,7 @@ def test_each_robot_does_what_it_was_told(site: Site) -> None:
     site.down()
     for name, (_, thing) in TOLD.items():
         run = site.folder / name
-        past = history.load(run)
+        past = history.load(run, SYSTEM)
         assert past.said
         assert not [hole for hole in past.holes if hole.communicates], past.holes
         assert not past.garbage

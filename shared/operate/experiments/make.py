@@ -13,6 +13,7 @@ from operate.experiments.quantities import QUANTITIES
 from operate.experiments.results import NothingHere, Runs
 from operate.recording import history
 from operate.run_folder import TRAFFIC_FILE
+from operate.system import of_run
 
 REPORT = "report"
 RUNS_FILE = "runs.parquet"
@@ -73,6 +74,6 @@ def _keep_said(place: Path) -> None:
     for one in results.results(place):
         folder = place / results.RUNS / f"seed-{one.seed}"
         if one.seed is not None and one.seed not in kept and (folder / TRAFFIC_FILE).exists():
-            kept[one.seed] = said(history.load(folder))
+            kept[one.seed] = said(history.load(folder, of_run(folder)))
     if kept:
         tables.write_said(file, kept)

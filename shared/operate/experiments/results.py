@@ -15,6 +15,7 @@ from operate.experiments.exchanges import Said, said
 from operate.recording import history
 from operate.reports import report
 from operate.run_folder import REPORT_FILE, TRAFFIC_FILE
+from operate.system import of_run
 
 SETTING_FILE = "experiment.json"
 RESULTS_FILE = "results.jsonl"
@@ -183,12 +184,12 @@ def is_run(place: Path) -> bool:
 def of_recording(place: Path) -> history.History:
     """The history of a run's folder or of a recording. Raises NothingHere."""
     if place.is_dir() and ((place / TRAFFIC_FILE).exists() or (place / history.STEPS).is_dir()):
-        return history.load(place)
+        return history.load(place, of_run(place))
     if not place.is_file():
         raise NothingHere(f"{place} holds no recording; give a run's folder or a {TRAFFIC_FILE}")
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, TRAFFIC_FILE).symlink_to(place.resolve())
-        return history.load(Path(folder))
+        return history.load(Path(folder), of_run(place))
 
 
 def results(place: Path) -> tuple[Result, ...]:

@@ -23,11 +23,12 @@ def again(
     """Make report.json, report.html and run.rrd again, or without a place for them only print the report."""
     from operate.experiments import results
     from operate.reports import make, report
+    from operate.system import of_run
 
     with _telling():
         past = results.of_recording(place)
         target = _target(place, out)
-        if target is not None and not make.everything(target, _complain):
+        if target is not None and not make.everything(target, of_run(place), _complain):
             raise typer.Exit(1)
         told = report.build(past)
     _print({"folder": None if target is None else str(target), "report": told})

@@ -7,13 +7,12 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from companion.design import DESIGN
-from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate
-from fipa_codec.languages import Kind, Languages
+from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from operate.recording.records import SETTING, Garbage, House, Record, Resumed, Spoken, Token
 from operate.run_folder import Again, AgentIn, Judged, LiveLine, Sent
+from operate.system import System
 from operate.verdict_lines import line
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict
@@ -28,9 +27,9 @@ SYSTEM = "recorded"
 class Judging:
     """Judges records as they come."""
 
-    def __init__(self, design: Design = DESIGN, languages: Languages | None = LANGUAGES) -> None:
-        self._judge = Judge(design, languages)
-        self._key, self._languages = design.file.system.key, languages
+    def __init__(self, system: System) -> None:
+        self._judge = Judge(system.design, system.languages)
+        self._key, self._system = system.design.file.system.key, system
         self._began: float | None = None
         self._last = 0.0
 
@@ -38,17 +37,17 @@ class Judging:
         """The verdicts that a record brings: its own, and those of earlier ones that it explains or time decides."""
         self._last = max(self._last, record.received)
         for judgement in self._heard(record):
-            yield line(judgement, self._languages)
+            yield line(judgement, self._system)
 
     def pass_time(self, now: float) -> Iterator[Judged]:
         """It is `now` [unix s]: what waited in vain."""
         for judgement in self._judge.pass_time(now):
-            yield line(judgement, self._languages)
+            yield line(judgement, self._system)
 
     def finish(self, now: float | None = None) -> Iterator[Judged]:
         """Nothing more will be heard; `now` None: since the last record."""
         for judgement in self._judge.finish(self._last if now is None else now):
-            yield line(judgement, self._languages)
+            yield line(judgement, self._system)
 
     def _heard(self, record: Record) -> tuple[Judgement, ...]:
         at = record.received
@@ -79,16 +78,14 @@ def key_of(one: Spoken | Sent, form: str) -> str:
     )
 
 
-def of_records(
-    records: Iterable[Record], design: Design = DESIGN, languages: Languages | None = LANGUAGES
-) -> tuple[Judged, ...]:
+def of_records(records: Iterable[Record], system: System) -> tuple[Judged, ...]:
     """All verdicts about a recording, in the order of time."""
-    judging = Judging(design, languages)
+    judging = Judging(system)
     found = [one for record in records for one in judging.lines(record)]
     return tuple(sorted((*found, *judging.finish()), key=lambda one: one.t))
 
 
-def of_live(lines: Iterable[LiveLine], design: Design = DESIGN) -> tuple[Judged, ...]:
+def of_live(lines: Iterable[LiveLine], design: Design) -> tuple[Judged, ...]:
     """All verdicts about the lines of live.jsonl, which name contents, and do not have them.
 
     What was no communicate of the design is not among those lines.

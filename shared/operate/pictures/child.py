@@ -20,6 +20,7 @@ from operate.pictures.server import Server, rss_mb
 from operate.pictures.sheet import Sheet
 from operate.pictures.stage import Stage
 from operate.recording.records import Spoken, understood
+from operate.system import System, here
 
 FLUSH_S = 0.2
 """Pictures are renewed so often; estimate: an eye calls it smooth enough, and a flush costs 5-10 ms."""
@@ -43,7 +44,8 @@ class OverLimit(MemoryError):
 class Child:
     """Draws what it reads until the pipe ends."""
 
-    def __init__(self, run: Path, place: places.Place) -> None:
+    def __init__(self, run: Path, place: places.Place, system: System) -> None:
+        self._system = system
         self._server = Server(run, place)
         self._reader = Reader()
         self._stage: Stage | None = None
@@ -74,7 +76,7 @@ class Child:
         self._idle = False
         match item:
             case wire.Heard(sample=sample):
-                for happening in self._reader.read(understood(sample)):
+                for happening in self._reader.read(understood(sample, self._system)):
                     self._draw(happening)
             case wire.Said(judged=judged):
                 self._draw(Happening(judged.t, judged))
@@ -113,7 +115,7 @@ def main(run: Path, place: places.Place, pipe: int) -> int:
     """Draw and serve."""
     os.nice(NICENESS)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the monitor, which ends the pipe
-    child = Child(run, place)
+    child = Child(run, place, here())
     try:
         return child.serve(pipe)
     finally:

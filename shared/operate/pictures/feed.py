@@ -18,6 +18,7 @@ from agent_runtime.io.tap import Sample
 from operate.pictures.places import Place, wanted
 from operate.pictures.wire import Heard, Item, Missed, Said, encode, framed
 from operate.run_folder import Judged
+from operate.system import System
 
 QUEUE_BYTES = 8 * 1024 * 1024
 """Waits at most for the child; estimate: a minute of a pour. Beside it, one batch of at most BATCH_BYTES is written."""
@@ -67,11 +68,12 @@ class Queue:
 class Feed:
     """Feeds a child that draws a run in `run`, served at `place`."""
 
-    def __init__(self, run: Path, place: Place, say: Say, *, command: tuple[str, ...] = ()) -> None:
+    def __init__(self, run: Path, place: Place, system: System, say: Say, *, command: tuple[str, ...] = ()) -> None:
         """`command`: another program than the child (tests)."""
         self._queue = Queue()
         self._command = command or (sys.executable, "-m", "operate.pictures", str(run), *place.words)
         self._run, self._say = run, say
+        self._environment = _environment() | system.environment(run)
         self._over = threading.Event()
         self._child: subprocess.Popen[bytes] | None = None
         self._told = 0
@@ -128,7 +130,7 @@ class Feed:
     def _start(self) -> None:
         with (self._run / "rerun.log").open("ab") as log:
             self._child = subprocess.Popen(
-                self._command, stdin=subprocess.PIPE, stdout=log, stderr=log, bufsize=0, env=_environment()
+                self._command, stdin=subprocess.PIPE, stdout=log, stderr=log, bufsize=0, env=self._environment
             )
         self._say("showing", pid=self._child.pid)
 
@@ -163,7 +165,7 @@ def _environment() -> dict[str, str]:
     return os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
-def feeding(where: Mapping[str, Path], say: Say) -> dict[str, Feed]:
+def feeding(where: Mapping[str, Path], system: System, say: Say) -> dict[str, Feed]:
     """A feed for each system's run, as the environment wants it; none where that is wrong, and `say` is told."""
     feeds = {}
     for number, (name, run) in enumerate(where.items()):
@@ -173,5 +175,5 @@ def feeding(where: Mapping[str, Path], say: Say) -> dict[str, Feed]:
             say("no pictures", level="error", why=str(error))
             return {}
         if place is not None:
-            feeds[name] = Feed(run, place, partial(say, system=name))
+            feeds[name] = Feed(run, place, system, partial(say, system=name))
     return feeds

@@ -1,4 +1,4 @@
-"""`python -m services.monitor hear`: what goes by in a running fleet, as samples, a JSON object a line, for a reader
+"""`python -m operate.recording hear`: what goes by in a running fleet, as samples, a JSON object a line, for a reader
 that does not reach its router: the command line, of a fleet in containers.
 
 It begins with the setting of the fleet's recording, and ends when its standard input does: whoever asked is gone then,
@@ -18,11 +18,12 @@ from operate.recording.keeping import NO_ROUTER, tapped
 from operate.recording.mcap_file import first
 from operate.recording.samples import sampled
 from operate.run_folder import TRAFFIC_FILE
+from topdown.model.design import Design
 
 PAUSE_S = 0.1
 
 
-def serve(options: Options) -> int:
+def serve(options: Options, design: Design) -> int:
     """Print until standard input ends. 0: it did, or nobody reads any more; 3: no router answers."""
     waiting = Waiting()
     threading.Thread(target=_listen_for_the_end, args=(waiting,), daemon=True).start()
@@ -30,7 +31,7 @@ def serve(options: Options) -> int:
     if tap is None:
         return NO_ROUTER
     try:
-        _print(waiting, options)
+        _print(waiting, options, design)
     except BrokenPipeError:
         pass
     finally:
@@ -38,10 +39,10 @@ def serve(options: Options) -> int:
     return 0
 
 
-def _print(waiting: Waiting, options: Options) -> None:
+def _print(waiting: Waiting, options: Options, design: Design) -> None:
     setting = first(options.run_dir / TRAFFIC_FILE)
     if setting is not None:
-        _line(sampled(setting))
+        _line(sampled(setting, design))
     while not waiting.stopped:
         sample = waiting.get(PAUSE_S)
         if sample is not None:

@@ -23,6 +23,7 @@ from operate.judging.judged import of_records
 from operate.recording import mcap_file
 from operate.recording.records import SETTING, Garbage, House, Origin, Record, Resumed, Spoken, Token, spoken
 from operate.run_folder import FLEET_FILE, Fleet, Judged, ProcessState, ProcessStatus
+from operate.system import System
 
 T = TypeVar("T")
 STEPS = "steps"
@@ -108,11 +109,11 @@ class _Beat(msgspec.Struct, frozen=True):
     state: str
 
 
-def load(run: Path) -> History:
-    """The history of a run folder. What cannot be read is a hole, never an error."""
-    heard = mcap_file.read(run / mcap_file.FILE)
-    logs = {path.stem: tuple(arrivals(path)) for path in sorted((run / STEPS).glob(f"*.{STEPS}"))}
-    return msgspec.structs.replace(merged(heard.records, logs, whole=heard.whole), down=_down(run))
+def load(run: Path, system: System) -> History:
+    """The history of a run folder of this system. What cannot be read is a hole, never an error."""
+    heard = mcap_file.read(run / mcap_file.FILE, system.languages)
+    logs = {path.stem: tuple(arrivals(path, system)) for path in sorted((run / STEPS).glob(f"*.{STEPS}"))}
+    return msgspec.structs.replace(merged(heard.records, logs, system, whole=heard.whole), down=_down(run))
 
 
 def _down(run: Path) -> tuple[ProcessStatus, ...]:
@@ -124,7 +125,9 @@ def _down(run: Path) -> tuple[ProcessStatus, ...]:
     return tuple(one for one in told.processes if one.state in NOT_UP and not one.optional)
 
 
-def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, whole: bool = True) -> History:
+def merged(
+    records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], system: System, *, whole: bool = True
+) -> History:
     """The history in these records and logs (agent -> what reached it)."""
     records = tuple(records)
     tapped = tuple(record for record in records if isinstance(record, Spoken))
@@ -144,26 +147,26 @@ def merged(records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], *, wh
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
         holes=holes,
-        judged=of_records(records),
+        judged=of_records(records, system),
         setting=next(_settings(records), None),
     )
 
 
-def arrivals(path: Path) -> Iterator[Spoken]:
+def arrivals(path: Path, system: System) -> Iterator[Spoken]:
     """The communicates that reached the agent whose step log this is; the log may end anywhere."""
     try:
         for step in steplog.read(path):
-            if step.kind == Arrived.__name__ and (one := _arrived(step)) is not None:
+            if step.kind == Arrived.__name__ and (one := _arrived(step, system)) is not None:
                 yield one
     except (msgspec.MsgspecError, OSError):
         return
 
 
-def _arrived(step: steplog.Step) -> Spoken | None:
+def _arrived(step: steplog.Step, system: System) -> Spoken | None:
     """What reached the agent in this step; None for what the design does not know."""
     try:
         communicate = msgspec.msgpack.decode(step.input, type=Arrived).communicate
-        return spoken(communicate, encode(communicate), step.at, Origin.STEPS)
+        return spoken(communicate, encode(communicate), step.at, system, Origin.STEPS)
     except (msgspec.MsgspecError, FipaError, LookupError):
         return None
 

@@ -20,6 +20,7 @@ from operate.filters import Filter
 from operate.recording.mcap_file import Recording, first
 from operate.recording.records import SETTING, House, Record, Resumed, Spoken, Token, understood
 from operate.run_folder import TRAFFIC_FILE
+from operate.system import System
 
 FLUSH_S = 0.1
 TOLD_S = 0.5
@@ -51,8 +52,8 @@ class Asked(msgspec.Struct, frozen=True):
 class Keeper:
     """The open recording."""
 
-    def __init__(self, asked: Asked, setting: Record | None) -> None:
-        self._asked, self._began = asked, time.time()
+    def __init__(self, asked: Asked, system: System, setting: Record | None) -> None:
+        self._asked, self._system, self._began = asked, system, time.time()
         self._recording = Recording(asked.out)
         self.communicates = self.records = 0
         if asked.which:
@@ -67,7 +68,7 @@ class Keeper:
 
     def take(self, sample: Sample) -> None:
         """Keep a sample, if it is meant: with a filter only communicates, and what is needed to judge them."""
-        record = understood(sample)
+        record = understood(sample, self._system)
         which = self._asked.which
         if which and not (which.keeps(record) if isinstance(record, Spoken) else isinstance(record, Token | Resumed)):
             return
@@ -91,13 +92,13 @@ class Keeper:
         self.records += 1
 
 
-def serve(options: Options, asked: Asked, identity: str) -> int:
+def serve(options: Options, system: System, asked: Asked, identity: str) -> int:
     """Record; tells on standard output how far it is, a Kept a line. 0: ended in order; 3: no router answers."""
     waiting, parent = _until_told(), os.getppid()
     tap = tapped(options, waiting, identity)
     if tap is None:
         return NO_ROUTER
-    keeper = Keeper(asked, first(options.run_dir / TRAFFIC_FILE))
+    keeper = Keeper(asked, system, first(options.run_dir / TRAFFIC_FILE))
     _keep(keeper, waiting, parent)
     tap.close()
     _end(keeper, waiting)
@@ -113,11 +114,11 @@ def tapped(options: Options, waiting: Waiting, identity: str) -> Tap | None:
     return tap
 
 
-def serve_heard(asked: Asked) -> int:
+def serve_heard(system: System, asked: Asked) -> int:
     """Record what `hear` prints, from standard input to its end; the rest as `serve`."""
     waiting, parent = _until_told(), os.getppid()
     threading.Thread(target=_read, args=(waiting,), daemon=True).start()
-    keeper = Keeper(asked, None)
+    keeper = Keeper(asked, system, None)
     _keep(keeper, waiting, parent)
     _end(keeper, waiting)
     return 0

@@ -18,6 +18,7 @@ from mcap.records import Channel, Footer, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
+from fipa_codec.languages import Languages
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
 from operate.recording.schemas import schema
 
@@ -116,8 +117,9 @@ class Reading:
     `whole`, once all are read: whether it was closed in order, nothing is cut off.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, languages: Languages | None = None) -> None:
+        """`languages`: in which contents are read; None: they are not."""
+        self._path, self._languages = path, languages
         self.whole = False
 
     def __iter__(self) -> Iterator[Record]:
@@ -137,14 +139,15 @@ class Reading:
                 kinds[found.id] = _kind(found.topic)
             elif isinstance(found, Message) and found.channel_id in kinds:
                 with suppress(msgspec.MsgspecError):  # cut off, or of another version
-                    yield _decoders[kinds[found.channel_id]].decode(found.data)
+                    record = _decoders[kinds[found.channel_id]].decode(found.data)
+                    yield record.read_in(self._languages) if isinstance(record, Spoken) else record
             elif isinstance(found, Footer):
                 self.whole = True
 
 
-def read(path: Path) -> Read:
-    """Everything readable of one traffic.mcap; of a missing file nothing."""
-    reading = Reading(path)
+def read(path: Path, languages: Languages | None = None) -> Read:
+    """Everything readable of one traffic.mcap, contents in these languages; of a missing file nothing."""
+    reading = Reading(path, languages)
     return Read(tuple(reading), reading.whole)
 
 

@@ -8,12 +8,13 @@ import msgspec
 from companion.tools.report import events
 from operate.recording import history
 from operate.recording.records import Spoken
+from operate.system import of_run
 from topdown.check.observe import Observation, Observed
 
 
 def observed(run: Path) -> Observed:
     """Everything said in a run, each once, and the names of its events; of a folder without a recording nothing."""
-    found = history.load(run)
+    found = history.load(run, of_run(run))
     return Observed(
         communicates=tuple(_observation(one) for one in found.said),
         events=tuple(event.name for event in events.events(found)),

@@ -29,6 +29,7 @@ from operate.recording.reach import Reach
 from operate.recording.records import SETTING, House, Record, understood
 from operate.recording.systems import SystemNameError, folders
 from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged
+from operate.system import System
 
 NAME = "monitor"
 FLUSH_S = 0.1
@@ -46,14 +47,16 @@ Say = Callable[..., None]
 class Recorder:
     """Writes what samples say: traffic.mcap, live.jsonl, verdicts.jsonl; `say` is told what is not as designed."""
 
-    def __init__(self, run: Path, say: Say = lambda event, **fields: None, feed: Feed | None = None) -> None:
+    def __init__(
+        self, run: Path, system: System, say: Say = lambda event, **fields: None, feed: Feed | None = None
+    ) -> None:
         """`feed`: who shows it while it goes on."""
         run.mkdir(parents=True, exist_ok=True)
         self._recording = Recording(run / FILE)
         self._live_file = (run / LIVE_FILE).open("ab")
         self._verdicts = (run / VERDICTS_FILE).open("ab")
-        self._live, self._judging, self._reach, self._say = Live(), Judging(), Reach(), say
-        self._feed = feed
+        self._live, self._judging, self._reach = Live(system), Judging(system), Reach()
+        self._system, self._say, self._feed = system, say, feed
         self.count = 0
 
     def begin(self, setting: Setting) -> None:
@@ -64,7 +67,7 @@ class Recorder:
 
     def take(self, sample: Sample) -> None:
         """Record a sample, whatever it is; where it ends a time out of reach, that first."""
-        record, lost = understood(sample), self._reach.lost
+        record, lost = understood(sample, self._system), self._reach.lost
         hole = self._reach.hole(record)
         if hole is not None:
             self._say("in reach again", unheard_s=round(hole.received - hole.since, 1))
@@ -117,9 +120,11 @@ class Recorder:
 class Recorders:
     """The recorders of all systems; a sample goes to its system's, what came of no key (the tap was deaf) to all."""
 
-    def __init__(self, where: Mapping[str, Path], say: Say) -> None:
-        feeds = feeding(where, say)
-        self._of = {name: Recorder(run, partial(say, system=name), feeds.get(name)) for name, run in where.items()}
+    def __init__(self, where: Mapping[str, Path], system: System, say: Say) -> None:
+        feeds = feeding(where, system, say)
+        self._of = {
+            name: Recorder(run, system, partial(say, system=name), feeds.get(name)) for name, run in where.items()
+        }
         self._all = tuple(self._of.values())
         self.files = {name: str(run / FILE) for name, run in where.items()}
 
@@ -139,7 +144,7 @@ class Recorders:
             act(recorder)
 
 
-def serve(options: Options) -> int:
+def serve(options: Options, system: System) -> int:
     """Record until SIGTERM or SIGINT, then make the reports. 0: all; 1: some could not be made; 2: a wrong name."""
     run = options.run_dir
     run.mkdir(parents=True, exist_ok=True)
@@ -152,7 +157,7 @@ def serve(options: Options) -> int:
     waiting = Waiting()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, waiting.stop)
-    recorders, ready = Recorders(where, log.write), run / f"{NAME}.ready"
+    recorders, ready = Recorders(where, system, log.write), run / f"{NAME}.ready"
     with ThreadPoolExecutor(1, initializer=_give_way) as pool:  # the reports have the priority of this thread again
         pool.submit(_tap, options, recorders, waiting, ready, log.write).result()
     recorders.each(Recorder.finish)
@@ -160,7 +165,7 @@ def serve(options: Options) -> int:
     log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
     from operate.reports import make
 
-    made = [make.everything(folder, partial(log.write, system=name)) for name, folder in where.items()]
+    made = [make.everything(folder, system, partial(log.write, system=name)) for name, folder in where.items()]
     log.close()
     return 0 if all(made) else 1
 

@@ -11,12 +11,10 @@ from typing import Any
 import msgspec
 
 from agent_runtime.io.tap import Sample
-from companion.design import DESIGN
-from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, decode, decode_strictly
 from fipa_codec.errors import FipaError
-from fipa_codec.languages import Kind
-from operate.wording import words
+from fipa_codec.languages import Kind, Languages
+from operate.system import System
 
 GARBAGE_BYTES = 64 * 1024
 """Of bytes that are no communicate so many are kept; estimate: enough to see what it was."""
@@ -35,7 +33,8 @@ class Origin(StrEnum):
 class Spoken(msgspec.Struct, frozen=True, dict=True):
     """A communicate. Times in unix seconds; `wire`: all of its bytes (base64 in JSON), `size` their number.
 
-    `text`: its content in a few words, for viewers; "" in recordings of older versions.
+    `text`: its content in a few words, for viewers; "" in recordings of older versions. The content can be read once
+    `read_in` was told the languages of its system.
     """
 
     size: int
@@ -68,10 +67,16 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
         """Which use of its performative its content makes."""
         return self._read[1]
 
+    def read_in(self, languages: Languages | None) -> "Spoken":
+        """The same communicate, whose content is read in these languages."""
+        self.__dict__["languages"] = languages
+        return self
+
     @cached_property
     def _read(self) -> tuple[Any, Kind]:
+        languages = self.__dict__.get("languages")
         try:
-            return LANGUAGES.read(self.communicate)
+            return languages.read(self.communicate) if languages is not None else (None, Kind.PLAIN)
         except FipaError:
             return None, Kind.PLAIN
 
@@ -122,8 +127,8 @@ class Resumed(msgspec.Struct, frozen=True):
 Record = Spoken | House | Token | Garbage | Resumed
 
 
-def understood(sample: Sample) -> Record:
-    """What a sample is. Never raises: what cannot be read is garbage."""
+def understood(sample: Sample, system: System) -> Record:
+    """The record of a sample heard in this system. Never raises: what cannot be read is garbage."""
     if sample.deaf_since:
         return Resumed(sample.deaf_since, sample.at)
     chunks = sample.key.split("/")
@@ -137,16 +142,18 @@ def understood(sample: Sample) -> Record:
     if tuple(chunks[3:]) != told:
         return _garbage(sample, f"the communicate says {'/'.join(told)}")
     try:
-        channel = DESIGN.rule(communicate).channel
+        channel = system.design.rule(communicate).channel
     except LookupError as error:
         return _garbage(sample, str(error))
     if chunks[2] != channel:
         return _garbage(sample, f"the design has it on {channel}")
-    return spoken(communicate, sample.data, sample.at)
+    return spoken(communicate, sample.data, sample.at, system)
 
 
-def spoken(communicate: Communicate, wire: bytes, received: float, origin: Origin = Origin.TAP) -> Spoken:
-    """The record of a communicate that the design knows. Raises LookupError for another one."""
+def spoken(
+    communicate: Communicate, wire: bytes, received: float, system: System, origin: Origin = Origin.TAP
+) -> Spoken:
+    """The record of a communicate that the design knows. Raise LookupError for another one."""
     read = Spoken(
         size=len(wire),
         sender=communicate.sender,
@@ -155,14 +162,14 @@ def spoken(communicate: Communicate, wire: bytes, received: float, origin: Origi
         protocol=communicate.protocol,
         language=communicate.language,
         conversation=communicate.conversation,
-        channel=DESIGN.rule(communicate).channel,
+        channel=system.design.rule(communicate).channel,
         id=communicate.id,
         sent=communicate.sent,
         received=received,
         wire=wire,
         origin=origin,
-    )
-    told = msgspec.structs.replace(read, text=words(read.content))
+    ).read_in(system.languages)
+    told = msgspec.structs.replace(read, text=system.words(read.content))
     told.__dict__.update(read.__dict__)  # what was decoded is not decoded again
     return told
 

@@ -8,11 +8,11 @@ import msgspec
 
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.tap import Sample
-from companion.design import DESIGN
 from operate.judging.judged import SYSTEM, key_of
 from operate.recording import mcap_file
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
 from operate.run_folder import TRAFFIC_FILE
+from topdown.model.design import Design
 
 
 class NoRecordingError(Exception):
@@ -30,22 +30,22 @@ def records(file: Path) -> tuple[Record, ...]:
     return found
 
 
-def samples(found: tuple[Record, ...], *, everything: bool = False) -> Iterator[Sample]:
+def samples(found: tuple[Record, ...], design: Design, *, everything: bool = False) -> Iterator[Sample]:
     """What a tap heard, in order; without `everything` communicates, tokens and what was no communicate.
 
     With it also the recorder's own first word, its setting, as if it had been heard.
     """
     for record in found:
         if everything or not isinstance(record, House):
-            yield sampled(record)
+            yield sampled(record, design)
 
 
-def sampled(record: Record) -> Sample:
+def sampled(record: Record, design: Design) -> Sample:
     """What the tap heard when this was recorded."""
     at = record.received
     match record:
         case Spoken():
-            return Sample(key_of(record, DESIGN.file.system.key), record.wire, at)
+            return Sample(key_of(record, design.file.system.key), record.wire, at)
         case Garbage():
             return Sample(record.key, record.data, at)
         case Token():
@@ -58,7 +58,7 @@ def sampled(record: Record) -> Sample:
             return Sample("", b"", at, deaf_since=record.since)
 
 
-def main(file: Path, *, everything: bool) -> None:
+def main(file: Path, design: Design, *, everything: bool) -> None:
     """Print the samples of a recording, one JSON object a line. Raises NoRecordingError."""
-    for sample in samples(records(file), everything=everything):
+    for sample in samples(records(file), design, everything=everything):
         sys.stdout.buffer.write(msgspec.json.encode(sample) + b"\n")

@@ -7,15 +7,16 @@ from pathlib import Path
 from operate.recording import history
 from operate.reports import report
 from operate.run_folder import REPORT_FILE, RRD_FILE
+from operate.system import System
 
 PAGE_FILE = "report.html"
 Say = Callable[..., None]
 
 
-def everything(run: Path, say: Say) -> bool:
+def everything(run: Path, system: System, say: Say) -> bool:
     """Make all three; `say(event, level, **fields)` is told what was made and what was not. True: all of it."""
     try:
-        past = history.load(run)
+        past = history.load(run, system)
         figures = report.build(past)
         report.write(run, figures)
     except Exception:  # the recording stays: the report can be made again by a later version

@@ -1,7 +1,4 @@
-"""The processes of the fleet, in one table: what is run, after what, and how long it may take to end.
-
-Loop and agent of ex are siblings: each may die and come back without the other.
-"""
+"""A process of a system, and those that every system has."""
 
 import msgspec
 
@@ -26,15 +23,17 @@ class Process(msgspec.Struct, frozen=True):
 
 # Agents start side by side: each is ready when a ping was answered on each of its channels: they wait for each other.
 # They start after the monitor, so that the recording has their first word.
-AGENTS = ("router", "monitor")
-FLEET = (
-    Process("router", "services.router"),
-    Process("monitor", "services.monitor", after=("router",), optional=True, stop_within_s=REPORT_S),
-    Process("loop", "services.executor.loop"),
-    Process("km", "services.knowledge", after=AGENTS),
-    Process("pl", "services.planner", after=AGENTS),
-    Process("ta", "services.task", after=AGENTS),
-    Process("ex", "services.executor", after=(*AGENTS, "loop")),
-    Process("co", "services.coordinator", after=AGENTS),
-    Process("hi", "services.human_interface", after=AGENTS),
-)
+FIRST = ("router", "monitor")
+
+
+def around(router: str = "operate.router", monitor: str = "operate.recording") -> tuple[Process, Process]:
+    """The router and the monitor of a system, run by these modules."""
+    return (
+        Process("router", router),
+        Process("monitor", monitor, after=("router",), optional=True, stop_within_s=REPORT_S),
+    )
+
+
+def agents(package: str, *names: str) -> tuple[Process, ...]:
+    """Agents that are run as `package.name`."""
+    return tuple(Process(name, f"{package}.{name}", after=FIRST) for name in names)

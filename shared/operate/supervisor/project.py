@@ -19,22 +19,21 @@ from agent_runtime.io.tap import Sample, Tap, open_tap
 from agent_runtime.io.zenoh_wire import free_endpoint
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
-from fipa_codec.languages import Languages
 from operate.run_folder import ProcessState
 from operate.supervisor import folder
-from operate.supervisor.processes import Process
 from operate.supervisor.shell import Shell
+from operate.system import System, load
 
-ROUTER = Process("router", "services.router")
 PATIENCE_S = 30.0
 """Until all must be ready (estimate: an agent's start takes a second, more on a busy machine)."""
 
 
-def run(package: str, agents: tuple[str, ...], languages: Languages) -> None:
-    """The command line of a project; ends the process."""
-    command = typer.Typer(name=package, add_completion=False, pretty_exceptions_enable=False)
+def run(entry: str) -> None:
+    """The command line of a project whose system is at `entry` ("module:NAME"); ends the process."""
+    system = load(entry, str(Path.cwd()))
+    command = typer.Typer(name=system.name, add_completion=False, pretty_exceptions_enable=False)
 
-    @command.command(help=f"Run {package}: router and agents as processes, printing what they say; Ctrl-C ends them.")
+    @command.command(help=f"Run {system.name}: its processes, printing what they say; Ctrl-C ends them.")
     def main(
         run_dir: Annotated[Path | None, typer.Option(help="The run's folder; else runs/<time>.")] = None,
         connect: Annotated[str, typer.Option(help="The router's address; empty: a free port.")] = "",
@@ -44,53 +43,46 @@ def run(package: str, agents: tuple[str, ...], languages: Languages) -> None:
     ) -> None:
         where = (run_dir or Path("runs") / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")).resolve()
         after_s = 0.0 if until_ready else seconds or None
-        raise typer.Exit(foreground(package, agents, languages, where, connect or free_endpoint(), after_s, scene))
+        raise typer.Exit(foreground(system, where, connect or free_endpoint(), after_s, scene))
 
     command()
 
 
-def foreground(
-    package: str,
-    agents: tuple[str, ...],
-    languages: Languages,
-    run_dir: Path,
-    connect: str,
-    after_s: float | None,
-    scene: str = "",
-) -> int:
+def foreground(system: System, run_dir: Path, connect: str, after_s: float | None, scene: str = "") -> int:
     """Run it until a signal comes, or for `after_s` once all are ready. 0: as wanted; 1: not all became ready."""
     folder.make(run_dir)
-    processes = (ROUTER, *(Process(name, f"{package}.{name}", after=("router",)) for name in agents))
-    shell = Shell(run_dir, processes, package, connect, _environment(package, run_dir, connect, scene))
-    names = ", ".join(process.name for process in processes)
+    environment = _environment(system, run_dir, connect, scene)
+    shell = Shell(run_dir, system.processes, system.name, connect, environment, bound=system)
+    names = ", ".join(process.name for process in system.processes)
     here = run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
-    print(f"{package}: {names}; files in {here}", flush=True)
-    watch = _Watch(shell, languages, Options(connect=connect, system=package, run_dir=run_dir), after_s)
+    print(f"{system.name}: {names}; files in {here}", flush=True)
+    watch = _Watch(shell, system, Options(connect=connect, system=system.name, run_dir=run_dir), after_s)
     watch.start()
     shell.serve()
     watch.join()
     return watch.status
 
 
-def _environment(package: str, run_dir: Path, connect: str, scene: str) -> dict[str, str]:
+def _environment(system: System, run_dir: Path, connect: str, scene: str) -> dict[str, str]:
     """What all processes share, besides the folder they are run in."""
     return os.environ | {
         "ROCO_RUN_DIR": str(run_dir),
-        "ROCO_SYSTEM": package,
+        "ROCO_SYSTEM": system.name,
         "ROCO_CONNECT": connect,
         "ROCO_LISTEN": connect,
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
         "PYTHONUNBUFFERED": "1",
+        **system.environment(run_dir),
     }
 
 
 class _Watch(threading.Thread):
     """Prints what becomes of the processes and what the agents say; asks for the end when it is time."""
 
-    def __init__(self, shell: Shell, languages: Languages, options: Options, after_s: float | None) -> None:
+    def __init__(self, shell: Shell, system: System, options: Options, after_s: float | None) -> None:
         super().__init__(daemon=True)
         self.status = 0
-        self._shell, self._languages, self._options, self._after_s = shell, languages, options, after_s
+        self._shell, self._languages, self._options, self._after_s = shell, system.languages, options, after_s
         self._began = time.time()
         self._ready_at: float | None = None
         self._tap: Tap | None = None
@@ -159,7 +151,7 @@ class _Watch(threading.Thread):
 
     def _content(self, communicate: Communicate) -> str:
         try:
-            content, _ = self._languages.read(communicate)
+            content, _ = self._languages.read(communicate) if self._languages is not None else (None, None)
         except FipaError as error:
             return f"({error})"
         return "" if content is None else repr(content)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
+from topdown.model.design import Design
 
 TLS, PLAIN = "tls/", "tcp/"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -34,6 +35,7 @@ class Keys:
     def __init__(
         self,
         run: Path,
+        design: Design,
         system: str,
         connect: str,
         given: str,
@@ -47,7 +49,7 @@ class Keys:
         `connect`: the address asked for, "" for a free port here; `given`: a folder of keys that are there. ValueError
         where address and keys do not fit.
         """
-        self._system, self._days, self._due = system, days, float("inf")
+        self._design, self._system, self._days, self._due = design, system, days, float("inf")
         mine = router and not given and not insecure
         self.folder = run / KEYS_FOLDER if mine else Path(given).resolve() if given and not insecure else None
         self.address = connect or f"{TLS if self.folder else PLAIN}127.0.0.1:{free_port()}"
@@ -93,11 +95,10 @@ class Keys:
 
     def _make(self) -> dt.datetime:
         from agent_runtime.io import issuing, keys
-        from companion.design import DESIGN
 
         assert self.folder is not None
         hosts = dict.fromkeys((*keys.HOSTS, host_of(self.address)))
-        until = issuing.issue(self.folder, DESIGN, (self._system,), days=self._days, hosts=tuple(hosts)).until
+        until = issuing.issue(self.folder, self._design, (self._system,), days=self._days, hosts=tuple(hosts)).until
         self._due = until.timestamp() - LAST * self._days * 86400.0
         return until
 

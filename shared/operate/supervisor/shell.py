@@ -21,6 +21,7 @@ from operate.run_folder import Fleet as FleetFile
 from operate.run_folder import ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.processes import Process
+from operate.system import System
 
 NAME = "supervisor"
 PERIOD_S = 0.05  # estimate: a death is seen soon enough, and 20 looks a second cost next to nothing
@@ -29,7 +30,7 @@ PERIOD_S = 0.05  # estimate: a death is seen soon enough, and 20 looks a second 
 class Shell:
     """Runs one fleet in one run folder. `command` makes the argument list of a process (tests put their own there).
 
-    `tend`: what else is to be looked after at each look.
+    `tend`: what else is to be looked after at each look. `bound`: the system, for fleet.json.
     """
 
     def __init__(
@@ -41,6 +42,7 @@ class Shell:
         environment: Mapping[str, str],
         command: Callable[[Process], list[str]] | None = None,
         tend: Callable[[], None] | None = None,
+        bound: System | None = None,
     ) -> None:
         self.run = run
         self.system = system
@@ -48,6 +50,7 @@ class Shell:
         self.environment = dict(environment)
         self.command = command or python_module
         self.tend = tend or (lambda: None)
+        self.entry, self.project = (bound.entry, bound.project) if bound is not None else ("", "")
         self.fleet = core.begin(processes, time.monotonic())
         self.started = time.time()
         self.children: dict[str, subprocess.Popen[bytes]] = {}
@@ -82,7 +85,8 @@ class Shell:
             if outcome is not None:
                 self.fleet = core.take(self.fleet, outcome, now)
         if self.fleet.status != before or actions or not (self.run / "fleet.json").exists():
-            folder.tell(self.run, FleetFile(self.system, self.connect, os.getpid(), self.started, self.fleet.status))
+            told = (self.system, self.connect, os.getpid(), self.started, self.fleet.status)
+            folder.tell(self.run, FleetFile(*told, entry=self.entry, project=self.project))
 
     def _look(self) -> list[core.Event]:
         """See which children ended, and which became ready."""

@@ -11,7 +11,8 @@ def project_files(design: Design, design_text: str, package: str) -> dict[str, s
         f"{package}/__init__.py": f"{docstring(_title(design))}\n",
         f"{package}/py.typed": "",
         f"{package}/design.py": _DESIGN.format(package=package),
-        f"{package}/__main__.py": _main(design, package),
+        f"{package}/__main__.py": _MAIN.format(package=package),
+        f"{package}/system.py": _system(design, package),
         "pyproject.toml": _PYPROJECT.format(package=package),
         "compose.yaml": _compose(design, package),
         "README.md": _readme(design, package),
@@ -49,6 +50,9 @@ version = "0.1.0"
 requires-python = ">=3.11"
 dependencies = ["robot-companion"]
 
+[tool.roco]
+system = "{package}.system:SYSTEM"
+
 [tool.ruff]
 line-length = 120
 
@@ -62,18 +66,32 @@ addopts = "--import-mode=importlib"
 """
 
 
-def _main(design: Design, package: str) -> str:
-    agents = wrapped("AGENTS = (", [f'"{agent}"' for agent in design.agents], ")")
-    return f'''"""Router and agents as processes: `python -m {package}`; Ctrl-C ends them in order."""
+_MAIN = '''"""Router, monitor and agents as processes: `python -m {package}`; Ctrl-C ends them in order."""
 
 from operate.supervisor import project
 
-from {package}.languages import LANGUAGES
-
-{agents}
-
 if __name__ == "__main__":
-    project.run("{package}", AGENTS, LANGUAGES)
+    project.run("{package}.system:SYSTEM")
+'''
+
+
+def _system(design: Design, package: str) -> str:
+    names = wrapped("AGENTS = (", [f'"{agent}"' for agent in design.agents], ")")
+    return f'''"""The system as the tools see it (operate.system): `roco` in this folder is about it."""
+
+from operate.supervisor.processes import agents, around
+from operate.system import System
+
+from {package}.design import DESIGN, LANGUAGES
+
+{names}
+
+SYSTEM = System(
+    name="{package}",
+    design=DESIGN,
+    languages=LANGUAGES,
+    processes=(*around(), *agents("{package}", *AGENTS)),
+)
 '''
 
 
@@ -98,7 +116,7 @@ x-agent: &agent
 services:
   router:
     image: {image}
-    command: [python, -m, services.router]
+    command: [python, -m, operate.router]
     volumes: ["runs:/runs"]
     environment:
       ROCO_LISTEN: tcp/0.0.0.0:7447
@@ -122,6 +140,7 @@ def _readme(design: Design, package: str) -> str:
     )
     told = {
         f"python -m {package}": "router and agents as processes; prints what they say; Ctrl-C ends them",
+        "roco up": "the same in the background; roco status, traffic echo, graph, top, down are about it",
         "python -m pytest": "the design is consistent, every agent binds and answers, all meet over Zenoh",
         f"roco design check {package}/design.toml": "what is wrong with the design, and where",
         f"roco design verify {package}/design.toml": "whether it can go wrong, and how",

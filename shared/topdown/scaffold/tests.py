@@ -51,8 +51,8 @@ def test_the_languages_have_the_designs_classes():
 
 _ALONE = '''"""a_{agent} alone: it is what the design says, and whatever it may be asked is answered."""
 
-{pytest}from agent_runtime.testing.alone import Alone
-from agent_runtime.core.binding import wiring
+{pytest}from agent_runtime.core.binding import wiring
+from agent_runtime.testing.alone import Alone
 from agent_runtime.testing.samples import sample_named
 from fipa_codec.performatives import Performative as P
 

@@ -13,6 +13,7 @@ from companion.languages import cmd, hfsm, sw
 from companion.languages.values import Pose
 from companion.telemetry import TrueState
 from companion.tools.report import events, plans, story, verdict
+from companion.tools.system import SYSTEM
 from fipa_codec.performatives import Performative as P
 from operate.recording import history
 from operate.recording.records import Spoken, understood
@@ -167,9 +168,9 @@ def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path: Path) -> N
     whole = Fleet("roco", "", 7, 0.0, processes)
     (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(whole))
     blamed = "loop did not run (given-up: ended with code 2: loop: scene: file is none)"
-    assert verdict.failure(history.load(tmp_path)) == blamed
+    assert verdict.failure(history.load(tmp_path, SYSTEM)) == blamed
     (tmp_path / FLEET_FILE).unlink()
-    assert verdict.failure(history.load(tmp_path)) == "no command of a person was heard"
+    assert verdict.failure(history.load(tmp_path, SYSTEM)) == "no command of a person was heard"
 
 
 def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
@@ -193,4 +194,4 @@ def test_a_point_on_a_turned_table_is_on_it(yaw: float) -> None:
 
 
 def _past(run: Run) -> history.History:
-    return history.merged([understood(sample) for sample in run.samples], {})
+    return history.merged([understood(sample, SYSTEM) for sample in run.samples], {}, SYSTEM)

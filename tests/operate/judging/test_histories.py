@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from companion.tools.system import SYSTEM
 from operate.recording import history
 from operate.reports import report
 
@@ -25,7 +26,7 @@ MATRIX = {
 @pytest.fixture(scope="module")
 def told() -> report.Report:
     """The report of the pour."""
-    return report.build(history.load(POUR))
+    return report.build(history.load(POUR, SYSTEM))
 
 
 def test_the_pour_is_told_as_it_was(told: report.Report) -> None:
@@ -66,7 +67,7 @@ def test_times_are_those_of_acts(told: report.Report) -> None:
 
 def test_without_a_clock_there_is_no_lateness() -> None:
     """A run that went as fast as it could has no deadlines: no figure is given, rather than zeros."""
-    past = history.load(POUR)
+    past = history.load(POUR, SYSTEM)
     fast = msgspec.structs.replace(past, setting=history.Setting(seed=7, speed="max"))
     loop = report.build(fast).loop
     assert loop is not None

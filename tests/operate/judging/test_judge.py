@@ -8,6 +8,7 @@ import pytest
 from planting import POUR, Traffic, answer_to_nothing, no_communicate, query_too_large
 
 from agent_runtime.io.tap import Sample
+from companion.tools.system import SYSTEM
 from operate.judging import rejudge
 from operate.judging.judged import of_live
 from operate.recording import history
@@ -16,6 +17,7 @@ from operate.recording.recorder import Recorder
 from operate.recording.records import understood
 from operate.reports import make, report
 from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged, LiveLine, Sent
+from operate.system import NoSystemError, languages_at, of_design
 from topdown.judge.verdicts import Verdict
 
 PLANTED = (answer_to_nothing, no_communicate, query_too_large)
@@ -33,7 +35,7 @@ def wrong() -> Traffic:
 def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, Any]]]:
     """A run folder that a recorder wrote, and what it logged."""
     run, log = tmp_path_factory.mktemp("run"), []
-    recorder = Recorder(run, lambda event, **fields: log.append({"event": event, **fields}))
+    recorder = Recorder(run, SYSTEM, lambda event, **fields: log.append({"event": event, **fields}))
     for item in wrong().items:
         if isinstance(item, Sample):
             recorder.take(item)
@@ -64,12 +66,12 @@ def test_verdicts_are_written_as_they_come(told: tuple[Path, list[dict[str, Any]
 def test_afterwards_the_same_is_said(told: tuple[Path, list[dict[str, Any]]]) -> None:
     """The recording judged again gives the lines that were written while it was made."""
     run, _ = told
-    assert list(rejudge.judge(run)) == sorted(lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t)
+    assert list(rejudge.judge(run, SYSTEM)) == sorted(lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t)
 
 
 def test_lines_for_people_can_be_judged_too(told: tuple[Path, list[dict[str, Any]]]) -> None:
     """live.jsonl has what sequence, size and entitlement need; what was no communicate of the design is not in it."""
-    found = rejudge.judge(told[0] / LIVE_FILE)
+    found = rejudge.judge(told[0] / LIVE_FILE, SYSTEM)
     assert {one.verdict for one in found if one.violation} == {Verdict.OVER_BUDGET}
     assert sum(one.verdict == Verdict.COPY for one in found) == 4
 
@@ -78,19 +80,19 @@ def test_live_lines_of_an_earlier_version_are_not_judged(told: tuple[Path, list[
     """They say neither ids nor labels: what cannot be followed by them is not called wrong."""
     sent = [line for line in lines(told[0] / LIVE_FILE, LiveLine) if isinstance(line, Sent)]
     old = [msgspec.structs.replace(line, id="", reply_with="", in_reply_to="") for line in sent]
-    assert {one.verdict for one in of_live(old)} == {Verdict.NOT_JUDGED}
-    assert len(of_live(old)) == len(old)
+    assert {one.verdict for one in of_live(old, SYSTEM.design)} == {Verdict.NOT_JUDGED}
+    assert len(of_live(old, SYSTEM.design)) == len(old)
 
 
 def test_the_report_tells_what_was_against_the_design() -> None:
     """Counts of each verdict, and of each violation when, where and why; nothing where all is well."""
-    past = history.merged([_known(item) for item in wrong().items], {})
+    past = history.merged([_known(item) for item in wrong().items], {}, SYSTEM)
     judged = report.build(past).judged
     assert judged is not None
     assert {one.verdict for one in judged.violations} == {"out of sequence", "malformed", "over budget"}
     assert sum(judged.verdicts.values()) == judged.communicates == 426
     assert all(one.why and one.t > 0 for one in judged.violations)
-    clean = report.build(history.load(POUR.parent)).judged
+    clean = report.build(history.load(POUR.parent, SYSTEM)).judged
     assert clean is not None
     assert clean.violations == ()
 
@@ -99,9 +101,9 @@ def test_the_page_shows_it(tmp_path: Path) -> None:
     """The section says that all is as designed, or lists what is not."""
     from operate.reports import page
 
-    past = history.load(POUR.parent)
+    past = history.load(POUR.parent, SYSTEM)
     assert "All 424 communicates as designed." in page.rendered(past, report.build(past), "clean")
-    past = history.merged([_known(item) for item in wrong().items], {})
+    past = history.merged([_known(item) for item in wrong().items], {}, SYSTEM)
     text = page.rendered(past, report.build(past), "wrong")
     assert "3 of 426 communicates are not as designed." in text
     assert "nothing opened conversation pl-1-900" in text
@@ -109,11 +111,11 @@ def test_the_page_shows_it(tmp_path: Path) -> None:
 
 def test_a_recorder_that_began_first_knows_beginnings(tmp_path: Path) -> None:
     """Told when it began, it can say that nothing opened a conversation between agents that were born since."""
-    recorder = Recorder(tmp_path)
+    recorder = Recorder(tmp_path, SYSTEM)
     recorder.begin(Setting(seed=7, speed="1"))
     recorder.finish()
     assert (tmp_path / VERDICTS_FILE).read_bytes() == b""
-    assert make.everything(tmp_path, lambda *_, **__: None)
+    assert make.everything(tmp_path, SYSTEM, lambda *_, **__: None)
 
 
 @pytest.mark.parametrize("name", ["nothing", "empty.mcap", "empty.jsonl"])
@@ -122,22 +124,22 @@ def test_what_cannot_be_judged_says_so(name: str, tmp_path: Path) -> None:
     if name != "nothing":
         (tmp_path / name).write_bytes(b"")
     if name.endswith("jsonl"):
-        assert rejudge.judge(tmp_path / name) == ()
+        assert rejudge.judge(tmp_path / name, SYSTEM) == ()
         return
     with pytest.raises(rejudge.CannotJudge, match=r"give a "):
-        rejudge.judge(tmp_path / name)
+        rejudge.judge(tmp_path / name, SYSTEM)
 
 
 def test_another_systems_design_and_languages_are_named(tmp_path: Path) -> None:
     """A design file that is none, and languages that are none, are errors that say what to write."""
     (tmp_path / "no.toml").write_text("x = 1")
-    with pytest.raises(rejudge.CannotJudge, match=r"no\.toml"):
-        rejudge.judge(POUR, tmp_path / "no.toml")
+    with pytest.raises(NoSystemError, match=r"no\.toml"):
+        of_design(tmp_path / "no.toml")
     for place in ("companion.languages", "companion.languages:NOTHING", "companion.design:DESIGN"):
-        with pytest.raises(rejudge.CannotJudge, match=place):
-            rejudge.judge(POUR, None, place)
-    assert rejudge.judge(POUR, None, "companion.languages:LANGUAGES") == rejudge.judge(POUR)
+        with pytest.raises(NoSystemError, match=place):
+            languages_at(place)
+    assert languages_at("companion.languages:LANGUAGES") is SYSTEM.languages
 
 
 def _known(item: Any) -> Any:
-    return understood(item) if isinstance(item, Sample) else item
+    return understood(item, SYSTEM) if isinstance(item, Sample) else item

@@ -7,6 +7,7 @@ from synthetic import Run
 
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
+from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.judging.live import Live
@@ -16,14 +17,14 @@ from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Se
 
 def lines(run: Run) -> list[LiveLine]:
     """All lines of a run."""
-    live = Live()
-    return [line for sample in run.samples for line in live.lines(understood(sample))]
+    live = Live(SYSTEM)
+    return [line for sample in run.samples for line in live.lines(understood(sample, SYSTEM))]
 
 
 def test_each_communicate_is_a_line_once(pouring: Run) -> None:
     """Re-sent copies show no second line, and all lines can be read back."""
-    live = Live()
-    twice = [line for sample in pouring.samples for _ in (1, 2) for line in live.lines(understood(sample))]
+    live = Live(SYSTEM)
+    twice = [line for sample in pouring.samples for _ in (1, 2) for line in live.lines(understood(sample, SYSTEM))]
     sent = [line for line in twice if isinstance(line, Sent)]
     assert len(sent) == len(pouring.said)
     assert [msgspec.json.decode(msgspec.json.encode(line), type=LiveLine) for line in sent] == sent
@@ -66,16 +67,16 @@ def test_what_was_recorded_shows_no_text_that_is_no_word_or_label() -> None:
             id=label,
         )
         key = DESIGN.key("velma", said)
-        assert type(understood(Sample(key, encode(said), 1.0))) is kind
+        assert type(understood(Sample(key, encode(said), 1.0), SYSTEM)) is kind
 
 
 def test_who_is_not_heard_is_told_once() -> None:
     """A heartbeat repeats it each second; the line comes once, and again when it happens again."""
-    live, found = Live(), []
+    live, found = Live(SYSTEM), []
     one = {"peer": "ta", "channel": "C1", "what": "said", "since": 10.0}
     for at, unheard in ((13.0, [one]), (14.0, [one]), (15.0, []), (23.0, [one | {"since": 20.0}])):
         beat = msgspec.json.encode({"agent": "co", "state": "trigger", "unheard": unheard})
-        record = understood(Sample("roco/roco/_/state/co", beat, at))
+        record = understood(Sample("roco/roco/_/state/co", beat, at), SYSTEM)
         found += [line for line in live.lines(record) if isinstance(line, Happened)]
     assert [line.t for line in found] == [13.0, 23.0]
     assert "what co says to ta on C1 is not received since 3 s" in found[0].text

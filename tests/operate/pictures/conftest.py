@@ -10,6 +10,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from noted import Noted, afterwards, recorded
 from synthetic import Run
 
+from companion.tools.system import SYSTEM
 from operate.recording import history
 from operate.recording.records import Record, understood
 
@@ -17,13 +18,13 @@ from operate.recording.records import Record, understood
 @pytest.fixture(scope="session")
 def records(pouring: Run) -> list[Record]:
     """What goes by in the synthetic run."""
-    return [understood(sample) for sample in pouring.samples]
+    return [understood(sample, SYSTEM) for sample in pouring.samples]
 
 
 @pytest.fixture(scope="session")
 def past(records: list[Record]) -> history.History:
     """Its history."""
-    return history.merged(records, {})
+    return history.merged(records, {}, SYSTEM)
 
 
 @pytest.fixture(scope="session")

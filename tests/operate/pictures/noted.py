@@ -6,6 +6,7 @@ from typing import Any
 
 import rerun as rr
 
+from companion.tools.system import SYSTEM
 from operate.judging.judged import Judging
 from operate.pictures.file import end_s
 from operate.pictures.happenings import Happening, Reader, of_history
@@ -54,7 +55,7 @@ def afterwards(past: history.History, drawers: Callable[[Sheet], Drawer] = Stage
 
 def live(records: list[Record], begin: float, end: float) -> Noted:
     """Everything as it goes by, verdicts when they come."""
-    sheet, reader, judging = Noted(begin), Reader(), Judging()
+    sheet, reader, judging = Noted(begin), Reader(), Judging(SYSTEM)
     stage = Stage(sheet)
     for number, record in enumerate(records):
         for happening in reader.read(record):
@@ -72,4 +73,4 @@ def live(records: list[Record], begin: float, end: float) -> Noted:
 
 def recorded() -> history.History:
     """A pour that was recorded with the whole fleet."""
-    return history.load(Path(__file__).parents[2] / "histories" / "pour_seed_7")
+    return history.load(Path(__file__).parents[2] / "histories" / "pour_seed_7", SYSTEM)

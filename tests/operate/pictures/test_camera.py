@@ -8,6 +8,7 @@ from noted import Noted, afterwards
 
 from companion.telemetry import Picture, RobotState, picture
 from companion.tools.pictures.camera import CAMERA
+from companion.tools.system import SYSTEM
 from operate.pictures.file import write
 from operate.pictures.happenings import Reader
 from operate.pictures.sheet import images
@@ -41,12 +42,12 @@ def test_pictures_are_drawn_live_and_afterwards(seen: list[Record]) -> None:
             stage.take(happening)
     expected = [(1.0 + k, (4, 3, pixels)) for k, pixels in enumerate(PIXELS)]
     assert sheet.of(CAMERA) == expected
-    assert afterwards(history.merged(seen, {})).of(CAMERA) == expected
+    assert afterwards(history.merged(seen, {}, SYSTEM)).of(CAMERA) == expected
 
 
 def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:
     """A picture is no state of the robot."""
-    past = history.merged(seen, {})
+    past = history.merged(seen, {}, SYSTEM)
     assert [at for at, _ in past.robot] == [100.0]
     assert [at for at, _ in past.pictures] == [101.0, 102.0, 103.0]
 
@@ -65,7 +66,7 @@ def test_pictures_go_through_a_recording(seen: list[Record], tmp_path: Path) -> 
     for record in seen:
         file.add(record)
     file.finish()
-    past = history.load(tmp_path)
+    past = history.load(tmp_path, SYSTEM)
     assert [one for _, one in past.pictures[:2]] == PICTURES
     assert write(tmp_path / "run.rrd", past)[CAMERA] == 2
 

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agent_runtime.io.tap import Sample
+from companion.tools.system import SYSTEM
 from operate.pictures import feed as feeding
 from operate.pictures import wire
 from operate.pictures.feed import OVERHEAD, Feed, Queue
@@ -89,7 +90,7 @@ def test_something_else_than_frames_is_said() -> None:
 def test_a_child_that_reads_nothing_holds_nobody(tmp_path: Path) -> None:
     """300 MB are fed to it: no call waits, memory stays within queue and batch, the rest is counted as dropped."""
     sample = Sample("roco/x", os.urandom(100_000), 1.0)
-    feed = Feed(tmp_path, PLACE, quiet, command=READS_NOTHING)
+    feed = Feed(tmp_path, PLACE, SYSTEM, quiet, command=READS_NOTHING)
     try:
         assert eventually(lambda: feed.pid)
         before, longest = _rss(), 0.0
@@ -108,7 +109,7 @@ def test_a_child_that_reads_nothing_holds_nobody(tmp_path: Path) -> None:
 def test_a_child_that_does_not_follow_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It ignores SIGTERM and is frozen besides; the end comes in time."""
     monkeypatch.setattr(feeding, "END_S", 0.5)
-    feed = Feed(tmp_path, PLACE, quiet, command=DEAF)
+    feed = Feed(tmp_path, PLACE, SYSTEM, quiet, command=DEAF)
     assert eventually(lambda: (tmp_path / "rerun.log").exists() and "deaf" in (tmp_path / "rerun.log").read_text())
     pid = feed.pid
     os.kill(pid, signal.SIGSTOP)
@@ -121,7 +122,7 @@ def test_a_child_that_dies_is_started_anew_and_said(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.02)
     monkeypatch.setattr(feeding, "LONGEST_PAUSE_S", 0.05)
     said: list[str] = []
-    feed = Feed(tmp_path, PLACE, lambda event, **_: said.append(event), command=DIES)
+    feed = Feed(tmp_path, PLACE, SYSTEM, lambda event, **_: said.append(event), command=DIES)
     try:
         assert eventually(lambda: said.count("showing") > 2)
         assert "no pictures for now" in said
@@ -132,7 +133,7 @@ def test_a_child_that_dies_is_started_anew_and_said(tmp_path: Path, monkeypatch:
 def test_a_program_that_is_not_there_holds_nobody(tmp_path: Path) -> None:
     """It is said, and feeding goes on."""
     said: list[str] = []
-    feed = Feed(tmp_path, PLACE, lambda event, **_: said.append(event), command=("/nowhere/at/all",))
+    feed = Feed(tmp_path, PLACE, SYSTEM, lambda event, **_: said.append(event), command=("/nowhere/at/all",))
     assert eventually(lambda: "no pictures for now" in said)
     feed.heard(Sample("k", b"d", 1.0))
     feed.close()

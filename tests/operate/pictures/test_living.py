@@ -13,6 +13,7 @@ import pytest
 from synthetic import Run
 from test_feed import eventually
 
+from companion.tools.system import SYSTEM
 from operate.pictures import child, server
 from operate.pictures import feed as feeding
 from operate.pictures.child import OverLimit
@@ -73,8 +74,8 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
     """The drawing process is killed, its server is killed, the drawing process is frozen: every sample is recorded."""
     monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.1)
     samples = iter(pouring.samples)
-    feed = Feed(tmp_path, place(), lambda event, **_: None)
-    recorder = Recorder(tmp_path, feed=feed)
+    feed = Feed(tmp_path, place(), SYSTEM, lambda event, **_: None)
+    recorder = Recorder(tmp_path, SYSTEM, feed=feed)
 
     def some(count: int) -> None:
         for _, sample in zip(range(count), samples, strict=False):
@@ -103,7 +104,7 @@ def test_a_process_above_its_limit_of_memory_ends(
     module: ModuleType, limit: str, error: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What draws looks at itself and at its server, and says who is too large; the monitor starts them anew."""
-    drawing = child.Child(tmp_path, place())
+    drawing = child.Child(tmp_path, place(), SYSTEM)
     out, into = os.pipe()
     monkeypatch.setattr(module, limit, 1.0)
     try:
@@ -121,7 +122,8 @@ def test_a_monitor_that_is_killed_leaves_nobody_behind(tmp_path: Path) -> None:
         "import sys, time; from pathlib import Path\n"
         "from operate.pictures.feed import Feed\n"
         "from operate.pictures.places import wanted\n"
-        "Feed(Path(sys.argv[1]), wanted({}), lambda event, **_: None); time.sleep(600)"
+        "from companion.tools.system import SYSTEM\n"
+        "Feed(Path(sys.argv[1]), wanted({}), SYSTEM, lambda event, **_: None); time.sleep(600)"
     )
     monitor = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
     try:

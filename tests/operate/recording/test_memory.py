@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
+from companion.tools import live as tools_live
+from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from operate.judging import live
 from operate.recording import mcap_file
@@ -79,11 +81,11 @@ def grown(recorder: Recorder, again: Again) -> list[int]:
 @pytest.mark.parametrize("channel", ["C4", "C3"])
 def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Judge, live lines and file, with what they remember filled soon."""
-    for module, name in ((copies, "REMEMBERED"), (talks, "OVER"), (live, "KNOWN"), (live, "STORY")):
+    for module, name in ((copies, "REMEMBERED"), (talks, "OVER"), (live, "KNOWN"), (tools_live, "STORY")):
         monkeypatch.setattr(module, name, 100)
-    told = [one for one in load(RECORDED).said if one.channel == channel]
+    told = [one for one in load(RECORDED, SYSTEM).said if one.channel == channel]
     said = [one for one in told if one.conversation == told[0].conversation]
-    recorder = Recorder(tmp_path)
+    recorder = Recorder(tmp_path, SYSTEM)
     sizes = grown(recorder, Again(said))
     recorder.finish()
     verdicts = [msgspec.json.decode(line) for line in (tmp_path / VERDICTS_FILE).read_bytes().splitlines()]
@@ -93,16 +95,16 @@ def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, mo
 
 def test_events_are_told_after_older_ones_were_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each command is told once, whether or not the story was cut."""
-    said = [one for one in load(RECORDED).said if one.channel == "C2"]
+    said = [one for one in load(RECORDED, SYSTEM).said if one.channel == "C2"]
 
     def told() -> list[str]:
-        seen = live.Live()
-        lines = [line for sample in Again(said).block(20) for line in seen.lines(understood(sample))]
+        seen = live.Live(SYSTEM)
+        lines = [line for sample in Again(said).block(20) for line in seen.lines(understood(sample, SYSTEM))]
         return [line.name for line in lines if isinstance(line, Happened)]
 
     whole = told()
     assert len(whole) == 40
-    monkeypatch.setattr(live, "STORY", 3 * len(said))
+    monkeypatch.setattr(tools_live, "STORY", 3 * len(said))
     assert len(told()) == len(whole)
 
 
@@ -121,13 +123,13 @@ def test_the_last_are_remembered(keys: list[int], most: int) -> None:
 
 def test_a_recording_is_taken_over_record_by_record(tmp_path: Path) -> None:
     """The memory a second monitor needs to begin does not grow with what the first one wrote."""
-    said = [one for one in load(RECORDED).said if one.channel == "C4"][:2]
+    said = [one for one in load(RECORDED, SYSTEM).said if one.channel == "C4"][:2]
     peaks = []
     for blocks in (1, 4):
         path = tmp_path / f"{blocks}.mcap"
         first = mcap_file.Recording(path)
         for sample in Again(said).block(blocks * BLOCK):
-            first.add(understood(sample))
+            first.add(understood(sample, SYSTEM))
         first.flush()
         tracemalloc.start()
         mcap_file.Recording(path).finish()

@@ -15,6 +15,7 @@ from agent_runtime.io import steplog
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from companion.tools.report import plans
+from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
 from operate.recording import history, mcap_file
 from operate.recording.recorder import Recorder
@@ -24,12 +25,12 @@ from operate.reports import make, report
 
 def records(samples: list[Sample]) -> list[Record]:
     """What the recorder makes of samples."""
-    return [understood(sample) for sample in samples]
+    return [understood(sample, SYSTEM) for sample in samples]
 
 
 def figures(samples: list[Sample]) -> report.Report:
     """The report of these samples."""
-    return report.build(history.merged(records(samples), {}))
+    return report.build(history.merged(records(samples), {}, SYSTEM))
 
 
 def test_the_main_job_is_told_as_it_was_made(pouring: Run) -> None:
@@ -59,7 +60,7 @@ def test_the_events_are_those_of_table_7_in_their_order(pouring: Run) -> None:
 
 def test_simulated_time_counts_acts_only(pouring: Run) -> None:
     """Simulated seconds of acts are those the run let pass in them, to a sample of telemetry for each act."""
-    told, past = figures(pouring.samples), history.merged(records(pouring.samples), {})
+    told, past = figures(pouring.samples), history.merged(records(pouring.samples), {}, SYSTEM)
     assert told.sim_time_s == pytest.approx(pouring.sim, abs=0.05 * len(plans.acts(past)))
 
 
@@ -82,9 +83,9 @@ def test_copies_count_once_and_order_on_the_wire_does_not_matter(pouring: Run, d
 )
 def test_garbage_harms_nobody_and_is_counted(data: bytes, key: str) -> None:
     """Any bytes on any key are recorded; on a communicate's key they are garbage."""
-    record = understood(Sample(key, data, 1.0))
+    record = understood(Sample(key, data, 1.0), SYSTEM)
     assert isinstance(record, Garbage) or "/_/" in key
-    told = report.build(history.merged([record], {}))
+    told = report.build(history.merged([record], {}, SYSTEM))
     assert told.communicates.garbage == isinstance(record, Garbage)
     assert not told.success
 
@@ -100,7 +101,9 @@ def test_what_only_agents_heard_is_taken_from_their_logs(pouring: Run, tmp_path:
             log.write([(steplog.Step(1, 1, one.received, "Arrived", event), steplog.NOTHING)])
     log.close()
     heard = [*pouring.samples[: cut.start], *pouring.samples[cut.stop :]]
-    past = history.merged(records(heard), {"km": tuple(history.arrivals(tmp_path / "steps" / "km.steps"))})
+    past = history.merged(
+        records(heard), {"km": tuple(history.arrivals(tmp_path / "steps" / "km.steps", SYSTEM))}, SYSTEM
+    )
     to_km = [one for one in unheard if one.receiver == "km"]
     assert sum(hole.communicates for hole in past.holes if "did not hear" in hole.text) == len(to_km)
     assert len(past.said) == len(pouring.said) - len(unheard) + len(to_km)
@@ -108,7 +111,7 @@ def test_what_only_agents_heard_is_taken_from_their_logs(pouring: Run, tmp_path:
 
 def test_what_was_on_the_wire_and_not_in_its_receivers_log_is_named(pouring: Run) -> None:
     """A communicate that its receiver did not step on is a hole, too."""
-    past = history.merged(records(pouring.samples), {"hi": ()})
+    past = history.merged(records(pouring.samples), {"hi": ()}, SYSTEM)
     assert [hole.communicates for hole in past.holes] == [2]
     assert "to hi" in past.holes[0].text
 
@@ -116,7 +119,7 @@ def test_what_was_on_the_wire_and_not_in_its_receivers_log_is_named(pouring: Run
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.93, 0.9999])
 def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_path: Path, share: float) -> None:
     """What was flushed before a kill is read, in order, and nothing else; the report names the hole."""
-    recorder = Recorder(tmp_path)
+    recorder = Recorder(tmp_path, SYSTEM)
     for sample in pouring.samples:
         recorder.take(sample)
     recorder.finish()
@@ -129,7 +132,7 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
     part = mcap_file.read(path)
     assert not part.whole
     assert part.records == whole.records[: len(part.records)]
-    assert any("not closed in order" in hole.text for hole in history.load(tmp_path).holes)
+    assert any("not closed in order" in hole.text for hole in history.load(tmp_path, SYSTEM).holes)
     if share > 0.9:
         assert len(part.records) > 0.85 * len(whole.records)
 
@@ -137,29 +140,29 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
 def test_a_recorder_that_comes_back_goes_on_where_the_other_died(pouring: Run, tmp_path: Path) -> None:
     """After a kill the next recorder keeps what was flushed, and the time between is a hole."""
     half = len(pouring.samples) // 2
-    first = Recorder(tmp_path / "first")
+    first = Recorder(tmp_path / "first", SYSTEM)
     for sample in pouring.samples[:half]:
         first.take(sample)
     first.flush()
     shutil.copy(tmp_path / "first" / mcap_file.FILE, tmp_path)
     first.finish()
-    second = Recorder(tmp_path)
+    second = Recorder(tmp_path, SYSTEM)
     for sample in pouring.samples[half:]:
         second.take(sample)
     second.finish()
-    past = history.load(tmp_path)
+    past = history.load(tmp_path, SYSTEM)
     assert len(past.said) == len(pouring.said)
     assert [hole.text for hole in past.holes if "away" in hole.text]
 
 
 def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_path: Path) -> None:
     """report.json, report.html and run.rrd come from the recording alone; the page needs nothing from elsewhere."""
-    recorder = Recorder(tmp_path)
+    recorder = Recorder(tmp_path, SYSTEM)
     for sample in pouring.samples:
         recorder.take(sample)
     recorder.finish()
     said: list[str] = []
-    assert make.everything(tmp_path, lambda event, **_: said.append(event)), said
+    assert make.everything(tmp_path, SYSTEM, lambda event, **_: said.append(event)), said
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is True
     assert told["communicates"]["matrix"]["pl"]["km"] == 342
@@ -173,7 +176,7 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
 
 def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:
     """With nothing recorded there is a report without a single figure, and a reason for each."""
-    assert make.everything(tmp_path, lambda *_, **__: None)
+    assert make.everything(tmp_path, SYSTEM, lambda *_, **__: None)
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is False
     assert told["poured_fraction"] is None

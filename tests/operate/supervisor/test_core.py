@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.tools.system import PROCESSES
 from operate.run_folder import ProcessState
 from operate.supervisor import core
-from operate.supervisor.processes import FLEET, Process
+from operate.supervisor.processes import Process
 
 THREE = (
     Process("router", "r"),
@@ -183,7 +184,7 @@ def test_a_table_out_of_order_is_refused_by_name() -> None:
 
 def test_loop_and_agent_of_ex_are_siblings() -> None:
     """Each is restarted without the other."""
-    world = World(FLEET)
+    world = World(PROCESSES)
     world.all_ready()
     for name in ("loop", "ex"):
         world.tell(core.Exited(name, -9))
@@ -193,7 +194,7 @@ def test_loop_and_agent_of_ex_are_siblings() -> None:
 
 happenings = st.lists(
     st.tuples(
-        st.sampled_from([process.name for process in FLEET]),
+        st.sampled_from([process.name for process in PROCESSES]),
         st.sampled_from(["ready", "dies", "wrong", "stop", "nothing"]),
         st.floats(0.0, 8.0),
     ),
@@ -204,7 +205,7 @@ happenings = st.lists(
 @given(happenings)
 def test_whatever_happens_the_end_is_reached_and_nothing_runs_twice(story: list[tuple[str, str, float]]) -> None:
     """Starts only what does not run, stops only what does, and always comes to an end when asked."""
-    world = World(FLEET)
+    world = World(PROCESSES)
     for name, what, seconds in story:
         running = {known.process.name for known in world.fleet.known.values() if known.running}
         for action in world.tick(seconds):

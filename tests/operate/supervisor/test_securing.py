@@ -8,6 +8,7 @@ from cryptography import x509
 
 import agent_runtime.io.keys
 from agent_runtime.io.secured import rights_of
+from companion.tools.system import SYSTEM
 from operate.supervisor import securing
 from operate.supervisor.securing import AGAIN_S, DAYS, LAST, Keys
 
@@ -16,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 def keys(run: Path, connect: str = "", given: str = "", *, insecure: bool = False, router: bool = True) -> Keys:
     """As the command line asks for them, once they are there."""
-    found = Keys(run, "velma7", connect, given, insecure=insecure, router=router)
+    found = Keys(run, SYSTEM.design, "velma7", connect, given, insecure=insecure, router=router)
     found.made()
     return found
 

@@ -15,6 +15,7 @@ from rich.text import Text
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
+from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
@@ -117,7 +118,7 @@ def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgemen
 
 
 def _line(judgement: Judgement) -> Echoed:
-    return line(judgement, LANGUAGES), judgement.heard.communicate
+    return line(judgement, SYSTEM), judgement.heard.communicate
 
 
 def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:

@@ -1,0 +1,15 @@
+"""The system as the tools see it (operate.system): `roco` in this folder is about it."""
+
+from operate.supervisor.processes import agents, around
+from operate.system import System
+
+from depot.design import DESIGN, LANGUAGES
+
+AGENTS = ("desk", "dispatcher", "traffic", "mule", "ox")
+
+SYSTEM = System(
+    name="depot",
+    design=DESIGN,
+    languages=LANGUAGES,
+    processes=(*around(), *agents("depot", *AGENTS)),
+)

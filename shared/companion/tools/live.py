@@ -1,0 +1,68 @@
+"""What this robot adds to live.jsonl: plans, where ta is in them, events, and what the loop does."""
+
+from collections import Counter
+from collections.abc import Iterator
+
+import msgspec
+
+from companion.languages import hfsm, sw, wm
+from companion.telemetry import RobotState
+from companion.tools.report.events import events
+from companion.tools.report.plans import states_of
+from operate.recording.history import History
+from operate.recording.records import House, Record, Spoken
+from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen
+
+LOOP = "loop"
+STORY = 1000
+"""Communicates that events are told from (C4's are not among them): three pours. Older ones are forgotten."""
+_LATER = ("km hears of the first thing", "km knows the surroundings")
+"""What can be said of the past only: the last observation before a plan."""
+_robot = msgspec.msgpack.Decoder(RobotState)
+
+
+class Live:
+    """The lines of a run of the Robot Companion, beside those of any system."""
+
+    def __init__(self) -> None:
+        self._story: list[Spoken] = []
+        self._told: Counter[str] = Counter()
+
+    def lines(self, record: Record) -> Iterator[LiveLine]:
+        """The lines of a record; of communicates each is given once."""
+        if isinstance(record, Spoken):
+            yield from self._spoken(record)
+        elif isinstance(record, House) and record.kind == "telemetry":
+            yield from self._loop(record)
+
+    def _spoken(self, one: Spoken) -> Iterator[LiveLine]:
+        content = one.content
+        if isinstance(content, hfsm.HierarchicalPlan) and one.channel == "C3":
+            yield PlanSeen(t=one.received, plan=content.id, task=content.task, states=tuple(states_of(content.root)))
+        elif isinstance(content, sw.Report):
+            outcome = content.state.lower() if content.state in sw.FINAL else ""
+            if content.at or outcome:
+                yield PlanAt(t=one.received, at=content.at, outcome=outcome)
+        if one.channel != "C4" and (one.channel != "C6" or isinstance(content, wm.SeenObject)):
+            if len(self._story) >= STORY:
+                self._story = self._story[-STORY // 2 :]
+                self._told = Counter(event.name for event in events(History(said=tuple(self._story))))
+            self._story.append(one)
+            yield from self._news()
+
+    def _news(self) -> Iterator[Happened]:
+        """Events that were not told yet."""
+        counted: Counter[str] = Counter()
+        for event in events(History(said=tuple(self._story))):
+            counted[event.name] += 1
+            if counted[event.name] > self._told[event.name] and event.name not in _LATER:
+                self._told[event.name] += 1
+                yield Happened(t=event.at, name=event.name, text=event.text)
+
+    def _loop(self, house: House) -> Iterator[AgentIn]:
+        try:
+            robot = _robot.decode(house.data)
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            return
+        doing = robot.skill or robot.act if robot.mode in ("motion", "") else ""
+        yield AgentIn(t=house.received, agent=LOOP, state=doing or robot.mode)

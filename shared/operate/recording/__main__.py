@@ -1,0 +1,127 @@
+"""`python -m operate.recording` records a fleet until SIGTERM; `python -m services.monitor report RUN_DIR` makes the
+report of a run folder again, without any fleet; `python -m services.monitor observations RUN_DIR` prints what was said.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from agent_runtime.io import cli
+from agent_runtime.io.logs import Log
+from agent_runtime.io.options import Options
+from agent_runtime.io.tap import RECORDER
+from operate.experiments.verbs import again, compare, experiment, export
+from operate.recording.recorder import serve
+from operate.system import NoSystemError, here, languages_at, of_design, of_run
+
+TEXT = "The recorder: taps all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
+
+
+def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traffic.mcap or steps/.")]) -> None:
+    """Make report.json, report.html and run.rrd of a run folder again, from its recording and the agents' step logs."""
+    if not run_dir.is_dir():
+        typer.echo(f"{run_dir} is no folder; give one that a run was recorded in", err=True)
+        raise typer.Exit(2)
+    from operate.reports import make
+
+    raise typer.Exit(0 if make.everything(run_dir, of_run(run_dir), Log("monitor").write) else 1)
+
+
+def observations(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=True, file_okay=False)]) -> None:
+    """Print what was said in a run folder, as JSON: who to whom, which act, how large, when."""
+    from operate.recording import observations as told
+
+    told.main(run_dir)
+
+
+def judge(
+    file: Annotated[Path, typer.Argument(help="A run folder, a traffic.mcap or a live.jsonl.")],
+    design: Annotated[Path | None, typer.Option(help="Another system's design file.")] = None,
+    languages: Annotated[
+        str, typer.Option(help="Its Languages: package.module:NAME; else contents are not read.")
+    ] = "",
+) -> None:
+    """Print the verdict about each communicate of a recording. Exits with 2 where there is nothing to judge."""
+    from operate.judging import judged, rejudge
+
+    try:
+        system = of_run(file) if design is None else of_design(design)
+        if languages:
+            system = msgspec.structs.replace(system, languages=languages_at(languages))
+        lines = rejudge.judge(file, system)
+    except (rejudge.CannotJudge, NoSystemError) as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from error
+    sys.stdout.buffer.writelines(map(judged.encoded, lines))
+
+
+def said(
+    file: Annotated[Path, typer.Argument(help="A run folder or a recording.")],
+    everything: Annotated[bool, typer.Option("--everything", help="Receipts, heartbeats and telemetry, too.")] = False,
+) -> None:
+    """Print what a recording holds as samples of a tap, one JSON object a line. Exits with 2 where there is none."""
+    from operate.recording import samples
+
+    try:
+        samples.main(file, of_run(file).design, everything=everything)
+    except (samples.NoRecordingError, NoSystemError) as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from error
+
+
+def record(
+    out: Annotated[Path, typer.Argument(help="The recording to be made.")],
+    connect: Annotated[str, typer.Option(help="The router's endpoint.")] = "",
+    run_dir: Annotated[Path, typer.Option(help="The run's folder.")] = Path(),
+    system: Annotated[str, typer.Option(help="Prefix of every key.")] = "roco",
+    keys: Annotated[Path | None, typer.Option(help="Folder of keys.")] = None,
+    identity: Annotated[str, typer.Option(help="Whose certificate is shown.")] = RECORDER,
+    heard: Annotated[bool, typer.Option(help="Standard input has what `hear` prints; no router is asked.")] = False,
+    which: Annotated[str, typer.Option(help="An operate.filters.Filter, in JSON.")] = "{}",
+    count: Annotated[int, typer.Option(help="End after so many communicates.")] = 0,
+    seconds: Annotated[float, typer.Option(help="End after so long.")] = 0.0,
+) -> None:
+    """Record a running fleet beside its own recorder, until SIGINT. Exits with 3 where no router answers."""
+    from operate.filters import Filter
+    from operate.recording import keeping
+
+    asked = keeping.Asked(out, msgspec.json.decode(which, type=Filter), count, seconds)
+    if heard:
+        raise typer.Exit(keeping.serve_heard(here(), asked))
+    options = Options(connect=connect, system=system, run_dir=run_dir, keys=keys)
+    raise typer.Exit(keeping.serve(options, here(), asked, identity))
+
+
+VERBS: dict[str, Callable[..., None]] = {
+    "report": report,
+    "judge": judge,
+    "observations": observations,
+    "said": said,
+    "record": record,
+    "again": again,
+    "export": export,
+    "compare": compare,
+    "experiment": experiment,
+}
+
+
+def main() -> None:
+    """Do what the command line says; ends the process."""
+    if sys.argv[1:2] == ["hear"]:
+        from operate.recording import hear
+
+        cli.app("monitor hear", str(hear.__doc__), lambda options: hear.serve(options, here().design))(sys.argv[2:])
+    elif sys.argv[1:2] and sys.argv[1] in VERBS:
+        app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        app.command()(VERBS[sys.argv[1]])
+        app(sys.argv[2:], prog_name=f"monitor {sys.argv[1]}")
+    else:
+        cli.run("monitor", TEXT, lambda options: serve(options, here()))
+
+
+if __name__ == "__main__":
+    main()

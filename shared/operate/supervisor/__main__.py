@@ -1,0 +1,113 @@
+"""`python -m operate.supervisor`: run a system's processes in one run folder until SIGTERM (`roco up` does it).
+
+What the processes share goes to them as environment variables, ROCO_<OPTION>, the same for each.
+"""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from agent_runtime.io.cli import Level, Speed
+from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
+from agent_runtime.io.secured import ROUTER
+from operate.supervisor import core, folder
+from operate.supervisor.processes import Process
+from operate.supervisor.securing import DAYS, Keys
+from operate.supervisor.shell import Shell
+from operate.system import NoSystemError, here
+
+
+def main(
+    run_dir: Annotated[Path, typer.Option(envvar=RUN_FOLDER_VARIABLE, help="The run's folder; made where missing.")],
+    system: Annotated[
+        str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot; else the system's own.")
+    ] = "",
+    connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's address; empty: a free port.")] = "",
+    speed: Annotated[
+        Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
+    ] = Speed.REAL,
+    seed: Annotated[int, typer.Option(min=0, envvar="ROCO_SEED", help="Varies poses and noise.")] = 1,
+    scene: Annotated[
+        str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
+    ] = "",
+    log_level: Annotated[
+        Level, typer.Option(envvar="ROCO_LOG_LEVEL", help="Least level shown; the log files have everything.")
+    ] = Level.INFO,
+    keys: Annotated[
+        str,
+        typer.Option(envvar=KEYS_VARIABLE, help="Folder of keys (`roco keys make`); empty: <run>/keys, made anew."),
+    ] = "",
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="No TLS and no rights: whoever reaches the router may say anything.")
+    ] = False,
+    key_days: Annotated[
+        float, typer.Option(min=1e-4, help="How long keys hold that it makes; they are renewed before they end.")
+    ] = DAYS,
+    only: Annotated[str, typer.Option(help="Names of processes, comma between; empty: all.")] = "",
+    latest: Annotated[bool, typer.Option(help="Let `latest` beside the run's folder point to it.")] = True,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only look at scene, seed and processes; start nothing.")
+    ] = False,
+) -> None:
+    """Run the processes of a system: start, watch, restart, stop in order.
+
+    Ends with 2 and a sentence, before anything is started, where the options do not make sense.
+    """
+    run = run_dir.resolve()
+    try:
+        bound = here()
+        system = system or bound.name
+        processes = chosen(only, bound.processes)
+        possible = bound.addition("options")
+        if possible is not None:
+            possible(tuple(process.name for process in processes), scene, seed)
+        if check:
+            return
+        folder.make(run, latest=latest)
+        router = any(process.name == ROUTER for process in processes)
+        made = Keys(run, bound.design, system, connect, keys, insecure=insecure, router=router, days=key_days)
+    except (ValueError, NoSystemError) as error:
+        typer.echo(f"supervisor: {error}", err=True)
+        raise typer.Exit(core.USAGE_ERROR) from error
+    options = {
+        RUN_FOLDER_VARIABLE: str(run),
+        "ROCO_SYSTEM": system,
+        "ROCO_CONNECT": made.own,
+        "ROCO_LISTEN": made.listen,
+        "ROCO_SPEED": speed.value,
+        "ROCO_SEED": str(seed),
+        "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
+        "ROCO_LOG_LEVEL": log_level.value,
+        KEYS_VARIABLE: str(made.folder or ""),
+        "OMP_NUM_THREADS": "1",  # numeric libraries would each take all cores, from the loop too
+        "PYTHONUNBUFFERED": "1",
+        "PYTHONSAFEPATH": "1",
+    }
+    options |= bound.environment(run)
+    Shell(run, processes, system, made.own, os.environ | options, tend=made.tend, bound=bound).serve()
+
+
+def chosen(only: str, processes: tuple[Process, ...]) -> tuple[Process, ...]:
+    """The processes of the table with these names (comma between), each after those of them it waits for.
+
+    ValueError names one that is not there.
+    """
+    names = [name.strip() for name in only.split(",") if name.strip()]
+    unknown = set(names) - {process.name for process in processes}
+    if unknown:
+        there_are = ", ".join(process.name for process in processes)
+        raise ValueError(f"no process is called {', '.join(sorted(unknown))}; there are {there_are}")
+    if not names:
+        return processes
+    wanted = [process for process in processes if process.name in names]
+    return tuple(
+        msgspec.structs.replace(process, after=tuple(name for name in process.after if name in names))
+        for process in wanted
+    )
+
+
+if __name__ == "__main__":
+    typer.run(main)
