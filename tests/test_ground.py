@@ -10,6 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+CONTRACTS = [row for row in PYPROJECT["tool"]["importlinter"]["contracts"] if row["type"] == "room"]
 LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
 SCRIPTS = [
     path
@@ -25,7 +26,7 @@ def pinned(lock: Path) -> dict[str, str]:
 
 def test_every_room_has_a_row_that_says_what_it_may_import() -> None:
     """A new service or package cannot be forgotten by the import contracts."""
-    rows = {contract["room"] for contract in PYPROJECT["tool"]["importlinter"]["contracts"]}
+    rows = {contract["room"] for contract in CONTRACTS}
     rooms = {f"services.{path.parent.name}" for path in (ROOT / "services").glob("*/__init__.py")}
     rooms |= {path.parent.name for path in (ROOT / "shared").glob("*/__init__.py")}
     rooms |= {f"velma.{path.parent.name}" for path in (ROOT / "velma").glob("*/__init__.py")}
@@ -34,7 +35,7 @@ def test_every_room_has_a_row_that_says_what_it_may_import() -> None:
 
 def test_no_service_may_import_another() -> None:
     """Services meet over communicates only."""
-    for contract in PYPROJECT["tool"]["importlinter"]["contracts"]:
+    for contract in CONTRACTS:
         assert not [name for name in contract["may_import"] if name.startswith("services")], contract["room"]
 
 
@@ -83,14 +84,21 @@ def test_the_lock_covers_what_pyproject_asks_for() -> None:
     """No dependency was added without scripts/lock."""
     project = PYPROJECT["project"]
     asked = [*project["dependencies"], *(name for extra in project["optional-dependencies"].values() for name in extra)]
-    names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in asked}
+    names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in asked} - {project["name"]}
     assert names <= pinned(ROOT / "requirements" / "all.txt").keys()
 
 
 def test_each_extra_has_its_lock() -> None:
-    """One lock per image; dev is what all.txt adds."""
+    """One lock per image; all.txt has dev too."""
     extras = set(PYPROJECT["project"]["optional-dependencies"]) - {"dev"}
     assert extras <= {lock.stem for lock in LOCKS}
+
+
+def test_the_extra_all_has_every_other_but_dev() -> None:
+    """`robot-companion[all]` runs everything."""
+    extras = dict(PYPROJECT["project"]["optional-dependencies"])
+    (everything,) = extras.pop("all")
+    assert set(re.split(r"[\[\],]", everything)) == {PYPROJECT["project"]["name"], "", *extras} - {"dev"}
 
 
 def test_there_is_no_uv_lock() -> None:

@@ -1,9 +1,9 @@
-"""Which act carries which content (FIPA SC00037J): each of the 22 performatives with the classes of its expressions.
+"""Content of the 22 communicative acts (FIPA SC00037J): for each performative the classes of its expressions.
 
     A  action expression     C  proposition     D  descriptor     M  embedded message
 
-The content of a communicate in the language `fipa-expressions` is a list of such expressions, as an SL content is.
-Must not know: protocols, any system's vocabulary.
+In the language `fipa-expressions` the content of a communicate is a list of such expressions, as in FIPA SL.
+Independent of protocols and of any system's vocabulary.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from fipa_codec.languages import Kind, Language
 from fipa_codec.performatives import Performative as P
 
 Shape = tuple[tuple[type, ...], ...]
-"""For each place the classes that may stand there."""
+"""For each position in the content, the classes allowed there."""
 
 A, C, D, M = (Action,), (Proposition,), (Descriptor,), (Embedded,)
 
@@ -44,9 +44,12 @@ SHAPES: Mapping[P, Shape] = {
     P.REQUEST_WHENEVER: (A, C),
     P.SUBSCRIBE: (D,),
 }
-"""inform-if and inform-ref are macro acts: their content is what they would say, should one plan them (SC00037J)."""
+"""Content classes by performative.
 
-_CALLED: Mapping[type, str] = {
+inform-if and inform-ref are macro acts; theirs is the content to plan (SC00037J).
+"""
+
+_CLASS_NAMES: Mapping[type, str] = {
     Action: "an action expression",
     Proposition: "a proposition",
     Descriptor: "a descriptor",
@@ -55,14 +58,14 @@ _CALLED: Mapping[type, str] = {
 
 
 class Content(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The expressions of one act. `last`: the last of several informs, where a protocol tells it apart (brokering)."""
+    """The expressions of one act. `last` marks the last of several informs, for protocols that need it (brokering)."""
 
     expressions: tuple[Expression, ...]
     last: bool = False
 
 
-def speak(performative: P, *expressions: Expression, last: bool = False) -> Content:
-    """The content of an act of ours. LocalProtocolError where the act does not carry these expressions."""
+def content_of(performative: P, *expressions: Expression, last: bool = False) -> Content:
+    """Return the content of an outgoing act. Raise LocalProtocolError if the act does not carry these expressions."""
     content = Content(expressions, last)
     try:
         check_content(performative, content)
@@ -72,24 +75,24 @@ def speak(performative: P, *expressions: Expression, last: bool = False) -> Cont
 
 
 def check_content(performative: P, content: Content | None) -> None:
-    """ContentError (answer: not-understood) where the act does not carry these classes, or an expression is unsound.
+    """Raise ContentError (answer: not-understood) if the act does not carry these classes or an expression is invalid.
 
-    A cancel may come without content: its conversation says what it cancels.
+    A cancel may be without content: its conversation says what it cancels.
     """
     if content is None:
         if performative is not P.CANCEL:
             raise ContentError("content", f"is absent; {performative} carries {_words(SHAPES[performative])}")
         return
     shape, found = SHAPES[performative], content.expressions
-    if len(found) != len(shape) or any(type(one) not in place for one, place in zip(found, shape, strict=False)):
-        given = ", ".join(_CALLED[type(one)] for one in found) or "nothing"
+    if len(found) != len(shape) or any(type(one) not in allowed for one, allowed in zip(found, shape, strict=False)):
+        given = ", ".join(_CLASS_NAMES[type(one)] for one in found) or "nothing"
         raise ContentError("content", f"is {given}; {performative} carries {_words(shape)}")
     for one in found:
         check_expression(one)
 
 
 def _words(shape: Shape) -> str:
-    return ", ".join(" or ".join(_CALLED[kind] for kind in place) for place in shape)
+    return ", ".join(" or ".join(_CLASS_NAMES[kind] for kind in allowed) for allowed in shape)
 
 
 EXPRESSIONS = Language(
@@ -98,4 +101,4 @@ EXPRESSIONS = Language(
     kind=lambda content: Kind.FINAL if content.last else Kind.PLAIN,
     check=check_content,
 )
-"""The language; `Languages.read` checks what comes in by the act that carries it."""
+"""The language of these contents; `Languages.read` checks a received content against its performative."""

@@ -1,39 +1,40 @@
-"""A conversation of one agent with one peer: where it stands, what may come, what may be said. No I/O, no clock.
+"""A conversation of one agent with one peer: its state, and which messages it allows. No I/O, no clock.
 
-Frozen: `receive` and `send` give a new conversation. It holds its protocol by name and nothing but words and numbers,
-so it encodes into a journal and is the same when read back. Deadlines are data for whoever owns a clock.
+A `Conversation` is immutable: `receive` and `send` return the next one. It has its protocol by name, and otherwise
+strings and numbers only, so it can be encoded in a journal and decoded to an equal one. Deadlines are data; the caller
+compares them with its clock.
 
-Which use of a performative a message makes (`Kind`) comes from three places: "in reply to the cancel" from m_t; a
-confirm has the kind of the message it confirms; anything else is the word of the content's language, which the caller
-passes as `kind` (`Languages.read` yields it for what came in, `Language.kind` for what goes out).
+The kind of a message (`Kind`) is determined in three ways: a reply to the cancel by m_t; a confirm by the message that
+it confirms; any other message by the language of its content. The last one is passed by the caller as `kind` (from
+`Languages.read` for received messages, from `Language.kind` for outgoing ones).
 """
 
 from typing import Self
 
 import msgspec
 
-from fipa_codec.communicate import LABEL, WORD, Communicate, examine, is_label, is_word
+from fipa_codec.communicate import LABEL, WORD, Communicate, check_text, is_label, is_word
 from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row, Table, Way
 
-# Before Python 3.12 a member found by its class takes 0.1 us, and a message asks for some twenty.
-_COMPLAINT, _CONFIRM, _CANCEL = Performative.NOT_UNDERSTOOD, Performative.CONFIRM, Performative.CANCEL
+# Before Python 3.12 access to a member by its class takes 0.1 us; a message needs about twenty.
+_ACT_NOT_UNDERSTOOD, _CONFIRM, _CANCEL = Performative.NOT_UNDERSTOOD, Performative.CONFIRM, Performative.CANCEL
 _INFORM, _FAILURE = Performative.INFORM, Performative.FAILURE
 _PLAIN, _OF_CANCEL = Kind.PLAIN, Kind.CANCEL
 _INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 
 
 class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One conversation (m_c = `id`) as `me`, in `role`, sees it.
+    """One side of a conversation (m_c = `id`): that of agent `me` in `role`.
 
-    `deadline`: reply-by of the newest message that waits for an answer, mine or the peer's [unix s], else None. It
-    bounds the next message only: after an agree there is none unless a message sets one (SC00061G). A cancel's
-    deadline stands until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the cancel, "" if there
-    is none. `unconfirmed`: m_w and kind of every message that is still to be confirmed, oldest first. `past`: m_w of
-    earlier rounds and of cancels that failed while the conversation went on: what bears one of them is a copy.
+    `deadline`: reply-by of the last message that waits for an answer, of either side [unix s], or None. It applies to
+    the next message only: after an agree there is none unless a message sets one (SC00061G). The deadline of a cancel
+    applies until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the pending cancel, or "".
+    `unconfirmed`: m_w and kind of the messages not yet confirmed, oldest first. `past`: m_w of earlier rounds, and of
+    cancels that failed without ending the conversation; a message with one of these is a copy.
     """
 
     id: str
@@ -50,32 +51,32 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @classmethod
     def open(cls, protocol: str | Protocol, role: Role, *, id: str, me: str, peer: str) -> Self:
-        """A conversation before its first message.
+        """Return a conversation before its first message.
 
-        LocalProtocolError if the protocol is unknown, `id` no label, or `me` or `peer` (unless "") no word.
+        Raise LocalProtocolError if the protocol is unknown, `id` is not a label, or `me` or `peer` (if not "") is not a
+        word.
         """
         if not is_label(id):
             raise LocalProtocolError("conversation", f"is {id!r}, must match {LABEL}")
-        if not (is_word(me) and (is_word(peer) or peer == "")):
-            raise LocalProtocolError(
-                "me" if is_word(peer) else "peer", f"of {me!r} and {peer!r} each must match {WORD}"
-            )
+        for field, name in (("me", me), ("peer", peer or me)):
+            if not is_word(name):
+                raise LocalProtocolError(field, f"is {name!r}, must match {WORD}")
         name = protocol.name if isinstance(protocol, Protocol) else named(protocol).name
         return cls(id=id, protocol=name, role=role, me=me, peer=peer)
 
     @classmethod
     def answering(cls, communicate: Communicate, me: str) -> Self:
-        """The participant's conversation for a communicate that belongs to none it knows; `receive` it next.
+        """Return the participant's conversation for a communicate of no known conversation; then `receive` it.
 
-        It is for openings, and for a cancel that came too late (`request`: answer failure; `coordinate`: drop it).
-        RemoteProtocolError if m_c, sender or a known protocol is missing, MalformedError for a text that is no word or
-        label: here the names that a peer chose get in, later messages are compared with them.
+        For openings, and for a cancel that came too late (`request`: answer failure; `coordinate`: drop it). Raise
+        RemoteProtocolError if m_c, the sender or a known protocol is missing, MalformedError for text that is not a
+        valid word or label: this conversation takes over names chosen by the peer.
         """
-        examine(communicate)
+        check_text(communicate)
         if not (communicate.conversation and communicate.sender and communicate.protocol):
             fields = ("conversation", "sender", "protocol")
             field = next(field for field in fields if not getattr(communicate, field))
-            raise RemoteProtocolError(field, f"is absent, so {me!r} cannot take part in a conversation")
+            raise RemoteProtocolError(field, f"is absent, so {me!r} cannot open a conversation")
         try:
             name = named(communicate.protocol).name
         except LocalProtocolError as error:
@@ -84,30 +85,30 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @property
     def table(self) -> Table:
-        """The rows of my role."""
+        """The table of this role."""
         return named(self.protocol).tables[self.role]
 
     @property
     def ended(self) -> bool:
-        """Nothing more is to be said by me; late messages that the table allows may still come."""
-        # Not by `table`, here and in `owes`: one function more on a message's way, 0.009 of a get (nine runs by turns).
+        """Whether this side has nothing more to send; late messages that the table allows may still arrive."""
+        # Without `table`, here and in `owes`: one call less per message, 0.9 % of a get (nine runs, alternating).
         return self.state == NOT_UNDERSTOOD or self.state in named(self.protocol).tables[self.role].ended
 
     @property
     def owes(self) -> bool:
-        """I have to send in this very step (confirm, failure in reply to a late cancel) before I take anything."""
+        """Whether this side must send (a confirm, the failure of a late cancel) in the same step, before receiving."""
         return self.state in named(self.protocol).tables[self.role].urgent
 
     def late(self, now: float) -> bool:
-        """Has the deadline passed? Equal counts as in time (SC00061G)."""
+        """Whether the deadline has passed at `now` [unix s]; equal is in time (SC00061G)."""
         return self.deadline is not None and now > self.deadline
 
     def allowed(self, way: Way) -> tuple[str, ...]:
-        """What I may send, or take, in this state, in words."""
+        """Return the messages that this side may send, or must accept, in this state, as words for people."""
         return tuple(row.word for row in self.table.allowed(self.state, way))
 
     def takes(self, communicate: Communicate, kind: Kind = _PLAIN) -> bool:
-        """Would `receive` take it?"""
+        """Whether `receive` accepts this message."""
         try:
             self.receive(communicate, kind)
         except (RemoteProtocolError, LocalProtocolError):
@@ -115,22 +116,22 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return True
 
     def receive(self, communicate: Communicate, kind: Kind = _PLAIN) -> Self:
-        """The conversation after this message of the peer; `kind` is what the content's language says.
+        """Return the conversation after a message of the peer; `kind` is the kind by the content's language.
 
-        RemoteProtocolError if it is not mine, not in sequence, or answers something never asked. LocalProtocolError
-        if I owe a message first.
+        Raise RemoteProtocolError if the message belongs to another conversation, is not allowed in this state, or
+        answers an unknown message. Raise LocalProtocolError if this side must send first.
         """
         self._require_mine(communicate)
         if self.state == NOT_UNDERSTOOD:
             return self
         performative, reply_to = communicate.performative, communicate.in_reply_to
-        if performative is _COMPLAINT:
+        if performative is _ACT_NOT_UNDERSTOOD:
             return self._after_not_understood(RECEIVE, reply_to)
         protocol = named(self.protocol)
         table = protocol.tables[self.role]
         if self.state in table.urgent:
             raise LocalProtocolError(
-                "performative", f"{self._here} owes {', '.join(self.allowed(SEND))} before it takes"
+                "performative", f"{self._here} must send {', '.join(self.allowed(SEND))} before it receives"
             )
         try:
             row = self._row(table, RECEIVE, performative, self.kind_of(performative, reply_to, kind))
@@ -152,10 +153,11 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         in_reply_to: str | None = None,
         reply_by: float | None = None,
     ) -> tuple[Self, Communicate]:
-        """The conversation after this message of mine, and the message; `id` also is its m_w where one is wanted.
+        """Return the conversation after a message of this side, and the message. `id` is also its m_w if it needs one.
 
-        `in_reply_to` None: what the protocol says (the opening; for a confirm the oldest unconfirmed message; the
-        cancel where `kind` is CANCEL or nothing else can be answered here). LocalProtocolError if it is not allowed.
+        `in_reply_to` None: as the protocol requires (the opening; for a confirm the oldest unconfirmed message; the
+        cancel if `kind` is CANCEL or only the cancel can be answered in this state). `now`, `reply_by`: unix seconds.
+        Raise LocalProtocolError if the message is not allowed.
         """
         protocol = named(self.protocol)
         table = protocol.tables[self.role]
@@ -175,7 +177,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             id=id,
             sent=now,
         )
-        if performative is _COMPLAINT:
+        if performative is _ACT_NOT_UNDERSTOOD:
             return self._after_not_understood(SEND, reply_to), communicate
         row = self._row(table, SEND, performative, self.kind_of(performative, reply_to, kind))
         self._require_answer(protocol, performative, communicate.reply_with, reply_to)
@@ -188,21 +190,22 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     def _row(self, table: Table, way: Way, performative: Performative, kind: Kind) -> Row:
         row = table.find(self.state, way, performative, kind)
         if row is None:
-            verb = "got" if way is RECEIVE else "would send"
+            verb, may = ("got", "accepts") if way is RECEIVE else ("cannot send", "may send")
             word = f"{performative}[{kind}]" if kind else performative
             allowed = ", ".join(self.allowed(way)) or "nothing"
-            verb_allowed = "takes" if way is RECEIVE else "may send"
-            raise LocalProtocolError("performative", f"{self._here} {verb} {word}; this state {verb_allowed} {allowed}")
+            raise LocalProtocolError("performative", f"{self._here} {verb} {word}; this state {may} {allowed}")
         return row
 
     def kind_of(self, performative: Performative, reply_to: str, kind: Kind) -> Kind:
-        """The guard word of the row. Only an inform has uses that its content tells apart."""
+        """Return the kind of the row for a message. Only informs are distinguished by their content."""
         if performative is _CONFIRM:
-            # First: both sides number their own messages, so the confirmed one may have the label of the cancel.
+            # First: each side chooses its own labels, so the confirmed message may have the label of the cancel.
             known = dict(self.unconfirmed)
             if reply_to not in known:
                 expected = ", ".join(known) or "nothing"
-                raise LocalProtocolError("in_reply_to", f"{self._here}: {reply_to!r} confirms none of {expected}")
+                raise LocalProtocolError(
+                    "in_reply_to", f"{self._here}: {reply_to!r} is not one of the unconfirmed: {expected}"
+                )
             return known[reply_to]
         if reply_to and reply_to == self.cancel:
             return _OF_CANCEL
@@ -211,10 +214,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return kind if performative is _INFORM else _PLAIN
 
     def _require_mine(self, communicate: Communicate) -> None:
-        """Sender, receiver, m_c and protocol stay the same throughout."""
-        same_talk = communicate.conversation == self.id and communicate.protocol == self.protocol
-        if same_talk and communicate.sender == self.peer and communicate.receiver == self.me:
-            return  # as nearly always; else it is said what is wrong, or the protocol goes by another of its names
+        """Raise RemoteProtocolError if sender, receiver, m_c or protocol is not that of this conversation."""
+        same = communicate.conversation == self.id and communicate.protocol == self.protocol
+        if same and communicate.sender == self.peer and communicate.receiver == self.me:
+            return  # the usual case; otherwise find the wrong field, unless only an alias of the protocol is used
         names = (named(self.protocol).name, *named(self.protocol).aliases)
         checks = (
             ("conversation", communicate.conversation, (self.id,)),
@@ -224,26 +227,28 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         )
         for field, value, wanted in checks:
             if value not in wanted:
-                raise RemoteProtocolError(field, f"{self._here} got {value!r} here, wants {wanted[0]!r}")
+                raise RemoteProtocolError(field, f"{self._here} got {value!r}, expected {wanted[0]!r}")
 
     def _require_answer(self, protocol: Protocol, performative: Performative, reply_with: str, reply_to: str) -> None:
-        """What must be answerable has its m_w, what answers names something that was asked."""
+        """Raise LocalProtocolError if m_w is missing or was used before, or if m_t is the m_w of no open message."""
         numbered = performative is _CANCEL or performative in protocol.rounds
         if (numbered or performative in protocol.confirmed) and not is_label(reply_with):
-            what = f"a {performative} needs one that matches {LABEL}, for its answer"
+            what = f"a {performative} needs one that matches {LABEL}, so that it can be answered"
             raise LocalProtocolError("reply_with", f"{self._here}: {what}")
         if numbered:
             if reply_with in (*self.past, self.asked):
-                raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was said before, this is a copy")
+                raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was used before, this is a copy")
         elif performative in protocol.openings and self.state != START and reply_with != self.asked:
-            raise LocalProtocolError("reply_with", f"{self._here}: asked again with {reply_with!r}, not {self.asked!r}")
+            raise LocalProtocolError("reply_with", f"{self._here}: repeated with {reply_with!r}, not {self.asked!r}")
         if reply_to in ("", self.asked, self.cancel):
             return
         if all(reply_to != label for label, _ in self.unconfirmed):
-            raise LocalProtocolError("in_reply_to", f"{self._here}: {reply_to!r} was never asked here")
+            raise LocalProtocolError(
+                "in_reply_to", f"{self._here}: {reply_to!r} is not a message that waits for an answer"
+            )
 
     def _label(self, protocol: Protocol, performative: Performative, id: str) -> str:
-        """m_w: set where an answer or a confirm is to name the message; asking again keeps the first one."""
+        """Return m_w, "" if nothing will refer to the message; a repeated opening has that of the first one."""
         if not is_label(id):
             raise LocalProtocolError("id", f"{self._here}: a message needs an id that matches {LABEL}, not {id!r}")
         if performative in protocol.openings and performative not in protocol.rounds:
@@ -253,8 +258,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return id if performative in protocol.confirmed else ""
 
     def _default_reply(self, protocol: Protocol, performative: Performative, kind: Kind) -> str:
-        """m_t: the paper leaves it empty in request, inform and cancel of coordinate, and sets it in confirm."""
-        if kind is _OF_CANCEL or (self.cancel and self._only_cancel(performative, kind)):
+        """Return m_t. In coordinate the paper leaves it empty in request, inform and cancel, and sets it in confirm."""
+        if kind is _OF_CANCEL or (self.cancel and self._answers_only_cancel(performative, kind)):
             return self.cancel
         if performative is _CONFIRM:
             return self.unconfirmed[0][0] if self.unconfirmed else ""
@@ -262,7 +267,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             return ""
         return self.asked
 
-    def _only_cancel(self, performative: Performative, kind: Kind) -> bool:
+    def _answers_only_cancel(self, performative: Performative, kind: Kind) -> bool:
         find = self.table.find
         return find(self.state, SEND, performative, kind) is None and bool(
             find(self.state, SEND, performative, _OF_CANCEL)
@@ -294,7 +299,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         )
 
     def _cancel_after(self, row: Row) -> str:
-        """A cancel that failed while the conversation goes on is pending no longer."""
+        """Return m_w of the pending cancel; none after a cancel that failed without ending the conversation."""
         return "" if row.kind is _OF_CANCEL and row.to not in self.table.ended else self.cancel
 
     def _past_after(self, row: Row, opens: bool) -> tuple[str, ...]:
@@ -302,13 +307,16 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return (*self.past, over) if over else self.past
 
     def _next_deadline(self, row: Row) -> float | None:
-        """Without a new one an answer clears it; what is asked again, or crosses a cancel, is no answer."""
+        """Return the deadline after a message without reply-by.
+
+        An answer clears it. A repetition, and a message that crosses the cancel, is not an answer.
+        """
         cancelling = bool(self.cancel) and self.role is _INITIATOR and row.kind is not _OF_CANCEL
         repeats = row.way is SEND and row.to == self.state
         return self.deadline if cancelling or repeats else None
 
     def _after_not_understood(self, way: Way, reply_to: str) -> Self:
-        """The rule outside the tables: it ends the interaction; as answer to a cancel it is a failed cancel only."""
+        """Apply the rule outside the tables: it ends the conversation; in reply to a cancel, only the cancel fails."""
         if self.ended:
             return self
         if reply_to and reply_to == self.cancel:

@@ -1,9 +1,9 @@
-"""Walks both roles of a protocol over two FIFO channels and says what nobody thought of.
+"""Exhaustive exploration of a protocol: both roles, connected by two bounded FIFO channels.
 
-A configuration is the state of each role and what is on its way to each. From every reachable one the end must be
-reachable again (both ended or resting, channels empty) by steps that are not free: nobody can be waiting for a cancel,
-a repetition or another report. The channels are bounded and a full one holds the sender back. Must not know: content,
-time, faults of the wire (durable streams hide those).
+A configuration is the state of each role and the messages in transit to each. From every reachable configuration the
+end (both roles ended or resting, channels empty) must be reachable without free steps, since nobody may wait for a
+cancel, a repetition or another report. A full channel blocks its sender. Content, time and faults of the transport are
+not modelled (durable streams hide the latter).
 """
 
 from collections import deque
@@ -17,11 +17,14 @@ from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Ro
 Message = tuple[Performative, Kind]
 
 CAPACITY = 3
-"""Messages on their way to one role: more found nothing new in these tables (tried: 2 to 5)."""
+"""Messages in transit to one role.
+
+Measured: capacities 2 to 5 give the same findings for the tables of this package.
+"""
 
 
 class Configuration(NamedTuple):
-    """State of each role, and the messages on their way to each, the first to arrive first."""
+    """State of each role, and the messages in transit to each in order of arrival."""
 
     initiator: str
     participant: str
@@ -29,27 +32,27 @@ class Configuration(NamedTuple):
     to_participant: tuple[Message, ...] = ()
 
     def state(self, role: Role) -> str:
-        """State of a role."""
+        """Return the state of a role."""
         return self.initiator if role is Role.INITIATOR else self.participant
 
     def inbound(self, role: Role) -> tuple[Message, ...]:
-        """What is on its way to a role."""
+        """Return the messages in transit to a role."""
         return self.to_initiator if role is Role.INITIATOR else self.to_participant
 
 
 class Step(NamedTuple):
-    """One role used one row."""
+    """A transition: one role uses one row."""
 
     role: Role
     row: Row
 
     def __str__(self) -> str:
-        verb = "sends" if self.row.way is SEND else "takes"
+        verb = "sends" if self.row.way is SEND else "receives"
         return f"{self.role} {verb} {self.row.word} -> {self.row.to}"
 
 
 class Finding(NamedTuple):
-    """Something wrong: where, what in words, and the shortest way there."""
+    """An error: the configuration, its description, and a shortest sequence of steps to it."""
 
     configuration: Configuration
     text: str
@@ -60,7 +63,10 @@ class Finding(NamedTuple):
 
 
 class Exploration(NamedTuple):
-    """What was found. `unreachable`: states no walk came through; `unused`: rows none used (no fault by themselves)."""
+    """The result. `unspecified`: receptions without a row; `stuck`: configurations from which the end is unreachable.
+
+    `unreachable`: states in no configuration; `unused`: rows in no step (not an error by themselves).
+    """
 
     configurations: int
     unspecified: tuple[Finding, ...]
@@ -70,63 +76,64 @@ class Exploration(NamedTuple):
 
     @property
     def sound(self) -> bool:
-        """No reception without a row, no stuck configuration, all states reachable."""
+        """Whether there is no unspecified reception, no stuck configuration and no unreachable state."""
         return not (self.unspecified or self.stuck or self.unreachable)
 
 
 def explore(protocol: Protocol, capacity: int = CAPACITY) -> Exploration:
-    """All reachable configurations of one conversation, with at most `capacity` messages on the way to each role."""
-    walk = _Walk(protocol, capacity)
-    seen = {(role, c.state(role)) for c in walk.parents for role in Role}
-    used = {step for steps in walk.edges.values() for step, _ in steps}
+    """Explore one conversation with at most `capacity` messages in transit to each role; return the result."""
+    search = _Search(protocol, capacity)
+    seen = {(role, c.state(role)) for c in search.parents for role in Role}
+    used = {step for steps in search.edges.values() for step, _ in steps}
     tables = protocol.tables.items()
     return Exploration(
-        configurations=len(walk.parents),
-        unspecified=tuple(walk.unspecified()),
-        stuck=tuple(walk.stuck()),
+        configurations=len(search.parents),
+        unspecified=tuple(search.unspecified()),
+        stuck=tuple(search.stuck()),
         unreachable=tuple(sorted((role, str(s)) for role, t in tables for s in t.states if (role, s) not in seen)),
         unused=tuple((role, row) for role, t in tables for row in t if Step(role, row) not in used),
     )
 
 
 def edges(protocol: Protocol, capacity: int = CAPACITY) -> dict[Configuration, list[tuple[Step, Configuration]]]:
-    """Every reachable configuration, the start first, with the steps from there and where they lead."""
-    return _Walk(protocol, capacity).edges
+    """Return every reachable configuration, the initial one first, with its steps and their successors."""
+    return _Search(protocol, capacity).edges
 
 
 def shortest(protocol: Protocol) -> tuple[Step, ...]:
-    """The steps of a shortest complete conversation: to where both have ended or rest, and nothing is on its way."""
-    walk = _Walk(protocol, 1)
-    first = next(iter(walk.parents))
-    end = next((here for here in walk.parents if here != first and walk._at_rest(here)), None)
-    return () if end is None else walk._way_to(end)
+    """Return the steps of a shortest conversation to the end: both ended or resting, no message in transit."""
+    search = _Search(protocol, 1)
+    first = next(iter(search.parents))
+    end = next((here for here in search.parents if here != first and search._finished(here)), None)
+    return () if end is None else search._path_to(end)
 
 
 def with_not_understood(protocol: Protocol) -> Protocol:
-    """The protocol with the rule outside its tables written into them, so that it can be explored too.
+    """Return the protocol with the rule of not-understood as rows, so that it can be explored too.
 
-    Either side may say not-understood once the conversation is open; it ends it for who says and who hears it, and who
-    said it is deaf to what was still on its way. What had ended stays as it ended.
+    Either role may send not-understood once the conversation is open. It ends the conversation for its sender, who
+    ignores what is still in transit, and for its receiver. A conversation that has ended keeps its state.
     """
-    return protocol.varied(
-        initiator=_complaining(protocol, Role.INITIATOR), participant=_complaining(protocol, Role.PARTICIPANT)
+    return protocol.with_tables(
+        initiator=_table_with_not_understood(protocol, Role.INITIATOR),
+        participant=_table_with_not_understood(protocol, Role.PARTICIPANT),
     )
 
 
-def _complaining(protocol: Protocol, role: Role) -> Table:
+def _table_with_not_understood(protocol: Protocol, role: Role) -> Table:
     old, peer = protocol.tables[role], protocol.tables[role.other]
-    complaint = (Performative.NOT_UNDERSTOOD, Kind.PLAIN)
-    audible = {(row.performative, row.kind) for row in peer if row.way is SEND} | {complaint}
-    rows = [*old, *(Row(NOT_UNDERSTOOD, RECEIVE, *word, NOT_UNDERSTOOD) for word in sorted(audible))]
+    not_understood = (Performative.NOT_UNDERSTOOD, Kind.PLAIN)
+    ignored = {(row.performative, row.kind) for row in peer if row.way is SEND} | {not_understood}
+    rows = [*old, *(Row(NOT_UNDERSTOOD, RECEIVE, *message, NOT_UNDERSTOOD) for message in sorted(ignored))]
     for state in sorted(old.states - {START}):
-        rows.append(Row(state, RECEIVE, *complaint, state if state in old.ended else NOT_UNDERSTOOD))
+        rows.append(Row(state, RECEIVE, *not_understood, state if state in old.ended else NOT_UNDERSTOOD))
         if state not in old.ended | old.urgent:
-            rows.append(Row(state, SEND, *complaint, NOT_UNDERSTOOD))
+            rows.append(Row(state, SEND, *not_understood, NOT_UNDERSTOOD))
     return Table(rows, ended=(*old.ended, NOT_UNDERSTOOD), urgent=old.urgent, resting=old.resting)
 
 
-class _Walk:
-    """Breadth first from the start: `edges` of each configuration, `parents` on a shortest way."""
+class _Search:
+    """Breadth-first search from the start: `edges` of each configuration, `parents` on a shortest path."""
 
     def __init__(self, protocol: Protocol, capacity: int) -> None:
         self.protocol, self.capacity = protocol, capacity
@@ -148,34 +155,37 @@ class _Walk:
             if len(outbound) < self.capacity:
                 for row in table.allowed(here.state(role), SEND):
                     sent = (*outbound, (row.performative, row.kind))
-                    yield Step(role, row), _made(role, row.to, inbound, here.state(role.other), sent)
-            taken = self._reception(here, role)
-            if taken:
-                yield Step(role, taken), _made(role, taken.to, inbound[1:], here.state(role.other), outbound)
+                    yield Step(role, row), _configuration(role, row.to, inbound, here.state(role.other), sent)
+            received = self._reception(here, role)
+            if received:
+                yield (
+                    Step(role, received),
+                    _configuration(role, received.to, inbound[1:], here.state(role.other), outbound),
+                )
 
     def _reception(self, here: Configuration, role: Role) -> Row | None:
-        """The row for the first message on its way; None also while the role owes a send."""
+        """Return the row for the first message in transit; None also while the role must send first."""
         table, state, inbound = self.protocol.tables[role], here.state(role), here.inbound(role)
         return table.find(state, RECEIVE, *inbound[0]) if inbound and state not in table.urgent else None
 
     def unspecified(self) -> Iterator[Finding]:
-        """Configurations in which a role that is free to take has no row for what comes."""
+        """Yield the configurations in which a role that may receive has no row for the next message."""
         for here in self.edges:
             for role, table in self.protocol.tables.items():
                 state, inbound = here.state(role), here.inbound(role)
                 if inbound and state not in table.urgent and self._reception(here, role) is None:
                     performative, kind = inbound[0]
                     word = f"{performative}[{kind}]" if kind else performative
-                    yield Finding(here, f"{role} in state {state} has no row for {word}", self._way_to(here))
+                    yield Finding(here, f"{role} in state {state} has no row for {word}", self._path_to(here))
 
     def stuck(self) -> Iterator[Finding]:
-        """Configurations from which no steps but free ones lead to the end."""
+        """Yield the configurations from which the end is not reachable without free steps."""
         before: dict[Configuration, list[Configuration]] = {}
         for here, steps in self.edges.items():
             for step, there in steps:
                 if not step.row.free:
                     before.setdefault(there, []).append(here)
-        good = {here for here in self.edges if self._at_rest(here)}
+        good = {here for here in self.edges if self._finished(here)}
         waiting = list(good)
         while waiting:
             found = [c for c in before.get(waiting.pop(), ()) if c not in good]
@@ -183,15 +193,15 @@ class _Walk:
             waiting.extend(found)
         for here in self.edges:
             if here not in good:
-                text = f"from initiator {here.initiator}, participant {here.participant} the end is out of reach"
-                yield Finding(here, text, self._way_to(here))
+                text = f"from initiator {here.initiator}, participant {here.participant} the end is unreachable"
+                yield Finding(here, text, self._path_to(here))
 
-    def _at_rest(self, here: Configuration) -> bool:
+    def _finished(self, here: Configuration) -> bool:
         tables = self.protocol.tables.items()
         quiet = not (here.to_initiator or here.to_participant)
         return quiet and all(here.state(role) in table.ended | table.resting for role, table in tables)
 
-    def _way_to(self, here: Configuration) -> tuple[Step, ...]:
+    def _path_to(self, here: Configuration) -> tuple[Step, ...]:
         steps: list[Step] = []
         parent = self.parents[here]
         while parent is not None:
@@ -201,10 +211,10 @@ class _Walk:
         return tuple(reversed(steps))
 
 
-def _made(
+def _configuration(
     role: Role, state: str, inbound: tuple[Message, ...], other: str, outbound: tuple[Message, ...]
 ) -> Configuration:
-    """A configuration seen from `role`."""
+    """Return the configuration whose parts are given from the view of `role`."""
     if role is Role.INITIATOR:
         return Configuration(state, other, inbound, outbound)
     return Configuration(other, state, outbound, inbound)

@@ -1,8 +1,7 @@
-"""The expressions that contents are made of (FIPA SC00037J): actions, propositions, descriptors, embedded messages.
+"""Expressions of contents (FIPA SC00037J): actions, propositions, descriptors, embedded messages.
 
-A content language of its own with just as much structure as the acts' definitions ask for; SL (SC00008I) has the same
-three sorts and more connectives. `acts.py` says which act carries which of them. Must not know: any act's meaning, any
-system's vocabulary.
+They have the structure that the definitions of the acts need; FIPA SL (SC00008I) has the same three sorts and more
+connectives. `acts.py` says which act carries which. Independent of the meaning of acts and of any system's vocabulary.
 """
 
 import math
@@ -16,35 +15,35 @@ from fipa_codec.communicate import Communicate
 from fipa_codec.errors import ContentError
 
 MAX_DEPTH = 32
-"""Expressions within expressions. SC00037J's own examples have 5; estimate."""
+"""Depth limit of nested expressions. Estimate; the examples of SC00037J have 5."""
 
 Symbol = Annotated[str, msgspec.Meta(pattern=r"\A[!-~]+\Z", max_length=128)]
-"""A name: printable ASCII without blanks; length as of the labels of a communicate."""
+"""A name: printable ASCII without blanks, at most as long as a label of a communicate."""
 
 
 class Quantifier(StrEnum):
     """How many objects a descriptor denotes."""
 
     IOTA = "iota"
-    """The one."""
+    """The only one."""
     ANY = "any"
-    """Some one."""
+    """Any one of them."""
     ALL = "all"
-    """The set of all."""
+    """The set of all of them."""
 
 
 class _Expression(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Part of a content."""
+    """Base class: a tagged Struct."""
 
 
 class Variable(_Expression, frozen=True):
-    """Stands for the object that a descriptor around it denotes."""
+    """The object that the enclosing descriptor with this variable denotes."""
 
     name: Symbol
 
 
 class Action(_Expression, frozen=True):
-    """`agent` does `act` (class A)."""
+    """An action expression (class A): `agent` performs `act`."""
 
     agent: Symbol
     act: Symbol
@@ -52,7 +51,7 @@ class Action(_Expression, frozen=True):
 
 
 class Proposition(_Expression, frozen=True):
-    """`predicate` holds of `terms`, or does not (class C): a statement, a condition or a reason."""
+    """A proposition (class C): `predicate` holds of `terms`, or not. A statement, a condition or a reason."""
 
     predicate: Symbol
     terms: tuple["Term", ...] = ()
@@ -60,7 +59,7 @@ class Proposition(_Expression, frozen=True):
 
 
 class Descriptor(_Expression, frozen=True):
-    """The, any or all objects `variable` of which a proposition holds (class D)."""
+    """A descriptor (class D): the object or objects `variable` for which the proposition `such_that` holds."""
 
     quantifier: Quantifier
     variable: Symbol
@@ -68,52 +67,56 @@ class Descriptor(_Expression, frozen=True):
 
 
 class Embedded(_Expression, frozen=True):
-    """A whole communicate as content (class M)."""
+    """An embedded message (class M): a whole communicate as content."""
 
     message: Communicate
 
 
 Term = str | int | float | bool | Variable | Action | Proposition | Descriptor | Embedded
+"""An argument of an action or a proposition."""
 Expression = Action | Proposition | Descriptor | Embedded
+"""An element of a content."""
 
 
 def done(action: Action) -> Proposition:
-    """What an `inform-done` of the protocol drawings says."""
+    """Return the content of an `inform-done` of FIPA's protocol diagrams."""
     return Proposition("done", (action,))
 
 
 def result(action: Action, value: Term) -> Proposition:
-    """What an `inform-result` says."""
+    """Return the content of an `inform-result` of FIPA's protocol diagrams."""
     return Proposition("result", (action, value))
 
 
 def denotes(descriptor: Descriptor, value: Term) -> Proposition:
-    """The answer to a query-ref: the object that the descriptor denotes."""
+    """Return the answer to a query-ref: the object that the descriptor denotes."""
     return Proposition("=", (descriptor, value))
 
 
 def check_expression(expression: Expression) -> None:
-    """ContentError where it is nested too deeply, has a number that is none, or a variable that nothing binds; also
-    where a descriptor's proposition says nothing of its variable.
+    """Raise ContentError if the expression is invalid.
+
+    That is: it is nested too deeply, has a number that is not finite or an unbound variable, or the proposition of a
+    descriptor does not use its variable.
     """
     free = _free(expression, 0)
     if free:
-        raise ContentError("content", f"variable {min(free)!r} is bound by no descriptor around it")
+        raise ContentError("content", f"variable {min(free)!r} is not bound by an enclosing descriptor")
 
 
 def _free(term: Term, depth: int) -> frozenset[str]:
-    """The variables of a term that nothing inside it binds."""
+    """Return the free variables of a term."""
     if depth > MAX_DEPTH:
         raise ContentError("content", f"is nested deeper than {MAX_DEPTH} expressions")
     if isinstance(term, float) and not math.isfinite(term):
-        raise ContentError("content", f"holds {term}, numbers must be finite")
+        raise ContentError("content", f"contains {term}, numbers must be finite")
     if isinstance(term, Variable):
         return frozenset((term.name,))
     free = frozenset(name for part in _parts(term) for name in _free(part, depth + 1))
     if isinstance(term, Descriptor):
         if term.variable not in free:
             where = f"descriptor {term.quantifier} {term.variable}"
-            raise ContentError("content", f"{where}: {term.such_that.predicate!r} says nothing of {term.variable!r}")
+            raise ContentError("content", f"{where}: {term.such_that.predicate!r} does not use {term.variable!r}")
         return free - {term.variable}
     return free
 

@@ -1,9 +1,9 @@
-"""Interfaces of an agent in the paper's form (section 5.6), checked against the language that carries them.
+"""Interfaces of an agent in the paper's form (section 5.6), checked against the language of the channel.
 
     ClassInterfaceInfo([("request", "generatePlan", [GroundTaskNetwork], HierarchicalPlan)])
 
-says: performative, query name, argument classes, answer class. In this system a sentence of the language is the one
-argument, so its class tells which entry is meant and the name travels in no message. Must not know: any agent.
+The entry has performative, query name, argument classes and answer class. A message with one argument has it as its
+content: its class identifies the entry, and the name is not sent.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,7 +15,7 @@ from fipa_codec.performatives import Performative
 
 
 class Entry(NamedTuple):
-    """One service: `arguments` are the classes wanted, in order; `answers` the classes it may answer with."""
+    """One service: `arguments` are the argument classes in order, `answers` the classes of possible answers."""
 
     performative: Performative
     name: str
@@ -29,10 +29,11 @@ class Entry(NamedTuple):
 
 
 class ClassInterfaceInfo:
-    """The services one side of a channel offers.
+    """The services that one side of a channel offers.
 
-    Each entry: (performative, name, [argument classes], answer class). The answer may be a union of classes, or None
-    where nothing is answered. LocalProtocolError for an unknown performative, a name or an argument class given twice.
+    Each entry is (performative, name, [argument classes], answer class). The answer may be a union of classes, or None
+    if there is no answer. Raise LocalProtocolError for an unknown performative, and for two entries with the same name,
+    or with the same performative and one argument of the same class.
     """
 
     def __init__(self, entries: Iterable[tuple[str, str, Sequence[type], Any]]) -> None:
@@ -45,7 +46,7 @@ class ClassInterfaceInfo:
             if len(entry.arguments) == 1:
                 key = (entry.performative, entry.arguments[0])
                 if self._by_class.setdefault(key, entry) is not entry:
-                    raise LocalProtocolError("interface", f"{entry} and {self._by_class[key]} cannot be told apart")
+                    raise LocalProtocolError("interface", f"{entry} and {self._by_class[key]} have the same argument")
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(self._named.values())
@@ -54,33 +55,36 @@ class ClassInterfaceInfo:
         return len(self._named)
 
     def named(self, name: str) -> Entry:
-        """LocalProtocolError names the entries there are."""
+        """Return the entry of this name. Raise LocalProtocolError, with the known names, if there is none."""
         if name not in self._named:
-            raise LocalProtocolError("interface", f"{name!r} is no entry, there are {', '.join(sorted(self._named))}")
+            raise LocalProtocolError("interface", f"{name!r} is unknown, known are {', '.join(sorted(self._named))}")
         return self._named[name]
 
     def check_language(self, language: Language, answers: Language | None = None) -> None:
-        """Every argument class is of `language`, every answer class of `answers` (None: the same language).
+        """Check that `language` has every argument class, and `answers` (None: the same language) every answer class.
 
-        LocalProtocolError names the entry, the class and the language.
+        Raise LocalProtocolError with the entry, the class and the language.
         """
         for entry in self:
-            for classes, spoken in ((entry.arguments, language), (entry.answers, answers or language)):
+            for classes, used in ((entry.arguments, language), (entry.answers, answers or language)):
                 for wanted in classes:
-                    if wanted not in spoken.classes:
-                        raise LocalProtocolError("interface", f"{entry}: {wanted.__name__} is not of {spoken.name}")
+                    if wanted not in used.classes:
+                        raise LocalProtocolError("interface", f"{entry}: {wanted.__name__} is not in {used.name}")
 
     def entry_for(self, performative: Performative, content: object) -> Entry:
-        """The service a received sentence asks for. ContentError (answer: refuse) if none is offered."""
+        """Return the entry for a received sentence. Raise ContentError (answer: refuse) if there is none."""
         entry = self._by_class.get((performative, type(content)))
         if entry is None:
             offered = "; ".join(str(e) for e in self if e.performative is performative) or "nothing"
-            reason = f"{performative} {type(content).__name__} is not supported, offered is {offered}"
+            reason = f"{performative} {type(content).__name__} is not supported, supported is {offered}"
             raise ContentError("content", reason, Performative.REFUSE)
         return entry
 
     def check_arguments(self, name: str, arguments: Sequence[object]) -> Entry:
-        """The entry, if the arguments have its classes, in order. ContentError (answer: refuse) names the wrong one."""
+        """Return the entry of this name if the arguments have its classes in order.
+
+        Raise ContentError (answer: refuse) with the first wrong argument.
+        """
         entry = self.named(name)
         if len(arguments) != len(entry.arguments):
             reason = f"has {len(arguments)} arguments, {entry} takes {len(entry.arguments)}"
@@ -92,7 +96,7 @@ class ClassInterfaceInfo:
         return entry
 
     def check_answer(self, entry: Entry, content: object) -> None:
-        """ContentError (answer: not-understood) if the content is no answer of this entry; None is the empty one."""
+        """Raise ContentError (answer: not-understood) if the content (None: empty) is not an answer of this entry."""
         expected = entry.answers or (type(None),)
         if type(content) not in expected:
             raise ContentError("content", f"{type(content).__name__} does not answer {entry}")
@@ -102,9 +106,9 @@ def _performative(word: str) -> Performative:
     try:
         return Performative(word)
     except ValueError:
-        raise LocalProtocolError("performative", f"{word!r} is none of the 22 acts") from None
+        raise LocalProtocolError("performative", f"{word!r} is not one of the 22 acts of SC00037J") from None
 
 
 def _classes(answer: Any) -> tuple[type, ...]:
-    """The classes of a union, of one class, or none."""
+    """Return the classes of a union, of one class, or of None."""
     return () if answer is None else tuple(get_args(answer) or (answer,))

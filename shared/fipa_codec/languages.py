@@ -1,7 +1,7 @@
-"""Content languages: a name and the union of tagged Structs that are its sentences (L of the paper's communicate).
+"""Content languages: a name and a union of tagged Structs, its sentences (L of the paper's communicate).
 
-A language may also say of what kind a sentence is (still in progress, final): protocols that tell two uses of `inform`
-apart read that word. Must not know: which languages a system has, nor any protocol.
+A language may also classify sentences (progress, final), for protocols that distinguish uses of `inform`. Independent
+of protocols and of the languages of any system.
 """
 
 from collections.abc import Callable, Iterable
@@ -16,35 +16,35 @@ from fipa_codec.performatives import Performative
 
 
 class Kind(StrEnum):
-    """Guard word on the rows of a protocol: which use of a performative this is."""
+    """The use of a performative, as the rows of a protocol distinguish it."""
 
     PLAIN = ""
-    """The only use there is; for an inform of `request`: the result."""
+    """No distinction; for an inform of `request`: the result."""
     PROGRESS = "progress"
-    """News of something that goes on."""
+    """A report of an act that continues."""
     FINAL = "final"
     """The last report."""
     CANCEL = "cancel"
-    """In reply to the cancel. Found out by the conversation from m_t, never by a language."""
+    """In reply to the cancel. Determined by the conversation from m_t, never by a language."""
 
 
-_PLAIN = Kind.PLAIN  # found by its class it takes 0.1 us before Python 3.12
+_PLAIN = Kind.PLAIN  # before Python 3.12 access by the class takes 0.1 us
 
 
 class Reason(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Why: content of not-understood, and of refuse and failure where a language has no better words."""
+    """A reason: content of not-understood, and of refuse and failure where a language has no sentence of its own."""
 
     text: str
     field: str = ""
 
 
 class Language:
-    """`name` (L of the communicate), `classes` (what may be said), `.kind(content)`, `check`.
+    """A content language: `name` (L of the communicate), `classes` of its sentences, encoder and decoder.
 
-    `union`: a Struct class or a union of tagged ones, or of other types that msgspec can tell apart.
-    `kind`: the guard word of a sentence; without it every sentence is PLAIN. `check(performative, content)`: raises
-    ContentError where a sentence (None: no content) is not one that the act carries; None: every act carries all.
-    LocalProtocolError where the name is no word.
+    `union` is a Struct class, a union of tagged Structs, or a union of other types that msgspec can distinguish. `kind`
+    returns the kind of a sentence; default: PLAIN. `check(performative, content)` raises ContentError if the act does
+    not carry the sentence (None: no content); default: every act carries every sentence. Raise LocalProtocolError if
+    the name is not a valid word.
     """
 
     def __init__(
@@ -68,13 +68,16 @@ class Language:
         return f"Language({self.name!r}, {len(self.classes)} classes)"
 
     def encode(self, content: object, performative: Performative | None = None) -> msgspec.Raw:
-        """A sentence as content of a communicate.
+        """Return a sentence as content of a communicate.
 
-        LocalProtocolError if its class is not of this language, if `performative`, where given, does not carry it, or
-        if it is too long: said here, before an agent has noted it down, it cannot be re-sent for ever.
+        Raise LocalProtocolError if its class is not in this language, if `performative` (where given) does not carry
+        it, or if it is too long. Checked here, before an agent journals the message, since it would re-send it for
+        ever.
         """
         if type(content) not in self.classes:
-            raise LocalProtocolError("content", f"{type(content).__name__} is no class of {self.name}: {self._known()}")
+            raise LocalProtocolError(
+                "content", f"{type(content).__name__} is not a class of {self.name}: {self._known()}"
+            )
         if performative is not None and self.check:
             try:
                 self.check(performative, content)
@@ -85,12 +88,15 @@ class Language:
         except Exception as error:
             raise LocalProtocolError("content", f"cannot be encoded in {self.name}: {error}") from error
         if len(data) > MAX_CONTENT_BYTES:
-            reason = f"has {len(data)} bytes in {self.name}, at most {MAX_CONTENT_BYTES} are sent; say it in parts"
+            reason = f"has {len(data)} bytes in {self.name}, at most {MAX_CONTENT_BYTES} are sent; send it in parts"
             raise LocalProtocolError("content", reason)
         return msgspec.Raw(data)
 
     def decode(self, raw: bytes | msgspec.Raw) -> Any:
-        """The sentence in `raw`, an object of one of `classes`. ContentError names the field and the reason."""
+        """Return the sentence in `raw`, an object of one of `classes`.
+
+        Raise ContentError with the field and the reason.
+        """
         if len(raw) > MAX_BYTES:
             raise ContentError("content", f"is longer than {MAX_BYTES} bytes")
         try:
@@ -100,7 +106,7 @@ class Language:
             raise ContentError(field, f"does not fit language {self.name}: {reason}") from error
 
     def kind(self, content: object) -> Kind:
-        """Which use of its performative a sentence makes."""
+        """Return the kind of a sentence."""
         return self._kind(content) if self._kind else _PLAIN
 
     def _known(self) -> str:
@@ -108,13 +114,13 @@ class Language:
 
 
 REASON = Language("reason", Reason)
-"""The one language every agent reads, since anybody may be told why something was not understood."""
+"""The language that every agent understands: any agent may receive a not-understood with its reason."""
 
 _encoder = msgspec.msgpack.Encoder()
 
 
 class Languages:
-    """The languages of a system by name; REASON is always among them."""
+    """The languages of a system by name, always with REASON."""
 
     def __init__(self, languages: Iterable[Language] = ()) -> None:
         self._named = {language.name: language for language in (REASON, *languages)}
@@ -125,23 +131,26 @@ class Languages:
         return tuple(sorted(self._named))
 
     def named(self, name: str) -> Language:
-        """LocalProtocolError names the languages there are."""
+        """Return the language of this name. Raise LocalProtocolError, with the known names, if there is none."""
         if name not in self._named:
             raise LocalProtocolError("language", f"{name!r} is unknown, known are {', '.join(self.names)}")
         return self._named[name]
 
     def read(self, communicate: Communicate) -> tuple[Any, Kind]:
-        """Content (None if absent) and kind of a received communicate, in the language it names. ContentError."""
+        """Return content (None if absent) and kind of a received communicate, decoded in the language it names.
+
+        Raise ContentError if the language is unknown or absent, or the content does not fit it.
+        """
         if communicate.language and communicate.language not in self._named:
             known = ", ".join(self.names)
             raise ContentError("language", f"{communicate.language!r} is unknown, known are {known}")
         if communicate.content is msgspec.UNSET:
-            silent = self._named[communicate.language].check if communicate.language else None
-            if silent:
-                silent(communicate.performative, None)
+            check = self._named[communicate.language].check if communicate.language else None
+            if check:
+                check(communicate.performative, None)
             return None, _PLAIN
         if not communicate.language:
-            raise ContentError("language", "is absent, so the content cannot be read")
+            raise ContentError("language", "is absent, so the content cannot be decoded")
         language = self._named[communicate.language]
         content = language.decode(communicate.content)
         if language.check:

@@ -1,8 +1,8 @@
-"""Several participants: one conversation-id, and one conversation with each (FIPA SC00029H, SC00030H; any protocol).
+"""Several participants: one conversation-id, one conversation with each (FIPA SC00029H, SC00030H; any protocol).
 
-A `Multicast` is what the initiator knows of all of them together: who has not answered, whose answer came too late,
-whose proposals stand. It says nothing itself; whoever speaks (a test, a behaviour's turn) notes here what each
-conversation has become. Pure: time is an argument, and the whole encodes into a journal.
+A `Multicast` is the initiator's view of all of them: who has not answered, whose answer was late, whose proposals are
+open. It sends nothing: the caller sends and receives, and records each conversation here. Immutable and without a
+clock; it can be encoded in a journal.
 """
 
 from collections.abc import Iterable
@@ -16,17 +16,18 @@ from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import State, named
 from fipa_codec.tables import NOT_UNDERSTOOD, SEND, Role
 
-Told = tuple[tuple[str, P], ...]
-"""What is to be said, to whom: (participant, performative)."""
+Outgoing = tuple[tuple[str, P], ...]
+"""Messages to send: (participant, performative)."""
 
 _BOUND = frozenset((State.AWARDED, State.CANCELLING_AWARDED, State.DONE, State.FAILED))
-"""In a contract net: states only an award leads to."""
+"""States of a contract net that are reached by an award only."""
 
 
 class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The initiator's conversations of one id. `awarded`: whom it accepted.
+    """The initiator's conversations with one id.
 
-    `late`: who said nothing by reply-by, whatever was said in its conversation later.
+    `awarded`: participants whose proposal was accepted. `late`: participants that had not answered at reply-by, even if
+    they did later.
     """
 
     talks: tuple[Conversation, ...]
@@ -35,18 +36,22 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @classmethod
     def opened(cls, talks: Iterable[Conversation]) -> Self:
-        """After the openings were said. LocalProtocolError where these are not one id, protocol and initiator."""
+        """Return the multicast of conversations whose openings were just sent.
+
+        Raise LocalProtocolError if id, protocol or initiator differ, a participant is there twice, or a conversation is
+        in another state.
+        """
         found = tuple(talks)
         if len({(talk.id, talk.protocol, talk.me) for talk in found}) != 1:
-            raise LocalProtocolError("conversation", "one multicast has one id, one protocol and one initiator")
+            raise LocalProtocolError("conversation", "a multicast needs one id, one protocol and one initiator")
         if len({talk.peer for talk in found}) != len(found):
-            raise LocalProtocolError("receiver", "one multicast has one conversation with each participant")
+            raise LocalProtocolError("receiver", "a multicast has one conversation with each participant")
         if any(talk.role is not Role.INITIATOR or talk.state not in _asked_states(talk.protocol) for talk in found):
-            raise LocalProtocolError("conversation", "each conversation stands right after its opening")
+            raise LocalProtocolError("conversation", "each conversation must be in the state after its opening")
         return cls(found)
 
     def noted(self, talk: Conversation, now: float) -> Self:
-        """After something was said in `talk`, by either side, at `now` [unix s]; equal to reply-by is in time."""
+        """Return the multicast after a message of either side in `talk` at `now` [unix s]."""
         before = self.talk(talk.peer)
         others = tuple(peer for peer in self.late if peer != talk.peer)
         if self._unanswered(talk):
@@ -64,31 +69,34 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         )
 
     def broken(self, peer: str) -> Self:
-        """After this agent could not take what a participant said, and told it not-understood: that one is out."""
+        """Return the multicast after this agent answered a message of a participant with not-understood."""
         gone = msgspec.structs.replace(self.talk(peer), state=NOT_UNDERSTOOD, deadline=None)
         return msgspec.structs.replace(self, talks=tuple(gone if one.peer == peer else one for one in self.talks))
 
-    # --- who ----------------------------------------------------------------------------------------------------------
+    # --- participants -------------------------------------------------------------------------------------------------
 
     def talk(self, peer: str) -> Conversation:
-        """The conversation with a participant. LocalProtocolError names those there are."""
+        """Return the conversation with a participant.
+
+        Raise LocalProtocolError, with the participants, if there is none.
+        """
         for talk in self.talks:
             if talk.peer == peer:
                 return talk
         known = ", ".join(talk.peer for talk in self.talks)
-        raise LocalProtocolError("receiver", f"{peer!r} takes no part in {self.talks[0].id}, {known} do")
+        raise LocalProtocolError("receiver", f"{peer!r} is not a participant of {self.talks[0].id}, these are: {known}")
 
     def awaited(self, now: float) -> tuple[str, ...]:
-        """Whose first answer, in this round, may still come in time."""
+        """Return who has not answered in this round and still can in time."""
         return tuple(talk.peer for talk in self.talks if self._unanswered(talk) and not talk.late(now))
 
     def silent(self, now: float) -> tuple[str, ...]:
-        """Who has not answered by reply-by."""
+        """Return who has not answered and is late."""
         return tuple(talk.peer for talk in self.talks if self._unanswered(talk) and talk.late(now))
 
     @property
     def offers(self) -> tuple[str, ...]:
-        """Whose proposals stand: made in time, neither accepted nor rejected yet."""
+        """Participants with open proposals: made in time, neither accepted nor rejected."""
         return tuple(peer for peer in self._offered if peer not in self.late)
 
     @property
@@ -97,52 +105,57 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return all(talk.ended for talk in self.talks)
 
     def outcome(self, peer: str, now: float) -> str:
-        """How it ended with a participant, "" while it is open.
+        """Return the final state with a participant, "" while the conversation is open.
 
-        One that was silent at reply-by counts as refused in a contract net and as failed elsewhere, whatever it says
-        later; a subscription or an act agreed too late is the initiator's to cancel. SC00029H rejects late proposals,
-        the standard says no more; the counting is ours.
+        A participant that had not answered at reply-by counts as refused in a contract net and as failed elsewhere,
+        whatever it sends later; the initiator must cancel a subscription or an act that was agreed too late. SC00029H
+        only says that late proposals are rejected; the rest is a decision of this project.
         """
         talk = self.talk(peer)
         if peer in self.late or (self._unanswered(talk) and talk.late(now)):
             return State.REFUSED if self._contract else State.FAILED
         return talk.state if talk.ended else ""
 
-    # --- what to say --------------------------------------------------------------------------------------------------
+    # --- messages to send ---------------------------------------------------------------------------------------------
 
     @property
-    def rejections(self) -> Told:
-        """What is due at once: proposals that came too late are rejected."""
+    def rejections(self) -> Outgoing:
+        """The rejections of late proposals, to be sent at once."""
         return tuple((peer, P.REJECT_PROPOSAL) for peer in self._offered if peer in self.late)
 
-    def award(self, *chosen: str) -> Told:
-        """Accept the chosen offers, one or several, and reject all others; none chosen: reject all.
+    def award(self, *chosen: str) -> Outgoing:
+        """Return the messages that accept the chosen proposals, if any, and reject all others.
 
-        LocalProtocolError where a chosen one has no standing offer.
+        Raise LocalProtocolError if a chosen participant has no open proposal.
         """
         return self._choose(P.ACCEPT_PROPOSAL, chosen)
 
-    def call_again(self, *chosen: str) -> Told:
-        """A new round: a call to the chosen of those that proposed, a rejection to the others.
+    def call_again(self, *chosen: str) -> Outgoing:
+        """Return the messages that start a new round with the chosen participants and reject all other proposals.
 
-        LocalProtocolError where the protocol has no rounds, after an award, or where one has no standing offer.
+        Raise LocalProtocolError if the protocol has no rounds, after an award, or if a chosen participant has no open
+        proposal.
         """
         protocol = self.talks[0].protocol
         if P.CFP not in named(protocol).rounds:
-            raise LocalProtocolError("performative", f"{protocol} has one round only; icfp has several")
+            raise LocalProtocolError("performative", f"{protocol} has one round only; use icfp")
         if self.awarded:
             awarded = ", ".join(self.awarded)
-            raise LocalProtocolError("performative", f"no cfp after an award, and {awarded} has one; open another")
+            raise LocalProtocolError(
+                "performative", f"there is no new round after an award (to {awarded}); open another conversation"
+            )
         if not chosen:
-            raise LocalProtocolError("receiver", "a new round has at least one participant; award() rejects all")
+            raise LocalProtocolError(
+                "receiver", "a new round needs a participant; to reject all proposals call award()"
+            )
         return self._choose(P.CFP, chosen)
 
-    def _choose(self, performative: P, chosen: tuple[str, ...]) -> Told:
+    def _choose(self, performative: P, chosen: tuple[str, ...]) -> Outgoing:
         offers = self.offers
         for peer in chosen:
             if peer not in offers:
                 known = ", ".join(offers) or "nobody"
-                raise LocalProtocolError("receiver", f"{peer!r} has no standing offer, {known} has")
+                raise LocalProtocolError("receiver", f"{peer!r} has no open proposal; there are proposals of: {known}")
         others = (peer for peer in self._offered if peer not in chosen)
         return (*((peer, performative) for peer in chosen), *((peer, P.REJECT_PROPOSAL) for peer in others))
 
@@ -161,7 +174,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def _asked_states(protocol: str) -> frozenset[str]:
-    """The initiator's states right after its opening, or a new round."""
+    """Return the initiator's states after its opening or a new round."""
     found = named(protocol)
     rows = found.tables[Role.INITIATOR]
     return frozenset(row.to for row in rows if row.way is SEND and row.performative in found.openings)

@@ -1,14 +1,15 @@
-"""The 22 communicative acts of FIPA (SC00037J) by their wire words.
+"""The 22 communicative acts of FIPA (SC00037J).
 
-`inform-done` and `inform-result`, seen in protocol drawings, name uses of `inform` and are no acts; `inform-if` and
-`inform-ref` are macro acts there, but the paper answers a query with `inform-ref`, so they travel here.
+`inform-done` and `inform-result` of FIPA's protocol diagrams are uses of `inform`, not acts. `inform-if` and
+`inform-ref` are macro acts, which are not sent in FIPA; here they can be, since the paper answers a query with
+`inform-ref`.
 """
 
 from enum import StrEnum
 
 
 class Performative(StrEnum):
-    """What a communicate does."""
+    """A communicative act. The value is its name on the wire."""
 
     ACCEPT_PROPOSAL = "accept-proposal"
     AGREE = "agree"

@@ -1,14 +1,14 @@
-"""How a brokered message travels: the conversations inside `brokering` and `recruiting` (FIPA SC00033H, SC00034H).
+"""Contents and conversations inside `brokering` and `recruiting` (FIPA SC00033H, SC00034H).
 
-A proxy carries a descriptor of the agents wanted (targets), an embedded message M and a condition (SC00037J). M is the
-opening of a protocol of its own, and has a conversation-id of its own wherever it goes:
+A proxy carries a descriptor of the target agents, an embedded message M and a condition (SC00037J). M opens another
+protocol, in a conversation with another id:
 
     brokering    i --proxy(M)--> b --M', sender b, new id--> targets; they answer b, b relays each answer to i as inform
     recruiting   i --proxy(M)--> b --propagate(M), id of M--> targets; they answer the sender of M
 
-The sender of M in recruiting is whoever wants the answers: the initiator, or the receiver it designated. A message
-cannot say `reply-to` here, so the recruiter passes M on by propagate, which SC00037J defines as: take M as sent to you
-by its own sender. All functions are pure.
+In recruiting the sender of M is the agent that gets the answers: the initiator, or a receiver that it designates.
+Communicates have no `reply-to`; therefore the recruiter forwards M by propagate, which SC00037J defines as: treat M as
+sent to you by its sender. All functions are pure.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from fipa_codec.acts import Content, speak
+from fipa_codec.acts import Content, content_of
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import ContentError, LocalProtocolError, RemoteProtocolError
@@ -27,37 +27,39 @@ from fipa_codec.protocols import named
 from fipa_codec.tables import Role
 
 ANSWERED = "answered"
-"""Predicate of what a broker relays: (answered target message)."""
+"""Predicate of a relayed answer: (answered target message)."""
 
 
-class Errand(NamedTuple):
-    """What a proxy or propagate asks for."""
+class ProxyRequest(NamedTuple):
+    """The content of a proxy or propagate."""
 
     targets: Descriptor
     message: Communicate
     condition: Proposition
 
 
-def proxied(performative: Performative, targets: Descriptor, message: Communicate, condition: Proposition) -> Content:
-    """Content of a proxy or propagate. LocalProtocolError where the message opens no protocol."""
-    content = speak(performative, targets, Embedded(message), condition)
+def proxy_content(
+    performative: Performative, targets: Descriptor, message: Communicate, condition: Proposition
+) -> Content:
+    """Return the content of a proxy or propagate. Raise LocalProtocolError if the message opens no known protocol."""
+    content = content_of(performative, targets, Embedded(message), condition)
     try:
-        errand(content)
+        proxy_request(content)
     except ContentError as error:
         raise LocalProtocolError(error.field, error.reason) from error
     return content
 
 
-def errand(content: Content) -> Errand:
-    """What the content of a proxy or propagate asks for; it fits the act already (`check_content`).
+def proxy_request(content: Content) -> ProxyRequest:
+    """Return the parts of the content of a received proxy or propagate.
 
-    ContentError where the embedded message opens no protocol that is known here.
+    Raise ContentError if the embedded message opens no known protocol, or the content is of another act.
     """
     match content.expressions:
         case (Descriptor() as targets, Embedded(message), Proposition() as condition):
             _require_opening(message)
-            return Errand(targets, message, condition)
-    raise ContentError("content", "is no descriptor, embedded message and proposition, as proxy and propagate carry")
+            return ProxyRequest(targets, message, condition)
+    raise ContentError("content", "is not the descriptor, message and proposition of proxy and propagate")
 
 
 def _require_opening(message: Communicate) -> None:
@@ -67,7 +69,7 @@ def _require_opening(message: Communicate) -> None:
         raise ContentError("content", f"the embedded message's protocol {error.reason}") from error
     if message.performative not in openings:
         wanted = ", ".join(sorted(openings))
-        reason = f"the embedded {message.performative} opens no {message.protocol}; {wanted} does"
+        reason = f"the embedded {message.performative} does not open {message.protocol}; {wanted} does"
         raise ContentError("content", reason)
 
 
@@ -77,18 +79,18 @@ def _require_opening(message: Communicate) -> None:
 def ask_target(
     message: Communicate, *, broker: str, target: str, conversation: str, id: str, now: float
 ) -> tuple[Conversation, Communicate]:
-    """The broker's own conversation with a target, under an id of its own, and M in the broker's name."""
+    """Return the broker's conversation with a target, with an id of its own, and M as sent by the broker."""
     talk = Conversation.open(message.protocol, Role.INITIATOR, id=conversation, me=broker, peer=target)
-    return _said(talk, message, id=id, now=now)
+    return _sent(talk, message, id=id, now=now)
 
 
-def relayed(answer: Communicate, *, last: bool = False) -> Content:
-    """Content of the inform by which a broker relays a target's answer; `last`: no other will follow."""
-    return speak(Performative.INFORM, Proposition(ANSWERED, (answer.sender, Embedded(answer))), last=last)
+def relay_content(answer: Communicate, *, last: bool = False) -> Content:
+    """Return the content of the inform that relays a target's answer; `last`: no other will follow."""
+    return content_of(Performative.INFORM, Proposition(ANSWERED, (answer.sender, Embedded(answer))), last=last)
 
 
 def relayed_answer(content: Content) -> Communicate | None:
-    """The target's answer in what a broker says; None in any other inform (that the message was passed on)."""
+    """Return the target's answer in an inform of a broker; None if there is none (the message was forwarded)."""
     match content.expressions:
         case (Proposition(predicate=predicate, terms=(str(), Embedded(message))),) if predicate == ANSWERED:
             return message
@@ -98,7 +100,7 @@ def relayed_answer(content: Content) -> Communicate | None:
 # --- recruiting -------------------------------------------------------------------------------------------------------
 
 
-def wanted(
+def embedded_message(
     protocol: str,
     performative: Performative,
     *,
@@ -111,39 +113,39 @@ def wanted(
     ontology: str = "",
     reply_by: float | None = None,
 ) -> Communicate:
-    """M, to be embedded in a proxy: `receiver` is who gets the answers of a recruiting, the target is not known yet.
+    """Return M, to be embedded in a proxy, from `receiver`, the agent that gets the answers of a recruiting.
 
-    The rest is as for `Conversation.send`, with its errors.
+    M is addressed to nobody, since the target is not known yet. Other arguments and errors as of `Conversation.send`.
     """
     talk = Conversation.open(protocol, Role.INITIATOR, id=conversation, me=receiver, peer="")
-    said = talk.send(
+    _, message = talk.send(
         performative, id=id, now=now, content=content, language=language, ontology=ontology, reply_by=reply_by
     )
-    return said[1]
+    return message
 
 
-def handed_over(message: Communicate, target: str) -> Communicate:
-    """M as the recruiter propagates it to a target."""
+def addressed(message: Communicate, target: str) -> Communicate:
+    """Return M as the recruiter propagates it to a target."""
     return replace(message, receiver=target)
 
 
-def taken_up(message: Communicate, me: str, kind: Kind = Kind.PLAIN) -> Conversation:
-    """The target's side of a propagated M: a conversation with the sender of M, as if it had come from there.
+def target_conversation(message: Communicate, me: str, kind: Kind = Kind.PLAIN) -> Conversation:
+    """Return the target's conversation with the sender of a propagated M, as if M had been sent directly.
 
-    RemoteProtocolError where M is not for `me`, lacks sender, protocol or id, or opens nothing.
+    Raise RemoteProtocolError if M is not for `me`, lacks sender, protocol or id, or does not open its protocol.
     """
     if message.receiver != me:
         raise RemoteProtocolError("receiver", f"of the embedded message is {message.receiver!r}, not {me!r}")
     return Conversation.answering(message, me).receive(message, kind)
 
 
-def awaited(message: Communicate, target: str) -> Conversation:
-    """The receiver's side, as if it had sent M to `target` itself: the same for the initiator and a designated one."""
+def receiver_conversation(message: Communicate, target: str) -> Conversation:
+    """Return the conversation with `target` of the agent that gets the answers, as if it had sent M directly."""
     talk = Conversation.open(message.protocol, Role.INITIATOR, id=message.conversation, me=message.sender, peer=target)
-    return _said(talk, message, id=message.reply_with, now=message.sent)[0]
+    return _sent(talk, message, id=message.reply_with, now=message.sent)[0]
 
 
-def _said(talk: Conversation, message: Communicate, *, id: str, now: float) -> tuple[Conversation, Communicate]:
+def _sent(talk: Conversation, message: Communicate, *, id: str, now: float) -> tuple[Conversation, Communicate]:
     return talk.send(
         message.performative,
         id=id,

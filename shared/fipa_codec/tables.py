@@ -1,11 +1,11 @@
-"""What a protocol is: a table per role, (state, way, performative, kind) -> next state, looked up once.
+"""Protocols as data: a table per role, (state, way, performative, kind) -> next state; and the registry of their names.
 
-Whatever decides if a communicate is in sequence is in such a table, and a table does not know which agent plays a role.
-A missing row is the error. The one rule outside the tables is that of not-understood (SC00037J: at any point, about any
-message, ends the interaction); `conversation.py` holds it. Must not know: content, time, transport.
+The tables alone decide whether a communicate is in sequence: a message without a row is an error. They do not depend on
+which agent has the role. One rule is outside the tables, that of not-understood (SC00037J: at any point, about any
+message, ends the interaction); it is in `conversation.py`. Independent of content, time and transport.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import StrEnum
 from typing import NamedTuple, Self
 
@@ -14,9 +14,9 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 
 START = "start"
-"""State of both roles before the opening."""
+"""State of both roles before the first message."""
 NOT_UNDERSTOOD = "not-understood"
-"""State of both roles after a not-understood: ended, and deaf to what was still on its way."""
+"""State of both roles after a not-understood: ended; messages still in transit are ignored."""
 
 
 class Role(StrEnum):
@@ -27,22 +27,23 @@ class Role(StrEnum):
 
     @property
     def other(self) -> "Role":
-        """The role of the peer."""
+        """The peer's role."""
         return Role.PARTICIPANT if self is Role.INITIATOR else Role.INITIATOR
 
 
 class Way(StrEnum):
-    """Who speaks, seen from the role of the table."""
+    """Direction of a message, seen from the role of the table."""
 
     SEND = "send"
     RECEIVE = "receive"
 
 
 SEND, RECEIVE = Way.SEND, Way.RECEIVE
+"""The two ways, for short tables."""
 
 
 class Row(NamedTuple):
-    """In `state` this role may send, or must take, `performative` of this `kind`, and then is in state `to`."""
+    """A transition: in `state` the role may send, or must accept, `performative` of `kind`; its next state is `to`."""
 
     state: str
     way: Way
@@ -52,12 +53,12 @@ class Row(NamedTuple):
 
     @property
     def word(self) -> str:
-        """The performative with its guard word, as people read it."""
+        """The performative with its kind, for people: `inform[progress]`."""
         return f"{self.performative}[{self.kind}]" if self.kind else str(self.performative)
 
     @property
     def free(self) -> bool:
-        """A send that may never come, so nobody may wait for it: a cancel, a complaint, what changes no state."""
+        """Whether the role may never send this: a cancel, a not-understood, a message without a change of state."""
         choice = self.performative in (Performative.CANCEL, Performative.NOT_UNDERSTOOD)
         return self.way is SEND and (choice or self.to == self.state)
 
@@ -65,9 +66,10 @@ class Row(NamedTuple):
 class Table:
     """The rows of one role.
 
-    `ended`: the conversation is over for this role; rows may still leave or stay there (late cancels are answered,
-    repeated answers dropped). `urgent`: left by a send in the same step, so nothing is taken meanwhile. `resting`: may
-    last for ever though nothing has ended (a live subscription).
+    `ended`: states in which the conversation is over for this role; they may have rows (a late cancel is answered, a
+    repeated answer dropped). `urgent`: states in which the role must send in the same step and accepts nothing.
+    `resting`: states that may last for ever although the conversation is open (a live subscription). Raise
+    LocalProtocolError for two rows of one message in one state, and for a state without a row.
     """
 
     def __init__(
@@ -88,26 +90,26 @@ class Table:
 
     @property
     def states(self) -> frozenset[str]:
-        """Every state a row names."""
+        """All states of the rows."""
         return frozenset(state for row in self for state in (row.state, row.to))
 
     def find(self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN) -> Row | None:
-        """The one row, or None: not allowed there."""
+        """Return the row, or None if the message is not allowed in this state."""
         return self._rows.get((state, way, performative, kind))
 
     def allowed(self, state: str, way: Way) -> tuple[Row, ...]:
-        """All rows of a state in one way."""
+        """Return all rows of a state in one way."""
         return tuple(row for row in self if row.state == state and row.way is way)
 
     def without(self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN) -> "Table":
-        """The same table less one row. LocalProtocolError if there is no such row."""
+        """Return the table without one row. Raise LocalProtocolError if there is no such row."""
         gone = self.find(state, way, performative, kind)
         if gone is None:
             raise LocalProtocolError("rows", f"no row for {performative}[{kind}] ({way}) in state {state}")
         return self._replaced(row for row in self if row is not gone)
 
     def with_rows(self, *rows: Row) -> "Table":
-        """The same table with these rows added, or put in the place of the row for the same message and state."""
+        """Return the table with these rows; each replaces the row of the same message and state, if there is one."""
         merged = self._rows | {row[:4]: row for row in rows}
         return self._replaced(merged.values())
 
@@ -120,9 +122,10 @@ class Table:
 class Protocol:
     """A name and a table per role.
 
-    `aliases`: other names on the wire (`fipa-request`). `confirmed`: performatives whose every use is confirmed by
-    name (coordinate: the informs), so that a confirm has the kind of the message it answers. `rounds`: openings that,
-    said once more, ask anew with a new m_w (icfp: the cfp); any other opening said once more is the same question.
+    `aliases`: other names on the wire (`fipa-request`). `confirmed`: performatives each of whose messages is answered
+    by a confirm (informs of coordinate); the confirm has the kind of the message it confirms. `rounds`: openings that
+    start a new round with a new m_w when sent again (cfp of icfp); any other opening sent again is a repetition.
+    `openings`: performatives that start a conversation.
     """
 
     def __init__(
@@ -143,8 +146,8 @@ class Protocol:
     def __repr__(self) -> str:
         return f"Protocol({self.name!r})"
 
-    def varied(self, *, initiator: Table | None = None, participant: Table | None = None) -> Self:
-        """The same protocol with another table for a role: variants to be explored, never to be registered."""
+    def with_tables(self, *, initiator: Table | None = None, participant: Table | None = None) -> Self:
+        """Return the protocol with other tables: a variant to be explored, not to be registered."""
         return type(self)(
             self.name,
             initiator=initiator or self.tables[Role.INITIATOR],
@@ -153,3 +156,26 @@ class Protocol:
             confirmed=self.confirmed,
             rounds=self.rounds,
         )
+
+
+class _Registry(dict[str, Protocol]):
+    def __missing__(self, name: str) -> Protocol:
+        raise LocalProtocolError("protocol", f"{name!r} is unknown, known are {', '.join(sorted(self))}")
+
+
+_registered = _Registry()
+named: Callable[[str], Protocol] = _registered.__getitem__
+"""Return the protocol of a name or alias. Raise LocalProtocolError, with the known names, if there is none.
+
+The protocol of a system is known once the module that registers it is imported."""
+
+
+def register(protocol: Protocol) -> Protocol:
+    """Make a protocol known by its name and aliases, for conversations read from a wire or a journal; return it.
+
+    Raise LocalProtocolError if another protocol has one of the names.
+    """
+    for name in (protocol.name, *protocol.aliases):
+        if _registered.setdefault(name, protocol) is not protocol:
+            raise LocalProtocolError("protocol", f"{name!r} is already another protocol")
+    return protocol

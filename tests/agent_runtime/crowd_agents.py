@@ -10,10 +10,10 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Broken, Late, PeerChanged, Received, Started, Woken
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from fipa_codec.acts import EXPRESSIONS, Content, speak
+from fipa_codec.acts import EXPRESSIONS, Content, content_of
 from fipa_codec.expressions import Action, Descriptor, Proposition, Quantifier, Variable
 from fipa_codec.languages import Languages
-from fipa_codec.multicast import Multicast, Told
+from fipa_codec.multicast import Multicast, Outgoing
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 
@@ -26,12 +26,12 @@ CARRY = Action("anybody", "carry", ("jar",))
 PRICE = Descriptor(Quantifier.ANY, "p", Proposition("price", (Variable("p"),)))
 TRUE = Proposition("true")
 CONTENTS: dict[P, Content] = {
-    P.CFP: speak(P.CFP, CARRY, PRICE),
-    P.PROPOSE: speak(P.PROPOSE, CARRY, TRUE),
-    P.REFUSE: speak(P.REFUSE, CARRY, TRUE),
-    P.ACCEPT_PROPOSAL: speak(P.ACCEPT_PROPOSAL, CARRY, TRUE),
-    P.REJECT_PROPOSAL: speak(P.REJECT_PROPOSAL, CARRY, TRUE, TRUE),
-    P.INFORM: speak(P.INFORM, TRUE),
+    P.CFP: content_of(P.CFP, CARRY, PRICE),
+    P.PROPOSE: content_of(P.PROPOSE, CARRY, TRUE),
+    P.REFUSE: content_of(P.REFUSE, CARRY, TRUE),
+    P.ACCEPT_PROPOSAL: content_of(P.ACCEPT_PROPOSAL, CARRY, TRUE),
+    P.REJECT_PROPOSAL: content_of(P.REJECT_PROPOSAL, CARRY, TRUE, TRUE),
+    P.INFORM: content_of(P.INFORM, TRUE),
 }
 
 
@@ -72,7 +72,7 @@ def decide(memory: Calling, group: Multicast, turn: Turn) -> Calling:
     return msgspec.structs.replace(memory, group=group, rounds=rounds, outcomes=outcomes)
 
 
-def tell(group: Multicast, told: Told, turn: Turn) -> Multicast:
+def tell(group: Multicast, told: Outgoing, turn: Turn) -> Multicast:
     """Say it, and note what became of each conversation."""
     for peer, act in told:
         reply_by_s = REPLY_BY_S if act is P.CFP else None

@@ -10,7 +10,7 @@ from agent_runtime.core.events import PeerChanged, Received, Started
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec import proxying
-from fipa_codec.acts import EXPRESSIONS, Content, speak
+from fipa_codec.acts import EXPRESSIONS, Content, content_of
 from fipa_codec.communicate import Communicate
 from fipa_codec.expressions import Action, Descriptor, Proposition, Quantifier, Variable, denotes
 from fipa_codec.languages import Languages
@@ -23,8 +23,8 @@ SCALES = ("left-scale", "right-scale")
 TRUE = Proposition("true")
 SCALE = Descriptor(Quantifier.ALL, "x", Proposition("scale", (Variable("x"),)))
 WEIGHT = Descriptor(Quantifier.IOTA, "w", Proposition("weight", ("jar", Variable("w"))))
-AGREED = speak(P.AGREE, Action("broker", "proxy"), TRUE)
-PROXIED = speak(P.INFORM, Proposition("proxied", SCALES))
+AGREED = content_of(P.AGREE, Action("broker", "proxy"), TRUE)
+PROXIED = content_of(P.INFORM, Proposition("proxied", SCALES))
 WEIGHTS = {"left-scale": 0.4, "right-scale": 0.5}
 
 
@@ -59,19 +59,19 @@ def ask(memory: Asking, turn: Turn) -> Asking:
 def proxy(memory: Asking, turn: Turn, protocol: str) -> Asking:
     """Ask the broker; in recruiting, wait for whoever answers before that."""
     name = f"{turn.me}-{turn.incarnation}-{protocol}"
-    message = proxying.wanted(
+    message = proxying.embedded_message(
         "query",
         P.QUERY_REF,
         receiver=turn.me,
         conversation=name,
         id=f"{name}-m",
         now=turn.now,
-        content=EXPRESSIONS.encode(speak(P.QUERY_REF, WEIGHT)),
+        content=EXPRESSIONS.encode(content_of(P.QUERY_REF, WEIGHT)),
         language=EXPRESSIONS.name,
     )
     if protocol == "recruiting":
-        turn.join(proxying.awaited(message, ""))
-    asked = turn.open("broker", protocol, P.PROXY, proxying.proxied(P.PROXY, SCALE, message, TRUE))
+        turn.join(proxying.receiver_conversation(message, ""))
+    asked = turn.open("broker", protocol, P.PROXY, proxying.proxy_content(P.PROXY, SCALE, message, TRUE))
     return msgspec.structs.replace(memory, proxy=asked, direct=name)
 
 
@@ -93,15 +93,15 @@ def broke(memory: Broking, turn: Turn) -> Broking:
     match turn.event:
         case Received(communicate=heard, content=Content() as content, talk=talk) if talk is not None:
             if heard.performative is P.PROXY:
-                return found(memory, turn, proxying.errand(content), talk.id, heard.protocol)
+                return found(memory, turn, proxying.proxy_request(content), talk.id, heard.protocol)
             if memory.inner is not None:
                 group = memory.inner.noted(talk, turn.now)
-                turn.say(memory.outer, P.INFORM, proxying.relayed(heard, last=group.over))
+                turn.say(memory.outer, P.INFORM, proxying.relay_content(heard, last=group.over))
                 return Broking() if group.over else Broking(memory.outer, group)
     return memory
 
 
-def found(memory: Broking, turn: Turn, errand: proxying.Errand, outer: str, protocol: str) -> Broking:
+def found(memory: Broking, turn: Turn, errand: proxying.ProxyRequest, outer: str, protocol: str) -> Broking:
     """All scales fit."""
     message = errand.message
     turn.say(outer, P.AGREE, AGREED)
@@ -111,7 +111,7 @@ def found(memory: Broking, turn: Turn, errand: proxying.Errand, outer: str, prot
         turn.say(outer, P.INFORM, PROXIED)
         return Broking(outer, inner)
     for name in SCALES:
-        passed = proxying.proxied(P.PROPAGATE, errand.targets, proxying.handed_over(message, name), TRUE)
+        passed = proxying.proxy_content(P.PROPAGATE, errand.targets, proxying.addressed(message, name), TRUE)
         turn.open(name, "propagate", P.PROPAGATE, passed)
     turn.say(outer, P.INFORM, PROXIED)
     return memory
@@ -130,9 +130,9 @@ def scale(name: str) -> Agent[Weighing]:
         match turn.event:
             case Received(communicate=heard, content=Content() as content, talk=talk) if talk is not None:
                 if heard.performative is P.PROPAGATE:
-                    talk = proxying.taken_up(proxying.errand(content).message, turn.me)
+                    talk = proxying.target_conversation(proxying.proxy_request(content).message, turn.me)
                     turn.join(talk)
-                turn.say(talk.id, P.INFORM, speak(P.INFORM, denotes(WEIGHT, WEIGHTS[name])))
+                turn.say(talk.id, P.INFORM, content_of(P.INFORM, denotes(WEIGHT, WEIGHTS[name])))
                 return Weighing((*memory.told, talk.peer))
         return memory
 

@@ -11,13 +11,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "fipa_codec"))
 
 import msgspec
 from dialogue import parsed
-from stories import Story, told
+from stories import Story, stories_of
 
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Broken, Received, Started
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from fipa_codec.acts import EXPRESSIONS, SHAPES, Content, speak
+from fipa_codec.acts import EXPRESSIONS, SHAPES, Content, content_of
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 from fipa_codec.expressions import Action, Descriptor, Embedded, Proposition, Quantifier, Variable
@@ -44,7 +44,7 @@ def spoken(story: Story) -> bool:
     return all(word[1] == ":" and "[progress]" not in word for word in story.words)
 
 
-SCRIPT = tuple((protocol.name, story) for protocol in FIPA for story in told(protocol.name) if spoken(story))
+SCRIPT = tuple((protocol.name, story) for protocol in FIPA for story in stories_of(protocol.name) if spoken(story))
 
 
 class Played(msgspec.Struct, frozen=True):
@@ -66,7 +66,7 @@ class Played(msgspec.Struct, frozen=True):
 def content(performative: Performative, kind: Kind) -> Content:
     """What an act carries: the first class that each of its places allows."""
     expressions = (SAMPLES[place[0]] for place in SHAPES[performative])
-    return speak(performative, *expressions, last=kind is Kind.FINAL)
+    return content_of(performative, *expressions, last=kind is Kind.FINAL)
 
 
 def gone_on(played: Played, talk: Conversation) -> Played:

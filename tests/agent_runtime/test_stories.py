@@ -142,7 +142,7 @@ def test_content_that_the_act_does_not_carry_is_the_speakers_fault() -> None:
 
 @pytest.mark.parametrize(
     ("to", "protocol", "word"),
-    [((), "request", "one multicast"), (("server", "server"), "request", "one conversation with each"),
+    [((), "request", "a multicast"), (("server", "server"), "request", "one conversation with each"),
      (("server",), "query", "not durable")],
 )  # fmt: skip
 def test_what_cannot_be_opened_with_several(to: tuple[str, ...], protocol: str, word: str) -> None:

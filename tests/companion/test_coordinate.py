@@ -108,7 +108,7 @@ def test_not_understood_at_any_point_leaves_nobody_waiting():
 
 def spoilt(table, role):
     """What the exploration finds with another table for one role."""
-    return explore(COORDINATE.varied(**{role.value: table}))
+    return explore(COORDINATE.with_tables(**{role.value: table}))
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_ta_must_not_wait_for_a_confirm():
 def test_ta_that_waits_and_co_that_stops_confirming_block_each_other():
     """co confirms no more once it has cancelled, ta waits for the confirm: a deadlock without any fault."""
     co = COORDINATE.tables[CO].with_rows(Row(S.CANCELLING, RECEIVE, P.INFORM, PROGRESS, S.CANCELLING))
-    found = explore(COORDINATE.varied(initiator=co, participant=waiting_ta()))
+    found = explore(COORDINATE.with_tables(initiator=co, participant=waiting_ta()))
     assert (S.CANCELLING, "unconfirmed") in {(c.initiator, c.participant) for c, _, _ in found.stuck}
 
 
@@ -249,7 +249,7 @@ def test_co_confirms_before_it_takes_anything_else(running):
     running.send(TA, P.INFORM, WorkerState.ERROR)
     running.send(TA, P.INFORM, WorkerState.FAILED)
     running.take(CO)
-    with pytest.raises(LocalProtocolError, match=r"owes confirm\[progress\]"):
+    with pytest.raises(LocalProtocolError, match=r"must send confirm\[progress\]"):
         running.take(CO)
 
 

@@ -1,4 +1,4 @@
-"""Makes the stories importable for the tests beside them (tests have no packages)."""
+"""Make the modules of this folder importable for its tests, which are not a package."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Two real conversations against each other with a pretend wire, speaking the words of stories."""
+"""Both sides of a conversation, connected by queues, driven by the steps of a story."""
 
 import msgspec
 from stories import Story
@@ -13,14 +13,14 @@ ROLES = {"i": Role.INITIATOR, "p": Role.PARTICIPANT}
 
 
 def parsed(word: str) -> tuple[Role, str, Performative | None, Kind]:
-    """Who, how (: > < !), the act and its kind."""
+    """Return role, operator (: > < !), performative and kind of a step."""
     role, how, act = ROLES[word[0]], word[1], word[2:]
     name, _, kind = act.removesuffix("]").partition("[")
     return role, how, Performative(name) if name else None, Kind(kind)
 
 
 class Dialogue:
-    """Both sides of one conversation and two FIFO wires; `heard`: every message in the order it was taken."""
+    """Both sides of one conversation and two FIFO channels; `heard`: all received messages in order."""
 
     def __init__(self, protocol: str, *, reply_by: float | None = None) -> None:
         self.protocol, self.reply_by, self.count = protocol, reply_by, 0
@@ -29,13 +29,13 @@ class Dialogue:
         self.heard: list[tuple[Role, Communicate, Kind]] = []
 
     def play(self, story: Story) -> "Dialogue":
-        """All words of a story."""
+        """Perform all steps of a story."""
         for word in story.words:
             self.word(word)
         return self
 
     def word(self, word: str) -> None:
-        """One word of a story."""
+        """Perform one step of a story."""
         role, how, performative, kind = parsed(word)
         if how == "!":
             del self.sides[role]
@@ -48,7 +48,7 @@ class Dialogue:
                 self.take(role.other)
 
     def say(self, role: Role, performative: Performative, kind: Kind = Kind.PLAIN) -> Communicate:
-        """It is on its way then."""
+        """Send a message of `role`; it stays in transit."""
         self.count += 1
         options = {"id": f"{role}-{self.count}", "now": float(self.count), "reply_by": self.reply_by}
         side, message = self.sides[role].send(performative, kind=kind, **options)
@@ -57,7 +57,7 @@ class Dialogue:
         return message
 
     def take(self, role: Role) -> Communicate:
-        """What is first on its way to `role`; the participant opens its side with it."""
+        """Receive the first message in transit to `role`; the participant opens its side with it."""
         data, kind = self.wires[role].pop(0)
         message = decode(data)
         if role not in self.sides:
@@ -68,12 +68,12 @@ class Dialogue:
 
     @property
     def states(self) -> tuple[str, str]:
-        """Of initiator and participant."""
+        """States of initiator and participant."""
         return self.sides[Role.INITIATOR].state, self.sides[Role.PARTICIPANT].state
 
 
 def recorded(side: Conversation) -> Conversation:
-    """The conversation after a journal: it is the same."""
+    """Return the conversation encoded and decoded, as by a journal; it must be equal."""
     again = msgspec.msgpack.decode(msgspec.msgpack.encode(side), type=Conversation)
     assert again == side
     return again

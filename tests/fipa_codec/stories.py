@@ -1,11 +1,11 @@
-"""How conversations go, told independently of the tables: the drawings of the standard, and the law of cancel.
+"""Expected conversations, independent of the tables: the diagrams of the standard, and the rules of cancel.
 
-A story is words between an initiator `i` and a participant `p`, and how it ends for each:
+A story is a sequence of steps of an initiator `i` and a participant `p`, with the final state of each:
 
-    i:cfp            i says cfp, and p takes it
-    i>cfp            i says cfp; it is on its way
-    p<               p takes what is first on its way to it
-    p:inform[final]  an inform of that kind; [cancel]: in reply to the cancel
+    i:cfp            i sends cfp, and p receives it
+    i>cfp            i sends cfp; it is in transit
+    p<               p receives the first message in transit to it
+    p:inform[final]  p sends an inform of that kind; [cancel]: in reply to the cancel
     p!               p has forgotten the conversation
 """
 
@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 OPEN = ""
-"""A story may stop while the conversation is open."""
+"""The final state of a conversation that is still open."""
 
 
 class Story(NamedTuple):
-    """`words` in order; `ends`: states of initiator and participant."""
+    """`words`: the steps in order; `ends`: final states of initiator and participant."""
 
     words: tuple[str, ...]
     ends: tuple[str, str]
@@ -26,8 +26,8 @@ class Story(NamedTuple):
         return f"{' '.join(self.words)} -> {'/'.join(self.ends)}"
 
 
-# SC00026H, SC00028H, SC00029H, SC00030H, SC00036H, SC00033H, SC00034H: the ways through the drawings.
-DRAWINGS = {
+# SC00026H, SC00028H, SC00029H, SC00030H, SC00036H, SC00033H, SC00034H: the paths through the diagrams.
+DIAGRAMS = {
     "request": """
         i:request p:refuse -> refused
         i:request p:failure -> failed
@@ -72,16 +72,14 @@ DRAWINGS = {
 }
 
 FAILURE_ENDS = frozenset(("request",))
-"""Where a cancel that failed ends the conversation as well: nothing of the act is left."""
-BEGINNINGS = frozenset(("agree", "propose"))
-"""What a participant that was told to stop no longer says."""
+"""Protocols in which a failed cancel ends the conversation too, since the act is over."""
 
 
-def told(protocol: str) -> tuple[Story, ...]:
-    """Every story of a protocol, drawings and cancels."""
-    if protocol in _WRITTEN_OUT:
-        return _WRITTEN_OUT[protocol]()
-    drawings = tuple(_read(DRAWINGS[protocol]))
+def stories_of(protocol: str) -> tuple[Story, ...]:
+    """Return every story of a protocol: those of the diagrams, and each with a cancel at every step."""
+    if protocol in _EXPLICIT:
+        return _EXPLICIT[protocol]()
+    drawings = tuple(_read(DIAGRAMS[protocol]))
     found = dict.fromkeys(drawings)
     for story in drawings:
         for cut in range(1, len(story.words)):
@@ -97,7 +95,7 @@ def _read(text: str) -> Iterator[Story]:
 
 
 def _cancels(protocol: str, story: Story, cut: int) -> Iterator[Story]:
-    """The law of the cancel meta-protocol, applied where `cut` words of a drawing's story are said."""
+    """Yield the stories with a cancel after the first `cut` steps, by the rules of the cancel meta-protocol."""
     before, after = story.words[:cut], story.words[cut:]
     ends = FAILURE_ENDS & {protocol}
     yield Story((*before, "i:cancel", "p:inform[cancel]"), ("cancelled", "cancelled"))
@@ -108,14 +106,14 @@ def _cancels(protocol: str, story: Story, cut: int) -> Iterator[Story]:
     if not after or after[0].startswith("i"):
         return
     yield from _crossed(before, after, story, failure_ends=bool(ends))
-    if len(after) == 1:  # it comes to its end while it stops
+    if len(after) == 1:  # it ends while it stops
         yield Story((*before, "i:cancel", *after, "p:failure[cancel]"), ("settled", "settled"))
     elif "[progress]" in after[0] or (after[0] == "p:inform" and before[-1] == "p:inform"):
         yield Story((*before, "i:cancel", after[0], "p:inform[cancel]"), ("cancelled", "cancelled"))
 
 
 def _crossed(before: tuple[str, ...], after: tuple[str, ...], story: Story, *, failure_ends: bool) -> Iterator[Story]:
-    """p's next words are said before it hears of the cancel."""
+    """Yield the stories in which the next messages of p cross the cancel."""
     count = next((n for n, word in enumerate(after) if word.startswith("i")), len(after))
     for many in range(1, count + 1):
         said = tuple(word.replace(":", ">") for word in after[:many])
@@ -128,13 +126,13 @@ def _crossed(before: tuple[str, ...], after: tuple[str, ...], story: Story, *, f
         yield Story(failed, ("cancelled", "cancelled")) if failure_ends else Story((*failed, *after[many:]), story.ends)
 
 
-# --- the two that may be asked again ----------------------------------------------------------------------------------
+# --- the two with repeated openings -----------------------------------------------------------------------------------
 
 _ENDS = {"inform": "done", "inform-ref": "done", "refuse": "refused", "failure": "failed"}
 
 
 def _queries() -> tuple[Story, ...]:
-    """SC00027H, and every pair of answers to two copies of one question."""
+    """Return the stories of SC00027H, and every pair of answers to two copies of one query."""
     stories = []
     for query in ("query-if", "query-ref"):
         for first, end in _ENDS.items():
@@ -172,4 +170,4 @@ _SUBSCRIPTIONS = """
     i:subscribe p! i:cancel p:failure[cancel] -> cancelled/settled
 """
 
-_WRITTEN_OUT = {"query": _queries, "subscribe": lambda: tuple(_read(_SUBSCRIPTIONS))}
+_EXPLICIT = {"query": _queries, "subscribe": lambda: tuple(_read(_SUBSCRIPTIONS))}

@@ -1,4 +1,4 @@
-"""The string representation (SC00070I): liberal reading, strict printing, and one typed error with its position."""
+"""The string representation (SC00070I): liberal parser, strict printer, and one typed error with a position."""
 
 import re
 
@@ -27,13 +27,13 @@ KM, PL = Aid(name="km"), Aid(name="pl")
 
 
 def inform(**fields):
-    """An inform with these fields."""
+    """Return an inform with these fields."""
     return AclMessage(performative=INFORM, **fields)
 
 
 # --- strategies -------------------------------------------------------------------------------------------------------
 
-# Words at the grammar's edges: names of JADE's agents, URLs, what looks like a number, a time or a parameter.
+# Edge cases of words: names of JADE's agents, URLs, texts that look like a number, a time or a parameter.
 EDGES = st.sampled_from(
     [
         *("km", "df@host:1099/JADE", "http://host:7778/acc?a=b&c", "a:sender", "r:content#1", "NaN", "9f-1", "12d"),
@@ -60,8 +60,8 @@ MESSAGES = st.fixed_dictionaries(
 ).map(lambda fields: AclMessage(**fields))
 
 
-def typed_or_message(data):
-    """Parse; any exception but the one promised fails the test. What is read can be printed and read again."""
+def assert_message_or_error(data):
+    """Check that parse returns a message, which can be printed and parsed again, or only the documented error."""
     try:
         outcome = parse(data)
     except AclSyntaxError as error:
@@ -81,12 +81,12 @@ def typed_or_message(data):
 
 @given(MESSAGES)
 def test_round_trip(message):
-    """What is printed reads as the same message."""
+    """A printed message parses to an equal one."""
     assert parse(render(message)) == message
 
 
 def without_strings(data):
-    """The text with every string blotted out; the grammar's String, written down once more on its own."""
+    """Return the text with every string replaced by S; an independent implementation of the grammar's String."""
     out, at = b"", 0
     while at < len(data):
         counted = re.compile(rb'#(\d+)"').match(data, at)
@@ -102,7 +102,7 @@ def without_strings(data):
 
 @given(MESSAGES)
 def test_printing_is_strict(message):
-    """Plain words bare and all else a string, times with Z or a sign, a blank before each : and ), ASCII elsewhere."""
+    """Plain words bare, other values as strings, times with Z or sign, blanks before : and ), ASCII outside strings."""
     text = without_strings(render(message)).decode("utf-8")
     words = text.replace("(", " ( ").split()
     assert not re.search(r"(?<! )\)", text)
@@ -148,7 +148,7 @@ BYTE_EXACT = [
 
 @pytest.mark.parametrize(("message", "data"), BYTE_EXACT)
 def test_byte_exact_examples(message, data):
-    """The printed bytes, one trap of the grammar each."""
+    """The printed bytes, one difficulty of the grammar each."""
     assert render(message) == data
     assert parse(data) == message
 
@@ -167,23 +167,23 @@ def test_byte_exact_examples(message, data):
         (inform(language=7), "message"),
     ],
 )
-def test_what_could_not_be_read_is_not_printed(message, field):
-    """Our own mistakes raise here and not at the peer."""
+def test_messages_that_would_not_parse_are_not_printed(message, field):
+    """The error is raised at the sender, not at the peer."""
     with pytest.raises(LocalProtocolError) as caught:
         render(message)
     assert caught.value.field == field
 
 
 def nested(levels):
-    """An AID whose resolvers are nested so deeply."""
+    """Return an AID with nested resolvers of this depth."""
     aid = KM
     for _ in range(levels - 1):
         aid = Aid(name="r", resolvers=(aid,))
     return aid
 
 
-def test_nesting_is_bounded_alike_both_ways():
-    """The deepest that is printed is read; one more is refused by each."""
+def test_the_depth_limit_is_the_same_for_parser_and_printer():
+    """The limit is printed and parsed; one more level is rejected by both."""
     assert parse(render(inform(sender=nested(MAX_DEPTH)))).sender == nested(MAX_DEPTH)
     with pytest.raises(LocalProtocolError):
         render(inform(sender=nested(MAX_DEPTH + 1)))
@@ -198,7 +198,7 @@ def test_nesting_is_bounded_alike_both_ways():
 
 
 def test_times_outside_the_calendar_cannot_be_made():
-    """At and After hold what the token can say."""
+    """At and After have the range of the token."""
     for make, value in ((At, MIN_MS - 1), (At, MAX_MS + 1), (After, MAX_AFTER_MS + 1)):
         with pytest.raises(LocalProtocolError):
             make(value)
@@ -206,7 +206,7 @@ def test_times_outside_the_calendar_cannot_be_made():
 
 # --- any text ---------------------------------------------------------------------------------------------------------
 
-SOUP = st.lists(
+TOKENS = st.lists(
     st.sampled_from(
         [
             *("(", ")", " ", '"', "\\", '\\"', '#3"', '#0"', "#", ":", "\0", "\n", "é"),
@@ -219,37 +219,37 @@ SOUP = st.lists(
 ).map("".join)
 
 
-@given(SOUP | st.text(max_size=60))
-def test_any_text_ends_in_a_message_or_the_typed_error(text):
-    """No characters make parse raise anything else."""
-    typed_or_message(text)
+@given(TOKENS | st.text(max_size=60))
+def test_any_text_is_a_message_or_a_typed_error(text):
+    """Arbitrary characters cause no other exception."""
+    assert_message_or_error(text)
 
 
-@given(SOUP)
-def test_any_soup_in_a_message_ends_in_a_message_or_the_typed_error(text):
-    """The same past the act, where most of the grammar is."""
-    typed_or_message(f"(inform {text})")
+@given(TOKENS)
+def test_any_tokens_after_the_act_are_a_message_or_a_typed_error(text):
+    """Most of the grammar is after the act."""
+    assert_message_or_error(f"(inform {text})")
 
 
 @given(st.binary(max_size=100))
-def test_any_bytes_end_in_a_message_or_the_typed_error(data):
-    """No bytes either."""
-    typed_or_message(data)
-    typed_or_message(b"(inform :content " + data)
+def test_any_bytes_are_a_message_or_a_typed_error(data):
+    """Arbitrary bytes cause no other exception."""
+    assert_message_or_error(data)
+    assert_message_or_error(b"(inform :content " + data)
 
 
 @given(MESSAGES, st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), min_size=1, max_size=5))
-def test_changed_bytes_end_in_a_message_or_the_typed_error(message, changes):
-    """Bytes of a message with some of them changed."""
+def test_changed_bytes_are_a_message_or_a_typed_error(message, changes):
+    """A printed message with some bytes changed."""
     data = bytearray(render(message))
     for position, value in changes:
         data[position % len(data)] = value
-    typed_or_message(bytes(data))
+    assert_message_or_error(bytes(data))
 
 
 @given(MESSAGES, st.data())
-def test_a_message_cut_short_is_none(message, data):
-    """Every message ends with the parenthesis that began it."""
+def test_a_truncated_message_is_an_error(message, data):
+    """A message ends with the closing parenthesis of its first one."""
     whole = render(message)
     with pytest.raises(AclSyntaxError):
         parse(whole[: data.draw(st.integers(0, len(whole) - 1))])

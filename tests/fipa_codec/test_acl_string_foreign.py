@@ -1,4 +1,4 @@
-"""An ACL message from anywhere is a communicate, or a typed error that names what no communicate can hold."""
+"""Any ACL message is mapped to a communicate, or to a typed error that names the field without equivalent."""
 
 import pytest
 from hypothesis import given
@@ -34,8 +34,8 @@ RECEIVED = 1.76e9
         ({"content": "x" * (MAX_BYTES + 1)}, "communicate"),
     ],
 )
-def test_what_no_communicate_can_hold_is_named(fields, field):
-    """A typed error for every message that does not fit."""
+def test_values_without_equivalent_are_named(fields, field):
+    """The error has the field."""
     with pytest.raises(MalformedError) as caught:
         from_acl(AclMessage(performative=P.INFORM, **fields), RECEIVED)
     assert caught.value.field == field
@@ -61,7 +61,7 @@ FOREIGN = st.builds(
 
 @given(FOREIGN)
 def test_any_message_is_a_communicate_or_a_typed_error(message):
-    """No message makes from_acl raise anything else, and what it gives is a communicate."""
+    """No message causes another exception, and the result can be encoded and decoded."""
     try:
         communicate = from_acl(message, RECEIVED)
     except MalformedError:

@@ -1,4 +1,4 @@
-"""Communicate <-> ACL: exact for every communicate, in FIPA's words for others, typed errors for what does not fit."""
+"""Communicate <-> ACL message: no loss, FIPA's names on the outside, typed errors for values without equivalent."""
 
 import math
 import re
@@ -20,7 +20,7 @@ RECEIVED = 1.76e9
 
 
 def packed(value):
-    """Content that says `value`."""
+    """Return content with this value."""
     return msgspec.Raw(msgspec.msgpack.encode(value))
 
 
@@ -47,7 +47,7 @@ VALUES = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXTS | st.integers(), inner, max_size=4),
     max_leaves=8,
 )
-# MessagePack that says a thing at greater length than needed, twice, or as an extension: bytes, not meaning, survive.
+# MessagePack with non-minimal lengths, duplicate keys or extensions: the bytes are preserved, not only the value.
 ODD = st.sampled_from(
     [b"\xd9\x01a", b"\xcd\x00\x01", b"\xca\x00\x00\x00\x00", b"\x82\xa1a\x01\xa1a\x02", b"\xd4\x05\x00", b"\xc0"]
 )
@@ -55,7 +55,7 @@ ODD = st.sampled_from(
 
 @st.composite
 def contents(draw):
-    """Well-formed MessagePack whose integers fit (a map's integer key may not)."""
+    """Draw well-formed MessagePack (an integer key of a map may be too large to encode)."""
     try:
         return packed(draw(VALUES))
     except OverflowError:
@@ -63,7 +63,7 @@ def contents(draw):
 
 
 def maybe(strategy, absent=""):
-    """A field that may be left out."""
+    """Return a strategy for an optional field."""
     return st.just(absent) | strategy
 
 
@@ -86,7 +86,7 @@ COMMUNICATES = st.builds(
 
 
 def request(**fields):
-    """A request with these fields."""
+    """Return a request with these fields."""
     return Communicate(performative=P.REQUEST, **fields)
 
 
@@ -96,7 +96,7 @@ def request(**fields):
 @example(request(reply_by=-0.0, sent=1e300), Form.READABLE)
 @example(request(reply_by=MAX_MS / 1000), Form.READABLE)
 def test_every_communicate_survives_the_round_trip(communicate, form):
-    """Through the text and back: content to the byte, times to the last bit and sign of zero."""
+    """Text and back: content equal in every byte, times in every bit, including the sign of zero."""
     back = from_acl(parse(render(to_acl(communicate, form=form))), RECEIVED)
     assert back == communicate
     for name in ("reply_by", "sent"):
@@ -105,14 +105,14 @@ def test_every_communicate_survives_the_round_trip(communicate, form):
 
 @pytest.mark.parametrize("value", [bytes(MAX_BYTES - 100), '"' * (MAX_BYTES - 100), [False] * (MAX_BYTES - 100)])
 def test_the_largest_content_survives(value):
-    """Whichever form it needs; JSON that grows too long goes as base64."""
+    """In every form; if the JSON is too long, base64 is used."""
     communicate = request(content=packed(value))
     assert from_acl(parse(render(to_acl(communicate))), RECEIVED) == communicate
 
 
 @given(COMMUNICATES)
-def test_what_goes_out_is_what_the_standards_say(communicate):
-    """No macro act, no short name of a protocol of FIPA, every user-defined parameter begins with X-."""
+def test_outgoing_messages_conform_to_the_standards(communicate):
+    """No macro act, FIPA's tokens for its protocols, every user-defined parameter begins with X-."""
     message = to_acl(communicate)
     assert message.performative not in (P.INFORM_REF, P.INFORM_IF)
     assert message.protocol not in PROTOCOLS
@@ -125,7 +125,7 @@ def test_what_goes_out_is_what_the_standards_say(communicate):
 
 @pytest.mark.parametrize(("ours", "standard"), PROTOCOLS.items())
 def test_protocol_names_map_one_to_one(ours, standard):
-    """Out by FIPA's token, in by ours, in any case; no user-defined parameter is needed."""
+    """Name to FIPA's token and back, in any case, without a user-defined parameter."""
     message = to_acl(request(protocol=ours))
     assert (message.protocol, message.user) == (standard, {})
     for written in (standard, standard.upper()):
@@ -150,7 +150,7 @@ def test_a_systems_own_protocol_keeps_its_name():
     ],
 )
 def test_answers_of_a_query(act, protocol, out, user):
-    """inform-ref of a query is inform for the others and comes back; what would come back as another is marked."""
+    """inform-ref of a query is mapped to inform and back; acts that would be mapped to another one have X-act."""
     message = to_acl(Communicate(performative=act, protocol=protocol))
     assert (message.performative, message.user) == (out, user)
     assert from_acl(message, RECEIVED).performative is act
@@ -196,24 +196,24 @@ BYTE_EXACT = [
 
 @pytest.mark.parametrize(("communicate", "data"), BYTE_EXACT)
 def test_byte_exact_examples(communicate, data):
-    """What another platform's user sees."""
+    """The text that another platform receives."""
     assert render(to_acl(communicate)) == data
     assert from_acl(parse(data), RECEIVED) == communicate
 
 
 def test_binary_form_is_base64_whatever_the_content():
-    """For peers that only pass the bytes on."""
+    """For peers that only forward the bytes."""
     assert to_acl(request(content=packed("hi")), form=Form.BINARY).content == "omhp"
 
 
-def test_json_of_another_platform_is_the_content_it_says():
-    """White space, key order and case of the encoding are free."""
+def test_json_of_another_platform_is_decoded():
+    """White space, order of keys and case of the encoding do not matter."""
     message = AclMessage(performative=P.REQUEST, content='{ "a" : [1, null] }', encoding="JSON")
     assert from_acl(message, RECEIVED).content == packed({"a": [1, None]})
 
 
 def test_content_of_another_language_is_a_string():
-    """fipa-sl0 needs no encoding; character sets are no encodings of ours; bytes that JADE wrapped are bytes."""
+    """fipa-sl0 needs no encoding; names of character sets are ignored; base64 of JADE is decoded to bytes."""
     for encoding in (None, "US-ASCII"):
         message = AclMessage(performative=P.REQUEST, content="(go)", encoding=encoding, language="fipa-sl0")
         assert from_acl(message, RECEIVED).content == packed("(go)")
@@ -223,14 +223,14 @@ def test_content_of_another_language_is_a_string():
 
 
 def test_a_relative_time_counts_from_the_receipt():
-    """The reader says when that was."""
+    """The caller passes that time."""
     message = AclMessage(performative=P.REQUEST, reply_by=After(1500))
     assert from_acl(message, RECEIVED).reply_by == RECEIVED + 1.5
 
 
 @pytest.mark.parametrize("x", ["1.75e9", "nan", "inf", "soon", ""])
-def test_user_defined_parameters_refine_and_never_overrule(x):
-    """Where they do not agree with the standard ones, those count."""
+def test_user_defined_parameters_that_contradict_are_ignored(x):
+    """The standard parameters have priority."""
     message = AclMessage(
         performative=P.AGREE,
         protocol="fipa-request",
@@ -242,8 +242,8 @@ def test_user_defined_parameters_refine_and_never_overrule(x):
     assert communicate.reply_by == 1760000000.25
 
 
-def test_agents_go_by_their_names_there_and_ours_here():
-    """Identifiers with addresses go out; back in, the name alone says who it is."""
+def test_names_of_agents_are_mapped():
+    """To identifiers with addresses, and back by the name alone."""
     names = {"ta": Aid(name="ta@here", addresses=("http://here:7778/acc",)), "ams": Aid(name="ams@10.0.0.5:1099/JADE")}
     communicate = request(sender="ta", receiver="ams")
     message = to_acl(communicate, names=names)
@@ -254,17 +254,17 @@ def test_agents_go_by_their_names_there_and_ours_here():
     assert caught.value.field == "receiver (r)"
 
 
-def test_of_several_receivers_each_takes_its_own_copy():
-    """The reader says whose."""
+def test_several_receivers_need_the_receiver_of_this_copy():
+    """The caller passes the receiver."""
     message = AclMessage(performative=P.CFP, receiver=(Aid(name="a"), Aid(name="b")))
     assert from_acl(message, RECEIVED, receiver="b").receiver == "b"
-    for receiver, words in (("", "whose copy"), ("c", "none of a, b")):
+    for receiver, words in (("", "pass receiver="), ("c", "not one of a, b")):
         with pytest.raises(MalformedError, match=words):
             from_acl(message, RECEIVED, receiver=receiver)
 
 
-def test_reply_to_is_taken_where_it_is_the_sender():
-    """A communicate has no other place for answers."""
+def test_reply_to_must_be_the_sender():
+    """A communicate has no field for another receiver of answers."""
     one, other = Aid(name="a"), Aid(name="b")
     assert from_acl(AclMessage(performative=P.CFP, sender=one, reply_to=(one,)), RECEIVED).sender == "a"
     with pytest.raises(MalformedError, match="reply-to"):
@@ -274,14 +274,14 @@ def test_reply_to_is_taken_where_it_is_the_sender():
 @pytest.mark.parametrize(
     "bad", [request(sender="a b"), request(reply_by=math.nan), request(content=msgspec.Raw(b"\xc1"))]
 )
-def test_what_is_no_communicate_does_not_go_out(bad):
-    """Our own mistakes raise here and not at the peer."""
+def test_invalid_communicates_are_not_mapped(bad):
+    """The error is raised at the sender, not at the peer."""
     with pytest.raises(LocalProtocolError):
         to_acl(bad)
 
 
-def test_the_examples_of_the_page_are_read_and_written():
-    """docs/acl.md shows text as it is: the first as written here, the second as one may send it."""
+def test_the_examples_of_the_page():
+    """docs/acl.md: the first text is printed so, the second one is parsed."""
     page = (Path(__file__).parents[2] / "docs" / "acl.md").read_text()
     written, sent = re.findall(r"```acl\n(.*?)\n```", page, re.DOTALL)
     assert render(to_acl(from_acl(parse(written), RECEIVED))) == written.encode()

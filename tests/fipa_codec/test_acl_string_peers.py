@@ -1,4 +1,4 @@
-"""What JADE 4.6.5 and Rock's fipa_acl print is read: their habits, written down once more as printers."""
+"""Texts of JADE 4.6.5 and Rock's fipa_acl are parsed: both printers are reimplemented here."""
 
 import msgspec
 from hypothesis import given
@@ -26,7 +26,7 @@ SAFE_MESSAGES = st.builds(
 
 
 def as_rock(message):
-    """The message as Rock's fipa_acl prints it: no white space at all, each expression with its length."""
+    """Return the message as Rock's fipa_acl prints it: without white space, each expression with its length."""
 
     def counted(text):
         return f'#{len(text.encode())}"{text}'
@@ -57,7 +57,7 @@ def as_rock(message):
 
 
 def as_jade(message):
-    """The message as JADE prints it: the act in capitals, two blanks, all text in quotes, empty content left out."""
+    """Return the message as JADE prints it: act in capitals, two blanks, text quoted, empty content omitted."""
 
     def aid(one):
         addresses = f" :addresses (sequence {' '.join(one.addresses)} )" if one.addresses else ""
@@ -87,19 +87,21 @@ def as_jade(message):
 
 
 @given(SAFE_MESSAGES)
-def test_reads_what_rock_prints(message):
-    """No white space: names run into words and words into the next parameter."""
+def test_messages_of_rock_are_parsed(message):
+    """Without white space: names are joined to words, and words to the next parameter."""
     assert parse(as_rock(message)) == message
 
 
-def ends_well(text):
-    """JADE quotes text that ends in a backslash and cannot read it either."""
+def parses_quoted(text):
+    """Whether JADE can parse its own quoted form of the text, which may not end in a backslash."""
     return text is None or not text.endswith("\\")
 
 
 @given(
-    SAFE_MESSAGES.filter(lambda m: all(map(ends_well, (m.content, m.language, m.conversation_id, *m.user.values()))))
+    SAFE_MESSAGES.filter(
+        lambda m: all(map(parses_quoted, (m.content, m.language, m.conversation_id, *m.user.values())))
+    )
 )
-def test_reads_what_jade_prints(message):
-    """Capitals, two blanks, empty content left out."""
+def test_messages_of_jade_are_parsed(message):
+    """Capitals, two blanks, empty content omitted."""
     assert parse(as_jade(message)) == msgspec.structs.replace(message, content=message.content or None)

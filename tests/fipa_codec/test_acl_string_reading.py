@@ -1,4 +1,4 @@
-"""Reading the string representation (SC00070I): what is taken, what is refused, and the place an error names."""
+"""The parser of the string representation (SC00070I): accepted texts, rejected texts, and the positions of errors."""
 
 from datetime import UTC, timedelta, timezone
 
@@ -13,7 +13,7 @@ KM, PL = Aid(name="km"), Aid(name="pl")
 
 
 def inform(**fields):
-    """An inform with these fields."""
+    """Return an inform with these fields."""
     return AclMessage(performative=Performative.INFORM, **fields)
 
 
@@ -58,7 +58,7 @@ WELL_FORMED = [
     ("(inform :language größe)", inform(language="größe")),
     ("(inform :protocol a:b)", inform(protocol="a:b")),
     ("(inform :protocol a:sender)", inform(protocol="a:sender")),
-    # JADE's habits
+    # as JADE prints it
     ('(INFORM :Content  "a" :LANGUAGE SW)', inform(content="a", language="SW")),
     ("(Inform :sender ( Agent-Identifier :NAME km  :addresses (Sequence )))", inform(sender=KM)),
     ('(inform :sender (agent-identifier :name "km"))', inform(sender=KM)),
@@ -70,7 +70,7 @@ WELL_FORMED = [
     ("(inform :X-a 1 :x-A 2 :X-a 3)", inform(user={"X-a": "3"})),
     ("(inform :X-JADE-Encoding Base64)", inform(user={"X-JADE-Encoding": "Base64"})),
     ("(inform :reply-by 20260101t120000000z)", inform(reply_by=NOON)),
-    # Rock's habits
+    # as Rock prints it
     ("(inform :receiver (set))", inform()),
     (
         '(inform:sender(agent-identifier:namekm):receiver(set(agent-identifier:namepl)):language#2"SW)',
@@ -88,19 +88,19 @@ WELL_FORMED = [
 
 @pytest.mark.parametrize(("text", "message"), WELL_FORMED)
 def test_well_formed(text, message):
-    """What the grammar allows, and what JADE and Rock print."""
+    """Texts of the grammar, and texts as JADE and Rock print them."""
     assert parse(text) == message
     assert parse(text.encode()) == message
 
 
-def test_content_that_is_no_text_stays_bytes():
-    """A byte-length string may hold any bytes; bytes that are text are text."""
+def test_content_that_is_not_utf_8_stays_bytes():
+    """A byte-length string may have any bytes; UTF-8 is decoded."""
     assert parse(b'(inform :content #2"\xff" )').content == b'\xff"'
     assert inform(content=b"abc") == inform(content="abc")
 
 
 def test_a_time_without_letter_is_in_the_senders_zone():
-    """The reader says which that is."""
+    """The caller passes the zone."""
     text = "(inform :reply-by 20260101T120000000)"
     assert parse(text, zone=UTC).reply_by == NOON
     assert parse(text, zone=timezone(timedelta(hours=2))).reply_by == At(NOON.unix_ms - 7_200_000)
@@ -119,7 +119,7 @@ MALFORMED = [
     ("(inform-done)", "performative", (1, 2), "'inform-done'", "inform-ref"),
     ('("inform")', "performative", (1, 2), "inform", "an act"),
     ("(inform", "message", (1, 8), "end of the text", ") at the end"),
-    ("(inform) (agree)", "message", (1, 10), "'('", "one message is all"),
+    ("(inform) (agree)", "message", (1, 10), "'('", "only one message"),
     ("(inform content)", "message", (1, 9), "'content'", "begins with :"),
     ("(inform :mood good)", "message", (1, 9), "':mood'", ":conversation-id"),
     ("(inform :X- good)", "message", (1, 9), "':X-'", ":X- and a name"),
@@ -164,7 +164,7 @@ MALFORMED = [
 
 @pytest.mark.parametrize(("text", "field", "place", "found", "expected"), MALFORMED)
 def test_malformed(text, field, place, found, expected):
-    """The error says where, what stands there and what would have been right, as fields and as a sentence."""
+    """The error has the position, what was found and what was expected, as attributes and in its message."""
     with pytest.raises(AclSyntaxError) as caught:
         parse(text)
     error = caught.value
@@ -179,8 +179,8 @@ def test_malformed(text, field, place, found, expected):
     assert error.performative is Performative.NOT_UNDERSTOOD
 
 
-def test_bytes_that_are_no_utf_8_are_named_with_their_place():
-    """Only content may hold such bytes; the column counts characters, the offset bytes."""
+def test_bytes_that_are_not_utf_8_are_reported_with_their_position():
+    """Only content may have such bytes; the column counts characters, the offset bytes."""
     with pytest.raises(AclSyntaxError) as caught:
         parse('(inform :content "é" :language "a\\"b'.encode() + b'\xff")')
     assert caught.value.field == "language"
@@ -188,14 +188,14 @@ def test_bytes_that_are_no_utf_8_are_named_with_their_place():
     assert (caught.value.column, caught.value.offset) == (37, 37)
 
 
-def test_too_much_is_refused_before_it_is_read():
-    """The size is bounded."""
+def test_too_long_text_is_rejected_before_it_is_parsed():
+    """The size limit applies."""
     with pytest.raises(AclSyntaxError, match="at most"):
         parse(b"(inform :content " + b"(" * MAX_ACL_BYTES)
 
 
-def test_reading_takes_time_in_proportion_to_the_text():
-    """Many parameters, escapes or parentheses are no way to keep a reader busy: with squared time this timed out."""
+def test_parsing_takes_linear_time():
+    """Many parameters, escapes or parentheses; a parser with quadratic time exceeds the time-out."""
     many = "".join(f" :X-{number} b" for number in range(30_000))
     assert len(parse(f"(inform {many})").user) == 30_000
     assert parse(f'(inform :content "{chr(92)}"{many.replace(" ", chr(92) + chr(34))}")').content
@@ -204,7 +204,7 @@ def test_reading_takes_time_in_proportion_to_the_text():
             parse(f"(inform :language {bad}")
 
 
-def test_the_excerpt_of_a_long_line_is_short_and_points_at_the_fault():
+def test_the_excerpt_of_a_long_line_is_short_and_has_the_error():
     """The caret is an index into the excerpt."""
     text = '(inform :content "' + "é" * 10_000 + '" :mood ' + "x" * 10_000
     with pytest.raises(AclSyntaxError) as caught:

@@ -1,4 +1,4 @@
-"""Each of the 22 acts carries the classes of content that SC00037J gives it, and nothing else."""
+"""Each of the 22 acts accepts the content classes of SC00037J, and no others."""
 
 import itertools
 import math
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fipa_codec.acts import EXPRESSIONS, SHAPES, Content, check_content, speak
+from fipa_codec.acts import EXPRESSIONS, SHAPES, Content, check_content, content_of
 from fipa_codec.communicate import Communicate, decode, encode
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.expressions import (
@@ -28,7 +28,7 @@ from fipa_codec.performatives import Performative as P
 
 LANGUAGES = Languages([EXPRESSIONS])
 
-# SC00037J, by the letters of its content column; told here once more, to be compared.
+# The letters of SC00037J, transcribed independently of SHAPES.
 CLASSES = """
     accept-proposal AC    agree AC          cancel A         cfp AD            confirm C       disconfirm C
     failure AC            inform C          inform-if C      inform-ref D      propagate DMC   propose AC
@@ -40,16 +40,16 @@ LETTERS = {Action: "A", Proposition: "C", Descriptor: "D", Embedded: "M"}
 GRASP = Action("ta", "grasp", ("jar",))
 FREE = Proposition("free", ("gripper",))
 HANDS = Descriptor(Quantifier.ALL, "x", Proposition("hand", (Variable("x"),)))
-ASKED = Communicate(performative=P.QUERY_REF, content=EXPRESSIONS.encode(speak(P.QUERY_REF, HANDS)), sender="co")
+ASKED = Communicate(performative=P.QUERY_REF, content=EXPRESSIONS.encode(content_of(P.QUERY_REF, HANDS)), sender="co")
 SAMPLES = {Action: GRASP, Proposition: FREE, Descriptor: HANDS, Embedded: Embedded(ASKED)}
 
 
-def test_shapes_are_the_standards():
+def test_shapes_are_those_of_the_standard():
     """All 22 acts, each with its letters."""
     words = CLASSES.split()
-    told = dict(zip(words[::2], words[1::2], strict=True))
+    expected = dict(zip(words[::2], words[1::2], strict=True))
     mine = {str(act): "".join("|".join(LETTERS[kind] for kind in place) for place in SHAPES[act]) for act in P}
-    assert mine == told
+    assert mine == expected
 
 
 symbols = st.text(st.characters(codec="ascii", min_codepoint=33, max_codepoint=126), min_size=1, max_size=8)
@@ -59,14 +59,14 @@ messages = st.builds(Embedded, st.builds(Communicate, performative=st.sampled_fr
 
 
 def closed(terms):
-    """Expressions whose parts are drawn from `terms`; a descriptor's proposition speaks of its variable."""
+    """Return a strategy of closed expressions with parts of `terms`."""
     lists = st.lists(terms, max_size=3).map(tuple)
     propositions = st.builds(Proposition, symbols, lists, st.booleans())
     return st.one_of(st.builds(Action, symbols, symbols, lists), propositions, descriptors(lists))
 
 
 def descriptors(lists):
-    """Descriptors over lists of closed terms."""
+    """Return a strategy of descriptors with lists of closed terms."""
     return st.builds(
         lambda quantifier, name, predicate, terms: Descriptor(
             quantifier, name, Proposition(predicate, (Variable(name), *terms))
@@ -89,10 +89,10 @@ BY_CLASS = {
 
 
 @given(st.sampled_from(P), st.data())
-def test_every_act_survives_the_wire_with_its_content(act, data):
-    """Said, encoded, sent as a communicate, decoded and checked: the same content, whatever its expressions hold."""
+def test_content_of_every_act_is_preserved(act, data):
+    """Encoded, sent as a communicate, decoded and checked: the content is equal."""
     places = [data.draw(st.sampled_from(place)) for place in SHAPES[act]]
-    content = speak(act, *(data.draw(BY_CLASS[kind]) for kind in places), last=data.draw(st.booleans()))
+    content = content_of(act, *(data.draw(BY_CLASS[kind]) for kind in places), last=data.draw(st.booleans()))
     message = Communicate(performative=act, content=EXPRESSIONS.encode(content), language=EXPRESSIONS.name)
     read, kind = LANGUAGES.read(decode(encode(message)))
     assert read == content
@@ -100,17 +100,17 @@ def test_every_act_survives_the_wire_with_its_content(act, data):
 
 
 @pytest.mark.parametrize("act", P)
-def test_all_other_classes_are_refused_by_name(act):
-    """Every list of up to three classes that is not the act's own: ours to blame, or the peer's."""
+def test_all_other_classes_are_rejected(act):
+    """Every list of up to three other classes: a local error if sent, a remote error if received."""
     own = set(itertools.product(*SHAPES[act]))
     for length in range(4):
         for kinds in itertools.product(SAMPLES, repeat=length):
             expressions = tuple(SAMPLES[kind] for kind in kinds)
             if kinds in own:
-                check_content(act, speak(act, *expressions))
+                check_content(act, content_of(act, *expressions))
                 continue
             with pytest.raises(LocalProtocolError, match=f"{act} carries"):
-                speak(act, *expressions)
+                content_of(act, *expressions)
             with pytest.raises(LocalProtocolError, match=f"{act} carries"):
                 EXPRESSIONS.encode(Content(expressions), act)
             message = Communicate(
@@ -122,7 +122,7 @@ def test_all_other_classes_are_refused_by_name(act):
 
 
 def test_only_a_cancel_may_come_without_content():
-    """Its conversation says what it cancels (the paper's cancel is empty)."""
+    """Its conversation says what it cancels (the cancel of the paper is empty)."""
     for act in P:
         message = Communicate(performative=act, language=EXPRESSIONS.name)
         if act is P.CANCEL:
@@ -135,22 +135,22 @@ def test_only_a_cancel_may_come_without_content():
 @pytest.mark.parametrize(
     ("proposition", "word"),
     [
-        (Proposition("hand", (Variable("x"),)), "bound by no descriptor"),
-        (denotes(HANDS, Variable("y")), "'y' is bound by no descriptor"),
-        (Proposition("is", (Descriptor(Quantifier.IOTA, "x", Proposition("hand", ("left",))),)), "says nothing of"),
-        (Proposition("is", (Descriptor(Quantifier.ANY, "x", denotes(HANDS, 1)),)), "says nothing of 'x'"),
+        (Proposition("hand", (Variable("x"),)), "not bound by an enclosing descriptor"),
+        (denotes(HANDS, Variable("y")), "'y' is not bound"),
+        (Proposition("is", (Descriptor(Quantifier.IOTA, "x", Proposition("hand", ("left",))),)), "does not use"),
+        (Proposition("is", (Descriptor(Quantifier.ANY, "x", denotes(HANDS, 1)),)), "does not use 'x'"),
         (Proposition("weighs", (math.nan,)), "finite"),
         (Proposition("weighs", (-math.inf,)), "finite"),
     ],
 )
-def test_unsound_expressions_are_refused(proposition, word):
-    """Free variables, descriptors that describe nothing, numbers that are none; the reason names them."""
+def test_invalid_expressions_are_rejected(proposition, word):
+    """Free variables, descriptors without their variable, numbers that are not finite."""
     with pytest.raises(ContentError, match=word):
         check_content(P.INFORM, Content((proposition,)))
 
 
 def test_depth_is_bounded():
-    """Nesting ends in a typed error, however deep."""
+    """Any depth of nesting is accepted or a typed error."""
     nested = FREE
     for _ in range(MAX_DEPTH):
         nested = Proposition("not", (nested,))
@@ -163,12 +163,12 @@ def test_depth_is_bounded():
 def test_uses_of_inform_are_propositions():
     """inform-done, inform-result and the answer to a query-ref are uses of one act."""
     for proposition in (done(GRASP), result(GRASP, 3), denotes(HANDS, "left"), Proposition("open", negated=True)):
-        check_content(P.INFORM, speak(P.INFORM, proposition))
+        check_content(P.INFORM, content_of(P.INFORM, proposition))
 
 
 @given(st.binary(max_size=200))
-def test_foreign_bytes_are_a_content_error_or_content(data):
-    """Nothing a peer sends raises anything else."""
+def test_any_bytes_are_content_or_a_content_error(data):
+    """Arbitrary bytes cause no other exception."""
     try:
         content = EXPRESSIONS.decode(data)
         EXPRESSIONS.check(P.INFORM, content)

@@ -1,4 +1,4 @@
-"""The envelope: what goes in comes out, it is small, and foreign bytes end in a communicate or in one typed error."""
+"""Encoding of communicates: no loss, small, and any bytes are a communicate or one typed error."""
 
 import math
 import re
@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 
 from fipa_codec import communicate as communicate_module
 from fipa_codec.communicate import (
-    KNOWN_BOUND,
     MAX_BYTES,
+    MAX_CHECKED,
     Communicate,
+    check_text,
     decode,
     decode_strictly,
     encode,
     encode_strictly,
     envelope_size,
-    examine,
     is_label,
     is_word,
 )
@@ -37,7 +37,7 @@ CONTENTS = VALUES.map(lambda value: msgspec.Raw(msgspec.msgpack.encode(value)))
 
 
 def maybe(strategy, absent=""):
-    """A field that may be left out."""
+    """Return a strategy for an optional field."""
     return st.just(absent) | strategy
 
 
@@ -59,8 +59,8 @@ COMMUNICATES = st.builds(
 )
 
 
-def typed_or_communicate(data):
-    """Decode; any exception but the one promised fails the test."""
+def assert_communicate_or_error(data):
+    """Check that decode returns a communicate or raises the documented error only."""
     try:
         outcome = decode(data)
     except MalformedError as error:
@@ -70,18 +70,18 @@ def typed_or_communicate(data):
 
 @given(COMMUNICATES)
 def test_round_trip(communicate):
-    """What is encoded decodes to the same communicate."""
+    """An encoded communicate decodes to an equal one."""
     assert decode(encode(communicate)) == communicate
 
 
 def test_all_22_performatives():
-    """There are exactly the 22 acts of SC00037J, all wire words in lower case."""
+    """There are exactly the 22 acts of SC00037J, with names in lower case."""
     assert len(Performative) == 22
     assert all(p == p.lower() for p in Performative)
 
 
 def test_letters_of_the_paper_on_the_wire():
-    """The map's keys are the letters of the paper's tuple; what is absent takes no byte."""
+    """The keys of the map are the letters of the paper's tuple; absent fields take no bytes."""
     message = Communicate(performative=Performative.AGREE, reply_by=1.0, reply_with="a-1-1", in_reply_to="b-1-1")
     assert set(msgspec.msgpack.decode(encode(message))) == {"V", "t_b", "m_w", "m_t"}
     assert encode(Communicate(performative=Performative.AGREE)) == b"\x81\xa1V\xa5agree"
@@ -97,7 +97,7 @@ def test_letters_of_the_paper_on_the_wire():
     ],
 )
 def test_envelope_of_a_typical_sw_message_is_at_most_120_bytes(performative, labels):
-    """Paper, 5.7: messages in SW have 100-200 B in all, so the envelope must be small."""
+    """Paper, section 5.7: messages in SW have 100 to 200 bytes in total, so the envelope must be small."""
     message = Communicate(
         performative=performative,
         content=msgspec.Raw(b"\xc0"),
@@ -115,39 +115,39 @@ def test_envelope_of_a_typical_sw_message_is_at_most_120_bytes(performative, lab
 
 
 @given(st.binary(max_size=200))
-def test_random_bytes_end_in_a_typed_error(data):
-    """No bytes make decode raise anything but MalformedError."""
-    typed_or_communicate(data)
+def test_random_bytes_are_a_typed_error(data):
+    """Arbitrary bytes cause no exception other than MalformedError."""
+    assert_communicate_or_error(data)
 
 
 @given(COMMUNICATES, st.data())
-def test_truncated_bytes_end_in_a_typed_error(communicate, data):
-    """A communicate cut anywhere is none."""
+def test_truncated_bytes_are_a_typed_error(communicate, data):
+    """Every proper prefix of a communicate is an error."""
     whole = encode(communicate)
     with pytest.raises(MalformedError):
         decode(whole[: data.draw(st.integers(0, len(whole) - 1))])
 
 
 @given(COMMUNICATES, st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), min_size=1, max_size=5))
-def test_mutated_bytes_end_in_a_typed_error(communicate, changes):
-    """Bytes of a communicate with some of them changed are another communicate or a typed error."""
+def test_mutated_bytes_are_a_typed_error(communicate, changes):
+    """A communicate with some bytes changed is another communicate or a typed error."""
     data = bytearray(encode(communicate))
     for position, value in changes:
         data[position % len(data)] = value
-    typed_or_communicate(bytes(data))
+    assert_communicate_or_error(bytes(data))
 
 
 @given(VALUES)
-def test_other_message_pack_ends_in_a_typed_error(value):
-    """Well-formed MessagePack of something else is no communicate."""
+def test_other_message_pack_is_a_typed_error(value):
+    """Well-formed MessagePack of another type is an error."""
     with pytest.raises(MalformedError):
         decode(msgspec.msgpack.encode(value))
 
 
 @given(st.dictionaries(st.sampled_from(["V", "Z", "L", "t_b", "m_w", "s", "t", "id", "X"]), VALUES, min_size=1))
-def test_fields_of_wrong_types_end_in_a_typed_error(fields):
-    """The right keys with arbitrary values."""
-    typed_or_communicate(msgspec.msgpack.encode(fields))
+def test_fields_of_wrong_types_are_a_typed_error(fields):
+    """The keys of a communicate with arbitrary values."""
+    assert_communicate_or_error(msgspec.msgpack.encode(fields))
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_fields_of_wrong_types_end_in_a_typed_error(fields):
     ],
 )
 def test_error_names_field_and_reason(fields, field, reason):
-    """The reader of the error learns which part is wrong, in our words and the paper's, and why."""
+    """The error has the attribute name, the paper's letter and the reason."""
     with pytest.raises(MalformedError) as caught:
         decode_strictly(msgspec.msgpack.encode(fields))
     assert caught.value.field == field
@@ -186,8 +186,8 @@ def test_error_names_field_and_reason(fields, field, reason):
         (b"\x81\xa1V\xa6inform\x00", "trailing"),
     ],
 )
-def test_absurd_bytes_end_in_a_typed_error(data, reason):
-    """Deep nesting, lengths that lie, text that is none, too much."""
+def test_extreme_bytes_are_a_typed_error(data, reason):
+    """Deep nesting, wrong lengths, text that is not UTF-8, too many bytes."""
     with pytest.raises(MalformedError) as caught:
         decode(data)
     assert reason in caught.value.reason
@@ -205,8 +205,8 @@ def test_absurd_bytes_end_in_a_typed_error(data, reason):
         Communicate(performative=Performative.INFORM, id="\ud800"),
     ],
 )
-def test_what_could_not_be_decoded_is_not_encoded(message):
-    """Our own mistakes raise here and not at the peer."""
+def test_communicates_that_would_not_decode_are_not_encoded(message):
+    """The error is raised at the sender, not at the peer."""
     with pytest.raises(LocalProtocolError):
         encode(message)
 
@@ -223,8 +223,8 @@ ONE_FIELD = st.one_of(
 )
 
 
-def is_whole(communicate):
-    """Whether times and content are what they have to be, found out at length."""
+def has_valid_form(communicate):
+    """Whether times and content are valid, by an independent check."""
     try:
         whole = communicate.content is msgspec.UNSET or msgspec.msgpack.decode(communicate.content, type=msgspec.Raw)
         communicate.id.encode()
@@ -233,12 +233,12 @@ def is_whole(communicate):
     return bool(whole) and all(map(math.isfinite, (communicate.reply_by or 0.0, communicate.sent)))
 
 
-def is_right(communicate):
-    """Whether, besides, every character of every field is one that it may have."""
+def is_valid(communicate):
+    """Whether words and labels are valid too."""
     words = (communicate.language, communicate.sender)
     labels = (communicate.reply_with, communicate.conversation, communicate.id)
     return (
-        is_whole(communicate)
+        has_valid_form(communicate)
         and all(word == "" or re.fullmatch(r"[A-Za-z][A-Za-z0-9_.@-]{0,63}", word) for word in words)
         and all(label == "" or re.fullmatch(r"[!-~]{1,128}", label) for label in labels)
     )
@@ -249,13 +249,13 @@ USUAL = Communicate(performative=Performative.INFORM, language="WM", sender="pl"
 
 @settings(max_examples=500)
 @given(ONE_FIELD)
-def test_what_encode_gives_decode_takes_and_the_strict_pair_looks_at_every_character(changed):
-    """One field of a usual communicate becomes anything: both pairs agree with a look at everything."""
+def test_both_pairs_accept_exactly_the_valid_communicates(changed):
+    """With one field of a usual communicate changed, both pairs agree with the independent checks."""
     communicate = msgspec.structs.replace(USUAL, **dict([changed]))
     for pack, read, right in (
-        (encode, decode, is_whole(communicate)),
-        (encode_strictly, decode_strictly, is_right(communicate)),
-        (encode_strictly, decode_strictly, is_right(communicate)),  # the second time the words are known
+        (encode, decode, has_valid_form(communicate)),
+        (encode_strictly, decode_strictly, is_valid(communicate)),
+        (encode_strictly, decode_strictly, is_valid(communicate)),  # again, now with the words in the cache
     ):
         try:
             assert read(pack(communicate)) == communicate
@@ -271,27 +271,27 @@ def test_what_encode_gives_decode_takes_and_the_strict_pair_looks_at_every_chara
 
 
 @given(ANY_LABEL | ANY_WORD)
-def test_words_and_labels_alone_are_judged_as_in_a_communicate(text):
-    """is_word and is_label say what examine says of a field of that kind."""
+def test_is_word_and_is_label_agree_with_check_text(text):
+    """For any text in a field of that kind."""
     for fits, field in ((is_word, "language"), (is_label, "conversation")):
         one = Communicate(performative=Performative.INFORM, **{field: text})
         if fits(text) or text == "":
-            examine(one)
+            check_text(one)
         else:
             with pytest.raises(MalformedError, match=field):
-                examine(one)
+                check_text(one)
 
 
-def test_a_stranger_cannot_fill_the_memory_with_words():
-    """What was found right is forgotten at a bound, and found right again."""
-    for number in range(KNOWN_BOUND + 10):
-        examine(msgspec.structs.replace(USUAL, sender=f"s{number}"))
-    assert len(communicate_module._known) <= KNOWN_BOUND
-    examine(USUAL)
+def test_the_cache_of_words_is_bounded():
+    """It is cleared at its limit, and words are checked again."""
+    for number in range(MAX_CHECKED + 10):
+        check_text(msgspec.structs.replace(USUAL, sender=f"s{number}"))
+    assert len(communicate_module._checked) <= MAX_CHECKED
+    check_text(USUAL)
 
 
-def test_blame_is_in_the_type():
-    """The base class says nothing about whose fault it was and refuses to be raised."""
+def test_the_type_of_an_error_says_whose_fault_it_is():
+    """The base class cannot be raised; the two subclasses are disjoint."""
     with pytest.raises(TypeError):
         FipaError("x", "y")
     assert issubclass(MalformedError, RemoteProtocolError)

@@ -1,4 +1,4 @@
-"""Two conversations against each other with a pretend wire: in sequence is what the tables say, and nothing else."""
+"""Both sides of a conversation, connected by queues: exactly the messages of the tables are accepted."""
 
 import msgspec
 import pytest
@@ -16,7 +16,7 @@ INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 
 
 class Pair:
-    """Both sides of one conversation and two FIFO channels; every message travels as bytes, every state as a record."""
+    """Both sides of one conversation and two FIFO channels; messages and states are encoded and decoded."""
 
     def __init__(self, protocol):
         self.sides = {INITIATOR: Conversation.open(protocol, INITIATOR, id="co-1-1", me="co", peer="ta")}
@@ -24,7 +24,7 @@ class Pair:
         self.count = 0
 
     def send(self, role, performative, **options):
-        """`role` says it; it is on its way then."""
+        """Send a message of `role`; it stays in transit."""
         self.count += 1
         options = {"id": f"{role}-1-{self.count}", "now": float(self.count)} | options
         side, message = self.sides[role].send(performative, **options)
@@ -33,7 +33,7 @@ class Pair:
         return message
 
     def take(self, role):
-        """`role` takes what is first on its way to it; the participant opens its side with it."""
+        """Receive the first message in transit to `role`; the participant opens its side with it."""
         data, kind = self.wires[role].pop(0)
         message = decode(data)
         if role not in self.sides:
@@ -42,7 +42,7 @@ class Pair:
         return message
 
     def say(self, role, performative, **options):
-        """Sent and taken at once."""
+        """Send a message and receive it at once."""
         self.send(role, performative, **options)
         return self.take(role.other)
 
@@ -53,7 +53,7 @@ class Pair:
 
 
 def recorded(side):
-    """The conversation after a journal: it is the same."""
+    """Return the conversation encoded and decoded, as by a journal; it must be equal."""
     again = msgspec.msgpack.decode(msgspec.msgpack.encode(side), type=Conversation)
     assert again == side
     return again
@@ -61,14 +61,14 @@ def recorded(side):
 
 @pytest.fixture
 def asked():
-    """A request on its way back and forth: asked, taken, not answered."""
+    """A request that was received and is not answered yet."""
     pair = Pair("request")
     pair.say(INITIATOR, P.REQUEST, reply_by=10.0)
     return pair
 
 
 def test_request_agree_progress_result(asked):
-    """The way without trouble; m_t names the request throughout, and news does not end it."""
+    """The usual sequence; m_t is the request's m_w, and progress does not end the conversation."""
     assert asked.say(PARTICIPANT, P.AGREE).in_reply_to == "initiator-1-1"
     asked.say(PARTICIPANT, P.INFORM, kind=Kind.PROGRESS)
     assert asked.states == ("agreed", "agreed")
@@ -78,8 +78,8 @@ def test_request_agree_progress_result(asked):
 
 
 @pytest.mark.parametrize("bad", ["a b", "a\n", "x" * 129, "\u00e4", "\ud800"])
-def test_text_that_is_no_word_or_label_gets_into_no_conversation(bad):
-    """Own names and ids at open and send, the peer's at its opening, and each m_w that is kept."""
+def test_invalid_words_and_labels_are_rejected(bad):
+    """Own names and ids in open and send, those of the peer in its opening, and each m_w that is stored."""
     named = {"id": "co-1-1", "me": "co", "peer": "ta"}
     for field in named:
         with pytest.raises(LocalProtocolError, match="must match"):
@@ -97,15 +97,15 @@ def test_text_that_is_no_word_or_label_gets_into_no_conversation(bad):
         pair.sides[PARTICIPANT].receive(msgspec.structs.replace(cancel, reply_with=bad))
 
 
-def test_words_of_other_acts_than_inform_make_no_difference(asked):
-    """A language may call the content of an agree progress and that of a failure final: the act says enough."""
+def test_the_kind_of_other_acts_than_inform_is_ignored(asked):
+    """A language may classify the content of an agree or a failure too; only that of an inform matters."""
     asked.say(PARTICIPANT, P.AGREE, kind=Kind.PROGRESS)
     asked.say(PARTICIPANT, P.FAILURE, kind=Kind.FINAL)
     assert asked.states == ("failed", "failed")
 
 
-def test_cancel_in_time_is_answered_in_reply_to_it(asked):
-    """inform in reply to the cancel ends both the cancel and the request."""
+def test_cancel_in_time_is_answered_by_inform(asked):
+    """inform in reply to the cancel ends the cancel and the request."""
     asked.say(PARTICIPANT, P.AGREE)
     cancel = asked.say(INITIATOR, P.CANCEL)
     assert asked.say(PARTICIPANT, P.INFORM, kind=Kind.CANCEL).in_reply_to == cancel.reply_with
@@ -113,7 +113,7 @@ def test_cancel_in_time_is_answered_in_reply_to_it(asked):
 
 
 def test_cancel_that_crosses_the_result_is_answered_by_failure(asked):
-    """The result is taken, the failure in reply to the cancel is awaited, and needs no naming of the cancel."""
+    """The result is received; the failure, by default in reply to the cancel, is still expected."""
     asked.send(PARTICIPANT, P.INFORM)
     cancel = asked.send(INITIATOR, P.CANCEL)
     asked.take(INITIATOR)
@@ -125,7 +125,7 @@ def test_cancel_that_crosses_the_result_is_answered_by_failure(asked):
 
 
 def test_result_while_stopping_comes_before_the_failure(asked):
-    """An act that ends by itself while it is being stopped: first its result, then the failure of the cancel."""
+    """An act that ends while it is being stopped: first its result, then the failure of the cancel."""
     asked.say(PARTICIPANT, P.AGREE)
     asked.say(INITIATOR, P.CANCEL)
     assert asked.say(PARTICIPANT, P.FAILURE).in_reply_to == "initiator-1-1"
@@ -144,17 +144,17 @@ def test_cancel_of_a_forgotten_conversation_is_answered(asked):
     assert asked.states == ("cancelled", "settled")
 
 
-def test_who_owes_a_message_takes_none(asked):
-    """The failure in reply to a late cancel is said in the step that took the cancel."""
+def test_a_side_that_must_send_receives_nothing(asked):
+    """The failure in reply to a late cancel is sent in the step that received the cancel."""
     asked.say(PARTICIPANT, P.INFORM)
     owing = msgspec.structs.replace(asked.sides[PARTICIPANT], state="too-late")
     message = asked.sides[INITIATOR].send(P.NOT_UNDERSTOOD, id="x", now=1.0)[1]
-    with pytest.raises(LocalProtocolError, match=r"owes failure\[cancel\]"):
+    with pytest.raises(LocalProtocolError, match=r"must send failure\[cancel\] before"):
         owing.receive(msgspec.structs.replace(message, performative=P.CANCEL, reply_with="k"))
 
 
 def test_deadline_bounds_the_first_answer_only(asked):
-    """reply-by is data on both sides until the answer; equal counts as in time; after an agree there is none."""
+    """Both sides have the deadline until the answer; equal is in time; after an agree there is none."""
     for side in asked.sides.values():
         assert side.deadline == 10.0
         assert not side.late(10.0)
@@ -165,7 +165,7 @@ def test_deadline_bounds_the_first_answer_only(asked):
 
 
 def test_deadline_of_a_cancel_stands_until_its_answer(asked):
-    """What crosses the cancel does not answer it."""
+    """Messages that cross the cancel do not answer it."""
     asked.send(PARTICIPANT, P.AGREE)
     asked.send(PARTICIPANT, P.INFORM, kind=Kind.PROGRESS)
     asked.send(PARTICIPANT, P.INFORM)
@@ -178,15 +178,15 @@ def test_deadline_of_a_cancel_stands_until_its_answer(asked):
     assert [side.deadline for side in asked.sides.values()] == [None, None]
 
 
-def test_the_last_word_leaves_no_deadline_though_it_names_a_time(asked):
-    """Nobody waits for an answer to it."""
+def test_the_last_message_sets_no_deadline(asked):
+    """Although it has a reply-by: it is not answered."""
     asked.say(PARTICIPANT, P.INFORM, reply_by=30.0)
     assert asked.states == ("done", "done")
     assert [side.deadline for side in asked.sides.values()] == [None, None]
 
 
-def test_late_answer_is_still_taken(asked):
-    """A deadline that passed ends nothing by itself: the conversation stays open until the peer's last word."""
+def test_late_answer_is_still_accepted(asked):
+    """A passed deadline does not end the conversation; it stays open until the last message of the peer."""
     assert asked.sides[INITIATOR].late(11.0)
     asked.say(PARTICIPANT, P.INFORM, now=11.0)
     assert asked.states == ("done", "done")
@@ -194,8 +194,8 @@ def test_late_answer_is_still_taken(asked):
 
 @pytest.mark.parametrize("answer", [P.INFORM, P.INFORM_REF, P.FAILURE, P.REFUSE])
 @pytest.mark.parametrize("query", [P.QUERY_REF, P.QUERY_IF])
-def test_query_asked_again(query, answer):
-    """Asking again keeps m_w and the deadline; the answer to the other copy is dropped."""
+def test_repeated_query(query, answer):
+    """A repetition keeps m_w and the deadline; the answer to the other copy is ignored."""
     pair = Pair("query")
     first = pair.send(INITIATOR, query, reply_by=5.0)
     again = pair.send(INITIATOR, query)
@@ -208,8 +208,8 @@ def test_query_asked_again(query, answer):
     assert pair.sides[PARTICIPANT].ended
 
 
-def test_another_question_in_the_same_conversation_is_an_error():
-    """Asked again means: the same m_w."""
+def test_another_query_in_the_same_conversation_is_an_error():
+    """A repetition has the same m_w."""
     pair = Pair("query")
     message = pair.say(INITIATOR, P.QUERY_REF)
     with pytest.raises(RemoteProtocolError) as caught:
@@ -218,7 +218,7 @@ def test_another_question_in_the_same_conversation_is_an_error():
 
 
 def test_subscription_lives_until_cancelled():
-    """Repeated until agreed, informed any number of times, ended by a confirmed cancel with an inform crossing."""
+    """Repeated until agreed, any number of informs, ended by a cancel that an inform crosses."""
     pair = Pair("subscribe")
     pair.send(INITIATOR, P.SUBSCRIBE)
     pair.send(INITIATOR, P.SUBSCRIBE)
@@ -238,7 +238,7 @@ def test_subscription_lives_until_cancelled():
 
 @pytest.mark.parametrize("who", Role)
 def test_not_understood_ends_the_interaction(asked, who):
-    """Either side may say it at any point; who said it is deaf to what was still on its way."""
+    """Either side may send it at any point; its sender ignores messages that are still in transit."""
     asked.send(who.other, P.AGREE if who is INITIATOR else P.CANCEL)
     asked.say(who, P.NOT_UNDERSTOOD, in_reply_to="")
     asked.take(who)
@@ -247,15 +247,15 @@ def test_not_understood_ends_the_interaction(asked, who):
 
 
 def test_not_understood_as_answer_to_a_cancel_is_a_failed_cancel(asked):
-    """It ends as a failure in reply to the cancel would."""
+    """The conversation ends as by a failure in reply to the cancel."""
     asked.say(PARTICIPANT, P.AGREE)
     cancel = asked.say(INITIATOR, P.CANCEL)
     asked.say(PARTICIPANT, P.NOT_UNDERSTOOD, in_reply_to=cancel.reply_with)
     assert asked.states == ("cancelled", "cancelled")
 
 
-def test_not_understood_changes_no_end(asked):
-    """What has ended stays as it ended."""
+def test_not_understood_changes_no_final_state(asked):
+    """A conversation that has ended keeps its state."""
     asked.say(PARTICIPANT, P.REFUSE)
     asked.say(INITIATOR, P.NOT_UNDERSTOOD)
     asked.say(PARTICIPANT, P.NOT_UNDERSTOOD)
@@ -266,8 +266,8 @@ def test_not_understood_changes_no_end(asked):
     ("field", "value"),
     [("conversation", "co-1-2"), ("sender", "pl"), ("receiver", "km"), ("protocol", "query"), ("in_reply_to", "x-9-9")],
 )
-def test_what_belongs_elsewhere_is_an_error_naming_its_field(asked, field, value):
-    """Conversation, sides and protocol stay the same throughout; an answer answers something asked."""
+def test_messages_of_other_conversations_are_an_error_with_the_field(asked, field, value):
+    """Id, sides and protocol are constant; an answer refers to a message of the conversation."""
     message = asked.send(PARTICIPANT, P.AGREE)
     with pytest.raises(RemoteProtocolError) as caught:
         asked.sides[INITIATOR].receive(msgspec.structs.replace(message, **{field: value}))
@@ -282,8 +282,8 @@ def test_alias_of_the_protocol_is_the_protocol(asked):
     assert asked.sides[INITIATOR].receive(msgspec.structs.replace(message, protocol="fipa-request")).state == "agreed"
 
 
-def test_error_says_what_would_have_been_right(asked):
-    """Agent, conversation, protocol, state and what this state takes."""
+def test_error_has_the_allowed_messages(asked):
+    """And agent, conversation, protocol and state."""
     message = msgspec.structs.replace(asked.send(PARTICIPANT, P.AGREE), performative=P.PROPOSE)
     with pytest.raises(RemoteProtocolError) as caught:
         asked.sides[INITIATOR].receive(message)
@@ -296,7 +296,7 @@ def test_error_says_what_would_have_been_right(asked):
     ("missing", "performative"), [("conversation", P.REQUEST), ("sender", P.REQUEST), ("protocol", P.REQUEST)]
 )
 def test_openings_need_conversation_sender_and_protocol(missing, performative):
-    """Without them there is nobody to answer or no way to tell the answer."""
+    """Without them the message cannot be answered, or its answer not be recognised."""
     message = Pair("request").send(INITIATOR, performative)
     with pytest.raises(RemoteProtocolError) as caught:
         Conversation.answering(msgspec.structs.replace(message, **{missing: ""}), "ta")
@@ -314,8 +314,8 @@ def test_openings_need_conversation_sender_and_protocol(missing, performative):
         ({"performative": P.CANCEL, "kind": Kind.CANCEL, "in_reply_to": "z"}, "in_reply_to"),
     ],
 )
-def test_own_mistakes_raise_loudly(asked, options, field):
-    """What our own code may not say is a LocalProtocolError and leaves the conversation as it was."""
+def test_illegal_sends_are_local_errors(asked, options, field):
+    """The error has the field, and the conversation is unchanged."""
     before = asked.sides[INITIATOR]
     with pytest.raises(LocalProtocolError) as caught:
         before.send(**({"id": "co-1-7", "now": 1.0} | options))
@@ -324,13 +324,13 @@ def test_own_mistakes_raise_loudly(asked, options, field):
 
 
 @given(st.sampled_from(["request", "query", "subscribe"]), st.data())
-def test_whatever_is_sent_in_sequence_is_taken(protocol, data):
-    """Any walk of two real conversations over FIFO wires: no message meets a state that has no row for it."""
+def test_every_allowed_message_is_accepted(protocol, data):
+    """In any run of both sides over FIFO channels every message has a row in the state of its receiver."""
     walk(Pair(protocol), data)
 
 
 def walk(pair, data, steps=25):
-    """At random: one side sends what it may, or takes what is first on its way."""
+    """Perform random steps: a side sends an allowed message or receives the next one."""
     for _ in range(steps):
         choices = [("take", role) for role in Role if pair.wires[role] and not owes(pair, role)]
         choices += [("send", role, row) for role, side in pair.sides.items() for row in sends(side)]
@@ -344,18 +344,18 @@ def walk(pair, data, steps=25):
 
 
 def owes(pair, role):
-    """Is this side to send first?"""
+    """Whether this side must send first."""
     return role in pair.sides and pair.sides[role].owes
 
 
 def sends(side):
-    """The rows by which a side may send now."""
+    """Return the rows by which a side may send now."""
     return side.table.allowed(side.state, SEND)
 
 
 @given(st.sampled_from(P), st.sampled_from([k for k in Kind if k is not Kind.CANCEL]), st.text(max_size=3))
-def test_any_message_is_taken_or_a_remote_error(performative, kind, label):
-    """Nothing a peer says raises anything but RemoteProtocolError."""
+def test_any_message_is_accepted_or_a_remote_error(performative, kind, label):
+    """No message causes an exception other than RemoteProtocolError."""
     pair = Pair("request")
     message = msgspec.structs.replace(pair.say(INITIATOR, P.REQUEST), performative=performative, reply_with=label)
     side = pair.sides[PARTICIPANT]

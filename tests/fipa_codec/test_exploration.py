@@ -1,4 +1,4 @@
-"""Every protocol was walked in both roles over two FIFO channels; spoilt ones are found out."""
+"""Exploration of protocols in both roles: FIPA's are sound, and each kind of defect is found."""
 
 import pytest
 
@@ -17,7 +17,7 @@ INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 @pytest.mark.parametrize("capacity", [1, 2, 3])
 def test_sound(protocol, capacity):
-    """No reception without a row, no stuck configuration, all states reachable, however long the channels."""
+    """No reception without a row, no stuck configuration, all states reachable, for each capacity."""
     found = explore(protocol, capacity)
     assert not found.unspecified, str(found.unspecified[0])
     assert not found.stuck, str(found.stuck[0])
@@ -27,7 +27,7 @@ def test_sound(protocol, capacity):
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 def test_not_understood_at_any_point_leaves_nobody_waiting(protocol):
-    """The rule outside the tables is closed too: whoever complains goes deaf, whoever hears it ends."""
+    """The rule outside the tables is sound too: the sender ignores later messages, the receiver ends."""
     found = explore(with_not_understood(protocol), capacity=2)
     assert not found.unspecified, str(found.unspecified[0])
     assert not found.stuck, str(found.stuck[0])
@@ -35,22 +35,22 @@ def test_not_understood_at_any_point_leaves_nobody_waiting(protocol):
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 def test_the_only_unused_row_is_for_a_cancel_that_nobody_remembers(protocol):
-    """Rows that no walk uses would be noise; the one for an unknown conversation has its use after a forgotten one."""
+    """An unused row is superfluous, except for the one that answers a cancel after the conversation was forgotten."""
     assert {(role, row.state, row.word) for role, row in explore(protocol).unused} <= {(PARTICIPANT, START, "cancel")}
 
 
 def unspecified_words(protocol):
-    """What the exploration says first about a spoilt protocol."""
+    """Return the unspecified receptions of a protocol in words."""
     return [f.text for f in explore(protocol).unspecified]
 
 
 @pytest.mark.parametrize(
     ("protocol", "state"), [(REQUEST, S.DONE), (REQUEST, S.FAILED), (REQUEST, S.REFUSED), (SUBSCRIBE, S.REFUSED)]
 )
-def test_cancel_that_crosses_the_end_must_be_taken(protocol, state):
-    """The usual drawing leaves the row out; the walk finds the cancel at an ended participant."""
+def test_cancel_that_crosses_the_end_needs_a_row(protocol, state):
+    """Diagrams omit this row; without it a participant that has ended cannot receive the cancel."""
     table = protocol.tables[PARTICIPANT].without(state, RECEIVE, P.CANCEL)
-    found = explore(protocol.varied(participant=table))
+    found = explore(protocol.with_tables(participant=table))
     assert f"participant in state {state} has no row for cancel" in found.unspecified[0].text
     assert found.stuck
     assert [step.row.performative for step in found.unspecified[0].steps].count(P.CANCEL) == 1
@@ -58,59 +58,61 @@ def test_cancel_that_crosses_the_end_must_be_taken(protocol, state):
 
 @pytest.mark.parametrize("state", [S.DONE, S.FAILED, S.REFUSED])
 def test_cancel_that_came_too_late_must_be_answered(state):
-    """Absorbing it in silence leaves the initiator waiting for ever, without any fault."""
+    """If the participant ignores it, the initiator waits for ever."""
     table = REQUEST.tables[PARTICIPANT].with_rows(Row(state, RECEIVE, P.CANCEL, Kind.PLAIN, state))
-    found = explore(REQUEST.varied(participant=table))
+    found = explore(REQUEST.with_tables(participant=table))
     assert not found.unspecified
     assert {c.initiator for c, _, _ in found.stuck} >= {S.OVERTAKEN}
 
 
 @pytest.mark.parametrize("crossing", [P.AGREE, P.REFUSE, P.FAILURE, P.INFORM])
-def test_answers_that_cross_the_cancel_must_be_taken(crossing):
-    """Each answer to the request may be on its way when the initiator cancels."""
+def test_answers_that_cross_the_cancel_need_a_row(crossing):
+    """Each answer to the request may be in transit when the initiator cancels."""
     table = REQUEST.tables[INITIATOR].without(S.CANCELLING_ASKED, RECEIVE, crossing)
-    assert any(f"has no row for {crossing}" in text for text in unspecified_words(REQUEST.varied(initiator=table)))
+    assert any(f"has no row for {crossing}" in text for text in unspecified_words(REQUEST.with_tables(initiator=table)))
 
 
 def test_failure_in_reply_to_the_cancel_must_be_awaited():
-    """An initiator that ends with the crossing result meets the answer to its cancel unprepared."""
+    """An initiator that ends with the crossing result has no row for the answer to its cancel."""
     table = REQUEST.tables[INITIATOR].with_rows(Row(S.CANCELLING, RECEIVE, P.INFORM, Kind.PLAIN, S.DONE))
     assert "initiator in state done has no row for failure[cancel]" in unspecified_words(
-        REQUEST.varied(initiator=table)
+        REQUEST.with_tables(initiator=table)
     )
 
 
-def test_progress_that_crosses_the_cancel_must_be_taken():
-    """News of a task may be on its way when it is cancelled."""
+def test_progress_that_crosses_the_cancel_needs_a_row():
+    """A progress report may be in transit when the act is cancelled."""
     table = REQUEST.tables[INITIATOR].without(S.CANCELLING, RECEIVE, P.INFORM, Kind.PROGRESS)
-    assert "has no row for inform[progress]" in unspecified_words(REQUEST.varied(initiator=table))[0]
+    assert "has no row for inform[progress]" in unspecified_words(REQUEST.with_tables(initiator=table))[0]
 
 
-def test_asking_again_must_be_taken_after_the_answer():
-    """The second copy of a question meets a participant that has answered the first."""
+def test_repeated_query_after_the_answer_needs_a_row():
+    """The second copy of a query may arrive after the first was answered."""
     table = QUERY.tables[PARTICIPANT].without(S.DONE, RECEIVE, P.QUERY_REF)
-    assert "participant in state done has no row for query-ref" in unspecified_words(QUERY.varied(participant=table))
+    assert "participant in state done has no row for query-ref" in unspecified_words(
+        QUERY.with_tables(participant=table)
+    )
 
 
-def test_the_free_choice_of_a_human_is_no_way_out():
-    """A participant that never answers is found, though a cancel would end it."""
+def test_a_free_step_does_not_count_as_a_way_to_the_end():
+    """A participant that never answers is found, although a cancel would end the conversation."""
     table = REQUEST.tables[PARTICIPANT]
     for answer in (P.INFORM, P.FAILURE):
         table = table.without(S.AGREED, SEND, answer)
-    found = explore(REQUEST.varied(participant=table))
+    found = explore(REQUEST.with_tables(participant=table))
     assert (S.AGREED, S.AGREED) in {(c.initiator, c.participant) for c, _, _ in found.stuck}
 
 
 def test_unreachable_states_are_named():
-    """A state no walk enters is a mistake of whoever wrote the rows."""
+    """A state that cannot be reached is an error in the table."""
     island = Row("island", SEND, P.INFORM, Kind.PLAIN, S.DONE)
-    found = explore(REQUEST.varied(participant=REQUEST.tables[PARTICIPANT].with_rows(island)))
+    found = explore(REQUEST.with_tables(participant=REQUEST.tables[PARTICIPANT].with_rows(island)))
     assert found.unreachable == ((PARTICIPANT, "island"),)
     assert not found.sound
 
 
-def test_tables_refuse_what_contradicts_itself():
-    """Two rows for one message in one state, and ends that no row leads to."""
+def test_contradictory_tables_are_rejected():
+    """Two rows for one message in one state, and final states without a row."""
     row = Row(START, SEND, P.REQUEST, Kind.PLAIN, "a")
     with pytest.raises(LocalProtocolError, match="two rows"):
         Table([row, row._replace(to="b")], ended=["a"])
@@ -120,8 +122,8 @@ def test_tables_refuse_what_contradicts_itself():
         Table([row], ended=["a"]).without("a", SEND, P.CANCEL)
 
 
-def test_protocols_are_known_by_name_and_by_the_standards_name():
-    """fipa-request is request; a name is never given to another protocol."""
+def test_protocols_are_known_by_name_and_alias():
+    """fipa-request is request; a name cannot be given to another protocol."""
     assert named("fipa-request") is named("request") is REQUEST
     with pytest.raises(LocalProtocolError, match=r"known are .*query.*subscribe"):
         named("small-talk")

@@ -1,4 +1,4 @@
-"""Interfaces in the paper's form, checked against the language that carries them."""
+"""Interfaces in the paper's form, checked against the language of the channel."""
 
 import msgspec
 import pytest
@@ -10,21 +10,21 @@ from fipa_codec.performatives import Performative as P
 
 
 class Network(msgspec.Struct, frozen=True, tag=True):
-    """What is asked for."""
+    """An argument."""
 
     tasks: tuple[str, ...] = ()
 
 
 class Plan(msgspec.Struct, frozen=True, tag=True):
-    """What is answered."""
+    """An answer."""
 
 
 class NoPlan(msgspec.Struct, frozen=True, tag=True):
-    """What may be answered instead."""
+    """Another answer."""
 
 
 class Note(msgspec.Struct, frozen=True, tag=True):
-    """Of another language."""
+    """A class of another language."""
 
 
 PLANS = Language("PLANS", Network | Plan | NoPlan)
@@ -39,15 +39,15 @@ RICH = ClassInterfaceInfo(
 
 
 def test_the_papers_example():
-    """The paper's line is the constructor's argument, and reads back as a signature."""
+    """The paper's line is the argument of the constructor; `str` gives a signature."""
     (entry,) = INFO
     assert str(entry) == "request generatePlan(Network) -> Plan"
     assert [str(e) for e in RICH][2] == "request forget() -> nothing"
     assert len(RICH) == 3
 
 
-def test_a_sentence_finds_its_entry():
-    """In this system the one argument is the content, so its class tells the query."""
+def test_a_sentence_identifies_its_entry():
+    """The single argument is the content, so its class identifies the query."""
     entry = INFO.entry_for(P.REQUEST, Network())
     assert entry.name == "generatePlan"
     INFO.check_answer(entry, Plan())
@@ -56,8 +56,8 @@ def test_a_sentence_finds_its_entry():
 @pytest.mark.parametrize(
     ("performative", "content"), [(P.REQUEST, Plan()), (P.QUERY_REF, Network()), (P.REQUEST, None)]
 )
-def test_what_is_not_offered_is_refused(performative, content):
-    """An unsupported query is refused with what is offered."""
+def test_unsupported_queries_are_refused(performative, content):
+    """The error says to answer with refuse."""
     with pytest.raises(ContentError) as caught:
         INFO.entry_for(performative, content)
     assert caught.value.performative is P.REFUSE
@@ -65,7 +65,7 @@ def test_what_is_not_offered_is_refused(performative, content):
 
 
 def test_answers_are_checked():
-    """An answer of another class is named together with the entry it should answer."""
+    """The error for an answer of another class has the entry."""
     entry = RICH.named("generatePlan")
     RICH.check_answer(entry, NoPlan())
     RICH.check_answer(RICH.named("forget"), None)
@@ -76,7 +76,7 @@ def test_answers_are_checked():
 
 
 def test_arguments_are_checked_in_order():
-    """Number and classes of several arguments, as in the paper's general form."""
+    """Number and classes of several arguments, as in the general form of the paper."""
     assert RICH.check_arguments("compare", [Plan(), Network()]).name == "compare"
     for wrong, reason in (([Plan()], "1 arguments"), ([Network(), Plan()], "argument 0"), ([Plan(), 3], "argument 1")):
         with pytest.raises(ContentError, match=reason) as caught:
@@ -84,12 +84,12 @@ def test_arguments_are_checked_in_order():
         assert caught.value.performative is P.REFUSE
 
 
-def test_all_classes_must_be_of_the_language():
-    """Argument and answer classes outside their languages are found when the design is loaded."""
+def test_all_classes_must_be_in_the_language():
+    """The error has the entry, the class and the language."""
     RICH.check_language(PLANS)
-    with pytest.raises(LocalProtocolError, match=r"request generatePlan\(Network\) -> Plan: Plan is not of NOTES"):
+    with pytest.raises(LocalProtocolError, match=r"request generatePlan\(Network\) -> Plan: Plan is not in NOTES"):
         INFO.check_language(PLANS, answers=Language("NOTES", Note))
-    with pytest.raises(LocalProtocolError, match="Network is not of NOTES"):
+    with pytest.raises(LocalProtocolError, match="Network is not in NOTES"):
         INFO.check_language(Language("NOTES", Note))
 
 
@@ -97,12 +97,12 @@ def test_all_classes_must_be_of_the_language():
     ("entries", "reason"),
     [
         ([("request", "a", [Plan], None), ("request", "a", [Network], None)], "named 'a'"),
-        ([("request", "a", [Plan], None), ("request", "b", [Plan], None)], "told apart"),
+        ([("request", "a", [Plan], None), ("request", "b", [Plan], None)], "have the same argument"),
         ([("demand", "a", [Plan], None)], "22 acts"),
     ],
 )
-def test_entries_must_be_told_apart(entries, reason):
-    """Names and (performative, class) are unique; performatives are those of the standard."""
+def test_entries_must_be_distinguishable(entries, reason):
+    """Names and pairs of performative and class are unique; performatives are those of the standard."""
     with pytest.raises(LocalProtocolError, match=reason):
         ClassInterfaceInfo(entries)
     with pytest.raises(LocalProtocolError, match="generatePlan"):

@@ -1,4 +1,4 @@
-"""Content fits its language or ends in a typed error that names field and reason."""
+"""Content fits its language or is a typed error with field and reason."""
 
 import msgspec
 import pytest
@@ -12,20 +12,20 @@ from fipa_codec.performatives import Performative
 
 
 class Leaf(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """A number with a limit."""
+    """A sentence with a number."""
 
     value: float
     names: tuple[str, ...] = ()
 
 
 class Tree(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """A language may nest."""
+    """A sentence with nested ones."""
 
     branches: tuple["Tree | Leaf", ...]
 
 
 class Stranger(msgspec.Struct, frozen=True, tag=True):
-    """Of no language here."""
+    """A class of no language."""
 
 
 TREES = Language("TREES", Tree | Leaf, kind=lambda c: Kind.PROGRESS if isinstance(c, Leaf) else Kind.FINAL)
@@ -33,8 +33,8 @@ LEAVES = st.builds(Leaf, st.floats(allow_nan=False), st.lists(st.text(max_size=5
 SENTENCES = st.recursive(LEAVES, lambda inner: st.builds(Tree, st.lists(inner, max_size=3).map(tuple)), max_leaves=6)
 
 
-def typed_or_sentence(data):
-    """Decode; any exception but the one promised fails the test."""
+def assert_sentence_or_error(data):
+    """Check that decode returns a sentence or raises the documented error only."""
     try:
         outcome = TREES.decode(data)
     except ContentError as error:
@@ -44,23 +44,23 @@ def typed_or_sentence(data):
 
 @given(SENTENCES)
 def test_round_trip(sentence):
-    """A sentence decodes to itself."""
+    """An encoded sentence decodes to an equal one."""
     assert TREES.decode(TREES.encode(sentence)) == sentence
 
 
 @given(st.binary(max_size=100))
-def test_random_bytes_end_in_a_typed_error(data):
-    """No content makes decode raise anything but ContentError."""
-    typed_or_sentence(data)
+def test_random_bytes_are_a_typed_error(data):
+    """Arbitrary bytes cause no exception other than ContentError."""
+    assert_sentence_or_error(data)
 
 
 @given(SENTENCES, st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), max_size=5), st.integers(0, 40))
-def test_mutated_and_truncated_content_ends_in_a_typed_error(sentence, changes, cut):
-    """Content with bytes changed or cut off is another sentence or a typed error."""
+def test_mutated_and_truncated_content_is_a_typed_error(sentence, changes, cut):
+    """Content with some bytes changed or removed is another sentence or a typed error."""
     data = bytearray(bytes(TREES.encode(sentence)))
     for position, value in changes:
         data[position % len(data)] = value
-    typed_or_sentence(bytes(data[: len(data) - cut]))
+    assert_sentence_or_error(bytes(data[: len(data) - cut]))
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_mutated_and_truncated_content_ends_in_a_typed_error(sentence, changes, 
     ],
 )
 def test_error_names_field_and_reason(value, field, reason):
-    """The path to the wrong part, and what is wrong with it."""
+    """The path of the wrong part, and what is wrong."""
     with pytest.raises(ContentError) as caught:
         TREES.decode(msgspec.msgpack.encode(value))
     assert caught.value.field == field
@@ -93,21 +93,21 @@ def test_error_names_field_and_reason(value, field, reason):
         b"",
     ],
 )
-def test_absurd_content_ends_in_a_typed_error(data):
-    """Deep nesting, lengths that lie, too much, nothing."""
+def test_extreme_content_is_a_typed_error(data):
+    """Deep nesting, wrong lengths, too many bytes, none."""
     with pytest.raises(ContentError):
         TREES.decode(data)
 
 
 @pytest.mark.parametrize("content", [Stranger(), 17, None, Leaf(1.0, ("\ud800",))])
 def test_own_content_outside_the_language_is_a_local_error(content):
-    """We do not say what the peer could not read."""
+    """Content that the peer could not decode is not encoded."""
     with pytest.raises(LocalProtocolError):
         TREES.encode(content)
 
 
-def test_content_that_is_too_long_is_not_said():
-    """The longest content fits with the longest words and labels; one byte more is a local error that says how much."""
+def test_too_long_content_is_a_local_error():
+    """The longest content fits with the longest words and labels; one byte more is an error with both sizes."""
     frame = len(TREES.encode(Leaf(1.0, ("x" * 100_000,)))) - 100_000
     most = TREES.encode(Leaf(1.0, ("x" * (MAX_CONTENT_BYTES - frame),)))
     word, label = "w" * 64, "l" * LONGEST_LABEL
@@ -123,8 +123,8 @@ def test_content_that_is_too_long_is_not_said():
         TREES.encode(Leaf(1.0, ("x" * (MAX_CONTENT_BYTES - frame + 1),)))
 
 
-def test_read_decodes_by_the_language_named():
-    """Languages.read gives content and kind; no content is None and plain, also without a language."""
+def test_read_decodes_by_the_named_language():
+    """`Languages.read` returns content and kind; without content None and PLAIN, even without a language."""
     known = Languages([TREES])
     leaf = Communicate(performative=Performative.INFORM, language="TREES", content=TREES.encode(Leaf(1.0)))
     assert known.read(leaf) == (Leaf(1.0), Kind.PROGRESS)
@@ -133,8 +133,8 @@ def test_read_decodes_by_the_language_named():
 
 
 @pytest.mark.parametrize("language", ["", "LATIN"])
-def test_content_in_no_known_language_is_a_typed_error(language):
-    """Unknown languages are named together with the known ones."""
+def test_content_in_an_unknown_language_is_a_typed_error(language):
+    """The error has the known languages."""
     message = Communicate(performative=Performative.INFORM, language=language, content=msgspec.Raw(b"\xc0"))
     with pytest.raises(ContentError) as caught:
         Languages([TREES]).read(message)
@@ -143,7 +143,7 @@ def test_content_in_no_known_language_is_a_typed_error(language):
 
 
 def test_reason_is_always_known():
-    """Anybody can be told why something was not understood."""
+    """Every agent understands the reason of a not-understood."""
     assert Languages().named("reason") is REASON
     assert REASON.decode(REASON.encode(Reason("no such act", "V"))) == Reason("no such act", "V")
     with pytest.raises(LocalProtocolError, match="TREES, reason"):

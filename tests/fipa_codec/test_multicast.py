@@ -1,4 +1,4 @@
-"""One call, several participants: who is silent, late, awarded, called again."""
+"""Several participants of one call: silence, late answers, awards, further rounds."""
 
 import itertools
 
@@ -27,7 +27,7 @@ OPENINGS = {
 
 
 class Call:
-    """An initiator, its multicast, and the participants' conversations; every message arrives at once."""
+    """An initiator with its multicast, and the conversations of the participants; messages arrive at once."""
 
     def __init__(self, protocol, crowd=CROWD, reply_by=REPLY_BY):
         self.count, self.reply_by = 0, reply_by
@@ -36,7 +36,7 @@ class Call:
         self.group = Multicast.opened([self.said(talk, OPENINGS[protocol], 0.0) for talk in talks])
 
     def said(self, talk, act, now):
-        """The initiator's conversation after it spoke, and the participant's after it heard."""
+        """Send a message of the initiator to a participant; return the initiator's conversation after it."""
         self.count += 1
         opening = act in named(talk.protocol).openings
         reply_by = self.reply_by if opening else None
@@ -46,30 +46,30 @@ class Call:
         return talk
 
     def tell(self, told, now=5.0):
-        """The initiator says what it was told to say."""
+        """Send messages of the initiator."""
         for peer, act in told:
             self.note(self.said(self.group.talk(peer), act, now), now)
 
     def answer(self, peer, act, now=5.0):
-        """A participant speaks."""
+        """Send a message of a participant to the initiator."""
         self.count += 1
         self.theirs[peer], message = self.theirs[peer].send(act, id=f"{peer}-{self.count}", now=now)
         self.note(self.group.talk(peer).receive(message), now)
 
     def note(self, talk, now):
-        """Noted, journalled, and the same."""
+        """Record a conversation in the multicast, which must be equal after encoding and decoding."""
         group = self.group.noted(talk, now)
         self.group = msgspec.msgpack.decode(msgspec.msgpack.encode(group), type=Multicast)
         assert self.group == group
 
     def outcomes(self, now=11.0):
-        """Of everybody."""
+        """Return the outcome of every participant."""
         return [self.group.outcome(peer, now) for peer in CROWD]
 
 
 @pytest.mark.parametrize("protocol", OPENINGS)
-def test_who_is_silent_at_reply_by_counts_as_refused_or_failed(protocol):
-    """Equal to reply-by is in time; silence counts as refused in a contract net, as failed elsewhere."""
+def test_silence_at_reply_by_counts_as_refused_or_failed(protocol):
+    """As refused in a contract net, as failed elsewhere; equal to reply-by is in time."""
     call = Call(protocol)
     answer = next(row.performative for row in call.theirs["a"].table.allowed(call.theirs["a"].state, SEND))
     call.answer("a", answer, now=REPLY_BY)
@@ -82,7 +82,7 @@ def test_who_is_silent_at_reply_by_counts_as_refused_or_failed(protocol):
 
 
 def test_several_awards_and_the_others_rejected():
-    """Two of three are accepted in one word, each brings its own end."""
+    """Two of three proposals are accepted at once; each award has its own outcome."""
     call = Call("cfp")
     for peer in CROWD:
         call.answer(peer, P.PROPOSE)
@@ -98,7 +98,7 @@ def test_several_awards_and_the_others_rejected():
 
 
 def test_a_later_award_may_follow_an_earlier_one():
-    """Who proposes in time after an award may have one too."""
+    """A proposal in time after an award can be accepted too."""
     call = Call("cfp")
     call.answer("a", P.PROPOSE)
     call.tell(call.group.award("a"))
@@ -107,14 +107,14 @@ def test_a_later_award_may_follow_an_earlier_one():
     assert call.group.awarded == ("a", "b")
 
 
-def test_late_proposals_are_rejected_whatever_they_offer():
-    """A proposal after reply-by is no offer: it is rejected at once, and cannot be accepted."""
+def test_late_proposals_are_rejected():
+    """A proposal after reply-by is rejected at once and cannot be accepted."""
     call = Call("cfp")
     call.answer("a", P.PROPOSE, now=REPLY_BY)
     call.answer("b", P.PROPOSE, now=REPLY_BY + 0.001)
     assert (call.group.offers, call.group.late) == (("a",), ("b",))
     assert call.group.rejections == (("b", P.REJECT_PROPOSAL),)
-    with pytest.raises(LocalProtocolError, match="'b' has no standing offer, a has"):
+    with pytest.raises(LocalProtocolError, match="'b' has no open proposal; there are proposals of: a"):
         call.group.award("b")
     call.tell(call.group.rejections)
     assert call.group.rejections == ()
@@ -124,7 +124,7 @@ def test_late_proposals_are_rejected_whatever_they_offer():
 
 
 def test_late_answer_elsewhere_counts_as_failed():
-    """An agree that comes too late does not make the request good again; it is the initiator's to cancel."""
+    """A late agree does not change the outcome; the initiator must cancel."""
     call = Call("request")
     call.answer("a", P.AGREE, now=REPLY_BY + 1)
     call.answer("b", P.AGREE, now=REPLY_BY - 1)
@@ -133,8 +133,8 @@ def test_late_answer_elsewhere_counts_as_failed():
     assert call.outcomes() == ["failed", "done", "failed"]
 
 
-def test_new_round_goes_to_those_that_proposed_only():
-    """The chosen are called again with a reply-by of their own, the others are rejected, the silent get nothing."""
+def test_new_round_is_for_participants_with_proposals():
+    """The chosen ones get a cfp with its own reply-by, other proposals are rejected, the silent get no message."""
     call = Call("icfp")
     call.answer("a", P.PROPOSE)
     call.answer("b", P.PROPOSE)
@@ -150,7 +150,7 @@ def test_new_round_goes_to_those_that_proposed_only():
 
 
 def test_late_in_one_round_is_not_late_in_the_next():
-    """Every round has its own reply-by."""
+    """Each round has its own reply-by."""
     call = Call("icfp")
     call.answer("a", P.PROPOSE)
     call.reply_by = 20.0
@@ -162,14 +162,14 @@ def test_late_in_one_round_is_not_late_in_the_next():
 @pytest.mark.parametrize(
     ("protocol", "chosen", "word"),
     [
-        ("cfp", ("a",), "one round only; icfp has several"),
-        ("icfp", (), "at least one participant"),
-        ("icfp", ("b",), "'b' has no standing offer"),
-        ("icfp", ("z",), "'z' has no standing offer"),
+        ("cfp", ("a",), "one round only; use icfp"),
+        ("icfp", (), "needs a participant"),
+        ("icfp", ("b",), "'b' has no open proposal"),
+        ("icfp", ("z",), "'z' has no open proposal"),
     ],
 )
-def test_rounds_that_cannot_be(protocol, chosen, word):
-    """The error says what would be right."""
+def test_illegal_rounds_are_local_errors(protocol, chosen, word):
+    """The error says what is allowed."""
     call = Call(protocol)
     call.answer("a", P.PROPOSE)
     with pytest.raises(LocalProtocolError, match=word):
@@ -177,8 +177,8 @@ def test_rounds_that_cannot_be(protocol, chosen, word):
 
 
 @pytest.mark.parametrize("end", [None, P.INFORM, P.FAILURE])
-def test_no_call_after_an_award(end):
-    """Also when what was awarded has come to its end."""
+def test_no_new_round_after_an_award(end):
+    """Not even after the awarded act has ended."""
     call = Call("icfp")
     call.answer("a", P.PROPOSE)
     call.answer("b", P.PROPOSE)
@@ -186,25 +186,25 @@ def test_no_call_after_an_award(end):
     if end:
         call.answer("a", end)
     assert call.group.offers == ("b",)
-    with pytest.raises(LocalProtocolError, match="no cfp after an award, and a has one"):
+    with pytest.raises(LocalProtocolError, match=r"no new round after an award \(to a\)"):
         call.group.call_again("b")
 
 
-def test_what_is_no_multicast():
-    """One id, one protocol, one conversation with each, all just opened."""
+def test_illegal_multicasts_are_local_errors():
+    """They need one id, one protocol, one conversation with each participant, all just opened."""
     talks = Call("cfp").group.talks
     others = Call("request").group.talks
     opened = Conversation.open("cfp", Role.INITIATOR, id="i-1-1", me="i", peer="d")
     for wrong in ((), (talks[0], others[1]), (talks[0], talks[0]), (*talks, opened)):
         with pytest.raises(LocalProtocolError):
             Multicast.opened(wrong)
-    with pytest.raises(LocalProtocolError, match="'z' takes no part in i-1-1, a, b, c do"):
+    with pytest.raises(LocalProtocolError, match="'z' is not a participant of i-1-1, these are: a, b, c"):
         Call("cfp").group.talk("z")
 
 
 @given(st.data())
 def test_contract_net_always_ends_and_only_with_what_was_offered_in_time(data):
-    """Any order of answers, in time or late, and any choice: all end, and nobody late or silent is awarded."""
+    """Any order of answers, in time or late, and any choice: late and silent participants get no award."""
     call = Call("icfp")
     offered_late, now = set(), 0.0
     for _ in range(40):
@@ -227,7 +227,7 @@ def test_contract_net_always_ends_and_only_with_what_was_offered_in_time(data):
 
 
 def choose(call, data, now):
-    """The initiator rejects the late ones and decides on the offers, one way or the other."""
+    """Reject late proposals, then accept, reject or start a new round at random."""
     call.tell(call.group.rejections, now)
     some = data.draw(st.sets(st.sampled_from(call.group.offers))) if call.group.offers else set()
     if some and not call.group.awarded and data.draw(st.booleans()):
@@ -237,8 +237,8 @@ def choose(call, data, now):
         call.tell(call.group.award(*some), now)
 
 
-def test_any_order_of_noting_comes_to_the_same():
-    """What is known of a crowd does not depend on who answered first."""
+def test_the_order_of_answers_does_not_matter():
+    """Proposals and outcomes are equal for every order."""
     ends = set()
     for order in itertools.permutations(CROWD):
         call = Call("cfp")

@@ -1,11 +1,11 @@
-"""Every protocol of FIPA goes as its drawing says, whatever is said twice, late, crossing, or not understood."""
+"""Every protocol of FIPA follows its diagram, with repeated, late, crossing and not understood messages."""
 
 import pytest
 from dialogue import Dialogue, parsed
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from stories import OPEN, Story, told
+from stories import OPEN, Story, stories_of
 
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
@@ -17,10 +17,10 @@ from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Ro
 
 INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 NAMES = tuple(protocol.name for protocol in FIPA)
-STORIES = [(name, story) for name in NAMES for story in told(name)]
+STORIES = [(name, story) for name in NAMES for story in stories_of(name)]
 ROWS = [(protocol, role, row) for protocol in FIPA for role, table in protocol.tables.items() for row in table]
 ASKED_AGAIN = {"query": {P.QUERY_IF, P.QUERY_REF}, "subscribe": {P.SUBSCRIBE}}
-"""Openings that are repeated until answered: a copy is answered once more."""
+"""Openings that may be repeated until answered; each copy is answered."""
 
 each_story = pytest.mark.parametrize(("name", "story"), STORIES, ids=[f"{name}: {story}" for name, story in STORIES])
 each_protocol = pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
@@ -32,7 +32,7 @@ each_protocol = pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
 @pytest.mark.parametrize("capacity", [1, 2, 3])
 @pytest.mark.parametrize("protocol", [*FIPA, PROPAGATE], ids=lambda p: p.name)
 def test_sound(protocol, capacity):
-    """No reception without a row, no stuck configuration, all states reachable, however long the channels."""
+    """No reception without a row, no stuck configuration, all states reachable, for each capacity."""
     found = explore(protocol, capacity)
     assert not found.unspecified, str(found.unspecified[0])
     assert not found.stuck, str(found.stuck[0])
@@ -41,20 +41,20 @@ def test_sound(protocol, capacity):
 
 @pytest.mark.parametrize("protocol", [*FIPA, PROPAGATE], ids=lambda p: p.name)
 def test_not_understood_at_any_point_leaves_nobody_waiting(protocol):
-    """Either side may say it about any message: whoever complains goes deaf, whoever hears it ends."""
+    """Either side may send it: the sender ignores later messages, the receiver ends."""
     found = explore(with_not_understood(protocol), capacity=2)
     assert not found.unspecified, str(found.unspecified[0])
     assert not found.stuck, str(found.stuck[0])
 
 
 @each_protocol
-def test_no_row_is_unused_but_that_of_a_forgotten_conversation(protocol):
-    """A row no walk uses would be noise."""
+def test_every_row_but_that_of_a_forgotten_conversation_is_used(protocol):
+    """An unused row is superfluous."""
     assert {(role, row.state, row.word) for role, row in explore(protocol).unused} <= {(PARTICIPANT, START, "cancel")}
 
 
 def plays(protocol: Protocol, story: Story) -> bool:
-    """Whether the tables let a story happen to its end; nothing but tables, so that spoilt ones can be tried."""
+    """Whether the tables alone allow a story to its end, so that changed tables can be tried."""
     states = dict.fromkeys(Role, START)
     wires: dict[Role, list[tuple[P, Kind]]] = {role: [] for role in Role}
 
@@ -78,23 +78,23 @@ def plays(protocol: Protocol, story: Story) -> bool:
 
 
 @pytest.mark.parametrize(("protocol", "role", "row"), ROWS, ids=[f"{p.name}-{r}-{w[:4]}" for p, r, w in ROWS])
-def test_no_row_can_be_taken_away(protocol: Protocol, role: Role, row: Row):
-    """Each row is needed: some story of the standard no longer happens without it."""
-    spoilt = protocol.varied(**{role: protocol.tables[role].without(*row[:4])})
-    assert not all(plays(spoilt, story) for story in told(protocol.name))
+def test_every_row_is_needed(protocol: Protocol, role: Role, row: Row):
+    """Without it some story of the standard is not possible."""
+    spoilt = protocol.with_tables(**{role: protocol.tables[role].without(*row[:4])})
+    assert not all(plays(spoilt, story) for story in stories_of(protocol.name))
 
 
 @each_protocol
-def test_cancel_belongs_to_the_initiator(protocol):
-    """No participant cancels; only the query, which is answered at once, has no cancel."""
+def test_only_the_initiator_cancels(protocol):
+    """In every protocol but query, which is answered at once and has no cancel."""
     table = protocol.tables[PARTICIPANT]
     assert not any(row.performative is P.CANCEL and row.way is SEND for row in table)
     assert any(row.performative is P.CANCEL for row in table) is (protocol.name != "query")
 
 
 @each_protocol
-def test_known_by_the_papers_name_and_fipas_token(protocol):
-    """SC00025: the tokens are words of the standard."""
+def test_protocols_are_known_by_the_name_of_the_paper_and_the_token_of_fipa(protocol):
+    """The tokens are those of the specifications."""
     token = {"cfp": "fipa-contract-net", "icfp": "fipa-iterated-contract-net"}.get(
         protocol.name, f"fipa-{protocol.name}"
     )
@@ -105,8 +105,8 @@ def test_known_by_the_papers_name_and_fipas_token(protocol):
 
 
 @each_story
-def test_story_comes_to_its_end(name, story):
-    """On both sides, through bytes and journals."""
+def test_every_story_reaches_its_final_states(name, story):
+    """On both sides, with encoded messages and journals."""
     dialogue = Dialogue(name).play(story)
     assert all(end in (OPEN, state) for end, state in zip(story.ends, dialogue.states, strict=True))
     assert not any(dialogue.wires.values())
@@ -114,7 +114,7 @@ def test_story_comes_to_its_end(name, story):
 
 @each_story
 def test_copies_change_nothing(name, story):
-    """Any message heard once more at any later point is refused, or leaves the conversation where it stands."""
+    """A copy of any message, received at any later point, is an error or does not change the state."""
     dialogue = Dialogue(name)
     for word in story.words:
         dialogue.word(word)
@@ -131,8 +131,8 @@ def test_copies_change_nothing(name, story):
 
 
 @each_story
-def test_after_the_end_nothing_is_legal_but_a_late_cancel(name, story):
-    """What ended stays as it ended; a cancel that was on its way meanwhile is owed its failure."""
+def test_after_the_end_only_a_late_cancel_is_legal(name, story):
+    """A final state is kept; a cancel that was in transit must be answered with failure."""
     dialogue = Dialogue(name).play(story)
     for role, side in dialogue.sides.items():
         if not side.ended:
@@ -146,7 +146,7 @@ def test_after_the_end_nothing_is_legal_but_a_late_cancel(name, story):
 
 
 def says(side: Conversation, act: P) -> bool:
-    """Whether a side may say an act, of whatever kind."""
+    """Whether a side may send an act of any kind."""
     for kind in (Kind.PLAIN, Kind.PROGRESS, Kind.FINAL):
         try:
             side.send(act, id="x-1", now=0.0, kind=kind)
@@ -157,7 +157,7 @@ def says(side: Conversation, act: P) -> bool:
 
 
 def hears(side: Conversation, act: P) -> str | None:
-    """The state after an act of the peer, None where it is refused."""
+    """Return the state after an act of the peer, None if it is an error."""
     peer = Conversation.open(side.protocol, side.role.other, id=side.id, me=side.peer, peer=side.me)
     message = peer.send(P.NOT_UNDERSTOOD, id="x-2", now=0.0)[1]
     try:
@@ -169,7 +169,7 @@ def hears(side: Conversation, act: P) -> str | None:
 @pytest.mark.parametrize("who", Role)
 @each_story
 def test_not_understood_ends_it_at_any_point(name, story, who):
-    """Both sides end, and what was still on its way is heard by nobody; what had ended stays as it ended."""
+    """Both sides end and ignore messages in transit; a side that had ended keeps its state."""
     for cut in range(1, len(story.words) + 1):
         if any("!" in word for word in story.words[:cut]):
             break
@@ -191,8 +191,8 @@ def test_not_understood_ends_it_at_any_point(name, story, who):
 @each_protocol
 @pytest.mark.parametrize("late", [False, True])
 def test_reply_by_bounds_the_first_answer(protocol, late):
-    """Equal counts as in time; an answer clears it on both sides, a late one too: the initiator judges it."""
-    story = told(protocol.name)[0]
+    """Equal is in time; an answer, even a late one, clears it on both sides."""
+    story = stories_of(protocol.name)[0]
     dialogue = Dialogue(protocol.name, reply_by=10.0)
     dialogue.word(story.words[0])
     for side in dialogue.sides.values():
@@ -203,8 +203,8 @@ def test_reply_by_bounds_the_first_answer(protocol, late):
 
 
 @given(st.sampled_from(NAMES), st.data())
-def test_whatever_is_said_in_sequence_is_taken(name, data):
-    """Any walk of two conversations over FIFO wires: no message meets a state without a row for it."""
+def test_every_allowed_message_is_accepted(name, data):
+    """In any run of both sides over FIFO channels every message has a row in the state of its receiver."""
     dialogue = Dialogue(name)
     for _ in range(30):
         choices = [("take", role, None) for role in Role if dialogue.wires[role] and not owes(dialogue, role)]
@@ -221,22 +221,22 @@ def test_whatever_is_said_in_sequence_is_taken(name, data):
 
 
 def owes(dialogue, role):
-    """Is this side to speak first?"""
+    """Whether this side must send first."""
     return role in dialogue.sides and dialogue.sides[role].owes
 
 
-# --- what is particular -----------------------------------------------------------------------------------------------
+# --- particular protocols ---------------------------------------------------------------------------------------------
 
 
-def test_new_round_has_a_new_label_and_the_old_ones_are_copies():
-    """The call, the proposal and the cancel of an earlier round are told from those of this one."""
+def test_messages_of_earlier_rounds_are_copies():
+    """A new round has a new m_w, so that cfp and proposal of an earlier round are recognised."""
     dialogue = Dialogue("icfp")
     for word in ("i:cfp", "p:propose", "i:cfp"):
         dialogue.word(word)
     first, proposal, second = (message for _, message, _ in dialogue.heard)
     assert len({first.reply_with, second.reply_with}) == 2
     assert proposal.in_reply_to == first.reply_with
-    with pytest.raises(RemoteProtocolError, match="never asked"):
+    with pytest.raises(RemoteProtocolError, match="not a message that waits"):
         dialogue.sides[INITIATOR].receive(proposal)
     dialogue.word("p:propose")
     for copy in (first, second):
@@ -245,7 +245,7 @@ def test_new_round_has_a_new_label_and_the_old_ones_are_copies():
 
 
 def test_call_of_several_rounds_needs_a_label():
-    """Without one, a copy of an earlier call would be a new round."""
+    """Without one a copy of an earlier cfp would start a new round."""
     message = Dialogue("icfp").say(INITIATOR, P.CFP)
     bare = replace(message, reply_with="")
     with pytest.raises(RemoteProtocolError) as caught:
@@ -254,7 +254,7 @@ def test_call_of_several_rounds_needs_a_label():
 
 
 def test_cancel_that_failed_may_be_tried_again():
-    """The conversation goes on where it stands, its answers clear deadlines, and the first cancel is a copy now."""
+    """The conversation continues in its state, without a deadline, and the first cancel is a copy from then on."""
     dialogue = Dialogue("cfp", reply_by=10.0)
     for word in ("i:cfp", "i:cancel"):
         dialogue.word(word)
@@ -272,8 +272,8 @@ def test_cancel_that_failed_may_be_tried_again():
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in ("query", "subscribe")])
 def test_not_understood_as_answer_to_a_cancel_is_a_failed_cancel(name):
-    """It ends nothing that a failure in reply to the cancel would not end."""
-    story = next(s for s in told(name) if s.words[1:] == ("i:cancel", "p:inform[cancel]"))
+    """It has the same effect as a failure in reply to the cancel."""
+    story = next(s for s in stories_of(name) if s.words[1:] == ("i:cancel", "p:inform[cancel]"))
     failed = Dialogue(name).play(Story((*story.words[:2], "p:failure[cancel]"), story.ends))
     unheard = Dialogue(name).play(Story(story.words[:2], story.ends))
     cancel = unheard.heard[-1][1]
@@ -284,6 +284,6 @@ def test_not_understood_as_answer_to_a_cancel_is_a_failed_cancel(name):
 
 @pytest.mark.parametrize("query", ["query-if", "query-ref"])
 def test_query_is_answered_as_the_standard_or_as_the_paper_says(query):
-    """inform (SC00027H) and inform-ref (the paper) are both taken and both may be said."""
+    """inform (SC00027H) and inform-ref (the paper) are both accepted and may both be sent."""
     for answer in ("inform", "inform-ref"):
         assert Dialogue("query").play(Story((f"i:{query}", f"p:{answer}"), ("", ""))).states == ("done", "done")

@@ -102,7 +102,7 @@ def test_the_runtime_answers_a_late_cancel_in_any_state() -> None:
     assert not kinds(design(HAND, (*LAMP, *busy)))
     table = REQUEST.tables[Role.PARTICIPANT].without(START, RECEIVE, P.CANCEL)
     made = design(HAND, LAMP)
-    made.__dict__["own_tables"] = {"request": REQUEST.varied(participant=table)}
+    made.__dict__["own_tables"] = {"request": REQUEST.with_tables(participant=table)}
     assert wrong(made) == "lamp knows no conversation of switch and got switch cancel"
 
 
@@ -115,7 +115,7 @@ def test_an_answer_that_is_owed_is_said_in_the_same_step() -> None:
     for rows, fine in ((less(LAMP, "refuse"), True), (later, False)):
         assert not kinds(design(HAND, rows))
         made = design(HAND, rows)
-        made.__dict__["own_tables"] = {"request": REQUEST.varied(participant=hasty)}
+        made.__dict__["own_tables"] = {"request": REQUEST.with_tables(participant=hasty)}
         assert fine or "no row of lamp in idle applies to switch request" in wrong(made)
         assert not fine or not kinds(made)
 

@@ -73,7 +73,7 @@ def test_another_round_is_no_repetition():
     rounds = explored(durable_pair(ICFP, faults=0))
     assert rounds.holds
     assert rounds.states > explored(durable_pair(CFP, faults=0)).states
-    deaf = ICFP.varied(participant=ICFP.tables[SERVER].without(State.OFFERED, RECEIVE, P.CFP))
+    deaf = ICFP.with_tables(participant=ICFP.tables[SERVER].without(State.OFFERED, RECEIVE, P.CFP))
     finding = explored(durable_pair(deaf, faults=0)).findings[0]
     assert finding.kind == UNREACHED
     assert [step.split()[1] for step in story(finding)].count("cfp") >= 2
@@ -87,7 +87,7 @@ def request_without_late_failures():
     server = REQUEST.tables[SERVER]
     for state, after in (("start", State.REFUSED), *((s, s) for s in (State.DONE, State.FAILED, State.REFUSED))):
         server = server.with_rows(Row(state, RECEIVE, P.CANCEL, PLAIN, after))
-    return REQUEST.varied(participant=server)
+    return REQUEST.with_tables(participant=server)
 
 
 def test_no_failure_in_reply_to_a_late_cancel_leaves_the_initiator_waiting():
@@ -103,7 +103,7 @@ def test_no_failure_in_reply_to_a_late_cancel_leaves_the_initiator_waiting():
 def test_a_cancel_that_crosses_the_end_must_be_taken(state):
     """The participant has ended; its row for the cancel is missing."""
     server = REQUEST.tables[SERVER].without(state, RECEIVE, P.CANCEL)
-    finding = explored(durable_pair(REQUEST.varied(participant=server), Players("hi", "co"), faults=0)).findings[0]
+    finding = explored(durable_pair(REQUEST.with_tables(participant=server), Players("hi", "co"), faults=0)).findings[0]
     assert (finding.kind, finding.text) == (WRONG, f"co in state {state} has no row for cancel")
     assert len(finding.trace) == 5
 
@@ -111,7 +111,7 @@ def test_a_cancel_that_crosses_the_end_must_be_taken(state):
 def test_a_cancel_of_a_forgotten_conversation_must_be_taken():
     """The runtime forgets what has ended: the row of an unknown conversation is needed as well."""
     server = REQUEST.tables[SERVER].without(State.START, RECEIVE, P.CANCEL)
-    finding = explored(durable_pair(REQUEST.varied(participant=server), faults=0)).findings[0]
+    finding = explored(durable_pair(REQUEST.with_tables(participant=server), faults=0)).findings[0]
     assert finding.kind == WRONG
     assert "its conversation forgotten, has no row for cancel" in finding.text
 
@@ -121,7 +121,7 @@ def test_an_answer_that_never_comes_is_found():
     server = REQUEST.tables[SERVER]
     for answer in (P.INFORM, P.FAILURE):
         server = server.without(State.AGREED, SEND, answer)
-    finding = explored(durable_pair(REQUEST.varied(participant=server), Players("a", "b"), faults=0)).findings[0]
+    finding = explored(durable_pair(REQUEST.with_tables(participant=server), Players("a", "b"), faults=0)).findings[0]
     assert finding.kind == UNREACHED
     assert story(finding)[-1] == "b agree -> a"
 
@@ -129,7 +129,7 @@ def test_an_answer_that_never_comes_is_found():
 def test_agents_that_fill_their_outboxes_with_news_can_block_each_other():
     """Both are full and take nothing: why news leaves room for the answers that are owed."""
     rows = REQUEST.tables[SERVER].with_rows(Row(State.AGREED, SEND, P.INFORM, Kind.PROGRESS, State.AGREED))
-    chatty = REQUEST.varied(
+    chatty = REQUEST.with_tables(
         initiator=REQUEST.tables[ASKER].with_rows(
             Row(State.AGREED, RECEIVE, P.INFORM, Kind.PROGRESS, "owing"),
             Row("owing", SEND, P.CONFIRM, PLAIN, State.AGREED),

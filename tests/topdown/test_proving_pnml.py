@@ -61,7 +61,7 @@ def reached(first, takes, gives):
 
 def spoilt():
     """A cancel that crosses the end has no row."""
-    return ideal_pair(SMALL.varied(participant=SMALL.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL)))
+    return ideal_pair(SMALL.with_tables(participant=SMALL.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL)))
 
 
 MODELS = {
@@ -102,11 +102,11 @@ def test_pairs_hold_over_ideal_queues(protocol):
 
 def test_ideal_queues_and_explicit_streams_agree_about_spoilt_tables():
     """The same text for a missing row, the same kind for a silent one."""
-    missing = SMALL.varied(participant=SMALL.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL))
+    missing = SMALL.with_tables(participant=SMALL.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL))
     silent = SMALL.tables[SERVER]
     for state in (State.START, State.DONE, State.REFUSED):
         silent = silent.with_rows(Row(state, RECEIVE, P.CANCEL, Kind.PLAIN, State.DONE))
-    for protocol, kind in ((missing, WRONG), (SMALL.varied(participant=silent), UNREACHED)):
+    for protocol, kind in ((missing, WRONG), (SMALL.with_tables(participant=silent), UNREACHED)):
         ideal, explicit = (
             explore(NetModel(net), first=False).findings[0]
             for net in (ideal_pair(protocol), durable_pair(protocol, faults=0))

@@ -27,7 +27,7 @@ WATCH = restricted(SUBSCRIBE, {ASKER: {"subscribe"}, SERVER: {"agree", "inform"}
 def spoilt_by_a_missing_row():
     """The cancel that crosses the inform has no row."""
     server = SMALL.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL)
-    return durable_pair(SMALL.varied(participant=server), faults=0)
+    return durable_pair(SMALL.with_tables(participant=server), faults=0)
 
 
 def spoilt_by_silence():
@@ -35,7 +35,7 @@ def spoilt_by_silence():
     server = SMALL.tables[SERVER]
     for state in (State.START, State.DONE, State.REFUSED):
         server = server.with_rows(Row(state, RECEIVE, P.CANCEL, Kind.PLAIN, State.DONE))
-    return durable_pair(SMALL.varied(participant=server), faults=0)
+    return durable_pair(SMALL.with_tables(participant=server), faults=0)
 
 
 def with_queues(room):

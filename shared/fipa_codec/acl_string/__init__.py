@@ -1,11 +1,11 @@
-"""The FIPA ACL string representation `fipa.acl.rep.string.std` (SC00070I), both ways.
+"""The FIPA ACL string representation `fipa.acl.rep.string.std` (SC00070I): parser, printer, mapping to communicates.
 
-    parse(text or bytes) -> AclMessage        reads liberally: every habit of JADE and Rock that has one meaning
-    render(AclMessage)   -> bytes             prints strictly: what every known reader takes
-    to_acl(communicate)  -> AclMessage        and
-    from_acl(message, received) -> Communicate: exact, every communicate comes back as it was
+    parse(text or bytes) -> AclMessage            liberal: accepts the deviations of JADE and Rock if unambiguous
+    render(AclMessage) -> bytes                   strict: every known parser accepts it
+    to_acl(communicate) -> AclMessage             and back without loss:
+    from_acl(message, received) -> Communicate
 
-Read in this order: message, errors, dates, scanner, reading, printing, content, mapping. No I/O, no clock.
+Modules in reading order: message, errors, dates, scanner, reading, printing, content, mapping. No I/O, no clock.
 """
 
 from fipa_codec.acl_string.content import Form

@@ -1,12 +1,12 @@
-"""How the content of a communicate, MessagePack of any kind, stands in the text of an ACL message, and back.
+"""The content of a communicate (any MessagePack) in the text of an ACL message, both ways.
 
-The most readable of three forms that gives the same bytes again:
-  text    a MessagePack string, as it is; no encoding named. Content of other platforms (fipa-sl, ...) comes in so
-  json    `:encoding json`: what JSON can say; the tagged Structs of a content language look as msgspec writes them
-  base64  `:encoding msgpack-base64`: base64 of the MessagePack, for all else (bytes, NaN, keys that are no text), with
-          `:X-JADE-Encoding Base64`, by which JADE hands the bytes to its agent
+Of three forms the most readable one that decodes to the same bytes is used:
+  text    a MessagePack string as it is, without an encoding; content of other platforms (fipa-sl, ...) is read so
+  json    `:encoding json`: values that JSON can represent; tagged Structs of a content language as msgspec writes them
+  base64  `:encoding msgpack-base64`: base64 of the MessagePack for other values (bytes, NaN, keys that are not
+          strings), with `:X-JADE-Encoding Base64`, so that JADE decodes it for its agents
 
-Must not know: content languages.
+Independent of content languages.
 """
 
 import base64
@@ -24,19 +24,19 @@ MSGPACK_BASE64 = "msgpack-base64"
 JADE_ENCODING = "X-JADE-Encoding"
 JADE_BASE64 = "Base64"
 
-# JADE trims content, a trailing backslash cannot be quoted, and control characters are for no one to read.
+# JADE strips content, a trailing backslash cannot be quoted, and control characters are not readable.
 _PLAIN_TEXT = re.compile(r"[^\s\x00-\x1f\x7f](?:[^\x00-\x08\x0b-\x1f\x7f]*[^\s\x00-\x1f\x7f\\])?(?<!\\)")
 
 
 class Form(StrEnum):
-    """How content is written: for people where it can be, or always as base64 of the bytes."""
+    """The form of content: readable if possible, or always base64."""
 
     READABLE = "readable"
     BINARY = "binary"
 
 
 def write(content: msgspec.Raw, form: Form) -> tuple[str, str | None]:
-    """Text and encoding of well-formed MessagePack, such that `read` gives the same bytes."""
+    """Return text and encoding of well-formed MessagePack, such that `read` returns the same bytes."""
     return (_readable(content) if form is Form.READABLE else None) or (
         base64.b64encode(content).decode(),
         MSGPACK_BASE64,
@@ -44,8 +44,10 @@ def write(content: msgspec.Raw, form: Form) -> tuple[str, str | None]:
 
 
 def read(content: str | bytes, encoding: str | None, jade_encoding: str | None) -> msgspec.Raw:
-    """MessagePack of content; text of an encoding that is not ours is a string. MalformedError where it is not what
-    its encoding says."""
+    """Return content as MessagePack; with an encoding of other platforms it is a string.
+
+    Raise MalformedError if the content does not have its encoding.
+    """
     named = (encoding or "").lower()
     try:
         if named == MSGPACK_BASE64:
@@ -69,8 +71,8 @@ def _readable(content: msgspec.Raw) -> tuple[str, str | None] | None:
             written = (msgspec.json.encode(value).decode(), JSON)
         same = len(written[0].encode()) <= MAX_BYTES and read(*written, None) == content
     except Exception:
-        # Whatever cannot be read here or said in JSON (invalid text, keys that do not hash, extensions, nesting) is
-        # none of our business: it travels as bytes.
+        # MessagePack that cannot be decoded here or represented in JSON (invalid text, unhashable keys, extensions,
+        # deep nesting) is sent as bytes.
         return None
     return written if same else None
 

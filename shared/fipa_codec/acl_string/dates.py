@@ -1,6 +1,6 @@
-"""Date and time tokens (SC00070I): [+-]YYYYMMDDThhmmssmmm[Z]; milliseconds are mandatory, no letter is local time.
+"""Date and time tokens (SC00070I): [+-]YYYYMMDDThhmmssmmm[Z]. Milliseconds are mandatory; without Z it is local time.
 
-The fields of a relative time are plain amounts; a year counts 365 days, a month 30 (as JADE counts them).
+The fields of a relative time are amounts; a year has 365 days and a month 30, as in JADE.
 """
 
 import re
@@ -20,10 +20,10 @@ _AMOUNTS_MS = (365 * _DAY_MS, 30 * _DAY_MS, _DAY_MS, 3_600_000, 60_000, 1000, 1)
 
 
 def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
-    """The time a match of DATE says; `zone`: of a time without letter. ValueError says in words what is wrong."""
+    """Return the time of a match of DATE; `zone` applies without Z. Raise ValueError with what was expected."""
     fields = [int(match[name]) for name in _FIELDS]
     if match["zone"] not in (b"", b"Z", b"z"):
-        raise ValueError("the letter Z (UTC) or none behind the time")
+        raise ValueError("the letter Z (UTC) or no letter after the time")
     if match["sign"]:
         ms = sum(field * amount for field, amount in zip(fields, _AMOUNTS_MS, strict=True))
         if ms > MAX_AFTER_MS:
@@ -33,7 +33,7 @@ def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
     try:
         moment = datetime(year, month, day, hour, minute, second, ms * 1000, tzinfo=UTC if match["zone"] else zone)
     except ValueError as error:
-        raise ValueError(f"a time that the calendar has ({error})") from error
+        raise ValueError(f"a time of the calendar ({error})") from error
     unix_ms = (moment - EPOCH) // MILLISECOND
     if not MIN_MS <= unix_ms <= MAX_MS:
         raise ValueError("a time in the years 1 to 9999 UTC")
@@ -41,7 +41,7 @@ def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
 
 
 def print_date(time: At | After) -> str:
-    """The token; absolute times in UTC with its letter."""
+    """Return the token; absolute times in UTC with Z."""
     if isinstance(time, At):
         moment = EPOCH + timedelta(milliseconds=time.unix_ms)
         return _token("", moment.timetuple()[:6], moment.microsecond // 1000) + "Z"

@@ -5,19 +5,19 @@ import re
 from fipa_codec.errors import MalformedError
 
 _SHOWN = 24
-"""Characters of a wrong token that an error repeats."""
+"""Characters of a wrong token in an error message. Estimate."""
 _AROUND = 60
-"""Characters kept on each side of the fault for showing it."""
+"""Characters of the excerpt on each side of the error. Estimate: fits a terminal."""
 _WIDEST = 4
 """Bytes of the longest UTF-8 character."""
 _TOKEN = re.compile(rb"[^\x00-\x20()]{1,200}")
 
 
 class AclSyntaxError(MalformedError):
-    """Text that is no ACL message.
+    """Text that is not an ACL message.
 
-    `offset`: of the fault, in bytes of UTF-8; `line`, `column`: from 1, in characters. `found`, `expected`: in words.
-    `excerpt`: the line around the fault, `caret`: index of the fault in it, both in characters.
+    `offset`: position of the error [bytes]; `line`, `column`: the same from 1 [characters]. `found`, `expected`: in
+    words. `excerpt`: the line around the error; `caret`: index of the error in the excerpt.
     """
 
     def __init__(self, field: str, data: bytes, offset: int, found: str, expected: str) -> None:
@@ -36,7 +36,7 @@ class AclSyntaxError(MalformedError):
 
 
 def shown(data: bytes) -> str:
-    """What stands at the begin of `data`, short enough for a sentence."""
+    """Return the first token of `data`, shortened for an error message."""
     if not data:
         return "the end of the text"
     match = _TOKEN.match(data)

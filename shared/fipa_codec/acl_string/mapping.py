@@ -1,13 +1,14 @@
-"""Communicate <-> ACL message, exact both ways.
+"""Communicate <-> ACL message, without loss in both directions.
 
-The parameters of SC00061G say what another platform understands; what they cannot hold stands in user-defined ones:
-  X-id, X-sent        id and sent time (unix seconds); no FIPA parameter has these
-  X-reply-by          unix seconds, where reply-by's milliseconds or its four digits of years are too few
-  X-act, X-protocol   where the standard's word would come back as another of ours
-Such a parameter only refines: one that does not agree with its standard parameter (another platform copied it into a
-changed message) does not count. Names of protocols map one to one (query <-> fipa-query, cfp <-> fipa-contract-net).
-inform-ref and inform-if are macro acts, not to be performed (SC00037J), so they go out as inform, and an inform of
-fipa-query comes in as the inform-ref with which the paper answers a query.
+Other platforms understand the parameters of SC00061G; values that these cannot represent are in user-defined
+parameters:
+  X-id, X-sent        id and sent time (unix seconds); no parameter of FIPA has these
+  X-reply-by          unix seconds, if reply-by with its milliseconds and four-digit years is not exact
+  X-act, X-protocol   if the standard's name would be mapped back to another one
+A user-defined parameter only refines its standard parameter; if the two disagree (another platform copied it into a
+changed message), it is ignored. Names of protocols map one to one (query <-> fipa-query, cfp <-> fipa-contract-net).
+inform-ref and inform-if are macro acts, which are not sent (SC00037J): they are mapped to inform, and an inform of
+fipa-query is mapped to inform-ref, with which the paper answers a query.
 """
 
 from collections.abc import Mapping
@@ -24,8 +25,8 @@ from fipa_codec.protocols import QUERY, named
 
 ID, SENT, REPLY_BY, ACT, PROTOCOL = "X-id", "X-sent", "X-reply-by", "X-act", "X-protocol"
 
-# Of protocols that are not registered, or have no alias that begins with fipa-: ours -> FIPA's (SC00026H to SC00036H).
-_STANDARD = {
+# Name -> FIPA's token (SC00026H to SC00036H), for protocols that are not registered or have no such alias.
+_TOKENS = {
     "request": "fipa-request",
     "query": "fipa-query",
     "request-when": "fipa-request-when",
@@ -36,15 +37,15 @@ _STANDARD = {
     "subscribe": "fipa-subscribe",
     "propose": "fipa-propose",
 }
-_OURS = {standard: ours for ours, standard in _STANDARD.items()}
+_NAMES = {token: name for name, token in _TOKENS.items()}
 _MACRO_ACTS = (Performative.INFORM_REF, Performative.INFORM_IF)
 _NOBODY: Mapping[str, Aid] = {}
 
 
 def to_acl(communicate: Communicate, *, names: Mapping[str, Aid] = _NOBODY, form: Form = Form.READABLE) -> AclMessage:
-    """The ACL message that says the same. `names`: identifiers (with addresses) of agents, by our names of them.
+    """Return the ACL message of a communicate. `names`: identifiers (with addresses) by names of agents.
 
-    LocalProtocolError where the communicate could not be encoded either.
+    Raise LocalProtocolError if the communicate is not valid (`encode_strictly`).
     """
     encode_strictly(communicate)
     message = AclMessage(
@@ -53,7 +54,7 @@ def to_acl(communicate: Communicate, *, names: Mapping[str, Aid] = _NOBODY, form
         receiver=(_aid(communicate.receiver, names),) if communicate.receiver else (),
         language=communicate.language or None,
         ontology=communicate.ontology or None,
-        protocol=_protocol_out(communicate.protocol) or None,
+        protocol=_token_of(communicate.protocol) or None,
         conversation_id=communicate.conversation or None,
         reply_with=communicate.reply_with or None,
         in_reply_to=communicate.in_reply_to or None,
@@ -70,16 +71,16 @@ def to_acl(communicate: Communicate, *, names: Mapping[str, Aid] = _NOBODY, form
 def from_acl(
     message: AclMessage, received: float, *, names: Mapping[str, Aid] = _NOBODY, receiver: str = ""
 ) -> Communicate:
-    """The communicate that says the same. `received`: unix seconds, from which a relative reply-by counts.
+    """Return the communicate of an ACL message. `received` [unix s]: the reference of a relative reply-by.
 
-    `receiver`: whose copy this is (our name), where the message has several. User-defined parameters not of this module
-    are dropped. MalformedError for what a communicate cannot hold: a name or label that is none of ours, several
-    receivers, a reply-to other than the sender.
+    `names` as in `to_acl`. `receiver`: name of the agent whose copy this is, if the message has several receivers.
+    User-defined parameters of others are dropped. Raise MalformedError for values that a communicate cannot represent:
+    invalid words or labels, several receivers without `receiver`, a reply-to other than the sender.
     """
     ours = {aid.name: name for name, aid in names.items()}
     sender = _name(message.sender, ours) if message.sender else ""
     if any(_name(aid, ours) != sender for aid in message.reply_to):
-        raise MalformedError("reply-to", f"is not the sender {sender!r}; answers go to the sender only")
+        raise MalformedError("reply-to", f"is not the sender {sender!r}; answers are sent to the sender only")
     user = {name.lower(): value for name, value in message.user.items()}
     jade_encoding = user.get(contents.JADE_ENCODING.lower())
     communicate = Communicate(
@@ -102,12 +103,12 @@ def from_acl(
     try:
         data = msgspec.msgpack.encode(communicate)
     except UnicodeEncodeError as error:
-        raise MalformedError("message", "holds half a surrogate pair, which UTF-8 has not") from error
+        raise MalformedError("message", "contains half a surrogate pair, which UTF-8 cannot encode") from error
     return decode_strictly(data)
 
 
 def _user(communicate: Communicate) -> dict[str, str]:
-    """What the standard parameters would not bring back."""
+    """Return the user-defined parameters for values that the standard parameters do not represent."""
     act, protocol = communicate.performative, communicate.protocol
     sent, reply_by = float(communicate.sent), communicate.reply_by
     return {
@@ -116,7 +117,7 @@ def _user(communicate: Communicate) -> dict[str, str]:
             (ID, communicate.id, bool(communicate.id)),
             (SENT, repr(sent), repr(sent) != "0.0"),
             (REPLY_BY, repr(reply_by), reply_by is not None and repr(_at(reply_by).unix_ms / 1000) != repr(reply_by)),
-            (PROTOCOL, protocol, _ours(_protocol_out(protocol)) != protocol),
+            (PROTOCOL, protocol, _name_of(_token_of(protocol)) != protocol),
             (ACT, str(act), _answers(_act_out(act), protocol) != act),
         )
         if needed
@@ -131,8 +132,8 @@ def _act_out(act: Performative) -> Performative:
 
 
 def _answers(act: Performative, protocol: str) -> Performative:
-    """The act that comes in: the answer to a query is inform-ref."""
-    return Performative.INFORM_REF if act is Performative.INFORM and _ours(protocol) == QUERY.name else act
+    """Return the received act; the answer to a query is inform-ref."""
+    return Performative.INFORM_REF if act is Performative.INFORM and _name_of(protocol) == QUERY.name else act
 
 
 def _act_in(message: AclMessage, user: Mapping[str, str]) -> Performative:
@@ -142,36 +143,36 @@ def _act_in(message: AclMessage, user: Mapping[str, str]) -> Performative:
     return _answers(message.performative, message.protocol or "")
 
 
-def _protocol_out(name: str) -> str:
-    """FIPA's name of a protocol, where it has one."""
+def _token_of(name: str) -> str:
+    """Return FIPA's token of a protocol, or its name if there is none."""
     try:
         protocol = named(name)
     except LocalProtocolError:
-        return _STANDARD.get(name, name)
-    return next((known for known in (name, *protocol.aliases) if known.startswith("fipa-")), _STANDARD.get(name, name))
+        return _TOKENS.get(name, name)
+    return next((known for known in (name, *protocol.aliases) if known.startswith("fipa-")), _TOKENS.get(name, name))
 
 
-def _ours(name: str) -> str:
-    """Our name of a protocol of FIPA; any other stays as it is."""
+def _name_of(name: str) -> str:
+    """Return the name of a protocol of FIPA by its token; any other name is unchanged."""
     lower = name.lower()
     if not lower.startswith("fipa-"):
         return name
     try:
         return named(lower).name
     except LocalProtocolError:
-        return _OURS.get(lower, name)
+        return _NAMES.get(lower, name)
 
 
 def _protocol_in(message: AclMessage, user: Mapping[str, str]) -> str:
     written, exact = message.protocol or "", user.get(PROTOCOL.lower(), "")
-    return exact if exact and _protocol_out(exact) == written else _ours(written)
+    return exact if exact and _token_of(exact) == written else _name_of(written)
 
 
 # --- times ------------------------------------------------------------------------------------------------------------
 
 
 def _at(seconds: float) -> At:
-    """The millisecond a time is in, no later than the time; what has no date is the first or last there is."""
+    """Return the last millisecond not after a time, limited to the years 1 to 9999."""
     ms = seconds * 1000
     if not MIN_MS < ms < MAX_MS:
         return At(MIN_MS if ms < 0 else MAX_MS)
@@ -211,7 +212,7 @@ def _name(aid: Aid, ours: Mapping[str, str]) -> str:
 
 def _receiver(receivers: list[str], wanted: str) -> str:
     if wanted and wanted not in receivers:
-        raise MalformedError("receiver", f"{wanted!r} is none of {', '.join(receivers) or 'nobody'}")
+        raise MalformedError("receiver", f"{wanted!r} is not one of {', '.join(receivers) or 'nobody'}")
     if not wanted and len(receivers) > 1:
-        raise MalformedError("receiver", f"are {', '.join(receivers)}: say whose copy this is, each takes its own")
+        raise MalformedError("receiver", f"are {', '.join(receivers)}: pass receiver=, the agent whose copy this is")
     return wanted or "".join(receivers)

@@ -1,7 +1,7 @@
-"""The abstract ACL message: the parameters of SC00061G, typed, in no representation. None or empty means: absent.
+"""The abstract ACL message: the parameters of SC00061G, typed, without a representation. None or empty means: absent.
 
-Expressions (language, conversation-id, ...) are text here: a number or a nested expression keeps its characters. Must
-not know: any representation, communicates.
+Expressions (language, conversation-id, ...) are text: a number or a nested expression keeps its characters. Independent
+of any representation.
 """
 
 from datetime import UTC, datetime, timedelta
@@ -13,22 +13,23 @@ from fipa_codec.errors import LocalProtocolError
 from fipa_codec.performatives import Performative
 
 MAX_ACL_BYTES = 2 * MAX_BYTES + 65_536
-"""Longest text taken or made: a communicate's content with each character escaped, and the rest; estimate."""
+"""Size limit of a text, both ways [bytes]: the content with every character escaped, and the rest. Estimate."""
 
 MAX_DEPTH = 32
-"""Deepest nesting of parentheses or resolvers. JADE's own messages have 4; estimate."""
+"""Depth limit of nested parentheses or resolvers. Estimate; messages of JADE have 4."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MILLISECOND = timedelta(milliseconds=1)
 MIN_MS = (datetime.min.replace(tzinfo=UTC) - EPOCH) // MILLISECOND
-"""Year 1: four digits of a year and a calendar are all that a date has (SC00070I)."""
+"""Earliest time [ms since 1970 UTC]: year 1, since a date has four digits for the year (SC00070I)."""
 MAX_MS = (datetime.max.replace(tzinfo=UTC) - EPOCH) // MILLISECOND
+"""Latest time [ms since 1970 UTC]: end of year 9999."""
 MAX_AFTER_MS = 10_000 * 365 * 86_400_000 - 1
-"""The longest relative time that four digits of years hold; a year counts 365 days there."""
+"""Longest relative time [ms]: just under 10000 years of 365 days."""
 
 
 class At(msgspec.Struct, frozen=True, tag=True):
-    """An absolute time, in milliseconds since 1970 UTC. LocalProtocolError outside the years 1 to 9999."""
+    """An absolute time [ms since 1970 UTC]. Raise LocalProtocolError outside the years 1 to 9999."""
 
     unix_ms: int
 
@@ -38,7 +39,10 @@ class At(msgspec.Struct, frozen=True, tag=True):
 
 
 class After(msgspec.Struct, frozen=True, tag=True):
-    """A time relative to the receipt of the message, in milliseconds; negative: before it."""
+    """A time relative to the receipt of the message [ms]; negative: before it.
+
+    Raise LocalProtocolError from 10000 years on.
+    """
 
     ms: int
 
@@ -48,9 +52,9 @@ class After(msgspec.Struct, frozen=True, tag=True):
 
 
 class Aid(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An agent identifier (SC00023K). The name alone says who it is; addresses and resolvers are ordered by preference.
+    """An agent identifier (SC00023K). The name identifies the agent; addresses and resolvers are ordered by preference.
 
-    `user`: further slots by their names, which begin with `X-`.
+    `user`: user-defined slots by name; the names begin with `X-`.
     """
 
     name: str
@@ -60,10 +64,10 @@ class Aid(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class AclMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One ACL message. `receiver` and `reply_to` are sets whose order means nothing; it is kept as written.
+    """One ACL message. `receiver` and `reply_to` are sets; their order is kept but has no meaning.
 
-    `content` is text; bytes only where it is no UTF-8. Empty and absent (None) content differ. `user`: user-defined
-    parameters by their names, which begin with `X-` and differ in more than upper and lower case.
+    `content` is text, or bytes if it is not UTF-8; empty and absent (None) content differ. `user`: user-defined
+    parameters by name; the names begin with `X-` and differ not only in upper and lower case.
     """
 
     performative: Performative
@@ -82,7 +86,7 @@ class AclMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     user: dict[str, str] = {}
 
     def __post_init__(self) -> None:
-        """Bytes that are text become text, so that equal messages are equal."""
+        """Decode content that is UTF-8, so that messages with the same content are equal."""
         if isinstance(self.content, bytes):
             try:
                 msgspec.structs.force_setattr(self, "content", self.content.decode())

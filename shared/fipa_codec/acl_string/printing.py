@@ -1,8 +1,8 @@
-"""Message to text, strictly, in what JADE and Rock both read.
+"""Printer of ACL messages: strict, in the subset that both JADE and Rock parse.
 
-Plain words bare, other text in quotes, absolute times in UTC with Z, a blank before each : and ). A string that ends in
-a backslash cannot be quoted and is written with its length in bytes. Values of X- parameters that are no plain words
-are written so too, where they are ASCII (Rock reads no quoted ones; JADE counts characters, so only ASCII is safe).
+Plain words are bare, other text is quoted, absolute times are in UTC with Z, a blank is before each : and ). A string
+that ends in a backslash cannot be quoted and is printed with its length in bytes. So are ASCII values of X- parameters
+that are not plain words: Rock does not parse quoted ones, and JADE counts characters, so only ASCII is safe.
 """
 
 import re
@@ -15,24 +15,27 @@ from fipa_codec.acl_string.scanner import RUN_ON
 from fipa_codec.errors import LocalProtocolError, MalformedError
 
 _PLAIN_EXPRESSION = re.compile(r"[A-Za-z][A-Za-z0-9_.@-]*")
-# Names of agents and URLs are words in the grammar, so these stay bare with more in them: df@host:1099/JADE
+# Names of agents and URLs are words in the grammar, with more characters: df@host:1099/JADE
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_.@:/?&=%~+-]*")
 _USER_NAME = re.compile(r'[Xx]-[^\x00-\x20()":#]+')
 
 
 def render(message: AclMessage) -> bytes:
-    """The text, in UTF-8 but for content that is none. LocalProtocolError where it would not be read back as it is."""
+    """Return the text, in UTF-8 except for binary content.
+
+    Raise LocalProtocolError if it would not parse to `message`.
+    """
     try:
         data = b" ".join([b"(" + message.performative.encode(), *_parameters(message), b")"])
         same = parse(data) == message
     except UnicodeEncodeError as error:
-        raise LocalProtocolError("message", "holds half a surrogate pair, which UTF-8 has not") from error
+        raise LocalProtocolError("message", "contains half a surrogate pair, which UTF-8 cannot encode") from error
     except (AttributeError, TypeError) as error:
-        raise LocalProtocolError("message", f"holds what is not of the type declared: {error}") from error
+        raise LocalProtocolError("message", f"has a field of the wrong type: {error}") from error
     except MalformedError as error:
-        raise LocalProtocolError(error.field, f"cannot be read back: {error.reason}") from error
+        raise LocalProtocolError(error.field, f"cannot be parsed again: {error.reason}") from error
     if not same:
-        raise LocalProtocolError("message", "is read back as another: its fields are not all of the types declared")
+        raise LocalProtocolError("message", "does not parse to the same message: a field has the wrong type")
     return data
 
 
@@ -72,7 +75,9 @@ def _several(keyword: bytes, items: list[bytes]) -> bytes:
 def _user(parameters: dict[str, str]) -> Iterator[bytes]:
     for name, value in parameters.items():
         if not _USER_NAME.fullmatch(name):
-            raise LocalProtocolError(name, 'a user-defined parameter is named X- and letters without blank ( ) " : #')
+            raise LocalProtocolError(
+                name, 'is not the name of a user-defined parameter: X- and characters other than blank ( ) " : #'
+            )
         if _PLAIN_EXPRESSION.fullmatch(value):
             text = value.encode()
         else:

@@ -1,9 +1,9 @@
-"""Text to message: SC00070I's grammar, read liberally, one table row per parameter.
+"""Parser of ACL messages: the grammar of SC00070I, liberal, with a table of parameters.
 
-Taken beyond the grammar (habits of JADE 4.6.5 and Rock's fipa_acl): any case, names in quotes, Java's numbers (`12d`),
-a word that begins with @, content that is a bare word, empty sets, parameters given twice (the last counts), no white
-space at all. Refused although JADE takes it: text behind the message, a month 13. What JADE refuses is refused, too:
-unknown acts and parameters, a receiver without `set`, content in parentheses, a word that begins with a digit.
+Accepted beyond the grammar, as JADE 4.6.5 and Rock's fipa_acl print it: any case, quoted names, numbers of Java
+(`12d`), words that begin with @, a bare word as content, empty sets, repeated parameters (the last one counts), no
+white space. Rejected although JADE accepts it: text after the message, month 13. Rejected as by JADE: unknown acts and
+parameters, a receiver without `set`, content in parentheses, a word that begins with a digit.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,9 +20,9 @@ Reader = Callable[["_Reader"], Any]
 
 
 def parse(data: str | bytes, *, zone: timezone = UTC) -> AclMessage:
-    """The message in `data`, which may come from anywhere; `zone`: the sender's, for times that do not say theirs.
+    """Return the message in `data`, which need not be trusted; `zone` is that of times without Z.
 
-    AclSyntaxError, and nothing else, says where it is no message, what stands there and what would have been right.
+    Raise AclSyntaxError, and no other exception, with the position, what was found there and what was expected.
     """
     if isinstance(data, str):
         data = _utf8(data)
@@ -37,7 +37,7 @@ def _utf8(text: str) -> bytes:
         return text.encode()
     except UnicodeEncodeError as error:
         data, offset = text.encode(errors="replace"), len(text[: error.start].encode())
-        raise AclSyntaxError("message", data, offset, "half a surrogate pair", "text that UTF-8 has") from error
+        raise AclSyntaxError("message", data, offset, "half a surrogate pair", "text that UTF-8 can encode") from error
 
 
 class _Reader(Scanner):
@@ -54,7 +54,7 @@ class _Reader(Scanner):
         fields, user = self.parameters(PARAMETERS)
         self.field = "message"
         if self.next():
-            raise self.wrong("the end of the text: one message is all")
+            raise self.wrong("the end of the text: only one message")
         return AclMessage(performative=act, user=user, **fields)
 
     def act(self) -> Performative:
@@ -66,7 +66,7 @@ class _Reader(Scanner):
             raise self.wrong(f"an act of SC00037J: {', '.join(Performative)}", start) from error
 
     def parameters(self, known: Mapping[str, tuple[str, Reader]]) -> tuple[dict[str, Any], dict[str, str]]:
-        """All parameters up to the closing parenthesis, which is taken: by our names, and the user-defined ones."""
+        """Parse the parameters and the closing parenthesis; return the known and the user-defined ones."""
         whole = self.field
         fields: dict[str, Any] = {}
         user: dict[str, str] = {}
@@ -77,7 +77,7 @@ class _Reader(Scanner):
                 self.at += 1
                 return fields, user
             start = self.at
-            self.take(b":", "a parameter that begins with : or ) at the end")
+            self.take(b":", "a parameter, which begins with :, or ) at the end")
             name = self.parameter(known, start)
             self.field = name.lower()
             if name.lower() in known:
@@ -89,7 +89,7 @@ class _Reader(Scanner):
                 spelt[name.lower()] = name
 
     def parameter(self, known: Mapping[str, Any], start: int) -> str:
-        """Take the name of a parameter; of one that runs into its word or time only its own letters."""
+        """Parse the name of a parameter, also if its value follows without white space."""
         begin, name = self.at, self.name()
         if name.lower() in known or (name[:2].lower() == "x-" and len(name) > 2):
             return name
@@ -154,7 +154,7 @@ class _Reader(Scanner):
         return time
 
 
-# Parameter of the text -> field of AclMessage, and how its value is read (SC00061G, SC00070I).
+# Parameter -> field of AclMessage and parser of its value (SC00061G, SC00070I).
 PARAMETERS: dict[str, tuple[str, Reader]] = {
     "sender": ("sender", _Reader.aid),
     "receiver": ("receiver", lambda reader: reader.aids("set")),
@@ -170,7 +170,7 @@ PARAMETERS: dict[str, tuple[str, Reader]] = {
     "reply-by": ("reply_by", _Reader.time),
 }
 
-# Slots of an agent-identifier -> fields of Aid.
+# Slot of an agent-identifier -> field of Aid and parser of its value.
 SLOTS: dict[str, tuple[str, Reader]] = {
     "name": ("name", _Reader.agent_name),
     "addresses": ("addresses", lambda reader: reader.several("sequence", _Reader.word)),
@@ -178,4 +178,4 @@ SLOTS: dict[str, tuple[str, Reader]] = {
 }
 
 RUNS_INTO = ("protocol", "reply-by", "name")
-"""Parameters whose value Rock prints without quotes, so that name and value touch."""
+"""Parameters whose value Rock prints without quotes and white space directly after the name."""

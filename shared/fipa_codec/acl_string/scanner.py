@@ -1,8 +1,9 @@
-r"""Tokens of the string representation, from bytes (SC00070I; byte-length strings count bytes, so no text before them).
+r"""Tokens of the string representation (SC00070I), from bytes, since byte-length strings count bytes.
 
-Word: a run without bytes 00-20 and parentheses. String: `"..."` where only `\"` is an escape and any other backslash
-is itself, or `#n"` and n bytes. Rock prints no white space at all, so a name may run into its word (`:protocolrequest`)
-and a word into the next parameter (`request:content#2"hi`); both are taken apart here where that has one meaning.
+Word: a sequence without bytes 00-20 and parentheses. String: `"..."` where only `\"` is an escape and any other
+backslash is literal, or `#n"` and n bytes. Rock prints no white space, so a name may be joined to its value
+(`:protocolrequest`) and a word to the next parameter (`request:content#2"hi`); they are separated here if that is
+unambiguous.
 """
 
 import re
@@ -14,14 +15,14 @@ from fipa_codec.acl_string.message import MAX_DEPTH
 _BLANK = re.compile(rb"[\x00-\x20]*")
 _RUN = re.compile(rb"[^\x00-\x20()]+")
 _NAME = re.compile(rb'[^\x00-\x20()":#]*')
-# Possessive: a quote behind a backslash never ends the string, not even where none follows.
+# Possessive: a quote after a backslash never ends the string, even if no other quote follows.
 _STRING = re.compile(rb'"((?:[^"\\]++|\\"?+)*+)"')
 _COUNT = re.compile(rb'#(\d{1,9})"')
 _END = re.compile(rb"[\x00-\x20():]|\Z")
-# JADE leaves bare what Java takes for a double, its suffixes d and f too.
+# JADE does not quote what Java parses as a double, including the suffixes d and f.
 _NUMBER = re.compile(rb"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?[dDfF]?")
 
-# The begin of a parameter inside a run of word characters.
+# Start of a parameter within a sequence of word characters.
 RUN_ON = re.compile(
     rb":(?:(?:sender|receiver|reply-to|addresses|resolvers)\("
     rb'|(?:content|language|encoding|ontology|conversation-id|reply-with|in-reply-to)(?:"|#\d+")'
@@ -32,7 +33,7 @@ RUN_ON = re.compile(
 
 
 class Scanner:
-    """A position `at` in `data`; every method that takes a token moves it behind. `field`: what errors are about."""
+    """A position `at` in `data`. Methods that take a token move it behind the token. `field`: field of errors."""
 
     def __init__(self, data: bytes) -> None:
         self.data = data
@@ -40,24 +41,24 @@ class Scanner:
         self.field = "message"
 
     def wrong(self, expected: str, at: int | None = None, found: str = "") -> AclSyntaxError:
-        """The error for what stands at `at`, else here."""
+        """Return the error for position `at`, by default the current one."""
         offset = self.at if at is None else at
         return AclSyntaxError(self.field, self.data, offset, found or shown(self.data[offset : offset + 200]), expected)
 
     def next(self) -> bytes:
-        """The byte behind any white space, not taken; b"" at the end."""
+        """Skip white space and return the next byte without taking it; b"" at the end."""
         match = _BLANK.match(self.data, self.at)
         self.at = match.end() if match else self.at
         return self.data[self.at : self.at + 1]
 
     def take(self, byte: bytes, expected: str) -> None:
-        """Take this byte."""
+        """Take this byte after white space."""
         if self.next() != byte:
             raise self.wrong(expected)
         self.at += 1
 
     def keyword(self, word: str) -> None:
-        """Take this word in any case; what follows may touch it."""
+        """Take this word in any case; the next token may follow without white space."""
         self.next()
         end = self.at + len(word)
         if self.data[self.at : end].lower() != word.encode():
@@ -72,7 +73,7 @@ class Scanner:
         return self.text(self.data[start : self.at], start)
 
     def run_end(self) -> int:
-        """Where the run of word characters here ends: at white space, a parenthesis, or a parameter that touches it."""
+        """Return the end of the word here: at white space, a parenthesis or a parameter joined to it."""
         match = _RUN.match(self.data, self.at)
         if not match:
             return self.at
@@ -80,7 +81,7 @@ class Scanner:
         return touching.start() if touching else match.end()
 
     def word(self) -> str:
-        """Take a word; for a name in quotes (JADE) the string."""
+        """Take a word, or a quoted name (JADE)."""
         if self.next() in (b'"', b"#"):
             return self.string()
         start, self.at = self.at, self.run_end()
@@ -90,7 +91,7 @@ class Scanner:
         return self.text(raw, start)
 
     def expression(self) -> str:
-        """Take a word, string, number, time or nested expression; what is no string stays as it is written."""
+        """Take a word, string, number, time or nested expression; return it as written, a string without its quotes."""
         start, byte = self.at, self.next()
         if byte in (b'"', b"#"):
             return self.string()
@@ -106,13 +107,13 @@ class Scanner:
         return self.word()
 
     def string(self) -> str:
-        """Take a string that is text."""
+        """Take a string in UTF-8."""
         raw, begin = self.octets()
         self.text(self.data[begin : self.at], begin)
         return raw.decode()
 
     def octets(self) -> tuple[bytes, int]:
-        """Take a string: its bytes, and where they begin."""
+        """Take a string; return its bytes and their start."""
         if self.next() == b"#":
             return self._counted()
         match = _STRING.match(self.data, self.at)
@@ -130,12 +131,12 @@ class Scanner:
         begin, length = match.end(), int(match[1])
         left = len(self.data) - begin
         if length > left:
-            raise self.wrong(f"at most {left} bytes, which are left", found=f"a string of {length} bytes")
+            raise self.wrong(f"at most {left} bytes, the rest of the text", found=f"a string of {length} bytes")
         self.at = begin + length
         return self.data[begin : self.at], begin
 
     def nested(self) -> str:
-        """Take an expression in parentheses, as it is written."""
+        """Take an expression in parentheses; return it as written."""
         start, depth = self.at, 0
         while True:
             byte = self.next()
@@ -154,16 +155,16 @@ class Scanner:
                 raise self.wrong(") that ends the expression")
 
     def deeper(self, depth: int) -> None:
-        """Refuse what is nested too deeply."""
+        """Raise AclSyntaxError at the depth limit."""
         if depth >= MAX_DEPTH:
             raise self.wrong(f"at most {MAX_DEPTH} levels of parentheses", found=f"level {depth + 1}")
 
     def ends_here(self, at: int) -> bool:
-        """Tell whether white space, a parenthesis, a parameter or the end of the text is at `at`."""
+        """Whether white space, a parenthesis, a parameter or the end of the text is at `at`."""
         return _END.match(self.data, at) is not None
 
     def text(self, raw: bytes, offset: int) -> str:
-        """The characters of bytes that begin at `offset`."""
+        """Decode bytes that begin at `offset`. Raise AclSyntaxError if they are not UTF-8."""
         try:
             return raw.decode()
         except UnicodeDecodeError as error:

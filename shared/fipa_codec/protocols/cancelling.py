@@ -1,12 +1,13 @@
-"""From the arrows of a protocol's drawing to the tables of both roles, with the cancel meta-protocol in them.
+"""Tables of both roles from the arrows of a protocol diagram, with FIPA's cancel meta-protocol.
 
-The cancel meta-protocol is the same in all documents (SC00026H to SC00036H): only the initiator may cancel, at any time
-between the opening and the end it knows of; the participant answers inform (it is over) or failure (it is not), in
-reply to the cancel. The drawings leave out what crosses on the way. Found by walking both roles (`exploration.py`):
+The cancel meta-protocol is the same in all specifications (SC00026H to SC00036H): only the initiator may cancel, at any
+time between the opening and the end; the participant answers the cancel with inform (cancelled) or failure (not
+cancelled). The diagrams do not show messages that cross. Exploration of both roles (`exploration.py`) requires:
 
-- the initiator takes whatever crosses its cancel; if that is the end, the cancel's own answer still comes;
-- a participant that has ended by its own word answers a late cancel with failure, and needs no memory for that;
-- while it stops, a participant may still come to its end or say what changes nothing, but it begins nothing new.
+- the initiator accepts messages that cross its cancel; if one ends the protocol, the answer to the cancel still
+follows;
+- a participant that has ended answers a late cancel with failure; it needs no memory of the conversation;
+- while it stops, a participant may still end or send messages that change no state, but it must not advance.
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,19 +22,19 @@ PLAIN, CANCEL = Kind.PLAIN, Kind.CANCEL
 
 
 class Pending(NamedTuple):
-    """What an open state becomes for each role between the cancel and its answer."""
+    """The states of both roles between the cancel and its answer, for one open state."""
 
     initiator: S
     participant: S
 
 
 def pending(*states: S) -> dict[S, Pending]:
-    """The words `cancelling-x` and `stopping-x` for each open state x."""
+    """Return the states `cancelling-x` and `stopping-x` for each open state x."""
     return {state: Pending(S(f"cancelling-{state}"), S(f"stopping-{state}")) for state in states}
 
 
 def mirrored(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """The same arrows as the other role sees them."""
+    """Return the same arrows from the view of the other role."""
     return tuple(row._replace(way=RECEIVE if row.way is SEND else SEND) for row in rows)
 
 
@@ -47,16 +48,16 @@ def cancellable(
     aliases: tuple[str, ...] = (),
     rounds: Iterable[P] = (),
 ) -> Protocol:
-    """The protocol of a drawing (`rows`, the initiator's view) with cancel.
+    """Return the protocol of a diagram (`rows`, from the view of the initiator) with cancel.
 
-    `ended`: how the drawing can end. `pending`: every open state after the opening. `failure_ends`: whether a cancel
-    that failed ends the conversation too; else it is dropped and the conversation goes on where it stands.
+    `ended`: final states of the diagram. `pending`: its open states after the opening. `failure_ends`: whether a failed
+    cancel ends the conversation too; otherwise the conversation continues in its state.
     """
-    drawing, ends = tuple(rows), tuple(ended)
-    mirror, over = mirrored(drawing), (*ends, S.CANCELLED, S.SETTLED)
+    arrows, ends = tuple(rows), tuple(ended)
+    mirror, over = mirrored(arrows), (*ends, S.CANCELLED, S.SETTLED)
     return Protocol(
         name,
-        initiator=Table((*drawing, *_initiator(drawing, pending, failure_ends)), ended=over),
+        initiator=Table((*arrows, *_initiator(arrows, pending, failure_ends)), ended=over),
         participant=Table(
             (*mirror, *_participant(mirror, ends, pending, failure_ends)), ended=over, urgent=(S.TOO_LATE,)
         ),
@@ -65,10 +66,10 @@ def cancellable(
     )
 
 
-def _initiator(drawing: tuple[Row, ...], pending: Mapping[S, Pending], failure_ends: bool) -> Iterable[Row]:
+def _initiator(arrows: tuple[Row, ...], pending: Mapping[S, Pending], failure_ends: bool) -> Iterable[Row]:
     for state, (cancelling, _) in pending.items():
         yield Row(state, SEND, P.CANCEL, PLAIN, cancelling)
-        for row in drawing:
+        for row in arrows:
             if row.state == state and row.way is RECEIVE:
                 known = pending.get(S(row.to))
                 yield row._replace(state=cancelling, to=known.initiator if known else S.OVERTAKEN)
@@ -78,17 +79,17 @@ def _initiator(drawing: tuple[Row, ...], pending: Mapping[S, Pending], failure_e
 
 
 def _participant(
-    drawing: tuple[Row, ...], ends: tuple[S, ...], pending: Mapping[S, Pending], failure_ends: bool
+    arrows: tuple[Row, ...], ends: tuple[S, ...], pending: Mapping[S, Pending], failure_ends: bool
 ) -> Iterable[Row]:
     for state, (_, stopping) in pending.items():
         yield Row(state, RECEIVE, P.CANCEL, PLAIN, stopping)
-        for row in drawing:
+        for row in arrows:
             if row.state == state and row.way is SEND and (row.to == state or row.to in ends):
                 yield row._replace(state=stopping, to=stopping if row.to == state else S.TOO_LATE)
         yield Row(stopping, SEND, P.INFORM, CANCEL, S.CANCELLED)
         yield Row(stopping, SEND, P.FAILURE, CANCEL, S.CANCELLED if failure_ends else state)
-    # A cancel that crossed the participant's last word, or (start) names a conversation nobody remembers.
-    said = {row.to for row in drawing if row.way is SEND}
-    for state in (S.START, *(end for end in ends if end in said)):
+    # A cancel that crossed the last message of the participant, or (start) of a forgotten conversation.
+    reached = {row.to for row in arrows if row.way is SEND}
+    for state in (S.START, *(end for end in ends if end in reached)):
         yield Row(state, RECEIVE, P.CANCEL, PLAIN, S.TOO_LATE)
     yield Row(S.TOO_LATE, SEND, P.FAILURE, CANCEL, S.SETTLED)

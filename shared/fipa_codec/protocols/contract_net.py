@@ -1,15 +1,14 @@
 """`cfp` (contract net, FIPA SC00029H), `icfp` (iterated contract net, SC00030H) and `propose` (SC00036H), with cancel.
 
-One table is one participant's; `multicast.py` holds several of them together, whose proposals compete. A call carries
-reply-by, and a proposal that comes later is rejected. A proposal binds who made it once it is accepted.
+A table describes the conversation with one participant; `multicast.py` combines several, whose proposals compete. A
+call for proposals has a reply-by; later proposals are rejected. An accepted proposal is binding.
 """
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols.cancelling import cancellable, pending
-from fipa_codec.protocols.naming import register
 from fipa_codec.protocols.states import State as S
-from fipa_codec.tables import RECEIVE, SEND, Row
+from fipa_codec.tables import RECEIVE, SEND, Row, register
 
 PLAIN = Kind.PLAIN
 
@@ -27,8 +26,8 @@ _ENDED = (S.DONE, S.FAILED, S.REFUSED, S.REJECTED)
 _OPEN = pending(S.CALLED, S.OFFERED, S.AWARDED)
 
 CFP = register(cancellable("cfp", _CALL, ended=_ENDED, pending=_OPEN, aliases=("fipa-contract-net",)))
+"""Contract net (SC00029H)."""
 
-# A new round is a new call, with a reply-with and a reply-by of its own; there is none after an award.
 ICFP = register(
     cancellable(
         "icfp",
@@ -39,8 +38,11 @@ ICFP = register(
         rounds=(P.CFP,),
     )
 )
+"""Iterated contract net (SC00030H).
 
-# What comes of an accepted proposal is not part of this protocol.
+A new round is a new cfp with its own reply-with and reply-by; none after an award.
+"""
+
 PROPOSE = register(
     cancellable(
         "propose",
@@ -54,3 +56,4 @@ PROPOSE = register(
         aliases=("fipa-propose",),
     )
 )
+"""Propose (SC00036H). The performance of an accepted proposal is not part of this protocol."""

@@ -1,18 +1,18 @@
-"""`query` (FIPA SC00027H): is it true (query-if), which object is it (query-ref).
+"""`query` (FIPA SC00027H): whether a proposition holds (query-if), which object a descriptor denotes (query-ref).
 
-The answer comes at once, so there is neither agree nor cancel (one who no longer wants the answer drops it). Asking
-again, with the same m_w, is free while nothing came: each copy may be answered, and later answers are dropped.
+The answer is immediate, so there is neither agree nor cancel; an initiator that needs no answer any more ignores it.
+The query may be repeated with the same m_w until it is answered: each copy may be answered, and later answers are
+ignored.
 
-The standard's answer is inform, with a content that says which object the descriptor denotes, or whether the
-proposition holds. `inform-ref` is a macro act there (SC00037J); as an answer it is the paper's habit (Table 8). Both
-are rows here, for both roles, so that an agent of the paper and one of another platform are understood alike.
+In the standard the answer is an inform whose content is the object or the truth value. `inform-ref` is a macro act
+(SC00037J), but the paper uses it as the answer (Table 8). Both roles have rows for both, so that agents of the paper
+and of other platforms are understood.
 """
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from fipa_codec.protocols.naming import register
 from fipa_codec.protocols.states import State as S
-from fipa_codec.tables import RECEIVE, SEND, Protocol, Row, Table
+from fipa_codec.tables import RECEIVE, SEND, Protocol, Row, Table, register
 
 PLAIN = Kind.PLAIN
 
@@ -38,3 +38,4 @@ _query_participant = Table(
 )
 
 QUERY = register(Protocol("query", initiator=_query_initiator, participant=_query_participant, aliases=("fipa-query",)))
+"""Query (SC00027H)."""

@@ -3,15 +3,11 @@
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols.cancelling import Pending, cancellable, pending
-from fipa_codec.protocols.naming import register
 from fipa_codec.protocols.states import State as S
-from fipa_codec.tables import RECEIVE, SEND, Row
+from fipa_codec.tables import RECEIVE, SEND, Row, register
 
 PLAIN, PROGRESS = Kind.PLAIN, Kind.PROGRESS
 
-# agree is needed only when the result does not come at once. An inform[progress] between agree and result is ours.
-# A failure in reply to the cancel ends the conversation as an inform does: the act is over, so there is nothing to go
-# on with; who cannot stop its act brings it to its end first and answers the cancel then.
 REQUEST = register(
     cancellable(
         "request",
@@ -34,8 +30,13 @@ REQUEST = register(
         aliases=("fipa-request",),
     )
 )
+"""Request (SC00026H).
 
-# The act is done once, when the condition comes true. The agreement is explicit: no result comes straight from asked.
+agree may be omitted if the result is immediate; inform[progress] between agree and result is added. A failure in reply
+to the cancel ends the conversation too, since the act is over: a participant that cannot stop its act completes it
+first and then answers the cancel.
+"""
+
 REQUEST_WHEN = register(
     cancellable(
         "request-when",
@@ -51,3 +52,7 @@ REQUEST_WHEN = register(
         aliases=("fipa-request-when",),
     )
 )
+"""Request when (SC00028H).
+
+The act is performed once, when the condition holds. The agree is required before the result.
+"""

@@ -1,4 +1,4 @@
-"""The words for the states of all protocols of this package; what ends a conversation is named by how it ended."""
+"""Names of the states of the protocols of this package."""
 
 from enum import StrEnum
 
@@ -6,28 +6,30 @@ from fipa_codec.tables import START
 
 
 class State(StrEnum):
-    """States of both roles. `cancelling-x`: initiator in x whose cancel is pending; `stopping-x`: participant in x
-    that has taken the cancel and not answered it.
+    """States of both roles. A final state is named after the outcome.
+
+    `cancelling-x`: initiator in x with a pending cancel. `stopping-x`: participant in x that has not answered a
+    received cancel.
     """
 
     START = START
     ASKED = "asked"
-    """Opened, and not yet answered."""
+    """Opened, not answered yet."""
     AGREED = "agreed"
     WAITING = "waiting"
-    """Agreed to act once a condition holds."""
+    """Agreed to act when a condition holds."""
     LIVE = "live"
-    """Subscribed."""
+    """Subscribed; informs may follow at any time."""
     CALLED = "called"
     """Called for a proposal."""
     OFFERED = "offered"
-    """A proposal is made, and not yet accepted or rejected."""
+    """A proposal was made and is neither accepted nor rejected yet."""
     AWARDED = "awarded"
-    """The proposal is accepted: it binds who made it."""
+    """The proposal is accepted and binding."""
     SEARCHING = "searching"
-    """The broker looks for agents that fit, and passes the embedded message on."""
+    """The broker looks for target agents and forwards the embedded message."""
     RELAYING = "relaying"
-    """The message is passed on; what the targets answer is relayed."""
+    """The embedded message is forwarded; the answers of the targets are relayed."""
 
     CANCELLING_ASKED = "cancelling-asked"
     CANCELLING = "cancelling"
@@ -39,7 +41,7 @@ class State(StrEnum):
     CANCELLING_SEARCHING = "cancelling-searching"
     CANCELLING_RELAYING = "cancelling-relaying"
     OVERTAKEN = "overtaken"
-    """Initiator: the end crossed the cancel, whose own answer is still to come."""
+    """Initiator: the last message crossed the cancel; the answer to the cancel is still to come."""
     STOPPING_ASKED = "stopping-asked"
     STOPPING = "stopping"
     """Of AGREED and LIVE."""
@@ -50,10 +52,10 @@ class State(StrEnum):
     STOPPING_SEARCHING = "stopping-searching"
     STOPPING_RELAYING = "stopping-relaying"
     TOO_LATE = "too-late"
-    """Participant: owes the cancel its failure, since the conversation had ended."""
+    """Participant: must answer the cancel with failure, since the conversation had ended."""
 
     ASKED_AGAIN = "asked-again"
-    """Participant: owes its agree once more."""
+    """Participant: must repeat its agree."""
     REFUSED_AGAIN = "refused-again"
     FAILED_AGAIN = "failed-again"
 
@@ -63,7 +65,7 @@ class State(StrEnum):
     ACCEPTED = "accepted"
     REJECTED = "rejected"
     PASSED = "passed"
-    """The message was handed over; what is said about it is said elsewhere."""
+    """The embedded message was forwarded; its conversation is another one."""
     CANCELLED = "cancelled"
     SETTLED = "settled"
-    """Ended by itself, and the cancel that came too late is answered."""
+    """Ended without the cancel; the late cancel is answered."""

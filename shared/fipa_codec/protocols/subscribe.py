@@ -1,15 +1,14 @@
 """`subscribe` (FIPA SC00035H) with cancel, as soft state.
 
-The initiator repeats subscribe, with the same m_w, until it is answered; the answer is then repeated too. A live
-subscription may rest for ever. The rows of the cancel differ from those of the other protocols for that reason: a
-participant that is told to stop does so in the same step.
+The initiator repeats subscribe, with the same m_w, until it is answered; the participant then repeats its answer. A
+live subscription may last for ever. The rows of the cancel differ from those of the other protocols: a participant
+answers the cancel in the same step.
 """
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from fipa_codec.protocols.naming import register
 from fipa_codec.protocols.states import State as S
-from fipa_codec.tables import RECEIVE, SEND, Protocol, Row, Table
+from fipa_codec.tables import RECEIVE, SEND, Protocol, Row, Table, register
 
 PLAIN, CANCEL = Kind.PLAIN, Kind.CANCEL
 
@@ -82,3 +81,4 @@ SUBSCRIBE = register(
         "subscribe", initiator=_subscribe_initiator, participant=_subscribe_participant, aliases=("fipa-subscribe",)
     )
 )
+"""Subscribe (SC00035H)."""

@@ -105,7 +105,7 @@ def _asked_once(protocol: Protocol) -> Protocol:
         return protocol
     rows = [row for row in initiator if row not in again]
     ends = {"ended": initiator.ended, "urgent": initiator.urgent, "resting": initiator.resting}
-    return protocol.varied(initiator=Table(rows, **ends))
+    return protocol.with_tables(initiator=Table(rows, **ends))
 
 
 def difference(protocol: Protocol) -> tuple[float, float]:

@@ -92,7 +92,7 @@ def restricted(protocol: Protocol, said: dict[Role, set[Performative]]) -> Proto
         ends = {"ended": table.ended & states, "urgent": table.urgent & states, "resting": table.resting & states}
         return Table(rows, **ends)
 
-    return protocol.varied(initiator=kept(Role.INITIATOR), participant=kept(Role.PARTICIPANT))
+    return protocol.with_tables(initiator=kept(Role.INITIATOR), participant=kept(Role.PARTICIPANT))
 
 
 def _without_row(use: elements.Protocol, protocol: Protocol, at: Path_) -> Iterator[Finding]:

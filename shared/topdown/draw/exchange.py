@@ -153,9 +153,10 @@ class _Writer:
     def _shortcut(
         self, groups: list[list[Edge]], heads: tuple[Place, ...]
     ) -> tuple[list[Edge], list[list[Edge]]] | None:
-        """A step after which only what could be said before can be said still (an agree): it may as well be left out.
+        """Return a step that can be omitted without hiding a message from the diagram (an agree), else None.
 
-        With it, the groups that it does not lead to.
+        That is: after it only messages are possible that were possible before it. Also return the groups of messages
+        that it does not lead to.
         """
         offered = {(e.said, e.to) for group in groups for e in group}
         for group in groups:

@@ -143,4 +143,4 @@ def restricted(protocol: Protocol, says: Mapping[Role, Collection[str]]) -> Prot
         whole = Table(rows, ended=old.ended & states, urgent=old.urgent & states, resting=old.resting & states)
         return reachable(whole)
 
-    return protocol.varied(initiator=table(Role.INITIATOR), participant=table(Role.PARTICIPANT))
+    return protocol.with_tables(initiator=table(Role.INITIATOR), participant=table(Role.PARTICIPANT))

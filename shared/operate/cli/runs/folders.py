@@ -10,8 +10,8 @@ import msgspec
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD, STOP_RELEASED
 from companion.run_files import HI_FILE, HiAddress
-from operate.run_folder import FLEET_FILE, LATEST, Fleet, ProcessState, ProcessStatus
 from operate.cli.errors import HiError, NoRunError
+from operate.run_folder import FLEET_FILE, LATEST, Fleet, ProcessState, ProcessStatus
 
 RUNS = Path("runs")
 SUPERVISOR, HUMAN_INTERFACE = "services.supervisor", "services.human_interface"

@@ -45,6 +45,8 @@ def installed() -> str:
 def commit() -> str:
     """The commit of the sources, with "+" where they were changed since; "" outside of a checkout."""
     root = Path(__file__).parents[4]
+    if not (root / ".git").exists():  # installed; git would find a repository around the environment
+        return ""
     try:
         asked = ["git", "-C", str(root), "describe", "--always", "--dirty=+", "--abbrev=12", "--exclude=*"]
         done = subprocess.run(asked, capture_output=True, text=True, timeout=10.0, check=False)

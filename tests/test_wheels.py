@@ -1,0 +1,140 @@
+"""What is built can be installed and used without the clone: the codec alone, and the whole product."""
+
+import ctypes
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+CODEC = ROOT / "shared" / "fipa_codec"
+UV = Path(sys.executable).with_name("uv")
+
+
+def has_gomp() -> bool:
+    """Whether the machine has GNU's OpenMP, which pinocchio's wheel is linked against."""
+    try:
+        ctypes.CDLL("libgomp.so.1")
+    except OSError:
+        return False
+    return True
+
+
+class Place:
+    """An empty environment outside of the clone, and a folder to work in."""
+
+    def __init__(self, folder: Path) -> None:
+        self.work, self.bin = folder / "work", folder / "env" / "bin"
+        self.work.mkdir()
+        kept = {name: text for name, text in os.environ.items() if not name.startswith(("PYTHON", "ROCO_", "VIRTUAL_"))}
+        path = os.pathsep.join((str(self.bin), "/usr/local/bin", "/usr/bin", "/bin"))
+        self.variables = kept | {"PATH": path, "COLUMNS": "100", "ROCO_VIEW": "off"}
+        self.run(UV, "venv", "--quiet", "--python", sys.executable, self.bin.parent)
+
+    def install(self, project: Path, extras: str = "") -> None:
+        """Build a project's wheel and install it with its dependencies, in the versions that are locked."""
+        wheels = self.bin.parents[1] / "wheels"
+        build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", wheels]
+        self.run(*build, cwd=project)
+        (wheel,) = wheels.glob("*.whl")
+        name = wheel.name.partition("-")[0]
+        locked = ["--constraint", ROOT / "requirements" / "all.txt"]
+        python = ["--python", self.bin / "python"]
+        self.run(UV, "pip", "install", "--quiet", *python, *locked, f"{name}{extras} @ {wheel.as_uri()}")
+
+    def run(self, *command: str | Path, cwd: Path | None = None, safe: bool = True, timeout: float = 120.0) -> str:
+        """What a command prints. `safe`: Python does not look for modules in the folder it is started in."""
+        done = subprocess.run(
+            list(map(str, command)),
+            cwd=cwd or self.work,
+            env=self.variables | ({"PYTHONSAFEPATH": "1"} if safe else {}),
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+        )
+        assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
+        return done.stdout
+
+    def outside_of_the_clone(self, package: str) -> None:
+        """No path that Python searches is in the clone, nor is the package."""
+        searched = self.run(
+            self.bin / "python", "-c", f"import sys, {package} as p; print(p.__file__, *sys.path)"
+        ).split()
+        assert not [path for path in searched if Path(path).is_relative_to(ROOT)]
+
+
+@pytest.mark.timeout(120)
+def test_the_codec_alone(tmp_path: Path) -> None:
+    """With msgspec only: the page's request is asked and answered, its ACL text is printed and read."""
+    place = Place(tmp_path)
+    place.install(CODEC)
+    listed = place.run(UV, "pip", "list", "--python", place.bin / "python", "--format", "freeze")
+    assert {line.partition("==")[0] for line in listed.split()} == {"fipa-codec", "msgspec"}
+    place.outside_of_the_clone("fipa_codec")
+    _, _, section = (ROOT / "docs" / "acl.md").read_text(encoding="utf-8").partition("## The codec alone")
+    code, shown = re.findall(r"```(?:python|text)\n(.*?)```", section, re.DOTALL)
+    (place.work / "request.py").write_text(code, encoding="utf-8")
+    assert place.run(place.bin / "python", "request.py") == shown
+    assert list(place.bin.parent.glob("lib/python3*/site-packages/fipa_codec/py.typed"))
+
+
+def test_both_distributions_say_the_same_of_the_codec() -> None:
+    """Version, Python, licence, and no dependency that its row of imports does not have."""
+    whole, codec = (tomllib.loads((folder / "pyproject.toml").read_text()) for folder in (ROOT, CODEC))
+    for key in ("version", "requires-python", "license"):
+        assert codec["project"][key] == whole["project"][key]
+    assert (CODEC / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
+    (row,) = (row for row in whole["tool"]["importlinter"]["contracts"] if row.get("room") == "fipa_codec")
+    assert [re.split("[<>=]", one)[0] for one in codec["project"]["dependencies"]] == row["may_import"]
+    assert set(codec["project"]["dependencies"]) <= set(whole["project"]["dependencies"])
+
+
+def test_every_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
+    """No pattern of .gitignore, which the build obeys too, leaves one out."""
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path], cwd=ROOT, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        inside = set(archive.namelist())
+    targets = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    left_out = {ROOT / path.strip("/") for path in targets["exclude"]}
+    for package in targets["packages"]:
+        folder = ROOT / package
+        files = [path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        assert {str(path.relative_to(folder.parent)) for path in files if path not in left_out} <= inside
+    assert not [name for name in inside if "/runs/" in name and name.startswith("robot_companion")]
+
+
+@pytest.mark.long
+@pytest.mark.zenoh
+@pytest.mark.timeout(900)
+@pytest.mark.skipif(not has_gomp(), reason="pinocchio needs libgomp.so.1 (Debian: apt install libgomp1)")
+def test_the_whole_product(tmp_path: Path) -> None:
+    """`robot-companion[all]`: a new project is made and checked, the depot runs, and Velma pours."""
+    place = Place(tmp_path)
+    place.install(ROOT, "[all]")
+    place.outside_of_the_clone("services")
+    roco = place.bin / "roco"
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert place.run(roco, "--version") == f"roco {version}\n"
+    assert "Run the main job" in place.run(roco, "demo", "--help")
+
+    place.run(roco, "design", "new", "lift")
+    assert "no findings" in place.run(roco, "design", "check", "lift/lift/design.toml")
+    assert "all ready" in place.run(
+        place.bin / "python", "-m", "lift", "--seconds", "5", cwd=place.work / "lift", safe=False
+    )
+
+    depot = place.bin.parent / "share" / "robot-companion" / "examples" / "depot"
+    assert "no findings" in place.run(roco, "design", "check", "depot/design.toml", cwd=depot)
+    said = place.run(place.bin / "python", "-m", "depot", "--seconds", "40", cwd=depot, safe=False)
+    assert "Figures(delivered=3, failed=0)" in said
+
+    said = place.run(roco, "demo", "--headless", "--speed", "max", "--seed", "7", timeout=500.0)
+    assert "of the content is in the bowl" in said
+    assert (place.work / "runs" / "latest" / "report.html").is_file()
