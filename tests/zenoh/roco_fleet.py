@@ -21,6 +21,7 @@ from agent_runtime.io.shell import Heartbeat
 from agent_runtime.io.zenoh_wire import client_config
 from companion.languages import rc
 from companion.run_files import SLOTS_FILE, TaskLine
+from companion.tools.system import SYSTEM
 from companion.tools.verbs.hi import Hi
 from operate.cli.fleet import starting
 from operate.cli.fleet.identity import tls
@@ -180,7 +181,7 @@ class RocoFleet:
     def acts_begun(self) -> list[str]:
         """Keys of the acts that ex agreed to begin, in order; a communicate sent again counts once."""
         agreed = [
-            one for one in mcap_file.read(self.run / mcap_file.FILE).records
+            one for one in mcap_file.read(self.run / mcap_file.FILE, SYSTEM).records
             if isinstance(one, Spoken) and isinstance(one.content, rc.Accepted)
         ]  # fmt: skip
         return [one.content.key for one in {one.identity: one for one in agreed}.values()]

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from companion.languages import rc
+from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
 from operate.cli.traffic.replace import Compared
 from operate.recording import mcap_file
@@ -45,7 +46,7 @@ def test_it_is_said_where_the_words_first_differ(tmp_path: Path) -> None:
     """A recording in which ta asks for another act than it does: the line, the field, both words; exit code 1."""
     file, changed = tmp_path / "other.mcap", False
     copy = mcap_file.Recording(file)
-    for record in mcap_file.read(POUR / mcap_file.FILE).records:
+    for record in mcap_file.read(POUR / mcap_file.FILE, SYSTEM).records:
         if isinstance(record, Spoken) and isinstance(record.content, rc.Look) and not changed:
             record, changed = elsewhere(record), True
         copy.add(record)

@@ -111,7 +111,7 @@ class _Beat(msgspec.Struct, frozen=True):
 
 def load(run: Path, system: System) -> History:
     """The history of a run folder of this system. What cannot be read is a hole, never an error."""
-    heard = mcap_file.read(run / mcap_file.FILE, system.languages)
+    heard = mcap_file.read(run / mcap_file.FILE, system)
     logs = {path.stem: tuple(arrivals(path, system)) for path in sorted((run / STEPS).glob(f"*.{STEPS}"))}
     return msgspec.structs.replace(merged(heard.records, logs, system, whole=heard.whole), down=_down(run))
 

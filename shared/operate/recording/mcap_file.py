@@ -18,9 +18,9 @@ from mcap.records import Channel, Footer, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from fipa_codec.languages import Languages
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
 from operate.recording.schemas import schema
+from operate.system import System
 
 FILE = "traffic.mcap"
 PROFILE = "robot-companion"
@@ -117,9 +117,9 @@ class Reading:
     `whole`, once all are read: whether it was closed in order, nothing is cut off.
     """
 
-    def __init__(self, path: Path, languages: Languages | None = None) -> None:
-        """`languages`: in which contents are read; None: they are not."""
-        self._path, self._languages = path, languages
+    def __init__(self, path: Path, system: System | None = None) -> None:
+        """`system`: whose languages contents can be read in; without it none can."""
+        self._path, self._system = path, system
         self.whole = False
 
     def __iter__(self) -> Iterator[Record]:
@@ -140,14 +140,16 @@ class Reading:
             elif isinstance(found, Message) and found.channel_id in kinds:
                 with suppress(msgspec.MsgspecError):  # cut off, or of another version
                     record = _decoders[kinds[found.channel_id]].decode(found.data)
-                    yield record.read_in(self._languages) if isinstance(record, Spoken) else record
+                    if isinstance(record, Spoken) and self._system is not None:
+                        record.read_in(self._system.languages)
+                    yield record
             elif isinstance(found, Footer):
                 self.whole = True
 
 
-def read(path: Path, languages: Languages | None = None) -> Read:
-    """Everything readable of one traffic.mcap, contents in these languages; of a missing file nothing."""
-    reading = Reading(path, languages)
+def read(path: Path, system: System | None = None) -> Read:
+    """Everything readable of one traffic.mcap, recorded of this system; of a missing file nothing."""
+    reading = Reading(path, system)
     return Read(tuple(reading), reading.whole)
 
 

@@ -30,6 +30,13 @@ class Origin(StrEnum):
     STEPS = "steps"
 
 
+class NotReadable(RuntimeError):
+    """The content of a record was asked for, and nobody said in which languages it is."""
+
+    def __init__(self) -> None:
+        super().__init__("the content cannot be read: give mcap_file.read the system, or call Spoken.read_in")
+
+
 class Spoken(msgspec.Struct, frozen=True, dict=True):
     """A communicate. Times in unix seconds; `wire`: all of its bytes (base64 in JSON), `size` their number.
 
@@ -74,7 +81,9 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def _read(self) -> tuple[Any, Kind]:
-        languages = self.__dict__.get("languages")
+        if "languages" not in self.__dict__:
+            raise NotReadable
+        languages: Languages | None = self.__dict__["languages"]
         try:
             return languages.read(self.communicate) if languages is not None else (None, Kind.PLAIN)
         except FipaError:
