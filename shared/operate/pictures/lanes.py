@@ -5,13 +5,13 @@ import rerun as rr
 from companion.design import DESIGN
 from companion.languages import rc, sw
 from companion.telemetry import RobotState
-from companion.words import plain, spaced
 from fipa_codec.performatives import Performative
 from operate.pictures.colours import FRESH, GREY, RED
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, states
 from operate.recording.history import Entered
 from operate.recording.records import Spoken
+from operate.wording import plain, spaced
 
 REST = "–"
 GONE = "gone"

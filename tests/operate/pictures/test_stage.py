@@ -14,7 +14,6 @@ from companion.tools.pictures import robot
 from companion.tools.pictures.acts import DONE, PLANNED
 from companion.tools.pictures.plan import PLAN
 from companion.tools.pictures.velma import VELMA
-from companion.words import plain
 from operate.pictures.file import end_s
 from operate.pictures.graph import GRAPH, positions
 from operate.pictures.happenings import Happening
@@ -23,6 +22,7 @@ from operate.pictures.stage import Stage
 from operate.recording import history
 from operate.recording.records import Record
 from operate.run_folder import Judged
+from operate.wording import plain
 from velma.names import GRIP_BODY
 
 

@@ -1,10 +1,10 @@
 """The plan as text: its machine's states, what is behind, and the leaf ta is in."""
 
 from companion.languages import hfsm, sw
-from companion.words import plain
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, documents
 from operate.recording.records import Spoken
+from operate.wording import plain
 
 PLAN = "plan"
 

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import msgspec
 
 from companion.languages import cmd, hfsm, rc, sw
-from companion.words import plain, spaced
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
+from operate.wording import plain, spaced
 
 TASK_ENDS = (cmd.TaskState.DONE, cmd.TaskState.FAILED, cmd.TaskState.CANCELLED)
 REFUSALS = (Performative.REFUSE, Performative.NOT_UNDERSTOOD)

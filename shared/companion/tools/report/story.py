@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 
 from companion.languages import cmd, rc, sw
 from companion.tools.report.plans import REFUSED, Act, acts, asked, commands, made, outcome, ran, task_end
-from companion.words import plain, spaced
 from operate.recording.history import History
 from operate.reports.figures import ACCENT, FAINT, INK, WIDTH_IN, drawing
+from operate.wording import plain, spaced
 
 LANES = ("person, hi", "co, pl", "km", "ta", "ex: left hand", "ex: right hand", "ex: head")
 WORDS: dict[type[rc.Command], tuple[str, str]] = {

@@ -16,13 +16,13 @@ from rich.live import Live
 from companion.languages.cmd import TaskState
 from companion.run_files import TaskLine
 from companion.tools.verbs.hi import Hi
-from companion.words import plain
 from operate.cli import interrupts
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
 from operate.cli.terminal import draw, run_state
 from operate.run_folder import LIVE_FILE, REPORT_FILE, Fleet, LiveLine, ProcessState
+from operate.wording import plain
 
 SENTENCE = "pour the content of the jar into the bowl"
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED, "refused")

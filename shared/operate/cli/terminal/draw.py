@@ -10,10 +10,10 @@ from rich.text import Text
 
 from companion.design import DESIGN
 from companion.run_files import TaskLine
-from companion.words import plain
 from operate.cli.fleet.state_words import COLOURS, doing, waited_for
 from operate.cli.terminal.run_state import Event, Plan, View, leaves
 from operate.run_folder import Fleet
+from operate.wording import plain
 
 PLAN_LINES = 17  # as high as the panels beside it
 LEAST_COLUMN = 20  # in a narrower terminal lines are folded again

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import msgspec
 
-from companion.words import plain
 from operate.run_folder import Against, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
+from operate.wording import plain
 
 LATEST_EVENTS = 20  # the picture shows as many of them as there is room for
 _decoder: msgspec.json.Decoder[LiveLine] = msgspec.json.Decoder(LiveLine)

@@ -13,7 +13,6 @@ from rich.text import Text
 
 from companion.run_files import TaskLine
 from companion.tools.verbs.hi import Hi
-from companion.words import plain
 from operate.cli.errors import ConsoleError, NoRunError
 from operate.cli.fleet import targets
 from operate.cli.fleet.agents import COLUMNS, cells
@@ -27,6 +26,7 @@ from operate.cli.terminal.graph import WINDOW_S, Edge, edges, sized
 from operate.cli.terminal.keyboard import Keyboard
 from operate.cli.terminal.run_state import View
 from operate.run_folder import LiveLine, Sent
+from operate.wording import plain
 
 PERIOD_S = 1.0
 """Between two pictures: people look once a second."""
