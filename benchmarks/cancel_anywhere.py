@@ -19,8 +19,8 @@ from pour_one_process import Run
 
 from companion.languages import hfsm
 from services.executor.loop.program import Motion, Phase
+from services.executor.simulation import InProcess
 from services.executor.skills.skill import Sensed
-from services.executor.virtual import InProcess
 from services.task import plan as plans
 
 UPRIGHT_DEG = 10.0

@@ -12,14 +12,14 @@ import typer
 
 from companion.languages import hfsm, wm
 from companion.languages.values import BodyPosture, Pose, Side
-from services.executor import virtual
+from services.executor import simulation
 from services.executor.skills.motions import aim
 from services.knowledge.answers import ask
 from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
 from services.planner.search.search import search
-from services.task.survey import SURVEY
+from services.task.words import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat
 from velma.kinematics.timing import loaded
@@ -39,7 +39,7 @@ class Planning:
 
     def _look_around(self) -> None:
         scene = vary(load(), self.seed)
-        backend, eye, models = MujocoBackend(scene), virtual.receptor(scene), virtual.things(scene)
+        backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.things(scene)
         qpos = backend.configuration().copy()
         for point in SURVEY.at:
             goal = aim(0.0, point)

@@ -16,16 +16,16 @@ import typer
 
 from companion.languages import hfsm, rc, wm
 from services.executor.loop.core import LoopCore
+from services.executor.simulation import InProcess, receptor, things
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation, beginning
-from services.executor.virtual import InProcess, receptor, things
 from services.knowledge.answers import ask
 from services.knowledge.observe import apply
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 from services.planner.search.search import search
 from services.task import plan as plans
-from services.task.survey import SURVEY
+from services.task.words import SURVEY
 from velma.kinematics.robot import Robot
 from velma.model.scene import load, vary
 from velma.sim.mujoco_backend import MujocoBackend
@@ -76,7 +76,7 @@ class Run:
             apply(self.store, observation, (1, self.version))
 
     def observations(self, outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnyObservation]:
-        from services.task.observing import observations
+        from services.task.words import observations
 
         yield from observations(outcome)
 

@@ -105,7 +105,7 @@ READ_TOO = ("852 kB of grasps",)
 
 
 def km() -> Agent[Any]:
-    """a_km, but that an answer stands ready under the name of the object whose grasps are asked for."""
+    """km, but that an answer stands ready under the name of the object whose grasps are asked for."""
     ready = {name: make() for name, make in ANSWERS.items()}
 
     def answer(memory: knowing.Memory, turn: Turn) -> knowing.Memory:
@@ -154,7 +154,7 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
 
 
 def pl() -> Agent[Any]:
-    """a_pl in its state of search, where each word of its own side is a question to km."""
+    """pl in its state of search, where each word of its own side is a question to km."""
 
     said: list[int] = []
 

@@ -4,14 +4,13 @@ docs/errors.md says of each of them the cause and what to do (scripts/errors.tom
 """
 
 import ast
-import re
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = (
-    *(f"shared/{room}" for room in ("fipa_codec", "agent_runtime", "topdown", "operate", "companion")),
+    *map("shared/{}".format, ("fipa_codec", "agent_runtime", "topdown", "operate", "companion")),
     "velma",
     "services",
 )
@@ -19,6 +18,7 @@ BUILT_IN = {"Exception", "ValueError", "TypeError", "LookupError", "RuntimeError
 LEVELS = ("warning", "error")
 ENUMS = {  # words that a person meets as the reason of something; each member has its row
     "verdicts": ("shared/topdown/judge/verdicts.py", "Verdict"),
+    "acts": ("shared/companion/languages/rc.py", "NotDoneKind"),
     "states": ("shared/operate/run_folder.py", "ProcessState"),
 }
 DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}  # members of agent_runtime.core.verdict.What
@@ -154,15 +154,6 @@ def rejected() -> dict[str, Declared]:
     return found
 
 
-def acts() -> dict[str, Declared]:
-    """The kinds of an act that was not done, as the language's class has them."""
-    path = "shared/companion/languages/rc.py"
-    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
-    (node,) = [each for each in tree.body if isinstance(each, ast.ClassDef) and each.name == "NotDone"]
-    words = re.sub(r"\(.*?\)", "", (ast.get_docstring(node) or "").split("`kind`:")[1]).strip(" .\n").split(",")
-    return {word.strip(): Declared(word.strip(), path, "") for word in words}
-
-
 def members(path: str, name: str) -> dict[str, Declared]:
     """The words of an enumeration."""
     tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
@@ -184,5 +175,5 @@ def codes() -> dict[str, Declared]:
 
 def every() -> dict[str, dict[str, Declared]]:
     """All kinds."""
-    told = {"exceptions": exceptions(), "log": warnings(), "dropped": rejected(), "acts": acts(), "codes": codes()}
+    told = {"exceptions": exceptions(), "log": warnings(), "dropped": rejected(), "codes": codes()}
     return told | {kind: members(*where) for kind, where in ENUMS.items()}

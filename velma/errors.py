@@ -1,18 +1,19 @@
-"""What can go wrong with Velma, as one family.
+"""The exceptions of this package.
 
 VelmaError
-    SceneError      a scene file or a variation asks for something that cannot be
-    MotionError     a motion that the loop may not begin
-    SlotError       the shared file is not what this version reads
+    SceneError      a scene file or a variation asks for something impossible
+    MotionError     a motion that the loop must not start
+    SlotError       the shared file is not of this version
+    BackendError    there is no back-end of this name
 """
 
 
 class VelmaError(Exception):
-    """Base of this package's own errors."""
+    """Base of the exceptions of this package."""
 
 
 class SceneError(VelmaError):
-    """A scene holds something that cannot be."""
+    """A scene has something impossible."""
 
     def __init__(self, field: str, found: object, expected: str) -> None:
         self.field, self.found, self.expected = field, found, expected
@@ -20,7 +21,7 @@ class SceneError(VelmaError):
 
 
 class MotionError(VelmaError):
-    """A motion that the loop may not begin."""
+    """A motion that the loop must not start."""
 
     def __init__(self, field: str, found: object, expected: str) -> None:
         self.field, self.found, self.expected = field, found, expected
@@ -33,3 +34,11 @@ class SlotError(VelmaError):
     def __init__(self, path: str, found: object, expected: str) -> None:
         self.path, self.found, self.expected = path, found, expected
         super().__init__(f"slot file {path}: {found}, expected {expected}")
+
+
+class BackendError(VelmaError):
+    """There is no back-end of this name."""
+
+    def __init__(self, name: str, found: str, expected: str, remedy: str) -> None:
+        self.name, self.found, self.expected = name, found, expected
+        super().__init__(f"back-end {name!r}: {found}, expected {expected}; {remedy}")

@@ -1,7 +1,7 @@
 """Velma's joints by name, in the one order that every array of this project uses.
 
 The body is the torso, the right arm and the left arm (15 joints); head and hands are commanded beside it. The numbers
-repeat velma/model/robot.yaml (sources there) so that nobody has to read a model to know a limit; a test compares
+repeat velma/model/robot.yaml (sources there), so that limits are known without reading a model; a test compares
 them, and `check_joints` compares the names whenever a model is loaded. Knows neither Pinocchio nor MuJoCo.
 """
 
@@ -68,7 +68,7 @@ FINGER_UPPER = 2.443389  # rad, 140 deg
 DISTAL_UPPER = 0.837733  # rad, 48 deg
 SPREAD_UPPER = 3.141593  # rad
 
-# Corners of the region of (wrist joint 5, wrist joint 6) in which hand and forearm do not meet, rad, shape (16, 2).
+# Corners of the region of (wrist joint 5, wrist joint 6) without collision of hand and forearm, rad, shape (16, 2).
 WRIST_POLYGON: dict[str, Array] = {
     "right": np.array(
         [

@@ -1,7 +1,7 @@
 """The five behaviours of co (paper, section 5.5: trigger, procReq, compSP, schedule, switch), bound to the design.
 
-co rests in `trigger`, and in `compSP` while a plan is made; procReq, schedule and switch are passed in one step.
-Messages are heard in both resting states alike (hearing.py). Must not know: clocks, the wire.
+co waits in `trigger`, and in `compSP` while a plan is made; it passes procReq, schedule and switch in one step.
+Both waiting states take messages in the same way (incoming.py). Must not know: clocks, the wire.
 """
 
 from functools import partial
@@ -15,19 +15,19 @@ from companion.design import AgentName
 from companion.languages.cmd import TaskState
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
-from services.coordinator.hearing import hear, not_answering
+from services.coordinator.incoming import not_answering, take
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, plan_wanted
 
 
 def await_trigger(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """Behaviour of `trigger`: take what comes; at entry what ended before is settled."""
+    """State trigger: take messages; on entry forget that a task has ended."""
     if turn.event is None:
         return replace(memory, over=False, choice=Choice.OPEN)
-    return hear(memory, turn, limits)
+    return take(memory, turn, limits)
 
 
 def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """Behaviour of `procReq`: agree to a command and put it behind the others, or refuse it."""
+    """State procReq: agree to a command and queue it, or refuse it."""
     for job in memory.arrived:
         why_not = _why_not(memory, turn, limits)
         if why_not:
@@ -47,9 +47,9 @@ def _why_not(memory: Memory, turn: Turn, limits: Limits) -> str:
 
 
 def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """Behaviour of `compSP`: ask for the plan of the first task; it brings the expected duration with it."""
+    """State compSP: request the plan of the first task; its duration is in the plan."""
     if turn.event is not None:
-        return hear(memory, turn, limits)
+        return take(memory, turn, limits)
     job = memory.first
     if job is None or not plan_wanted(memory):
         return memory
@@ -61,14 +61,14 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
 
 
 def schedule(memory: Memory, turn: Turn) -> Memory:
-    """Behaviour of `schedule`: continue with the plan that runs, or switch to the one that is ready."""
+    """State schedule: continue with the running plan, or switch to the one that is ready."""
     return replace(memory, choice=decide(memory.jobs))
 
 
 def decide(jobs: tuple[Job, ...]) -> Choice:
     """In order of arrival: switch when the first task has its plan and nothing runs.
 
-    TaskER's costs, deadlines and suspension decide here later.
+    Costs, deadlines and suspension (TaskER) are not considered yet.
     """
     running = any(job.stage is Stage.RUNNING for job in jobs)
     ready = bool(jobs) and jobs[0].stage is Stage.PLANNED
@@ -76,7 +76,7 @@ def decide(jobs: tuple[Job, ...]) -> Choice:
 
 
 def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """Behaviour of `switch`: request the plan of ta, with its reply-by. Nothing runs that had to be ended first."""
+    """State switch: request ta to run the plan, with its reply-by. No other plan runs then."""
     job = memory.first
     if job is None or job.plan is None:
         return memory
@@ -87,8 +87,8 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     return replace(memory.with_job(job), choice=Choice.OPEN)
 
 
-def coordinator(limits: Limits | None = None) -> Agent[Memory]:
-    """The agent co."""
+def agent(limits: Limits | None = None) -> Agent[Memory]:
+    """Return the agent co."""
     kept = limits or Limits()
     behaviours: dict[str, Transition[Memory]] = {
         "await_trigger": partial(await_trigger, limits=kept),

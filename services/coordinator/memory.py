@@ -1,7 +1,6 @@
-"""What co remembers: the tasks in order of arrival, how far the first of them is, and talks that outlive their task.
+"""What co knows between two steps: tasks in order of arrival, conversations that outlive their task.
 
-One task at a time: the first job is planned and run, the others wait (scheduling by cost and deadline comes later).
-Must not know: messages, time but as numbers it is given.
+One task at a time: the first job is planned and run, the others wait. Must not know: messages, clocks.
 """
 
 from enum import StrEnum
@@ -12,26 +11,26 @@ from companion.languages import cmd, hfsm
 
 
 class Limits(msgspec.Struct, frozen=True):
-    """How long co waits, how much it takes on. Seconds of wall time but where `speed` scales them."""
+    """How long co waits, how many tasks it takes. Seconds of wall time, except where `speed` scales them."""
 
     planning_s: float = (
         180.0  # reply-by of a request for a plan: 6 s on two cores, over 60 s at a load of 17 (measured)
     )
     cancel_planning_s: float = 10.0  # pl forwards only, so a cancel is taken at once (estimate)
     cancel_acting_s: float = 240.0  # two things put down and two arms home take 60 s, tried twice (measured)
-    patience_s: float = 60.0  # how long waiting tasks wait on when pl or ta is late (estimate)
+    patience_s: float = 60.0  # how long tasks go on waiting when pl or ta is late (estimate)
     replans: int = 6  # new plans of one task before it is given up (estimate)
-    looks: int = 120  # askings while the robot looks around; km holds each for 5 s, so that is 10 min (estimate)
-    waiting: int = 5  # open tasks: an agree and two last words each stay below the outbox bound, should hi be dead
-    speed: float = 1.0  # simulated seconds in a wall second; "max" counts as 1: it is no slower (estimate)
+    looks: int = 120  # requests while the robot looks around; km holds each for 5 s, so 10 min (estimate)
+    waiting: int = 5  # open tasks: an agree and two last messages each stay below the outbox bound if hi is dead
+    speed: float = 1.0  # simulated seconds per wall second; "max" counts as 1: it is not slower (estimate)
 
     def acting_s(self, plan: hfsm.HierarchicalPlan) -> float:
-        """Reply-by of a plan [s from now]: five times its planned duration and 10 s, at this speed."""
+        """Return the reply-by of a plan [s from now]: five times its planned duration plus 10 s, at this speed."""
         return (5.0 * plan.duration + 10.0) / self.speed
 
 
 class Stage(StrEnum):
-    """How far a task is."""
+    """The stage of a task."""
 
     WAITING = "waiting"
     PLANNING = "planning"
@@ -40,7 +39,7 @@ class Stage(StrEnum):
 
 
 class Choice(StrEnum):
-    """What state `schedule` decided on the plan that lies before it."""
+    """The decision of state `schedule`."""
 
     OPEN = "open"
     CONTINUE = "continue"
@@ -50,7 +49,7 @@ class Choice(StrEnum):
 class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING) or ta (RUNNING).
 
-    `arrived`, `started`: unix time [s]; `plans`: how many were asked for; `at`: the state of the plan hi was told last.
+    `arrived`, `started`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
     `looks`: how often the plan had to wait for a look around.
     """
 
@@ -68,8 +67,8 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`arrived`: commands taken and not stored yet; `over`: a task has just ended; `loose`: talks with pl or ta whose
-    reply-by passed, so that hi was told already, and whose last word is still to come.
+    """`arrived`: commands that are not queued yet; `over`: a task has just ended; `loose`: conversations with pl or ta
+    whose reply-by has passed (hi was told) and whose last message is still to come.
     """
 
     arrived: tuple[Job, ...] = ()
@@ -80,24 +79,24 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def first(self) -> Job | None:
-        """The task that is worked on, or will be next."""
+        """The task that is worked on or comes next."""
         return self.jobs[0] if self.jobs else None
 
     def of_hi(self, conversation: str) -> Job | None:
-        """The task of a conversation with hi."""
+        """Return the task of a conversation with hi."""
         return next((job for job in self.jobs if job.conversation == conversation), None)
 
     def of_talk(self, conversation: str) -> Job | None:
-        """The task that a conversation with pl or ta serves."""
+        """Return the task of a conversation with pl or ta."""
         return next((job for job in self.jobs if job.talk == conversation), None)
 
     def with_job(self, job: Job) -> "Memory":
-        """The same with this task as it now is."""
+        """Return the memory with this task updated."""
         jobs = tuple(job if one.conversation == job.conversation else one for one in self.jobs)
         return msgspec.structs.replace(self, jobs=jobs)
 
     def without_job(self, job: Job) -> "Memory":
-        """The same less a task that has ended."""
+        """Return the memory without a task that has ended."""
         jobs = tuple(one for one in self.jobs if one.conversation != job.conversation)
         return msgspec.structs.replace(self, jobs=jobs, over=True, choice=Choice.OPEN)
 
@@ -106,53 +105,53 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def command_arrived(memory: Memory) -> bool:
-    """A command of hi is not stored yet."""
+    """Whether a command of hi is not queued yet."""
     return bool(memory.arrived)
 
 
 def plan_wanted(memory: Memory) -> bool:
-    """The first task has no plan, none was asked for, and pl and ta are at our service."""
+    """Whether the first task needs a plan, and pl and ta are not late."""
     return memory.first is not None and memory.first.stage is Stage.WAITING and not memory.loose
 
 
 def choice_open(memory: Memory) -> bool:
-    """A plan is there, and nothing was decided on it."""
+    """Whether there is a plan, and no decision on it."""
     return memory.first is not None and memory.first.stage is Stage.PLANNED and memory.choice is Choice.OPEN
 
 
 def triggered(memory: Memory) -> bool:
-    """There is something to do, or a plan has ended."""
+    """Whether there is something to do, or a plan has ended."""
     return command_arrived(memory) or plan_wanted(memory) or choice_open(memory) or memory.over
 
 
 def request_stored(memory: Memory) -> bool:
-    """No command waits to be stored."""
+    """Whether no command waits to be queued."""
     return not memory.arrived
 
 
 def parameters_settled(memory: Memory) -> bool:
-    """Pl owes us no plan; or hi wants to be heard before it comes."""
+    """Whether no plan is awaited of pl, or a command of hi comes first."""
     planning = memory.first is not None and memory.first.stage is Stage.PLANNING
     return not planning or command_arrived(memory)
 
 
 def decided(memory: Memory) -> bool:
-    """Continue or switch."""
+    """Whether the decision was made."""
     return memory.choice is not Choice.OPEN
 
 
 def switch(memory: Memory) -> bool:
-    """The decision is switch."""
+    """Whether the decision is switch."""
     return memory.choice is Choice.SWITCH
 
 
 def switched(memory: Memory) -> bool:
-    """Ta has the plan."""
+    """Whether ta has the plan."""
     return memory.choice is not Choice.SWITCH
 
 
 def switch_failed(memory: Memory) -> bool:
-    """There is no plan to switch to."""
+    """Whether there is no plan to switch to."""
     return switch(memory) and (memory.first is None or memory.first.stage is not Stage.PLANNED)
 
 

@@ -1,4 +1,4 @@
-"""What co says: tasks for pl, reports for hi, and the reasons of others in words.
+"""What co says and hears: tasks for pl, reports for hi, the reasons that others give.
 
 Reports stay within their size budget on C2 (500 bytes with the envelope). Must not know: which state co is in.
 """
@@ -14,48 +14,48 @@ from fipa_codec.performatives import Performative
 from services.coordinator.memory import Job
 
 LONGEST_TEXT = 280
-"""Bytes of a report's text: 500 of the budget, less an envelope of at most 200 and the report's frame."""
+"""Bytes of the text of a report: a budget of 500, less at most 200 for the envelope, less the frame of the report."""
 LOOKS = "the robot looks around first"
 
 
 def network(job: Job) -> hfsm.GroundTaskNetwork:
-    """The ground task of a command, named by task and number of the plan."""
+    """Return the task network of a command, named by task and number of the plan."""
     return hfsm.GroundTaskNetwork(f"{job.conversation}-plan{job.plans}", (ground_task(job.command),))
 
 
 def ground_task(command: cmd.Task) -> hfsm.Task:
-    """The task of the planning domain that does a command."""
+    """Return the task of the planning domain for a command."""
     match command:
         case cmd.PourInto(source=source, destination=destination):
-            return hfsm.Task("pour", (source, destination))
+            return hfsm.Task(hfsm.TaskName.POUR, (source, destination))
         case cmd.Take(object=thing, side=side):
-            return hfsm.Task("take", (thing, side))
+            return hfsm.Task(hfsm.TaskName.TAKE, (thing, side))
         case cmd.PutDown(object=thing):
-            return hfsm.Task("put_down", (thing,))
+            return hfsm.Task(hfsm.TaskName.PUT_DOWN, (thing,))
         case cmd.LookAround():
-            return hfsm.Task("look_around", ())
+            return hfsm.Task(hfsm.TaskName.LOOK_AROUND, ())
 
 
 def report(state: TaskState, text: str) -> TaskReport:
-    """A report whose text was cut to its budget."""
+    """Return a report, its text cut to the budget."""
     return TaskReport(state, cut(text))
 
 
 def place(ahead: int) -> str:
-    """A task's place in the queue, in words."""
+    """Return the place of a task in the queue, in words."""
     if not ahead:
         return "it is the next one"
     return "one task comes before it" if ahead == 1 else f"{ahead} tasks come before it"
 
 
 def cut(text: str, longest: int = LONGEST_TEXT) -> str:
-    """The text in at most `longest` bytes of UTF-8."""
+    """Return the text, cut to at most `longest` bytes of UTF-8."""
     data = text.encode(errors="replace")
     return text if len(data) <= longest else data[: longest - 3].decode(errors="ignore") + "…"
 
 
 def reason(content: Any) -> str:
-    """Why, in words, from whatever a refusal, failure or report carries; "" where it says nothing."""
+    """Return the reason in a refusal, failure or report; "" if there is none."""
     match content:
         case hfsm.NoPlan(reason=text) | Reason(text=text):
             return text
@@ -67,23 +67,23 @@ def reason(content: Any) -> str:
 
 
 def progress(turn: Turn, job: Job, state: TaskState, text: str) -> None:
-    """Tell hi how far its task is; not while hi is away, since an outbox that fills up would stop co itself."""
+    """Tell hi the progress of its task; not while hi is away, since a full outbox would stop co."""
     if AgentName.HI in turn.peers and turn.holds(job.conversation):
         turn.say(job.conversation, Performative.INFORM, report(state, text))
 
 
 def done(turn: Turn, job: Job, text: str) -> None:
-    """The task's result; a cancel that was on its way came too late."""
+    """Tell hi that the task is done; a cancel that crossed it came too late."""
     _last(turn, job, Performative.INFORM, report(TaskState.DONE, text))
 
 
 def failed(turn: Turn, job: Job, text: str) -> None:
-    """The task failed, and why; a cancel on its way is answered behind it."""
+    """Tell hi that the task failed, and why; then answer a cancel that crossed it."""
     _last(turn, job, Performative.FAILURE, report(TaskState.FAILED, text))
 
 
 def cancelled(turn: Turn, job: Job, text: str) -> None:
-    """The cancel's answer, which ends the task."""
+    """Answer the cancel; this ends the task."""
     if turn.holds(job.conversation):
         turn.say(job.conversation, Performative.INFORM, report(TaskState.CANCELLED, text), kind=Kind.CANCEL)
 

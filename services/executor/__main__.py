@@ -1,4 +1,4 @@
-"""ex's agent as a process: `python -m services.executor --help`. The loop is a process of its own beside it."""
+"""ex as a process: `python -m services.executor --help`. The control loop is a process of its own beside it."""
 
 import os
 from pathlib import Path
@@ -7,26 +7,28 @@ from agent_runtime.io import cli, shell
 from agent_runtime.io.devices import Post
 from agent_runtime.io.options import Options
 from companion.binding import wiring
+from companion.design import AgentName
 from companion.run_files import SLOTS_FILE
-from services.executor import behaviours
-from services.executor.body import Body
+from services.executor.behaviours import agent
+from services.executor.device import RobotDevice
+from services.executor.local import Setup
+from services.executor.loop_device import LoopDevice
 from services.executor.pictures import Pictures
-from services.executor.reaching import SlotLoop
-from services.executor.skilled import Skilled
-from services.executor.telling import Telling
-from services.executor.words import Setup
+from services.executor.skill_device import SkillDevice
+from services.executor.telemetry import Telemetry
 
 
 def serve(options: Options) -> int:
-    """Until a signal comes. ROCO_SLOTS names the file in which loop and agent meet (default: in the run folder)."""
+    """Run until a signal; return the exit code. ROCO_SLOTS names the file between loop and agent (else: run folder)."""
     slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS_FILE)
     setup = Setup(scene=str(options.scene or ""), seed=options.seed)
 
-    def body(post: Post) -> Body:
-        return Body(Skilled(post, setup), SlotLoop(post, slots), Telling(post, slots, Pictures(post, setup)))
+    def device(post: Post) -> RobotDevice:
+        telemetry = Telemetry(post, slots, Pictures(post, setup))
+        return RobotDevice(SkillDevice(post, setup), LoopDevice(post, slots), telemetry)
 
-    return shell.run(behaviours.agent(), wiring("ex", options.system), options, body)
+    return shell.run(agent(), wiring(AgentName.EX, options.system), options, device)
 
 
 if __name__ == "__main__":
-    cli.run("executor", "a_ex: moves the robot and senses with it, one act at a time.", serve)
+    cli.run("executor", "ex: moves the robot and senses with it, one act at a time.", serve)

@@ -1,7 +1,7 @@
-"""The head camera's picture, cast ray by ray in a mirror of the simulated world: no GL, so any process can make it.
+"""Pictures of the head camera, by ray casting in a copy of the simulated world. They need no GL.
 
-For people only: what ex knows of things is the receptor's business. Shapes, colours and lamps are the scene's own
-(velma.model.surfaces); no shadows, no textures. What one can look through is laid over what is behind it.
+Pictures are for people only; ex itself sees by its receptor. Shapes, colours and lamps are those of the scene
+(velma.model.surfaces), without shadows and textures. Transparent shapes are blended with what is behind them.
 """
 
 import math
@@ -22,16 +22,16 @@ RANGE_M = 10.0
 WIDTH, HEIGHT = 128, 96
 """Estimate: grains in the jar can be told apart, and a picture costs 3 % of a core at one a second."""
 SKY = (0.86, 0.90, 0.94)
-"""Where no ray hits: the haze of velma.model.surfaces."""
+"""Colour where no ray hits: the haze of velma.model.surfaces."""
 HOUSING = "head_tilt_link"
-"""Turns with the camera: none of it is in the picture, as a real camera looks out of its housing."""
+"""The link that turns with the camera. It is left out of the picture, as a real camera looks out of its housing."""
 SOLID, CLEAR, UNSEEN = (1, 1, 1, 0, 0, 0), (0, 0, 0, 0, 1, 0), 5
-"""Groups of geoms: 0 to 2 are looked at (velma.model.contacts); the camera sorts its own model into the last two."""
+"""Groups of geoms: 0 to 2 are visible (velma.model.contacts); the camera puts others into the last two."""
 SEE_THROUGH = 4
 
 
 class Camera:
-    """Makes pictures of the world of `model`; the model is changed for it, so it has to be the camera's own."""
+    """Makes pictures of the world of `model`. It changes the model, so nobody else may use it."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model, self._data = model, mujoco.MjData(model)
@@ -41,7 +41,7 @@ class Camera:
         _sort(model, self._colours[:, 3], model.body(HOUSING).id)
 
     def picture(self, qpos: Array) -> Pixels:
-        """What is in front of the camera in the state qpos (nq,) of the world: (HEIGHT, WIDTH, 3), red green blue."""
+        """Return the picture of the state qpos (nq,) of the world: (HEIGHT, WIDTH, 3), red green blue."""
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
@@ -53,7 +53,7 @@ class Camera:
         return np.rint(255.0 * np.clip(colours, 0.0, 1.0)).astype(np.uint8).reshape(HEIGHT, WIDTH, 3)
 
     def _cast(self, rays: Array, groups: tuple[int, ...]) -> tuple[Array, Array]:
-        """Distance (n,) of what each ray (n, 3) hits first, inf for nothing, and its lit colour with alpha (n, 4)."""
+        """Return distance (n,) of the first hit of each ray (n, 3), inf for none, its lit colour, alpha (n, 4)."""
         count = len(rays)
         geoms, distance, normals = np.full(count, -1, np.int32), np.zeros(count), np.zeros((count, 3))
         eye, seen = self._data.xpos[self._body], np.array(groups, np.uint8)
@@ -67,7 +67,7 @@ class Camera:
         return np.where(hit, distance, np.inf), colours
 
     def _light(self, rays: Array, normals: Array) -> Array:
-        """How much of each colour (n, 3) comes back from surfaces: the scene's lamps, and the lamp at the camera."""
+        """Return the share of each colour (n, 3) that surfaces reflect, lit by the lamps of scene and camera."""
         normals = normals * -np.sign(np.sum(rays * normals, axis=1, keepdims=True))  # towards the camera
         lamp = self._model.vis.headlight
         light = lamp.ambient + lamp.diffuse * -np.sum(rays * normals, axis=1, keepdims=True)
@@ -77,7 +77,7 @@ class Camera:
 
 
 def _rays() -> Array:
-    """A ray of length 1 through the middle of each pixel, rows from the top: (n, 3); z forward, x right, y down."""
+    """Return unit rays (n, 3) through the pixel centres, rows from the top; z forward, x right, y down."""
     x = HALF_WIDTH * (2 * (np.arange(WIDTH) + 0.5) / WIDTH - 1)
     y = HALF_HEIGHT * (2 * (np.arange(HEIGHT) + 0.5) / HEIGHT - 1)
     across, down = np.meshgrid(x, y)
@@ -86,7 +86,7 @@ def _rays() -> Array:
 
 
 def _colours(model: mujoco.MjModel) -> Array:
-    """Red, green, blue, alpha of each geom (ngeom, 4): its material's, times the mean of a texture, else its own."""
+    """Return red, green, blue, alpha of each geom (ngeom, 4): of its material times its mean texture, else its own."""
     colours = np.array(model.geom_rgba, dtype=float)
     for geom in np.flatnonzero(model.geom_matid >= 0):
         material = model.geom_matid[geom]
@@ -98,7 +98,7 @@ def _colours(model: mujoco.MjModel) -> Array:
 
 
 def _mean(model: mujoco.MjModel, texture: int) -> Array:
-    """The mean colour (3,) of a texture."""
+    """Return the mean colour (3,) of a texture."""
     size = model.tex_width[texture] * model.tex_height[texture] * model.tex_nchannel[texture]
     start = model.tex_adr[texture]
     pixels = model.tex_data[start : start + size].reshape(-1, model.tex_nchannel[texture])
@@ -106,7 +106,7 @@ def _mean(model: mujoco.MjModel, texture: int) -> Array:
 
 
 def _sort(model: mujoco.MjModel, alpha: Array, housing: int) -> None:
-    """Put what one can look through, and what turns with the camera, into groups of their own."""
+    """Put transparent geoms, and those that turn with the camera, into groups of their own."""
     with_camera = np.zeros(model.nbody, dtype=bool)
     for body in range(model.nbody):  # parents come first
         with_camera[body] = body == housing or with_camera[model.body_parentid[body]]

@@ -1,7 +1,7 @@
-"""What the head camera sees, for people's screens: a child process casts a picture where the robot or a thing moved.
+"""Pictures of the head camera as telemetry: a child process makes one when the robot or a thing has moved.
 
-The child has the least priority there is, so it takes only time that nobody else wants. One picture is under way at a
-time, at most one in PICTURE_S is begun; states that come meanwhile are passed over. Nobody waits for it.
+The child has the lowest priority, so it uses only idle time. One picture is made at a time, at most one in PICTURE_S;
+states that come meanwhile are skipped. Nobody waits for a picture.
 """
 
 import time
@@ -12,27 +12,27 @@ import numpy as np
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
 from companion.telemetry import PICTURE_S, Picture
-from services.executor.words import Array, Setup
+from services.executor.local import Array, Setup
 
-ENTRY = "services.executor.picturing:serve"
+ENTRY = "services.executor.picture_process:serve"
 NICENESS = 19
 STILL = 0.002
-"""A coordinate of the world that changed less is at rest [rad, m]; estimate: less than a pixel."""
+"""A coordinate that changed less counts as at rest [rad, m]; estimate: less than a pixel."""
 AGAIN_S = 10.0
-"""Between pictures at rest, for whoever began to look meanwhile; estimate."""
+"""Between pictures at rest, for viewers that were opened meanwhile; estimate."""
 LATE_S, PAUSE_S = 60.0, 30.0
-"""A child that is silent so long is killed, a new one begins so long after an end; estimates: start-up under load."""
+"""After LATE_S without an answer the child is killed; the next one starts after PAUSE_S; estimates."""
 
 
 class Show(msgspec.Struct, frozen=True, tag=True):
-    """To the child: a picture of this state, every coordinate of the world model as float64 bytes -> Picture."""
+    """To the child: make a picture of this state, all coordinates of the world model as float64 bytes -> Picture."""
 
     sim_time_s: float
     world: bytes
 
 
 class Pictures:
-    """Publishes pictures as telemetry; `offer` and `close` on one thread at a time."""
+    """Publishes pictures as telemetry. Call `offer` and `close` from one thread at a time."""
 
     def __init__(self, post: Post, setup: Setup) -> None:
         self._post, self._setup = post, setup
@@ -43,7 +43,7 @@ class Pictures:
         self._shown: Array = np.zeros(0)
 
     def offer(self, sim_time_s: float, world: Array, now: float | None = None) -> bool:
-        """Begin a picture of the state `world` (nq,), if one is due and no other is under way; whether it was begun.
+        """Start a picture of the state `world` (nq,) if one is due and no other is being made; return whether it was.
 
         Never waits. `now`: by the monotonic clock [s].
         """

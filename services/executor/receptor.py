@@ -1,8 +1,8 @@
-"""The virtual receptor of ex: what the head camera sees, with its noise. The only place that may look at true poses.
+"""The virtual receptor of ex: a simulated marker detector with noise. The only place that may read true poses.
 
-It holds a mirror of the simulated world, sets it to the state the loop published, and casts rays from the camera to
-points on each thing: a thing is reported when enough of them are in the field of view, in range, and not hidden. A
-marker-based vision system is what this stands for (the lab's models carry markers): it names the thing it sees.
+It sets a copy of the simulated world to the state that the loop published, and casts rays from the camera to points
+on each thing. A thing is detected if enough of its points are in the field of view, in range and not hidden. Markers
+(the lab's models carry them) tell which thing it is.
 """
 
 import math
@@ -16,10 +16,10 @@ import pinocchio as pin
 from services.executor.camera import HALF_HEIGHT, HALF_WIDTH
 from velma import names
 
-# Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less because held things are
-# looked at (estimate).
+# Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see held
+# things (estimate).
 NEAREST_M, FARTHEST_M = 0.4, 3.0
-LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: a marker or two of a thing must be free to be seen
+LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: one or two markers of a thing must be visible
 TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform about each axis
 AROUND = 8  # points around a cylinder
 GRID_M = 0.15  # between points on a box's face, at least two in each direction
@@ -27,16 +27,17 @@ GRID_M = 0.15  # between points on a box's face, at least two in each direction
 
 @dataclass(frozen=True)
 class Sight:
-    """A thing seen: its name, its pose in the world with noise."""
+    """A detected thing: its name, its pose in the world with noise."""
 
     name: str
     T_world_object: pin.SE3
 
 
 class Receptor:
-    """Sees the things (bodies by name) of a world model through the head camera.
+    """Detects the things (bodies by name) of a world model with the head camera.
 
-    `noise_m`: largest error on each horizontal axis [m]; `seed` of it. The same looks in the same order see the same.
+    `noise_m`: largest error on each horizontal axis [m]; `seed` of the noise. The same looks in the same order give the
+    same sights.
     """
 
     def __init__(self, model: mujoco.MjModel, things: tuple[str, ...], noise_m: float, seed: int) -> None:
@@ -47,7 +48,7 @@ class Receptor:
         self._noise_m, self._seed, self._looks = noise_m, seed, 0
 
     def look(self, qpos: np.ndarray) -> list[Sight]:
-        """What is seen in the state qpos (nq,) of the world; the heights of things are seen without error."""
+        """Return what is seen in the state qpos (nq,) of the world. Heights have no noise."""
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         self._looks += 1
@@ -70,7 +71,7 @@ class Receptor:
         return bool(seen >= max(LEAST_POINTS, LEAST_SHARE * len(rays)))
 
     def _framed(self, rays: np.ndarray) -> np.ndarray:
-        """Which rays (n, 3) from the camera, in the world's axes, are inside the picture."""
+        """Return which rays (n, 3) from the camera, in world axes, are inside the picture."""
         x, y, z = (rays @ self._data.xmat[self._camera].reshape(3, 3)).T  # camera: z forward, x right, y down
         return np.asarray((z > 0) & (np.abs(x) < HALF_WIDTH * z) & (np.abs(y) < HALF_HEIGHT * z))
 
@@ -82,7 +83,7 @@ class Receptor:
 
 
 def _points(model: mujoco.MjModel, body: int) -> Iterator[np.ndarray]:
-    """Points on the surface of a body's geoms, in the body's frame [m]."""
+    """Yield points on the surface of a body's geoms, in the body's frame [m]."""
     first, count = model.body_geomadr[body], model.body_geomnum[body]
     for geom in range(first, first + count):
         if model.geom_rgba[geom][3] == 0.0:

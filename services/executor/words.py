@@ -1,142 +1,82 @@
-"""The words between the agent of ex and its own side: the worker that runs skills, and the loop that moves.
+"""What ex says and hears in RC: impossible commands, agreements, refusals and outcomes."""
 
-A word names the number of the act it belongs to, so that what a killed worker had said before is not taken for news of
-the next act. Nothing here is a communicate, and nothing here leaves the computer.
-"""
+import math
+from collections.abc import Iterator
 
-import msgspec
-import numpy as np
-from numpy.typing import NDArray
-
+from agent_runtime.core.turn import Turn
 from companion.languages import rc
-from services.executor.loop.program import Motion
-from services.executor.remembered import Remembered
+from fipa_codec.languages import Kind, Reason
+from fipa_codec.performatives import Performative
+from services.executor.memory import Act
 
-Array = NDArray[np.float64]
-
-
-class Felt(msgspec.Struct, frozen=True):
-    """The loop's word on the robot: how a motion ended (phase of the loop, "" where there was none), and how it stands.
-
-    `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per side, which fingers
-    touched, mean angle [rad]. `world`: every coordinate of the world model, for the receptor's mirror only.
-    """
-
-    q: bytes
-    measured: bytes
-    head: tuple[float, float]
-    time: float
-    world: bytes = b""
-    ended: str = ""
-    reason: str = ""
-    touched: dict[str, tuple[bool, bool, bool]] = {}
-    fingers: dict[str, float] = {}
-
-    def setpoint(self) -> Array:
-        """(15,) [rad]."""
-        return np.frombuffer(self.q)
+JOINTS = 8  # of a joint path: torso and one arm
 
 
-class Word(msgspec.Struct, frozen=True, tag=True):
-    """`number` counts acts over all lives of the agent."""
-
-    number: int
-
-
-# --- to the loop ------------------------------------------------------------------------------------------------------
+def wrong(command: rc.Act) -> str:
+    """Return the first thing that is wrong with a command, before anything is computed; "" if nothing is."""
+    if not command.key:
+        return "key is empty, an act needs one of its own"
+    return next(_complaints(command), "")
 
 
-class Where(Word, frozen=True):
-    """How does the robot stand? -> Stands, or Lost at once."""
+def _complaints(command: rc.Act) -> Iterator[str]:
+    match command:
+        case rc.MoveJoint(path=path, speed=speed):
+            if not path or any(len(point) != JOINTS for point in path):
+                yield f"path has to be one or more points of {JOINTS} joints"
+            yield from _bad_numbers("path", *(x for point in path for x in point))
+            yield from _bad_speed(speed)
+        case rc.MoveCartesian(segments=segments):
+            if not segments:
+                yield "segments are empty, a motion needs at least one"
+            for segment in segments:
+                yield from _bad_numbers("offset", *segment.offset)
+                yield from _bad_speed(segment.speed)
+        case rc.Grasp(approach=approach, mass=mass, speed=speed):
+            if not approach:
+                yield "approach is empty, its last point is the grasp itself"
+            if not (math.isfinite(mass) and mass >= 0.0):
+                yield f"mass is {mass}, it has to be 0 kg or more"
+            yield from _bad_speed(speed)
+        case rc.Look(at=at):
+            if not at:
+                yield "at is empty, a look needs a point"
+            yield from _bad_numbers("at", *(x for point in at for x in point))
+        case rc.Pour(tilts=tilts, hold=hold, azimuth=azimuth, spin=spin):
+            yield from _bad_numbers("tilts, hold, azimuth, spin", *tilts, hold, azimuth, spin)
 
 
-class Halt(Word, frozen=True):
-    """Bring whatever moves to rest, wait for a loop if there is none -> Stands."""
+def _bad_numbers(name: str, *values: float) -> Iterator[str]:
+    if not all(math.isfinite(value) for value in values):
+        yield f"{name} holds a number that is not finite"
 
 
-class Do(Word, frozen=True):
-    """Carry this motion out -> Moved, or Lost."""
-
-    motion: Motion
-
-
-class Brake(Word, frozen=True):
-    """Bring the motion of this key to rest; its Moved still comes."""
-
-    key: str
+def _bad_speed(speed: float) -> Iterator[str]:
+    if not (math.isfinite(speed) and speed > 0.0):
+        yield f"speed is {speed}, it has to be greater than 0"
 
 
-# --- to the worker ----------------------------------------------------------------------------------------------------
+# --- to ta ------------------------------------------------------------------------------------------------------------
 
 
-class Setup(msgspec.Struct, frozen=True):
-    """To a new worker: the scene's file ("" for the canonical one), and the seed it is varied by (None: it is not)."""
-
-    scene: str = ""
-    seed: int | None = None
+def refuse(turn: Turn, conversation: str, command: rc.Command, kind: str, reason: str) -> None:
+    """Refuse a command, without the posture."""
+    turn.say(conversation, Performative.REFUSE, rc.NotDone(command.key, kind, reason))
 
 
-class Perform(Word, frozen=True):
-    """Run the skill of this command -> Move or Ended."""
-
-    command: rc.Act
-    remembered: Remembered
-    felt: Felt
+def agree(turn: Turn, act: Act, duration: float) -> None:
+    """Agree to an act of this expected duration [s, simulated]."""
+    turn.say(act.conversation, Performative.AGREE, rc.Accepted(act.command.key, duration))
 
 
-class Feel(Word, frozen=True):
-    """What came of the motion asked for last -> Move or Ended."""
-
-    felt: Felt
-
-
-class Drop(Word, frozen=True):
-    """Give the act up: the worker is killed."""
-
-
-# --- from them --------------------------------------------------------------------------------------------------------
-
-
-class Stands(Word, frozen=True):
-    """The robot stands so."""
-
-    felt: Felt
-
-
-class Moved(Word, frozen=True):
-    """The motion has ended so."""
-
-    felt: Felt
-
-
-class Lost(Word, frozen=True):
-    """The loop is gone, or another one: nobody knows how the motion ended."""
-
-    reason: str
-
-
-class Move(Word, frozen=True):
-    """The skill wants this motion; `expected`: of the whole act from here [s, simulated]."""
-
-    motion: Motion
-    expected: float
-    remembered: Remembered
-
-
-class Ended(Word, frozen=True):
-    """The skill has ended."""
-
-    outcome: rc.Done | rc.NotDone
-    remembered: Remembered
-
-
-class Crashed(msgspec.Struct, frozen=True, tag=True):
-    """The worker ended by itself with this exit status."""
-
-    code: int
-
-
-ToLoop = Where | Halt | Do | Brake
-ToWorker = Perform | Feel
-FromWorker = Move | Ended
-Local = Stands | Moved | Lost | Move | Ended | Crashed
+def report(turn: Turn, act: Act) -> None:
+    """Tell the outcome of an act; in reply to the cancel where the cancel ended it."""
+    outcome = act.outcome
+    assert outcome is not None
+    if act.cancelling and isinstance(outcome, rc.NotDone):
+        turn.say(act.conversation, Performative.INFORM, outcome, kind=Kind.CANCEL)
+        return
+    failed = Performative.FAILURE if act.begun else Performative.REFUSE
+    turn.say(act.conversation, Performative.INFORM if isinstance(outcome, rc.Done) else failed, outcome)
+    if act.cancelling:
+        turn.say(act.conversation, Performative.FAILURE, Reason("the act had ended"), kind=Kind.CANCEL)

@@ -1,6 +1,6 @@
-"""What hi shows to people, between the agent's thread and those of HTTP: tasks, the latest events, answers to tickets.
+"""What hi shows to people: tasks, the latest events, answers to tickets. Between the thread of the agent and HTTP's.
 
-Every wait here has an end. Must not know: HTTP, the agent.
+Every wait ends. Must not know: HTTP, the agent.
 """
 
 import itertools
@@ -10,13 +10,13 @@ from collections import deque
 from typing import Any
 
 from companion.run_files import Events, HiEvent, TaskLine, Tasks
-from services.human_interface.memory import Answer, Shown, Told
+from services.human_interface.local import Answer, Shown, Told
 
 KEPT_EVENTS = 1000
 
 
 class Board:
-    """Told by the agent, read by people's requests."""
+    """Written by the agent, read by requests of people."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -28,7 +28,7 @@ class Board:
         self._closed = False
 
     def tell(self, content: Any) -> None:
-        """A word of the agent."""
+        """Take a message of the agent."""
         with self._changed:
             match content:
                 case Answer(ticket=ticket) if ticket in self._answers:
@@ -47,25 +47,25 @@ class Board:
             self._changed.notify_all()
 
     def ticket(self) -> str:
-        """A new ticket; `answer` it."""
+        """Return a new ticket; wait for it by `answer`."""
         with self._changed:
             ticket = str(next(self._numbers))
             self._answers[ticket] = None
             return ticket
 
     def answer(self, ticket: str, within_s: float) -> Answer | None:
-        """The answer to a ticket; None where none came in time."""
+        """Return the answer to a ticket; None if none came in time."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._answers[ticket] is not None, within_s)
             return self._answers.pop(ticket)
 
     def tasks(self) -> Tasks:
-        """All tasks, oldest first."""
+        """Return all tasks, oldest first."""
         with self._changed:
             return Tasks(self._tasks)
 
     def events(self, since: int, wait_s: float) -> Events:
-        """Events after number `since`; waits up to `wait_s` for one."""
+        """Return the events after number `since`; wait up to `wait_s` [s] for one."""
         end = time.monotonic() + wait_s
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._told > since, max(0.0, end - time.monotonic()))

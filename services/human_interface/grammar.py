@@ -1,4 +1,4 @@
-"""The sentences a person may say, as a small grammar of our own; commands of language CMD come out of it.
+"""The sentences that a person may say, as a small grammar; from sentence to command of language CMD.
 
     pour    = "pour" ["out"] [["the"] ("content" | "contents") "of"] thing ("into" | "in" | "to") thing
     take    = ("take" | "grab" | "get" | "grasp" | "bring" | "fetch" | "pick up") ["out"] ["me"] thing ["out"] [hand]
@@ -11,8 +11,8 @@
     status  = "status"
     thing   = ["the" | "a" | "an" | "this" | "that" | "my"] word {word}          (no word of the grammar, no pronoun)
 
-Case and punctuation do not count; words of politeness are left out. Anything else is answered with what would have been
-understood and the nearest of it. Must not know: HTTP, the coordinator, which things there are (km knows).
+Case, punctuation and polite words do not matter. Anything else is answered with the sentences that are understood and
+the most similar one. Must not know: HTTP, the coordinator, which things there are (km knows).
 """
 
 import difflib
@@ -23,22 +23,22 @@ import msgspec
 from companion.languages import cmd
 
 LONGEST_SENTENCE = 500  # characters; estimate: nobody speaks longer
-NEAR = 0.75  # likeness from which another verb may be a slip; "dance" is 0.73 like "cancel" (measured)
+NEAR = 0.75  # similarity from which another verb may be a typing error; "dance" has 0.73 to "cancel" (measured)
 LONGEST_THING = 30  # characters: two of them fit the 250 bytes of a request on C2
 
 
 class CancelTask(msgspec.Struct, frozen=True):
-    """The person wants a task no more; "" the oldest that has not ended."""
+    """Cancel a task; "" is the oldest one that has not ended."""
 
     task: str = ""
 
 
 class TellStatus(msgspec.Struct, frozen=True):
-    """The person wants to know how things are."""
+    """Tell the status."""
 
 
 class NotUnderstood(msgspec.Struct, frozen=True):
-    """A polite refusal: what is understood, and the nearest of it."""
+    """A polite refusal: what is understood, and the most similar sentence."""
 
     text: str
 
@@ -91,7 +91,7 @@ _STATUS = re.compile(r"status")
 
 
 def understand(sentence: str) -> Wish | NotUnderstood:
-    """What a sentence wants. Total: whatever is said gets a wish or a refusal."""
+    """Return the wish of a sentence, or a refusal; never raises."""
     if len(sentence) > LONGEST_SENTENCE:
         return NotUnderstood(f"That is longer than {LONGEST_SENTENCE} characters. I understand: {UNDERSTOOD}.")
     words = plain(sentence)
@@ -100,13 +100,13 @@ def understand(sentence: str) -> Wish | NotUnderstood:
 
 
 def plain(sentence: str) -> str:
-    """The sentence in small letters, without punctuation and politeness, one blank between words."""
+    """Return the sentence in small letters, without punctuation and polite words, with single blanks."""
     bare = " ".join(_NOISE.sub(" ", sentence.lower()).split())
     return " ".join(_POLITE.sub(" ", bare).split())
 
 
 def in_words(wish: Wish) -> str:
-    """The wish as a sentence that `understand` takes for the same wish."""
+    """Return a sentence from which `understand` gets the same wish."""
     match wish:
         case cmd.PourInto(source=source, destination=destination):
             return f"pour the content of the {source} into the {destination}"
@@ -145,7 +145,7 @@ def _put_down(words: str) -> cmd.PutDown | NotUnderstood | None:
 
 
 def _of_robot(words: str) -> Wish | None:
-    """What needs no thing."""
+    """Return a wish that names no thing."""
     if _LOOK.fullmatch(words):
         return cmd.LookAround()
     if (found := _CANCEL.fullmatch(words)) is not None:
@@ -158,7 +158,7 @@ def _first(patterns: tuple[re.Pattern[str], ...], words: str) -> re.Match[str] |
 
 
 def _unfit(*things: str) -> NotUnderstood | None:
-    """A refusal where a thing has no name that a thing can have."""
+    """Return a refusal if a word cannot be the name of a thing."""
     for thing in things:
         if len(thing.encode()) > LONGEST_THING:
             return NotUnderstood(f"{thing!r} is too long for the name of a thing.")

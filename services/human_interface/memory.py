@@ -1,4 +1,4 @@
-"""What hi remembers: the tasks it asked co for and what became of them; and the words between it and its HTTP side.
+"""What hi knows between two steps: the tasks it asked co for and what became of them; conditions of the design.
 
 Must not know: HTTP, grammar.
 """
@@ -6,58 +6,15 @@ Must not know: HTTP, grammar.
 import msgspec
 
 from companion.languages.cmd import TaskState
-from companion.run_files import HiEvent, TaskLine
+from companion.run_files import TaskLine
+from services.human_interface.local import Local
 
-KEPT_TASKS = 50  # ended tasks that are remembered; the journal holds them all in each record (estimate)
+KEPT_TASKS = 50  # tasks that are remembered after their end; each record of the journal has them all (estimate)
 FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
 
 
-class _Word(msgspec.Struct, frozen=True, tag=True):
-    """Between the agent and its HTTP side."""
-
-
-class Said(_Word, frozen=True):
-    """A person said a sentence; the answer goes to `ticket`."""
-
-    ticket: str
-    text: str
-
-
-class CancelWanted(_Word, frozen=True):
-    """A person wants a task cancelled, "" for the oldest open one."""
-
-    ticket: str
-    task: str = ""
-
-
-class Answer(_Word, frozen=True):
-    """To the person who holds the ticket: a line on a task, or `problem` with the HTTP status."""
-
-    ticket: str
-    line: TaskLine | None = None
-    problem: str = ""
-    status: int = 200
-
-
-class Told(_Word, frozen=True):
-    """Something for /events."""
-
-    event: HiEvent
-
-
-class Shown(_Word, frozen=True):
-    """All tasks as they are now, for /tasks; `events`: how many were told so far."""
-
-    tasks: tuple[TaskLine, ...]
-    events: int
-
-
-Words = Said | CancelWanted
-"""What the HTTP side posts."""
-
-
 class News(msgspec.Struct, frozen=True):
-    """Of a task (or of nobody, ""): `name` is a state or a word of hi's own; `state` "": it stays as it was."""
+    """News of a task ("": of none). `name`: a task state or an event of hi; `state` "": no change."""
 
     agent: str
     name: str
@@ -67,25 +24,25 @@ class News(msgspec.Struct, frozen=True):
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`words`: not interpreted yet; `news`: not told yet; `told`: number of events so far; `away`: co was told gone."""
+    """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people know it."""
 
     tasks: tuple[TaskLine, ...] = ()
-    words: tuple[Words, ...] = ()
+    words: tuple[Local, ...] = ()
     news: tuple[News, ...] = ()
     told: int = 0
     away: bool = False
 
     def task(self, name: str) -> TaskLine | None:
-        """The task of this name."""
+        """Return the task of this name."""
         return next((line for line in self.tasks if line.task == name), None)
 
     @property
     def open_tasks(self) -> tuple[TaskLine, ...]:
-        """Those that have not ended, oldest first."""
+        """The tasks that have not ended, oldest first."""
         return tuple(line for line in self.tasks if line.state not in FINAL)
 
     def with_task(self, line: TaskLine) -> "Memory":
-        """The same with a task added, or as it now is; the oldest ended ones are forgotten."""
+        """Return the memory with a task added or updated; the oldest ended ones are forgotten."""
         known = self.task(line.task) is not None
         tasks = tuple(line if one.task == line.task else one for one in self.tasks) if known else (*self.tasks, line)
         surplus = len(tasks) - KEPT_TASKS
@@ -93,7 +50,7 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         return msgspec.structs.replace(self, tasks=tuple(one for one in tasks if one.task not in forgotten))
 
     def with_news(self, *news: News) -> "Memory":
-        """The same with more to tell."""
+        """Return the memory with more news."""
         return msgspec.structs.replace(self, news=(*self.news, *news))
 
 
@@ -101,27 +58,27 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def words_wait(memory: Memory) -> bool:
-    """A person said something."""
+    """Whether a person said something."""
     return bool(memory.words)
 
 
 def news_wait(memory: Memory) -> bool:
-    """There is something to tell."""
+    """Whether there is news to tell."""
     return bool(memory.news)
 
 
 def heard(memory: Memory) -> bool:
-    """Somebody said something."""
+    """Whether a person or co said something."""
     return words_wait(memory) or news_wait(memory)
 
 
 def interpreted(memory: Memory) -> bool:
-    """All words were answered."""
+    """Whether every sentence was answered."""
     return not memory.words
 
 
 def told(memory: Memory) -> bool:
-    """All news were told."""
+    """Whether all news was told."""
     return not memory.news
 
 

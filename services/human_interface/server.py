@@ -1,6 +1,6 @@
-"""hi's HTTP service on the loopback interface: docs/http.md in code.
+"""The HTTP service of hi on the loopback interface, as in docs/http.md.
 
-A request is a thread; it posts a word to the agent and waits, with a deadline, for what the agent tells. Must not know:
+Each request has a thread, which posts a message to the agent and waits for the answer until a deadline. Must not know:
 grammar, tasks, Zenoh.
 """
 
@@ -19,21 +19,19 @@ import msgspec
 from agent_runtime.io.devices import Post
 from companion.run_files import HI_FILE, Cancel, HiAddress, Problem, Say
 from services.human_interface.board import Board
-from services.human_interface.memory import CancelWanted, Said
+from services.human_interface.local import CancelWanted, Said
 
 LONGEST_BODY = 4096
-DRAINED = (
-    65536  # bytes of a body too long that are read and thrown away, so that its sender reads our answer (estimate)
-)
+DRAINED = 65536  # bytes of a too long body that are read and dropped, so that its sender reads the answer (estimate)
 ANSWER_S = 5.0  # the agent answers in a step, some ms; estimate for a busy machine
 LONGEST_WAIT_S = 10.0
-IDLE_S = 15.0  # of a connection that says nothing; above LONGEST_WAIT_S (estimate)
-AT_ONCE = 32  # requests served side by side (estimate: some consoles and pages)
+IDLE_S = 15.0  # time-out of a silent connection; above LONGEST_WAIT_S (estimate)
+AT_ONCE = 32  # requests served at the same time (estimate: some consoles and pages)
 LOOPBACK = ("127.0.0.1", 0)  # a free port
 
 
 class Refused(Exception):
-    """A request that gets `status` and a sentence."""
+    """A request that is answered by `status` and a sentence."""
 
     def __init__(self, status: HTTPStatus, text: str) -> None:
         self.status, self.text = status, text
@@ -41,22 +39,22 @@ class Refused(Exception):
 
 
 def listen_at(text: str) -> tuple[str, int]:
-    """Host and port of the form host:port; of "" LOOPBACK. Raises ValueError for anything else."""
+    """Return host and port of host:port; LOOPBACK for "". Raises ValueError for anything else."""
     if not text:
         return LOOPBACK
     host, colon, port = text.rpartition(":")
     if not (host and colon and port.isascii() and port.isdecimal() and int(port) < 65536):
-        raise ValueError(f"{text!r} is no address to listen at; host:port would be, such as 127.0.0.1:8350")
+        raise ValueError(f"{text!r} is not an address to listen at, expected host:port, such as 127.0.0.1:8350")
     return host, int(port)
 
 
-class Desk:
-    """The device of hi: listens from its making on, and leaves its address in the run folder."""
+class HttpDevice:
+    """The device of hi: listens at once, and writes its address into the run folder."""
 
     busy = False
 
     def __init__(self, post: Post, run_dir: Path, listen: tuple[str, int] = LOOPBACK) -> None:
-        """`listen`: host and port, 0 for a free one. Raises OSError where it cannot be had."""
+        """Listen at host and port, 0 for a free one. Raises OSError if that fails."""
         self._board = Board()
         self.address = HiAddress(0, secrets.token_urlsafe(24))
         self._server = _Server(self._board, post, self.address.token, listen)
@@ -67,11 +65,11 @@ class Desk:
         self._thread.start()
 
     def tell(self, content: Any) -> None:
-        """A word of the agent for people."""
+        """Take a message of the agent for people."""
         self._board.tell(content)
 
     def close(self) -> None:
-        """Stop listening; requests that wait get their answer."""
+        """Stop listening; waiting requests are answered."""
         self._board.close()
         self._server.shutdown()
         self._server.server_close()
@@ -94,7 +92,7 @@ class _Request(http.server.BaseHTTPRequestHandler):
     timeout = IDLE_S
 
     def _serve(self) -> None:
-        """Check who asks, then what."""
+        """Check the sender, then the request; answer it."""
         try:
             self._check()
             with_room = self.server.room.acquire(blocking=False)
@@ -196,18 +194,18 @@ class _Request(http.server.BaseHTTPRequestHandler):
             self.wfile.write(data)
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """What is no HTTP gets a sentence, too."""
+        """Answer what is not HTTP with a sentence, too."""
         self._reply(HTTPStatus(code), Problem(message or HTTPStatus(code).phrase))
 
     def handle(self) -> None:
-        """A client that goes away in the middle is no news."""
+        """Ignore a client that goes away in the middle of a request."""
         try:
             super().handle()
         except OSError:
             self.close_connection = True
 
     def log_message(self, *words: object) -> None:
-        """Say nothing: the agent's steps are logged."""
+        """Log nothing here: the steps of the agent are logged."""
 
 
 _ROUTES = {
@@ -219,7 +217,7 @@ _ROUTES = {
 
 
 def _write_secret(path: Path, data: bytes) -> None:
-    """A file that only its owner may read, whole or not at all."""
+    """Write a file that only its owner can read, atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.new")
     beside.unlink(missing_ok=True)

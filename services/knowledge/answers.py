@@ -1,8 +1,8 @@
 """One pure function for each kind of query of WM: a scene and a query give an answer (paper, section 5.4).
 
-`ANSWERS` is the table: query class -> function; a test compares it with the design's interface. Only what observations
-told is known (beside object models, grasps and the arms' reach): of everything else the answer is Unknown, with its
-reason. Must not know: stores, conversations, who asks.
+`ANSWERS` is the table: query class -> function; a test compares it with the design's interface. Only observations,
+object models, grasps and the reach of the arms are known. For all else the answer is Unknown with a reason. Must not
+know: stores, conversations, who asks.
 """
 
 from collections.abc import Callable, Iterable
@@ -17,14 +17,13 @@ from services.knowledge.overlays import Overlays, unknown_state
 from services.knowledge.scene import Scene, Thing
 from services.knowledge.store import Store
 
-RELATIONS = ("isIn", "isOn", "isGraspedBy", "isInstanceOf", "hasExactPose")
 CONTENT = ".content"
-"""`jar_1.content` names what was in jar_1."""
+"""`jar_1.content` is the name of what was in jar_1."""
 _WORLD = Pose((0.0, 0.0, 0.0))
 
 
 class _NotKnown(Exception):
-    """Carries the answer."""
+    """Raised with the answer Unknown."""
 
     def __init__(self, reason: str) -> None:
         self.answer = wm.Unknown(reason)
@@ -32,12 +31,12 @@ class _NotKnown(Exception):
 
 
 def answer(store: Store, query: wm.AnyQuery, overlays: Overlays | None = None) -> wm.AnyAnswer:
-    """The answer, from the store and the hypothetical states; changes neither."""
+    """Return the answer from the store and the hypothetical states; change neither."""
     return ask(store.scene, overlays or Overlays(), query)[1]
 
 
 def ask(observed: Scene, overlays: Overlays, query: wm.AnyQuery) -> tuple[Overlays, wm.AnyAnswer]:
-    """The hypothetical states after the query, and its answer."""
+    """Return the hypothetical states after the query, and the answer."""
     if isinstance(query, wm.HypotheticalState):
         return overlays.make(query, observed)
     if isinstance(query, wm.DropStates):
@@ -139,7 +138,7 @@ def _gripper(scene: Scene, query: wm.GripperConfiguration) -> wm.AnyAnswer:
 
 
 def _environment(scene: Scene, query: wm.EnvironmentShapes) -> wm.AnyAnswer:
-    """What a hand holds is no surroundings: it moves with the robot (ask for its grasp and model)."""
+    """Return the shapes around the robot. Held objects are left out, since they move with the robot."""
     return wm.Shapes(
         tuple(
             wm.PlacedShape(thing.id, thing.pose, thing.known.shapes)
@@ -166,9 +165,9 @@ def _reach(scene: Scene, query: wm.RobotReach) -> wm.AnyAnswer:
 
 
 def _holds(scene: Scene, query: wm.Holds) -> wm.AnyAnswer:
-    if query.relation not in RELATIONS:
-        raise _NotKnown(f"no relation {query.relation!r}; there are {', '.join(RELATIONS)}")
-    if query.relation == "isIn" and query.subject.endswith(CONTENT):
+    if query.relation not in list(wm.Relation):
+        raise _NotKnown(f"no relation {query.relation!r}; there are {', '.join(wm.Relation)}")
+    if query.relation == wm.Relation.IS_IN and query.subject.endswith(CONTENT):
         source = _thing(scene, query.subject.removesuffix(CONTENT)).id
         return wm.Truth(_among(scene.contents.get(source, ""), query.value))
     thing = _thing(scene, query.subject)
@@ -177,21 +176,21 @@ def _holds(scene: Scene, query: wm.Holds) -> wm.AnyAnswer:
 
 def _true_of(scene: Scene, thing: Thing, query: wm.Holds) -> bool:
     match query.relation:
-        case "isIn":
+        case wm.Relation.IS_IN:
             return query.value in thing.inside if query.value else bool(thing.inside)
-        case "isOn":
+        case wm.Relation.IS_ON:
             return _among(thing.on, query.value)
-        case "isGraspedBy":
+        case wm.Relation.IS_GRASPED_BY:
             side = scene.holder(thing.id)
             return _among(side.value if side else "", query.value.removesuffix("_hand"))
-        case "isInstanceOf":
+        case wm.Relation.IS_INSTANCE_OF:
             return not query.value or query.value == thing.model or is_kind(thing.kind, query.value)
         case _:
             return thing.exact
 
 
 def _among(found: str, wanted: str) -> bool:
-    """Is there one, and the wanted one if one is wanted?"""
+    """Whether something was found, and the wanted one if one is wanted."""
     return bool(found) and wanted in ("", found)
 
 
@@ -250,7 +249,7 @@ ANSWERS: dict[type, Callable[[Scene, Any], wm.AnyAnswer]] = {
     wm.RobotReach: _reach,
     wm.Holds: _holds,
 }
-"""Kinds that read a state."""
+"""Queries that read a state."""
 
 MAKERS: frozenset[type] = frozenset({wm.HypotheticalState, wm.DropStates})
-"""Kinds that make or drop states; `ask` hands them to the overlays."""
+"""Queries that make or drop states; `ask` hands them to the overlays."""

@@ -1,13 +1,11 @@
-"""a_km's behaviours, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
+"""The behaviours of km, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
 
-The journal is the one truth: the observed scene is the agent's memory, written with the versions of its observations in
-the record of the step that took them. The triple store is told of each new scene and only mirrors it, for SPARQL and
-export. Hypothetical states are soft: a death takes them, and pl begins anew. Must not know: stores, who plans what.
+The journal is the only source of truth: the observed scene is the memory of the agent, written with the versions of its
+observations in the record of the step that took them. The triple store is told of each new scene; it is a copy for
+SPARQL and export. Hypothetical states are soft: a death loses them, and pl starts its search again. Must not know:
+stores, who plans what.
 """
 
-from typing import get_args
-
-import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent, Taken
@@ -15,93 +13,41 @@ from agent_runtime.core.events import Broken, PeerChanged, Received, Started, Wo
 from agent_runtime.core.streams import parse_observation
 from agent_runtime.core.turn import Turn
 from companion.binding import bind
+from companion.design import AgentName
 from companion.languages import wm
 from fipa_codec.performatives import Performative
+from services.knowledge import words
 from services.knowledge.answers import ask
+from services.knowledge.memory import CONDITIONS, Memory, Mirror, News, Question
 from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene
+from services.knowledge.words import OBSERVATIONS, OBSERVER, QUERIES
 
-OBSERVER = "ta"
 HELD_S = 5.0  # estimate: a look around takes 5 s, so that most questions are put off once at most
 ALONE_S = 20.0  # estimate: an observer that died is restarted within seconds
 AGAIN_S = 1.0  # after a subscription was declined; estimate
 HELD, ALONE, SUBSCRIBE_AGAIN = "held", "alone", "subscribe again"
-NOT_YET = wm.Unknown("the look around is not over", later=True)
-QUERIES, OBSERVATIONS = get_args(wm.AnyQuery), get_args(wm.AnyObservation)
-
-
-class Question(msgspec.Struct, frozen=True):
-    """A query with the conversation it came in."""
-
-    conversation: str
-    query: wm.AnyQuery
-
-
-class News(msgspec.Struct, frozen=True):
-    """An observation with its version and the time it came [unix s]."""
-
-    observation: wm.AnyObservation
-    version: tuple[int, int]
-    at: float
-
-
-class Soft(msgspec.Struct, frozen=True):
-    """Hypothetical states, the subscription with the observer's incarnation it is for, what was just taken.
-
-    `agreed`: the observer took the subscription. `held`: the next question was held long enough.
-    """
-
-    overlays: Overlays = Overlays()
-    subscription: str = ""
-    incarnation: int = 0
-    agreed: bool = False
-    held: bool = False
-    question: Question | None = None
-    news: News | None = None
-
-
-class Memory(msgspec.Struct, frozen=True):
-    """What was observed. `patient`: questions wait, since a look around will end. `blind`: why none showed anything."""
-
-    scene: Scene = Scene()
-    patient: bool = True
-    blind: str = ""
-    soft: Soft = Soft()
-
-
-class Mirror(msgspec.Struct, frozen=True):
-    """To the triple store: this is the observed scene now."""
-
-    scene: Scene
 
 
 def agent() -> Agent[Memory]:
-    """a_km as the design has it."""
-    return bind(
-        "km",
-        Memory(),
-        {"await_message": await_message, "answer_question": answer_question, "save_knowledge": save_knowledge},
-        {
-            "message_taken": lambda memory: memory.soft.question is not None or memory.soft.news is not None,
-            "question_waits": lambda memory: memory.soft.question is not None,
-            "observation_waits": lambda memory: memory.soft.news is not None,
-            "question_answered": lambda memory: memory.soft.question is None,
-            "knowledge_saved": lambda memory: memory.soft.news is None,
-        },
-        takes={"await_message": takes},
-    )
+    """Return the agent km."""
+    behaviours = {
+        "await_message": await_message,
+        "answer_question": answer_question,
+        "save_knowledge": save_knowledge,
+    }
+    return bind(AgentName.KM, Memory(), behaviours, CONDITIONS, takes={"await_message": takes})
 
 
 def takes(memory: Memory, event: Taken) -> bool:
-    """A question waits until the look around is over, for a while; then it is put off, and asked again."""
+    """Whether an event is taken now. A question waits for the end of the look around, for a while."""
     if not memory.patient or memory.soft.held:
         return True
     return not (isinstance(event, Received) and isinstance(event.content, QUERIES))
 
 
 def await_message(memory: Memory, turn: Turn) -> Memory:
-    """idle: keeps the subscription alive; notes a query or an observation for the state that deals with it."""
+    """State idle: keep the subscription alive; note a query or an observation for the next state."""
     match turn.event:
         case Received(content=content) as received if isinstance(content, QUERIES):
             return _soft(memory, question=Question(received.conversation, content))
@@ -136,14 +82,14 @@ def _woken(memory: Memory, turn: Turn, name: str) -> Memory:
 
 
 def _hopeful(memory: Memory, turn: Turn) -> Memory:
-    """A look around is awaited: till its end is told, or for a while without an observer."""
+    """Wait for a look around: until its end, or for a while without an observer."""
     turn.wake(HELD, turn.now + HELD_S)
     turn.wake(ALONE, turn.now + ALONE_S)
     return replace(memory, patient=True, blind="")
 
 
 def _met(memory: Memory, turn: Turn, incarnation: int) -> Memory:
-    """The observer is there. Each of its lives looks around for a new subscriber, or says why not."""
+    """Note that the observer is there. Each incarnation looks around for a new subscriber, or says why not."""
     if memory.soft.subscription and memory.soft.incarnation == incarnation:
         return _agreed(memory, turn) if memory.soft.agreed else memory
     if memory.patient or memory.blind:
@@ -152,11 +98,10 @@ def _met(memory: Memory, turn: Turn, incarnation: int) -> Memory:
 
 
 def _subscribed(memory: Memory, turn: Turn, incarnation: int) -> Memory:
-    """Subscribe, in place of an older subscription."""
+    """Subscribe; this replaces an older subscription."""
     if memory.soft.subscription:
         turn.drop(memory.soft.subscription)
-    name = turn.open(OBSERVER, "subscribe", Performative.SUBSCRIBE, wm.ObserveWorld())
-    return _soft(memory, subscription=name, incarnation=incarnation, agreed=False)
+    return _soft(memory, subscription=words.subscribe(turn), incarnation=incarnation, agreed=False)
 
 
 def _agreed(memory: Memory, turn: Turn) -> Memory:
@@ -165,7 +110,7 @@ def _agreed(memory: Memory, turn: Turn) -> Memory:
 
 
 def _alone(memory: Memory, turn: Turn) -> Memory:
-    """Nobody observes at present."""
+    """Note that there is no observer now."""
     if memory.patient and memory.soft.agreed:
         turn.wake(ALONE, turn.now + ALONE_S)
     return memory
@@ -188,33 +133,32 @@ def _noted(memory: Memory, turn: Turn, received: Received, content: wm.AnyObserv
 
 
 def answer_question(memory: Memory, turn: Turn) -> Memory:
-    """questionAnswering: a pure function of the scene, the hypothetical states and the query; or it is put off."""
+    """State questionAnswering: answer from the scene and the hypothetical states, or "later"."""
     question = memory.soft.question
     assert question is not None
     overlays, said = answer(memory, question.query)
     if memory.patient:
         turn.wake(HELD, turn.now + HELD_S)
-    unknown = isinstance(said, wm.Unknown | wm.UnknownState)
-    turn.say(question.conversation, Performative.FAILURE if unknown else Performative.INFORM_REF, said)
+    words.answer(turn, question, said)
     return _soft(memory, overlays=overlays, question=None, held=False)
 
 
 def answer(memory: Memory, query: wm.AnyQuery) -> tuple[Overlays, wm.AnyAnswer]:
-    """The hypothetical states after the query, and its answer; where nothing was seen, why."""
+    """Return the hypothetical states after the query, and the answer; why, if nothing was seen."""
     if memory.patient:
-        return memory.soft.overlays, NOT_YET
+        return memory.soft.overlays, words.NOT_YET
     if memory.blind and not memory.scene.things and isinstance(query, wm.ListObjects):
         return memory.soft.overlays, wm.Unknown(f"nothing has been looked at: {memory.blind}")
     return ask(memory.scene, memory.soft.overlays, query)
 
 
 def save_knowledge(memory: Memory, turn: Turn) -> Memory:
-    """knowledgeSaving: the newest observation of a subject is the true one."""
+    """State knowledgeSaving: the newest observation of a subject counts."""
     news = memory.soft.news
     assert news is not None
     if isinstance(news.observation, wm.NothingSeen):
         return _soft(_looked_around(memory, turn, news.observation.reason), news=None)
-    if isinstance(news.observation, wm.SeenBody):  # what an observer tells last of a look
+    if isinstance(news.observation, wm.SeenBody):  # the last observation of a look
         memory = _looked_around(memory, turn)
     scene = observed(memory.scene, news.observation, news.version, news.at)
     if scene is not memory.scene:
@@ -223,7 +167,7 @@ def save_knowledge(memory: Memory, turn: Turn) -> Memory:
 
 
 def _looked_around(memory: Memory, turn: Turn, failed: str = "") -> Memory:
-    """Nobody waits any more; a failure after a success changes nothing."""
+    """End the wait for a look around; a failure after a success changes nothing."""
     turn.unwake(HELD)
     turn.unwake(ALONE)
     if not failed:

@@ -11,14 +11,14 @@ from companion.languages.values import Box, Cylinder, Pose, Shape, Sphere, Vecto
 
 Quat = tuple[float, float, float, float]
 Bounds = tuple[Vector, Vector]
-# GJK needs a handful of rounds for such shapes; when it has not decided after these, they touch (safe side).
+# GJK needs a few iterations for such shapes; undecided after these, they count as touching (safe side).
 ROUNDS = 32
-# Squared length below which a direction is none: a nanometre, far below what is measured anywhere.
+# Squared length below which a direction counts as zero: a nanometre, far below any measurement.
 _SAME = 1e-18
 
 
 def rotate(quat_wxyz: Quat, v: Vector) -> Vector:
-    """v turned by a unit quaternion."""
+    """Return v rotated by a unit quaternion."""
     w, x, y, z = quat_wxyz
     a, b, c = v
     tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
@@ -26,25 +26,25 @@ def rotate(quat_wxyz: Quat, v: Vector) -> Vector:
 
 
 def conjugate(quat_wxyz: Quat) -> Quat:
-    """The turn back."""
+    """Return the inverse rotation."""
     w, x, y, z = quat_wxyz
     return w, -x, -y, -z
 
 
 def place(pose: Pose, point: Vector) -> Vector:
-    """A point of frame B, in frame A, by T_A_B."""
+    """Return a point of frame B in frame A, by T_A_B."""
     x, y, z = rotate(pose.quat_wxyz, point)
     a, b, c = pose.xyz
     return x + a, y + b, z + c
 
 
 def unplace(pose: Pose, point: Vector) -> Vector:
-    """A point of frame A, in frame B, by T_A_B."""
+    """Return a point of frame A in frame B, by T_A_B."""
     return rotate(conjugate(pose.quat_wxyz), _minus(point, pose.xyz))
 
 
 def compose(first: Pose, second: Pose) -> Pose:
-    """T_A_B, T_B_C -> T_A_C."""
+    """Return T_A_C of T_A_B and T_B_C."""
     w, x, y, z = first.quat_wxyz
     a, b, c, d = second.quat_wxyz
     turn = (
@@ -57,7 +57,7 @@ def compose(first: Pose, second: Pose) -> Pose:
 
 
 def half_sizes(shape: Shape) -> Vector:
-    """Half edge lengths of the box around a shape, in the shape's own frame."""
+    """Return half edge lengths [m] of the box around a shape, in the frame of the shape."""
     match shape:
         case Box(size=(x, y, z)):
             return x / 2, y / 2, z / 2
@@ -68,7 +68,7 @@ def half_sizes(shape: Shape) -> Vector:
 
 
 def bounds(shape: Shape, pose: Pose) -> Bounds:
-    """Lowest and highest coordinates of the box around a shape of an object, the object standing at `pose`."""
+    """Return the lowest and highest coordinates of the box around a shape of an object at `pose`."""
     at = compose(pose, shape.at)
     half = half_sizes(shape)
     axes = [
@@ -82,7 +82,7 @@ def bounds(shape: Shape, pose: Pose) -> Bounds:
 
 
 def bounds_of(shapes: Iterable[Shape], pose: Pose) -> Bounds:
-    """The box around several shapes. Raises ValueError for none."""
+    """Return the box around several shapes. Raises ValueError for none."""
     boxes = [bounds(shape, pose) for shape in shapes]
     low = [min(box[0][i] for box in boxes) for i in range(3)]
     high = [max(box[1][i] for box in boxes) for i in range(3)]
@@ -90,17 +90,17 @@ def bounds_of(shapes: Iterable[Shape], pose: Pose) -> Bounds:
 
 
 def apart(one: Bounds, other: Bounds) -> bool:
-    """Have two boxes along the axes nothing in common?"""
+    """Whether two axis-aligned boxes are disjoint."""
     return any(one[1][i] < other[0][i] or other[1][i] < one[0][i] for i in range(3))
 
 
 def within(box: Bounds, point: Vector) -> bool:
-    """Is the point in the box?"""
+    """Whether the point is in the box."""
     return all(low <= value <= high for low, value, high in zip(box[0], point, box[1], strict=True))
 
 
 def overlap(one: Shape, at: Pose, other: Shape, there: Pose) -> bool:
-    """Do two shapes share a point, their objects standing at `at` and `there`?"""
+    """Whether two shapes of objects at `at` and `there` share a point."""
     if apart(bounds(one, at), bounds(other, there)):
         return False
     first, second = compose(at, one.at), compose(there, other.at)
@@ -120,7 +120,7 @@ def overlap(one: Shape, at: Pose, other: Shape, there: Pose) -> bool:
 
 
 def _support(shape: Shape, at: Pose, direction: Vector) -> Vector:
-    """The shape's point that lies farthest in a direction of the world."""
+    """Return the point of the shape farthest in a direction of the world."""
     x, y, z = rotate(conjugate(at.quat_wxyz), direction)
     match shape:
         case Box(size=(a, b, c)):
@@ -135,9 +135,9 @@ def _support(shape: Shape, at: Pose, direction: Vector) -> Vector:
 
 
 def _nearest(simplex: list[Vector]) -> tuple[list[Vector], Vector]:
-    """The part of a simplex (newest point last) that faces the origin, and the direction from it to the origin.
+    """Return the part of a simplex (newest point last) that faces the origin, and the direction to the origin.
 
-    A zero direction says that the origin is in it.
+    A zero direction means that the origin is in it.
     """
     if len(simplex) == 1:
         return simplex, _negative(simplex[0])

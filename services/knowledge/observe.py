@@ -1,4 +1,4 @@
-"""Observations become facts: the newest one of a subject is the true one, older ones are ignored.
+"""Observations become facts: the newest one of a subject counts, older ones are ignored.
 
 `observed` is pure (a scene in, a scene out); `apply` does the same to a store, facts and version in one transaction.
 Must not know: who observed, protocols.
@@ -12,11 +12,11 @@ from services.knowledge.scene import Held, Scene, Thing
 from services.knowledge.store import Store
 
 Version = tuple[int, int]
-"""Incarnation of the observer and its count."""
+"""Incarnation of the observer and number of the observation."""
 
 
 def subject_of(observation: wm.AnySight) -> str:
-    """What an observation is about; the latest version of each subject counts."""
+    """Return the subject of an observation; the latest version of each subject counts."""
     match observation:
         case wm.SeenObject(object=name):
             return f"object:{name}"
@@ -29,7 +29,7 @@ def subject_of(observation: wm.AnySight) -> str:
 
 
 def observed(scene: Scene, observation: wm.AnySight, version: Version, now: float = 0.0) -> Scene:
-    """The scene with this observation in it, or the very same scene if it has this subject as new or newer.
+    """Return the scene with this observation, or the same object if the scene is as new or newer for this subject.
 
     `now`: time of observations that do not carry one themselves [s].
     """
@@ -44,7 +44,7 @@ def observed(scene: Scene, observation: wm.AnySight, version: Version, now: floa
 
 
 def apply(store: Store, observation: wm.AnySight, version: Version, now: float = 0.0) -> bool:
-    """Store an observation and its version in one transaction; False if the store has this subject as new or newer."""
+    """Store an observation and its version in one transaction; return False if the store is as new or newer."""
     scene = observed(store.scene, observation, version, now)
     if scene is store.scene:
         return False
@@ -55,7 +55,7 @@ def apply(store: Store, observation: wm.AnySight, version: Version, now: float =
 def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
     match observation:
         case wm.SeenObject(object=name, model=model, pose=pose):
-            # What a hand holds moves with it: its pose holds for the moment it was seen in, and for no longer.
+            # A held object moves with the hand: its pose is valid only at the moment of the observation.
             exact = scene.holder(name) is None
             kept = scene.things.get(name, Thing(name, model, pose))
             seen = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=exact)

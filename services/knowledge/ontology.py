@@ -13,14 +13,14 @@ ROCO = Namespace("urn:robot-companion:roco#")
 
 
 def read() -> Graph:
-    """The ontology as a graph of its own."""
+    """Return the ontology as a new graph."""
     text = resources.files("companion").joinpath("ontology/roco.ttl").read_text("utf-8")
     return Graph().parse(data=text, format="turtle")
 
 
 @cache
 def below() -> dict[str, frozenset[str]]:
-    """Class name -> names of all its subclasses and its own."""
+    """Return, by class name, the names of the class and all its subclasses."""
     graph = read()
     classes = {str(term).removeprefix(str(ROCO)): term for term in graph.subjects(RDF.type, OWL.Class)}
     return {
@@ -30,5 +30,5 @@ def below() -> dict[str, frozenset[str]]:
 
 
 def is_kind(kind: str, wanted: str) -> bool:
-    """Is a class the wanted one or below it? An unknown word has nothing below it."""
+    """Whether a class is the wanted one or a subclass; False for an unknown wanted class."""
     return kind in below().get(wanted, ())

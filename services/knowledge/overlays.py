@@ -1,8 +1,8 @@
-"""Hypothetical states: what would be if a plan were carried out. In memory only, and lost with the process.
+"""Hypothetical states: the world as it would be after a part of a plan. In memory only, lost with the process.
 
-A hypothesis is made out of the observed world or of another hypothesis by changes; its id is chosen by pl, so making it
-twice is making it once. Their number is bounded, the oldest goes first; whoever names one that is gone is told so and
-makes it again. Everything is a value: making and dropping give a new `Overlays`. Must not know: the store.
+A hypothesis is the observed world, or another hypothesis, with changes. pl chooses its id, so making it twice has no
+effect. Their number is bounded; the oldest is dropped first, and a query for a dropped one is answered UnknownState.
+All are immutable values: making and dropping return a new `Overlays`. Must not know: the store.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from companion.languages import wm
 from services.knowledge.relations import related
 from services.knowledge.scene import PARTS, Held, Scene
 
-# A search of the pouring plan makes some tens of states; at a few kB each this many are no burden; estimate.
+# A search for the pouring plan makes some tens of states of a few kB; estimate.
 LARGEST = 1024
 
 
@@ -26,7 +26,7 @@ class Impossible(Exception):
 
 
 class Hypothesis(msgspec.Struct, frozen=True):
-    """A state with the words it was made by."""
+    """A state with the query that made it."""
 
     parent: str
     changes: tuple[wm.AnyChange, ...]
@@ -40,14 +40,14 @@ class Overlays(msgspec.Struct, frozen=True):
     largest: int = LARGEST
 
     def scene(self, id: str, observed: Scene) -> Scene | None:
-        """The scene of a state ("": the observed one), None if there is no such state (any more)."""
+        """Return the scene of a state ("": the observed one), None if there is no such state."""
         if id == "":
             return observed
         found = self.states.get(id)
         return found.scene if found else None
 
     def make(self, query: wm.HypotheticalState, observed: Scene) -> "tuple[Overlays, wm.AnyAnswer]":
-        """The state asked for, made unless it is there already by the same words."""
+        """Make a state, unless the same query has made it already; return the overlays and the answer."""
         if query.id == "":
             return self, wm.Unknown('a hypothetical state needs an id; "" is the world as observed')
         known = self.states.get(query.id)
@@ -64,7 +64,7 @@ class Overlays(msgspec.Struct, frozen=True):
         return self._with(query.id, Hypothesis(query.state, query.changes, scene)), wm.Made(query.id)
 
     def drop(self, prefix: str) -> "Overlays":
-        """Without every state whose id begins so."""
+        """Return the overlays without all states whose id has this prefix."""
         kept = {id: state for id, state in self.states.items() if not id.startswith(prefix)}
         return self if len(kept) == len(self.states) else msgspec.structs.replace(self, states=kept)
 
@@ -76,12 +76,12 @@ class Overlays(msgspec.Struct, frozen=True):
 
 
 def unknown_state(id: str) -> wm.UnknownState:
-    """The answer to a query that names a state which is not there."""
+    """Return the answer to a query for a state that does not exist."""
     return wm.UnknownState(id, f"no hypothetical state {id!r}: never made, dropped, or lost by a restart")
 
 
 def changed(scene: Scene, changes: tuple[wm.AnyChange, ...]) -> Scene:
-    """The scene after the changes, in order. Raises Impossible."""
+    """Return the scene after the changes, in order. Raises Impossible."""
     for change in changes:
         scene = _changed(scene, change)
     return scene
@@ -113,7 +113,7 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
 
 
 def _moved(scene: Scene, change: wm.Moved) -> Scene:
-    """The object stands elsewhere; what pl says it stands on goes before what geometry finds."""
+    """Move an object. What pl says it stands on overrides what geometry finds."""
     _require(scene, change.object)
     thing = msgspec.structs.replace(scene.things[change.object], pose=change.pose, exact=change.exact)
     after = related(scene.with_thing(thing), thing.related_at, thing.id)

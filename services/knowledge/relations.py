@@ -1,4 +1,4 @@
-"""isOn and isIn, computed from poses and shapes (facts follow from geometry, nobody asserts them by hand).
+"""isOn and isIn, computed from poses and shapes only.
 
 Pure functions of a scene. Must not know: where poses come from.
 """
@@ -12,16 +12,15 @@ from companion.models import MODELS, Flat, Model
 from services.knowledge import geometry
 from services.knowledge.scene import Scene, Thing
 
-# A base this near to a surface stands on it: a pose is seen within some 4 mm (architecture of the receptor), and an
-# object that was tilted by a degree or two stands a few mm higher; estimate.
+# An object whose base is this close to a surface stands on it: poses are seen with some 4 mm error, and an object
+# tilted by a degree or two stands a few mm higher; estimate.
 TOUCH_M = 0.03
-# What stands on a thing is looked for this far above its own base, so that what stands on a roof is not inside;
-# estimate.
+# The foot of an object is taken this far above its base, so that an object on a roof is not inside; estimate.
 INSIDE_M = 0.01
 
 
 def related(scene: Scene, now: float, *touched: str) -> Scene:
-    """The scene with its relations as geometry has them, after the things `touched` moved, were taken or let go.
+    """Return the scene with its relations computed again, after the things `touched` were moved, taken or released.
 
     `now`: time of the newest observation [s]. Relations between things that stayed are kept.
     """
@@ -34,7 +33,7 @@ def related(scene: Scene, now: float, *touched: str) -> Scene:
 
 
 def _concerns(moved: Thing, thing: Thing) -> bool:
-    """May the move change what the thing is on or in?"""
+    """Whether the move may change what the thing is on or in."""
     if moved.id in (thing.id, thing.on) or moved.id in thing.inside:
         return True
     if moved.known is None or thing.known is None:
@@ -43,12 +42,12 @@ def _concerns(moved: Thing, thing: Thing) -> bool:
 
 
 def relate(scene: Scene, thing: Thing) -> tuple[str, tuple[str, ...]]:
-    """What a thing is on ("" nothing) and in (sorted by id)."""
+    """Return what a thing is on ("" for nothing) and in (sorted by id)."""
     model = thing.known
     if model is None:
         return "", ()
     if scene.holder(thing.id) is not None:
-        return "", ()  # it goes where the hand goes
+        return "", ()  # it moves with the hand
     others = [other for other in scene.things.values() if other.id != thing.id and other.known is not None]
     inside = tuple(sorted(other.id for other in others if other.known and _is_in(thing, model, other, other.known)))
     return _support(thing, model, others), inside
@@ -62,7 +61,7 @@ def _related(scene: Scene, thing: Thing, now: float) -> Thing:
 
 
 def _support(thing: Thing, model: Model, others: list[Thing]) -> str:
-    """The thing with the nearest flat surface below the middle of the base."""
+    """Return the thing with the nearest flat surface below the centre of the base."""
     base = geometry.place(thing.pose, (0.0, 0.0, model.base.z))
     found = [
         (abs(gap), other.id)
@@ -75,14 +74,14 @@ def _support(thing: Thing, model: Model, others: list[Thing]) -> str:
 
 
 def _gap(flat: Flat, pose: Pose, base: Vector) -> float | None:
-    """Height of a point above a surface, None if it is not above it or too far away."""
+    """Return the height of a point above a surface, None if it is not above it or too far away."""
     x, y, z = geometry.unplace(pose, base)
     over = abs(x - flat.x) <= flat.along_x / 2 and abs(y - flat.y) <= flat.along_y / 2
     return z - flat.z if over and abs(z - flat.z) <= TOUCH_M else None
 
 
 def _is_in(thing: Thing, model: Model, other: Thing, container: Model) -> bool:
-    """Is the foot of a thing within a thing that has an opening?"""
+    """Whether the foot of a thing is within a thing that has an opening."""
     if container.hole is None:
         return False
     foot = geometry.place(thing.pose, (0.0, 0.0, model.base.z + INSIDE_M))
@@ -91,5 +90,5 @@ def _is_in(thing: Thing, model: Model, other: Thing, container: Model) -> bool:
 
 @cache
 def _interior(model: str) -> geometry.Bounds:
-    """The box around a model, in its own frame."""
+    """Return the box around a model, in its own frame."""
     return geometry.bounds_of(MODELS[model].shapes, Pose((0.0, 0.0, 0.0)))

@@ -1,9 +1,9 @@
 """The observed world in a triple store (pyoxigraph), in the terms of O_RoCo, in memory or on disk.
 
-Facts (class, model, relations, who holds what, when it was observed) are triples; a subject's numbers are one literal
-beside them (a record), since hundreds of nodes for a pose cost ten times as much. `scene` is the same, as typed
-records, for answering. A write replaces all triples of every changed subject, with its version, in one transaction:
-after a death the store has an observation whole or not at all. One process owns a store on disk. Must not know:
+Facts (class, model, relations, who holds what, time of observation) are triples. The numbers of a subject are one
+literal (a record): as nodes they would cost ten times as much. `scene` is the same as typed records. A write replaces
+all triples of each changed subject, with its version, in one transaction, so after a death the store has an
+observation whole or not at all. Only one process can own a store on disk. Must not know:
 queries, hypothetical states.
 """
 
@@ -31,7 +31,7 @@ _OBSERVED = ox.NamedNode(str(ROCO.observedAt))
 
 
 class Stored(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The record of a subject: whichever of these it has, and its key in the versions."""
+    """The record of a subject: those of these that it has, and its key in the versions."""
 
     subject: str
     thing: Thing | None = None
@@ -45,7 +45,7 @@ _stored = msgspec.json.Decoder(Stored)
 
 
 class Store:
-    """Opened by `Store.open`; `scene` is what was observed, `write` makes another scene the observed one."""
+    """A store, made by `Store.open`; `scene` is the observed scene, `write` replaces it."""
 
     def __init__(self, triples: ox.Store) -> None:
         self._triples = triples
@@ -53,7 +53,7 @@ class Store:
 
     @classmethod
     def open(cls, path: Path | None = None) -> "Store":
-        """The store in the folder `path`, or an empty one in memory. Raises OSError if another process has it open."""
+        """Return the store in the folder `path`, or an empty one in memory. OSError if another process has it open."""
         triples = ox.Store(str(path)) if path is not None else ox.Store()
         if not any(triples.quads_for_pattern(None, None, None)):
             triples.load(read().serialize(format="nt").encode(), format=ox.RdfFormat.N_TRIPLES)
@@ -61,11 +61,11 @@ class Store:
 
     @property
     def scene(self) -> Scene:
-        """What was observed, as typed records."""
+        """Return the observed scene as typed records."""
         return self._scene
 
     def write(self, scene: Scene) -> None:
-        """Make this the observed scene: all that differs is replaced in one transaction."""
+        """Replace the observed scene: all that differs, in one transaction."""
         old, new = _subjects(self._scene), _subjects(scene)
         gone = [quad for key, subject in old.items() if new.get(key) != subject for quad in self._about(subject.node)]
         come = [quad for key, subject in new.items() if old.get(key) != subject for quad in subject.quads()]
@@ -74,22 +74,20 @@ class Store:
         self._scene = scene
 
     def graph(self) -> Graph:
-        """Ontology and facts as an rdflib graph over the same triples, for export and for people's questions in
-        SPARQL.
-        """
+        """Return ontology and facts as an rdflib graph over the same triples, for export and SPARQL."""
         return Graph(store=OxigraphStore(store=self._triples), identifier=DATASET_DEFAULT_GRAPH_ID)
 
     def _about(self, node: ox.NamedNode) -> list[ox.Quad]:
-        """The written triples of a subject; what the ontology itself says of it stays."""
+        """Return the written triples of a subject, without those of the ontology."""
         return [quad for quad in self._triples.quads_for_pattern(node, None, None) if quad.predicate.value not in _KEPT]
 
 
-# Said by the ontology of the parts of the robot.
+# From the ontology, on parts of the robot.
 _KEPT = frozenset({str(ROCO.isPartOf), str(ROCO.atSide)})
 
 
 class _Subject(msgspec.Struct, frozen=True):
-    """All that is written of one node."""
+    """All that is written on one node."""
 
     node_iri: str
     stored: Stored
@@ -115,7 +113,7 @@ class _Subject(msgspec.Struct, frozen=True):
 
 
 def _subjects(scene: Scene) -> dict[str, _Subject]:
-    """Everything a scene has to say, by subject. Reserved space is a plan's and is never observed."""
+    """Return the contents of a scene by subject. Reserved space belongs to a plan and is never observed."""
     found: dict[str, _Subject] = {}
     for thing in scene.things.values():
         found[thing.id] = _thing(scene, thing)
@@ -159,7 +157,7 @@ def _content(scene: Scene, source: str, destination: str) -> _Subject:
 
 
 def iri(space: str, name: str) -> str:
-    """The IRI of something observed; characters that no IRI may have are written by their number."""
+    """Return the IRI of something observed; characters that an IRI may not have are percent-encoded."""
     return space + "".join(c if c.isalnum() or c in "-._/" else f"%{ord(c):02X}" for c in name)
 
 
@@ -168,13 +166,13 @@ def _lines(quads: list[ox.Quad]) -> str:
 
 
 def _text(quad: ox.Quad) -> str:
-    """The text of a literal."""
+    """Return the text of a literal."""
     assert isinstance(quad.object, ox.Literal)
     return quad.object.value
 
 
 def _read(triples: ox.Store) -> Scene:
-    """The scene that was written last."""
+    """Return the scene that was written last."""
     things: dict[str, Thing] = {}
     hands: dict[Side, Held] = {}
     joints: dict[str, tuple[float, ...]] = {}

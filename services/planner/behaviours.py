@@ -1,84 +1,43 @@
-"""a_pl's behaviours, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
+"""The behaviours of pl, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
 
-The agent only forwards: queries of its search to km, answers back, the result to co; so no step computes long and a
-cancel is taken at once. What is being planned is in the journal; the search itself and km's hypothetical states are
-soft: after a death of either the search begins anew. Must not know: geometry, the domain.
+The agent only forwards: queries of its search to km, answers back, the result to co. So no step computes for long, and
+a cancel is taken at once. The problem is in the journal. The search and the hypothetical states at km are soft: after
+the death of either, the search starts again. Must not know: geometry, the domain.
 """
 
-import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Late, Local, Received, Started
 from agent_runtime.core.turn import Turn
 from companion.binding import bind
+from companion.design import AgentName
 from companion.languages import hfsm, wm
-from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from services.planner import search_process
-from services.planner.search_process import Answer, Ask, Begin, Died, Found, NotFound, Stop
+from services.planner import local, words
+from services.planner.local import Answer, Ask, Begin, Died, Found, NotFound, Stop
+from services.planner.memory import CONDITIONS, Memory, Problem, Soft
+from services.planner.words import ANSWER_WITHIN_S
 
-ANSWER_WITHIN_S = 30.0  # estimate: km holds a question for 5 s, answers in ms, comes back in seconds
-DROP_WITHIN_S = 5.0  # hypothetical states nobody drops are km's to forget
 MOST_ATTEMPTS = 5  # estimate: km dies less often than that during one search
 
 
-class Problem(msgspec.Struct, frozen=True):
-    """A network to be planned, and the conversation that asked for it."""
-
-    conversation: str
-    network: hfsm.GroundTaskNetwork
-
-
-class Soft(msgspec.Struct, frozen=True):
-    """The conversation of the query under way; whether the search has to begin anew."""
-
-    question: str = ""
-    lost: bool = False
-
-
-class Memory(msgspec.Struct, frozen=True):
-    """What is planned, what waits, the result. `attempt` counts searches, `begun` those of this problem."""
-
-    seed: int = 1
-    problem: Problem | None = None
-    waiting: tuple[Problem, ...] = ()
-    ready: bool = False
-    attempt: int = 0
-    begun: int = 0
-    result: hfsm.HierarchicalPlan | hfsm.NoPlan | None = None
-    cancelled: bool = False
-    soft: Soft = Soft()
-
-
 def agent(seed: int = 1) -> Agent[Memory]:
-    """a_pl as the design has it; `seed` of the chance in its searches."""
-    return bind(
-        "pl",
-        Memory(seed=seed),
-        {
-            "await_problem": await_problem,
-            "initialize_problem": initialize_problem,
-            "search_plan": search_plan,
-            "answer_problem": answer_problem,
-        },
-        {
-            "problem_taken": lambda memory: memory.problem is not None,
-            "problem_answered": lambda memory: memory.problem is None,
-            "world_known": lambda memory: memory.ready,
-            "search_stopped": lambda memory: memory.cancelled or memory.result is not None,
-            "search_ended": lambda memory: memory.result is not None or memory.soft.lost,
-            "hypothesis_lost": lambda memory: memory.soft.lost and memory.result is None and not memory.cancelled,
-        },
-        local=search_process.Local,
-    )
+    """Return the agent pl; `seed` of the random numbers in its searches."""
+    behaviours = {
+        "await_problem": await_problem,
+        "initialize_problem": initialize_problem,
+        "search_plan": search_plan,
+        "answer_problem": answer_problem,
+    }
+    return bind(AgentName.PL, Memory(seed=seed), behaviours, CONDITIONS, local=local.Local)
 
 
 # --- idle -------------------------------------------------------------------------------------------------------------
 
 
 def await_problem(memory: Memory, turn: Turn) -> Memory:
-    """idle: the oldest problem that waits is taken."""
+    """State idle: take the oldest waiting problem."""
     memory = _heard(memory, turn)
     if memory.problem is None and memory.waiting:
         return replace(memory, problem=memory.waiting[0], waiting=memory.waiting[1:])
@@ -86,10 +45,10 @@ def await_problem(memory: Memory, turn: Turn) -> Memory:
 
 
 def _heard(memory: Memory, turn: Turn) -> Memory:
-    """In every state: a request is agreed to and waits for its turn, a cancel is answered at once."""
+    """Take messages in any state: agree to a request and queue it, answer a cancel at once."""
     match turn.event:
         case Received(content=hfsm.GroundTaskNetwork() as network) as received:
-            turn.say(received.conversation, Performative.AGREE, hfsm.Taken(network.id))
+            words.agree(turn, received.conversation, network)
             return replace(memory, waiting=(*memory.waiting, Problem(received.conversation, network)))
         case Received(communicate=word) as received if word.performative is Performative.CANCEL:
             return _cancelled(memory, turn, received.conversation)
@@ -102,12 +61,12 @@ def _heard(memory: Memory, turn: Turn) -> Memory:
 def _cancelled(memory: Memory, turn: Turn, conversation: str) -> Memory:
     known = (*memory.waiting, *((memory.problem,) if memory.problem else ()))
     network = next(one.network.id for one in known if one.conversation == conversation)
-    turn.say(conversation, Performative.INFORM, hfsm.NoPlan(network, "cancelled"), kind=Kind.CANCEL)
+    words.cancelled(turn, conversation, network)
     return _forgotten(memory, conversation)
 
 
 def _forgotten(memory: Memory, conversation: str) -> Memory:
-    """Nobody waits for this problem any more."""
+    """Drop a problem that nobody waits for any more."""
     if memory.problem is not None and memory.problem.conversation == conversation:
         return replace(memory, cancelled=True)
     return replace(memory, waiting=tuple(one for one in memory.waiting if one.conversation != conversation))
@@ -117,9 +76,9 @@ def _forgotten(memory: Memory, conversation: str) -> Memory:
 
 
 def initialize_problem(memory: Memory, turn: Turn) -> Memory:
-    """initialize: hypothetical states of an earlier attempt are dropped, and km is there."""
+    """State initialize: drop the hypothetical states of an earlier attempt; this also shows that km is there."""
     if turn.event is None:
-        return _begin_anew(memory, turn)
+        return _begin_again(memory, turn)
     memory = _heard(memory, turn)
     if memory.cancelled:
         return memory
@@ -129,29 +88,28 @@ def initialize_problem(memory: Memory, turn: Turn) -> Memory:
         case Received(conversation=name) if name == memory.soft.question:
             return replace(memory, ready=True, soft=Soft())
         case Started():
-            return _ask(memory, turn, _drop(memory))
+            return _drop(memory, turn)
         case _:
             return _unanswered(memory, turn)
 
 
-def _begin_anew(memory: Memory, turn: Turn) -> Memory:
+def _begin_again(memory: Memory, turn: Turn) -> Memory:
     if memory.begun >= MOST_ATTEMPTS:
         return _no_plan(memory, f"km lost the hypothetical states of {memory.begun} searches")
-    return _ask(replace(memory, ready=False, begun=memory.begun + 1, soft=Soft()), turn, _drop(memory))
+    return _drop(replace(memory, ready=False, begun=memory.begun + 1, soft=Soft()), turn)
 
 
-def _drop(memory: Memory) -> wm.DropStates:
+def _drop(memory: Memory, turn: Turn) -> Memory:
     assert memory.problem is not None
-    return wm.DropStates(prefix=f"{memory.problem.network.id}/")
+    return _ask(memory, turn, words.drop(memory.problem))
 
 
 def _ask(memory: Memory, turn: Turn, query: wm.AnyQuery) -> Memory:
-    name = turn.open("km", "query", Performative.QUERY_REF, query, reply_by_s=ANSWER_WITHIN_S)
-    return replace(memory, soft=replace(memory.soft, question=name))
+    return replace(memory, soft=replace(memory.soft, question=words.ask(turn, query)))
 
 
 def _unanswered(memory: Memory, turn: Turn) -> Memory:
-    """The wait for km is over without an answer."""
+    """Give up if km has not answered in time."""
     match turn.event:
         case Late(conversation=name) if name == memory.soft.question:
             return _no_plan(memory, f"km does not answer (waited {ANSWER_WITHIN_S:g} s)")
@@ -170,7 +128,7 @@ def _no_plan(memory: Memory, reason: str, *, later: bool = False) -> Memory:
 
 
 def search_plan(memory: Memory, turn: Turn) -> Memory:
-    """search: queries of the search go to km and the answers back, until it has found a plan or none."""
+    """State search: pass queries to km and answers back, until the search ends."""
     if turn.event is None:
         return _searching(memory, turn)
     memory = _heard(memory, turn)
@@ -214,7 +172,7 @@ def _answered(memory: Memory, turn: Turn, content: wm.AnyAnswer) -> Memory:
 
 
 def answer_problem(memory: Memory, turn: Turn) -> Memory:
-    """finalize: the search is ended, the result told, km's hypothetical states dropped."""
+    """State finalize: end the search, send the result, drop the hypothetical states at km."""
     problem = memory.problem
     assert problem is not None
     if not isinstance(memory.result, hfsm.HierarchicalPlan):
@@ -222,8 +180,7 @@ def answer_problem(memory: Memory, turn: Turn) -> Memory:
     if memory.soft.question:
         turn.drop(memory.soft.question)
     if turn.holds(problem.conversation) and memory.result is not None:
-        plan = isinstance(memory.result, hfsm.HierarchicalPlan)
-        turn.say(problem.conversation, Performative.INFORM if plan else Performative.FAILURE, memory.result)
-    if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):  # put off: nothing was made, km is busy
-        turn.open("km", "query", Performative.QUERY_REF, _drop(memory), reply_by_s=DROP_WITHIN_S)
+        words.tell(turn, problem, memory.result)
+    if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):  # later: no state was made, and km is busy
+        words.ask(turn, words.drop(problem), words.DROP_WITHIN_S)
     return Memory(seed=memory.seed, waiting=memory.waiting, attempt=memory.attempt)

@@ -1,70 +1,15 @@
-"""The search as a killable child process of a_pl: it yields Ask, Found or NotFound and is answered by Answer.
+"""The search as a child process of pl, which can be killed: it sends Ask, Found or NotFound and is answered by Answer.
 
-Here also are the words between agent and child. The agent imports this module without the search: geometry and its
-libraries are loaded in the child only. A word names the attempt it belongs to, so that what a killed child had
-said before is not taken for the words of the next one.
+The search with its geometry is loaded in the child only.
 """
-
-import msgspec
 
 from agent_runtime.io.worker import Link
 from companion.languages import hfsm, wm
-
-
-class Word(msgspec.Struct, frozen=True, tag=True):
-    """A word between agent and search; `attempt` counts searches over all lives of the agent."""
-
-    attempt: int
-
-
-class Begin(Word, frozen=True):
-    """Search a plan for this network; `seed` of all chance in it."""
-
-    network: hfsm.GroundTaskNetwork
-    seed: int
-
-
-class Stop(Word, frozen=True):
-    """Nobody wants the plan any more."""
-
-
-class Answer(Word, frozen=True):
-    """What km answered."""
-
-    answer: wm.AnyAnswer
-
-
-class Ask(Word, frozen=True):
-    """The search cannot go on without this fact."""
-
-    query: wm.AnyQuery
-
-
-class Found(Word, frozen=True):
-    """There is a plan."""
-
-    plan: hfsm.HierarchicalPlan
-
-
-class NotFound(Word, frozen=True):
-    """There is none, and why."""
-
-    reason: str
-
-
-class Died(msgspec.Struct, frozen=True, tag=True):
-    """The child ended by itself with this exit status."""
-
-    code: int
-
-
-ToSearch = Begin | Answer
-FromSearch = Ask | Found | NotFound
-Local = Ask | Found | NotFound | Died
+from services.planner.local import Answer, Ask, Begin, Found, NotFound, ToSearch
 
 
 def serve(link: Link) -> None:
-    """The child: one search after another."""
+    """Run one search after the other, until the agent is gone."""
     from services.planner.search.search import search
     from velma.kinematics import timing
 

@@ -1,34 +1,35 @@
-"""Acts asked of ex: one at a time, each with its key; what its outcome tells goes to km before anything else.
+"""Acts requested of ex: one at a time, each with its key. The observations in an outcome go to km first.
 
-The request is durable and in the same record as the position in the plan. reply-by never ends the wait: it sends a
-cancel behind the request, and the act is over with ex's last word (delivery: request with cancel, initiator).
+The request is durable, in the same record as the position in the plan. A late reply does not end the wait: ta sends a
+cancel, and the act ends with the last message of ex (delivery: request with cancel, initiator).
 """
 
 from msgspec.structs import replace
 
 from agent_runtime.core.events import Broken, Late, Received, Woken
 from agent_runtime.core.turn import Turn
+from companion.design import AgentName
 from companion.languages import rc, wm
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative
 from services.task.memory import Act, Memory
-from services.task.observing import observations, subject
+from services.task.words import observations, subject
 
-OBSERVER, DOER = "km", "ex"
-AGREE_WITHIN_S = 60.0  # estimate: ex solves the joints of a skill in seconds; a home-made way may take some more
+OBSERVER = AgentName.KM
+AGREE_WITHIN_S = 60.0  # estimate: ex computes a skill in seconds; a path that it plans itself takes longer
 SLACK, MARGIN_S = 5.0, 10.0  # an act may last 5 x its expected duration + 10 s (ruling with the design)
 PATIENCE = "act"
 Outcome = rc.Done | rc.NotDone
 
 
 def begin(memory: Memory, turn: Turn, command: rc.Act) -> Memory:
-    """Ask ex for the act."""
-    name = turn.open(DOER, "request", Performative.REQUEST, command, reply_by_s=AGREE_WITHIN_S)
+    """Request an act of ex."""
+    name = turn.open(AgentName.EX, "request", Performative.REQUEST, command, reply_by_s=AGREE_WITHIN_S)
     return replace(memory, act=Act(name, command))
 
 
 def stop(memory: Memory, turn: Turn) -> Memory:
-    """Ask ex to stop the act under way, once."""
+    """Cancel the act under way, once."""
     act = memory.act
     if act is None or act.stopped:
         return memory
@@ -37,7 +38,7 @@ def stop(memory: Memory, turn: Turn) -> Memory:
 
 
 def hear(memory: Memory, turn: Turn) -> tuple[Memory, Outcome | None]:
-    """What an event says of the act under way: its outcome when that comes; the act is None after ex's last word."""
+    """Take an event of the act under way; return its outcome if it is there. The act is None after its end."""
     act = memory.act
     if act is None:
         return memory, None
@@ -45,13 +46,13 @@ def hear(memory: Memory, turn: Turn) -> tuple[Memory, Outcome | None]:
         case Received(conversation=name, content=content) as received if name == act.conversation:
             return _told(memory, turn, act, received, content)
         case Broken(conversation=name, reason=reason) if name == act.conversation:
-            return _over(memory, turn), rc.NotDone(act.command.key, "interrupted", f"ex: {reason}")
+            return _over(memory, turn), rc.NotDone(act.command.key, rc.NotDoneKind.INTERRUPTED, f"ex: {reason}")
         case _:
             return memory, None
 
 
 def overdue(memory: Memory, turn: Turn) -> bool:
-    """Whether this event says that ex took too long."""
+    """Whether this event means that ex takes too long."""
     act = memory.act
     if act is None or act.stopped:
         return False
@@ -75,7 +76,7 @@ def _told(memory: Memory, turn: Turn, act: Act, received: Received, content: obj
         memory = _observed(memory, turn, act.command, outcome)
     elif ended and not act.stopped:
         words = content.text if isinstance(content, Reason) else f"answered {received.communicate.performative}"
-        outcome = rc.NotDone(act.command.key, "failed", f"ex: {words}")
+        outcome = rc.NotDone(act.command.key, rc.NotDoneKind.FAILED, f"ex: {words}")
     return (_over(memory, turn) if ended else memory), outcome
 
 
@@ -85,9 +86,9 @@ def _over(memory: Memory, turn: Turn) -> Memory:
 
 
 def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> Memory:
-    """Owe km what the outcome tells; the posture last, so that who knows it knows the rest of a first look.
+    """Queue the observations of an outcome for km; the posture last, so that it ends a first look.
 
-    A look that was not done tells nothing: its posture alone would pass for a look at an empty world.
+    A look that failed gives none: its posture alone would look like an empty world.
     """
     if outcome.body is None or (isinstance(command, rc.Look) and isinstance(outcome, rc.NotDone)):
         return memory
@@ -100,11 +101,11 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
 
 
 def nothing_seen(turn: Turn, reason: str) -> None:
-    """Owe km why a look around showed nothing."""
+    """Queue for km why a look around showed nothing."""
     over = wm.NothingSeen(reason)
     turn.observe(OBSERVER, subject(over), over)
 
 
 def look_owed(turn: Turn) -> bool:
-    """Whether km is still to be told the posture, which ends a look around, so that it needs no other."""
+    """Whether the posture, which ends a look around, is still queued for km, so that no other look is needed."""
     return (OBSERVER, "body") in turn.due

@@ -1,7 +1,7 @@
-"""a_ta's behaviours outside the plan, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
+"""The behaviours of ta outside the plan, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
 
-idle -> running (the plan's own machine: running.py) -> closing -> finished -> idle; stopping and securing lie between
-where a plan is cancelled or an act is late. Must not know: pl, geometry.
+idle -> running (the machine of the plan: running.py) -> closing -> finished -> idle; with stopping and securing before
+closing if a plan is cancelled or an act is late. Must not know: pl, geometry.
 """
 
 from msgspec.structs import replace
@@ -10,22 +10,23 @@ from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Received, Settled, Started, Woken
 from agent_runtime.core.turn import Turn
 from companion.binding import bind
+from companion.design import AgentName
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.performatives import Performative
 from services.task import acts, running
 from services.task import plan as plans
 from services.task.memory import CONDITIONS, Memory
-from services.task.survey import SURVEY
+from services.task.words import SURVEY
 
-SURVEYS = 3  # tries of a look around; estimate: ex may still be coming up at the first
+SURVEYS = 3  # tries of a look around; estimate: ex may still be starting at the first
 AGAIN_S, AGAIN = 2.0, "survey again"
 STOPPED_S, STOPPED = 20.0, "survey stopped"  # estimate: ex brakes in a second and comes back in seconds
 BARRIER_S, BARRIER = 30.0, "barrier"  # estimate: km is restarted within seconds, or it is gone for good
-REASON_CHARS = 200  # a report is to stay within its 400 bytes
+REASON_CHARS = 200  # a report must stay within its 400 bytes
 
 
 def agent() -> Agent[Memory]:
-    """a_ta as the design has it."""
+    """Return the agent ta."""
     behaviours = {
         "await_plan": await_plan,
         "survey": survey,
@@ -35,14 +36,14 @@ def agent() -> Agent[Memory]:
         "close_plan": close_plan,
         "await_acknowledgement": await_acknowledgement,
     }
-    return bind("ta", Memory(), behaviours, CONDITIONS)
+    return bind(AgentName.TA, Memory(), behaviours, CONDITIONS)
 
 
 # --- idle and surveying -----------------------------------------------------------------------------------------------
 
 
 def await_plan(memory: Memory, turn: Turn) -> Memory:
-    """idle: a plan is taken or refused; a new observer of the world makes ta look around."""
+    """State idle: take or refuse a plan; look around for a new observer of the world."""
     match turn.event:
         case Received(content=hfsm.HierarchicalPlan() as plan) as received:
             return _taken(memory, turn, received.conversation, plan)
@@ -63,7 +64,7 @@ def _taken(memory: Memory, turn: Turn, conversation: str, plan: hfsm.Hierarchica
 
 
 def survey(memory: Memory, turn: Turn) -> Memory:
-    """surveying: one look around, tried again a few times where ex cannot do it yet; km is told how it ended."""
+    """State surveying: look around, a few times if ex cannot do it yet; tell km how it ended."""
     match turn.event:
         case None:
             return _look_around(memory, turn)
@@ -105,7 +106,7 @@ def _look_around(memory: Memory, turn: Turn) -> Memory:
 
 
 def stop_act(memory: Memory, turn: Turn) -> Memory:
-    """stopping: ex was asked to stop; its last word is awaited, what crossed it is noted."""
+    """State stopping: wait for the last message of ex after a cancel; take what crossed it."""
     memory = running.always(memory, turn)
     memory, _ = acts.hear(memory, turn)
     return memory
@@ -115,7 +116,7 @@ def stop_act(memory: Memory, turn: Turn) -> Memory:
 
 
 def close_plan(memory: Memory, turn: Turn) -> Memory:
-    """closing: the final report goes out once km has every observation it rests on (the barrier)."""
+    """State closing: send the final report when km has all observations it depends on (the barrier)."""
     memory = running.always(memory, turn)
     assert memory.end is not None
     pending = any(peer == acts.OBSERVER for peer, _ in turn.due)
@@ -140,7 +141,7 @@ def _report(memory: Memory, turn: Turn, reason: str) -> Memory:
 
 
 def await_acknowledgement(memory: Memory, turn: Turn) -> Memory:
-    """finished: until co has confirmed the final report, which ends the conversation."""
+    """State finished: wait until co has confirmed the final report, which ends the conversation."""
     running.observed(turn)
     match turn.event:
         case Broken() | Received() | None if not turn.holds(memory.conversation):

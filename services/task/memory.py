@@ -1,4 +1,4 @@
-"""What a_ta knows between two steps: the plan that runs, where it stands, the act under way, how it is to end."""
+"""What ta knows between two steps: the plan and the position in it, the act under way; conditions of the design."""
 
 import msgspec
 
@@ -8,7 +8,7 @@ from services.task import plan as plans
 
 
 class Act(msgspec.Struct, frozen=True):
-    """An act asked of ex. `agreed`: ex took it; `stopped`: a cancel is on its way."""
+    """An act requested of ex. `agreed`: ex agreed; `stopped`: a cancel was sent."""
 
     conversation: str
     command: rc.Act
@@ -17,18 +17,18 @@ class Act(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """The conversation of a query under way; a death takes it, and the query is asked again."""
+    """What a death loses: the conversation of the query under way; the query is asked again."""
 
     question: str = ""
 
 
 class Memory(msgspec.Struct, frozen=True):
-    """`conversation`: that with co about `plan`. `safe`: the machine that runs instead once the plan is cancelled.
+    """`conversation`: with co, about `plan`. `safe`: the machine that runs instead after the plan is cancelled.
 
-    `at`: position in the machine that runs. `act`: what ex was asked for and has not ended. `looking`: that act only
-    finds out how the world is, since the outcome of the one before is unknown. `secured`: how often it was tried to put
-    down what is held. `end`: how the plan ends, once it does; `reason` in words. `hands`: what each hand holds by ex's
-    last outcome. `survey`: looks around still to be tried. `acts`: counts what was asked beside plans, for their keys.
+    `at`: position in the running machine. `act`: the act under way. `looking`: that act is a look, because the outcome
+    of the act before is unknown. `secured`: number of tries to put down what is held. `end`: how the plan ends, None
+    before; `reason` in words. `hands`: what each hand holds by the last outcome. `survey`: tries left of a look around.
+    `acts`: counts the acts outside plans, for their keys.
     """
 
     conversation: str = ""
@@ -49,48 +49,48 @@ class Memory(msgspec.Struct, frozen=True):
 
     @property
     def machine(self) -> hfsm.Machine:
-        """The machine that runs: the plan's, or the one that makes it safe."""
+        """The running machine: that of the plan, or the one that makes it safe."""
         assert self.plan is not None
         return self.safe or self.plan.root
 
 
 def plan_taken(memory: Memory) -> bool:
-    """A plan of co waits to be run."""
+    """Whether there is a plan to run."""
     return memory.plan is not None
 
 
 def survey_wanted(memory: Memory) -> bool:
-    """Somebody began to observe the world, and it was not looked at yet."""
+    """Whether a new observer waits for a look around."""
     return memory.survey > 0
 
 
 def work_arrived(memory: Memory) -> bool:
-    """There is something to do."""
+    """Whether there is something to do."""
     return plan_taken(memory) or survey_wanted(memory)
 
 
 def plan_over(memory: Memory) -> bool:
-    """Nothing more of the plan will be begun."""
+    """Whether no further state of the plan will be entered."""
     return memory.end is not None
 
 
 def act_under_way(memory: Memory) -> bool:
-    """ex still has to say how an act ended."""
+    """Whether an act is under way."""
     return memory.act is not None
 
 
 def act_settled(memory: Memory) -> bool:
-    """ex has said its last word about the act."""
+    """Whether no act is under way."""
     return memory.act is None
 
 
 def something_to_secure(memory: Memory) -> bool:
-    """The plan was cancelled, a hand holds something, the plan says how to put it down, and that was not tried yet."""
+    """Whether a cancelled plan left something in a hand, knows how to put it down, and has not tried yet."""
     return memory.cancelled and not memory.secured and bool(memory.hands) and way_to_safety(memory) is not None
 
 
 def way_to_safety(memory: Memory) -> hfsm.Machine | None:
-    """What the plan says for where it stands."""
+    """Return the machine that makes the plan safe at its position, None if there is none."""
     if memory.plan is None or not memory.at:
         return None
     return plans.safe(memory.plan.root, memory.at)

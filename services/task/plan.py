@@ -1,8 +1,8 @@
-"""How a plan (an HFSM) runs: which leaf is next, how it ends, what makes it safe. Pure look-ups in the plan's tree.
+"""How a plan (an HFSM) runs: the next leaf, the end, the machine that makes it safe. Pure functions of the plan.
 
-A position is the path of names from the root's child to a leaf. ta keeps only that path in its memory; the plan itself
-says the rest (paper, Table 6: running is the super-state defined by the HFSM). A plan that passed `check` ends: its
-arcs lead to later states only, so that no leaf is entered twice.
+A position is the path of names from a child of the root to a leaf; ta remembers nothing else of a running plan (paper,
+Table 6: running is the super-state defined by the HFSM). A plan that passed `check` ends: its arcs lead to later states
+only, so no leaf is entered twice.
 """
 
 from companion.languages import hfsm
@@ -12,7 +12,7 @@ Leaf = hfsm.ActState | hfsm.AskState | hfsm.EndState
 
 
 class PlanError(ValueError):
-    """A plan that leads nowhere or back: `where` (a state or machine) leads to `name`, which is none of `known`."""
+    """A plan with a wrong arc: `where` (a state or machine) leads to `name`, which is not in `known`."""
 
     def __init__(self, where: str, name: str, known: tuple[str, ...]) -> None:
         self.where, self.name, self.known = where, name, known
@@ -21,13 +21,13 @@ class PlanError(ValueError):
 
 
 def first(machine: hfsm.Machine) -> Position:
-    """The leaf that a machine begins with."""
+    """Return the position of the first leaf of a machine."""
     state = _child(machine, machine.initial, machine.name)
     return (state.name, *first(state)) if isinstance(state, hfsm.Machine) else (state.name,)
 
 
 def leaf(root: hfsm.Machine, position: Position) -> Leaf:
-    """The leaf at a position; raises PlanError where there is none."""
+    """Return the leaf at a position. Raises PlanError if there is none."""
     state = _state(root, position)
     if isinstance(state, hfsm.Machine):
         raise PlanError("/".join((root.name, *position)), "a leaf", _names(state.states))
@@ -35,7 +35,7 @@ def leaf(root: hfsm.Machine, position: Position) -> Leaf:
 
 
 def after(root: hfsm.Machine, position: Position, outcome: hfsm.Outcome) -> Position | hfsm.Outcome:
-    """Where an outcome of the leaf at `position` leads: the next leaf, or how the plan ends.
+    """Return where an outcome of the leaf at `position` leads: the next position, or the outcome of the plan.
 
     A state without an arc for the outcome passes it up to its machine (hfsm.Machine).
     """
@@ -51,7 +51,7 @@ def after(root: hfsm.Machine, position: Position, outcome: hfsm.Outcome) -> Posi
 
 
 def safe(root: hfsm.Machine, position: Position) -> hfsm.Machine | None:
-    """What makes the plan safe when it is cancelled at `position`: of the innermost machine that says so."""
+    """Return the machine that makes the plan safe if cancelled at `position`: the innermost one given."""
     for depth in range(len(position), -1, -1):
         state = _state(root, position[:depth])
         if isinstance(state, hfsm.Machine) and state.safe is not None:
@@ -60,7 +60,7 @@ def safe(root: hfsm.Machine, position: Position) -> hfsm.Machine | None:
 
 
 def check(root: hfsm.Machine) -> None:
-    """Raise PlanError unless names are unique among siblings, initial states are there, and every arc leads on."""
+    """Raise PlanError unless sibling names are unique, initial states exist, and every arc leads to a later state."""
     names = _names(root.states)
     _child(root, root.initial, root.name)
     for number, state in enumerate(root.states, start=1):
@@ -84,7 +84,7 @@ def _names(states: tuple[hfsm.State, ...]) -> tuple[str, ...]:
 
 
 def _state(root: hfsm.Machine, position: Position) -> hfsm.State:
-    """The state at a position, the root at ()."""
+    """Return the state at a position; the root at ()."""
     state: hfsm.State = root
     for name in position:
         if not isinstance(state, hfsm.Machine):

@@ -1,7 +1,7 @@
-"""a_ta's super-state: the plan's own state machine, or the machine that makes a cancelled plan safe (paper, Table 6).
+"""The super-state of ta: the state machine of the plan, or the one that makes a cancelled plan safe (paper, Table 6).
 
-A position in the plan's tree is all that is kept; plan.py says what an outcome leads to. Every change of state is
-reported to co, which confirms it; no confirm but the last is waited for.
+Only the position in the plan is kept; plan.py says where an outcome leads. Every change of state is reported to co,
+which confirms it; ta waits only for the last confirm.
 """
 
 from collections.abc import Callable
@@ -15,11 +15,11 @@ from fipa_codec.performatives import Performative
 from services.task import acts
 from services.task import plan as plans
 from services.task.memory import Memory, Soft, way_to_safety
-from services.task.survey import SURVEY
+from services.task.words import SURVEY
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
-ATTEMPTS = 2  # at putting down what is held: the second begins elsewhere and knows the world better (estimate)
-PATH_CHARS = 200  # a report is to stay within its 400 bytes
+ATTEMPTS = 2  # to put down what is held: the second one starts elsewhere, with newer observations (estimate)
+PATH_CHARS = 200  # a report must stay within its 400 bytes
 Outcome = hfsm.Outcome
 
 ENDS = {
@@ -28,12 +28,13 @@ ENDS = {
     Outcome.REPLAN: sw.WorkerState.REPLAN,
     Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
 }
-OF_KIND = dict.fromkeys(("replan", "busy", "interrupted", "unknown"), Outcome.REPLAN)
-"""Kinds of NotDone after which a new plan may do it: the world is not as planned, or the machine was in the way."""
+_PLAN_AGAIN = (rc.NotDoneKind.REPLAN, rc.NotDoneKind.BUSY, rc.NotDoneKind.INTERRUPTED, rc.NotDoneKind.UNKNOWN)
+OF_KIND: dict[str, Outcome] = dict.fromkeys(_PLAN_AGAIN, Outcome.REPLAN)
+"""Kinds of NotDone after which a new plan may succeed: the world is not as planned, or the machine failed."""
 
 
 def always(memory: Memory, turn: Turn) -> Memory:
-    """What is taken in every state of a plan: an observer comes (back), the conversation with co breaks."""
+    """Take what may come in every state of a plan: a new observer, the end of the conversation with co."""
     observed(turn)
     match turn.event:
         case Broken(conversation=name, reason=reason) if name == memory.conversation and memory.end is None:
@@ -42,7 +43,7 @@ def always(memory: Memory, turn: Turn) -> Memory:
 
 
 def observed(turn: Turn) -> None:
-    """An observer that comes in the middle of a plan: no look around is made for it, and it does not wait for one."""
+    """Tell an observer that comes during a plan that no look around is made for it."""
     match turn.event:
         case Received(content=wm.ObserveWorld()) as received:
             turn.say(received.conversation, Performative.AGREE)
@@ -53,7 +54,7 @@ def observed(turn: Turn) -> None:
 
 
 def run_plan(memory: Memory, turn: Turn) -> Memory:
-    """running: the plan's states, until it ends, is cancelled, or an act is late."""
+    """State running: run the states of the plan, until it ends, is cancelled, or an act is late."""
     if turn.event is None:
         assert memory.plan is not None
         return enter(memory, turn, plans.first(memory.plan.root))
@@ -68,7 +69,7 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
 
 
 def _preempted(memory: Memory, turn: Turn, reason: str) -> Memory:
-    """co wants no more of it: the act is stopped, the question dropped; what is held is put down afterwards."""
+    """End a cancelled plan: stop the act, drop the query; what is held is put down afterwards."""
     if memory.soft.question:
         turn.drop(memory.soft.question)
     memory = acts.stop(memory, turn)
@@ -84,7 +85,7 @@ def _finish(memory: Memory, outcome: Outcome, reason: str) -> Memory:
 
 
 def make_safe(memory: Memory, turn: Turn) -> Memory:
-    """securing: what is held is put down as the plan says, tried twice; a second cancel changes nothing."""
+    """State securing: put down what is held as the plan says, with two tries; a second cancel changes nothing."""
     if turn.event is None:
         safe = way_to_safety(memory)
         assert safe is not None
@@ -97,7 +98,7 @@ def make_safe(memory: Memory, turn: Turn) -> Memory:
 
 
 def _secured(memory: Memory, outcome: Outcome, reason: str) -> Memory:
-    """The plan is Preempted once nothing is held, whatever else went wrong."""
+    """End the plan: Preempted if nothing is held, else Failed."""
     why = memory.reason or reason
     if not memory.hands:
         return replace(memory, end=sw.WorkerState.PREEMPTED, reason=why)
@@ -112,7 +113,7 @@ Finish = Callable[[Memory, Outcome, str], Memory]
 
 
 def enter(memory: Memory, turn: Turn, position: plans.Position, finish: Finish | None = None) -> Memory:
-    """Go to the leaf at `position`, report it, and begin what it says."""
+    """Enter the leaf at `position`: report it, and start its act or query."""
     memory = replace(memory, at=position)
     _tell(memory, turn, sw.WorkerState.RUNNING)
     leaf = plans.leaf(memory.machine, position)
@@ -124,12 +125,12 @@ def enter(memory: Memory, turn: Turn, position: plans.Position, finish: Finish |
 
 
 def _named(memory: Memory, command: rc.Act) -> rc.Act:
-    """The command, under a key of its own where it is asked for again."""
+    """Return the command, with a new key if it is requested again."""
     return replace(command, key=f"{command.key}.{memory.secured}") if memory.secured > 1 else command
 
 
 def leave(memory: Memory, turn: Turn, outcome: Outcome, reason: str, finish: Finish) -> Memory:
-    """The leaf ended so: on to the next one, or the machine has ended."""
+    """Leave the leaf with an outcome: enter the next one, or finish the machine."""
     following = plans.after(memory.machine, memory.at, outcome)
     if isinstance(following, Outcome):
         return finish(memory, following, reason)
@@ -137,7 +138,7 @@ def leave(memory: Memory, turn: Turn, outcome: Outcome, reason: str, finish: Fin
 
 
 def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
-    """Whatever the present leaf waited for."""
+    """Take an event that the present leaf waits for."""
     if acts.overdue(memory, turn):
         assert memory.act is not None
         words = f"ex took too long for {memory.act.command.key}"
@@ -159,20 +160,20 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
         memory = replace(memory, reason=memory.reason or outcome.reason)
-    if outcome.kind == "unknown" and memory.safe is None:
+    if outcome.kind == rc.NotDoneKind.UNKNOWN and memory.safe is None:
         return _look(memory, turn, outcome)
     return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), outcome.reason, finish)
 
 
 def _look(memory: Memory, turn: Turn, outcome: rc.NotDone) -> Memory:
-    """Nobody knows how the act ended: look at the world without moving an arm, then have it planned anew."""
+    """Look around after an act with an unknown outcome, without moving an arm; then a new plan is needed."""
     memory = replace(memory, looking=True, reason=outcome.reason)
     _tell(memory, turn, sw.WorkerState.ERROR)
     return acts.begin(memory, turn, replace(SURVEY, key=f"{outcome.key}.look"))
 
 
 def _seen(memory: Memory, outcome: rc.Done) -> str:
-    """After a look that ends a plan the person wants to know what was seen."""
+    """Return what was seen, after a look that ends a plan."""
     leaf = plans.leaf(memory.machine, memory.at)
     looked = isinstance(leaf, hfsm.ActState) and isinstance(leaf.command, rc.Look)
     return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}" if looked else ""
@@ -211,7 +212,7 @@ def _no(leaf: hfsm.AskState, content: object) -> str:
 
 
 def _tell(memory: Memory, turn: Turn, state: sw.WorkerState) -> None:
-    """Report where the plan is."""
+    """Report the position in the plan to co."""
     if not turn.holds(memory.conversation) or memory.plan is None:
         return
     path = "/".join((*((memory.safe.name,) if memory.safe else ()), *memory.at))[-PATH_CHARS:]

@@ -6,11 +6,13 @@ docs/http.md is the contract of a_hi, docs/run-folder.md says which process writ
 import msgspec
 
 HI_FILE = "hi.json"
+REFUSED = "refused"
+"""The state of a line on a sentence that never became a task."""
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
 
 
 class HiAddress(msgspec.Struct, frozen=True):
-    """hi.json (mode 0600), written by a_hi once it listens on 127.0.0.1."""
+    """hi.json (mode 0600), written by hi once it listens on 127.0.0.1."""
 
     port: int
     token: str
@@ -29,7 +31,7 @@ class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A task as a_hi knows it. `state`: a companion.languages.cmd.TaskState, or "refused" (never became a task)."""
+    """A task as hi knows it. `state`: a companion.languages.cmd.TaskState, or REFUSED."""
 
     task: str
     state: str
@@ -45,7 +47,7 @@ class Tasks(msgspec.Struct, frozen=True):
 
 
 class HiEvent(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Something a_hi tells people; `n` counts from 1 without gaps. `t`: unix time [s]."""
+    """Something hi tells people; `n` counts from 1 without gaps. `t`: unix time [s]."""
 
     n: int
     t: float

@@ -1,10 +1,23 @@
-"""A content in a few words, for people. Must not know: who asks."""
+"""Ids, names and contents in words for people: on a terminal, in a report. No agent decides by them."""
+
+import re
 
 from companion.languages import cmd, sw
-from companion.words import plain, spaced
 
 TEXT_LENGTH = 80
 _TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state", "at", "reason", "text")
+_ID = re.compile(r"\b([a-z]+)_(\d+)\b")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
+
+
+def plain(text: str) -> str:
+    """A text with its ids as people say them: jar_1 is the jar, table_2 is table 2."""
+    return _ID.sub(lambda found: found[1] if found[2] == "1" else f"{found[1]} {found[2]}", text)
+
+
+def spaced(name: str) -> str:
+    """A name of a class in words: SeenObject is a seen object."""
+    return _HUMP.sub(" ", name).lower()
 
 
 def words(content: object) -> str:

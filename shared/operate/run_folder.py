@@ -1,7 +1,7 @@
-"""The files of a run folder that tools and fleet exchange outside the protocol: names and types.
+"""What people's tools and the fleet exchange outside the protocol: a run folder's files, hi's words over HTTP.
 
-None of it is a communicate. docs/run-folder.md says which process writes which file. agent_runtime.io.run_files has the
-names that agents need, too.
+None of it is a communicate. docs/run-folder.md says who writes which file, docs/http.md is the contract of hi. Names
+and types only: whoever reads or writes a file does so in its own room.
 """
 
 from enum import StrEnum

@@ -17,7 +17,7 @@ from fipa_codec.conversation import Conversation
 from fipa_codec.exploration import explore as explore_protocol
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, Role
-from services.coordinator.behaviours import coordinator
+from services.coordinator.behaviours import agent as coordinator
 from topdown.judge.steps import Steps
 from topdown.model.design import Design
 from topdown.prove.engine import explore

@@ -13,7 +13,7 @@ from companion.binding import wiring
 from companion.languages import cmd, hfsm, sw
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from services.coordinator.behaviours import coordinator
+from services.coordinator.behaviours import agent
 from services.coordinator.memory import Limits
 
 POUR = cmd.PourInto("jar", "bowl")
@@ -58,7 +58,7 @@ class Scene:
         self.puppets = {name: Puppet(name, answers.get(name)) for name in ("hi", "pl", "ta")}
         for name, puppet in self.puppets.items():
             self.wires.add(puppet.agent(), unchecked(wiring(name, "test")))
-        self.co = self.wires.add(coordinator(limits), wiring("co", "test"))
+        self.co = self.wires.add(agent(limits), wiring("co", "test"))
         self.settle()
 
     # --- what the test says -------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from companion.languages import cmd, sw
 from companion.languages.sw import WorkerState
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from services.coordinator.behaviours import coordinator, decide
+from services.coordinator.behaviours import agent, decide
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Stage
 
 COMMANDS = (POUR, cmd.Take("jar", "left"), cmd.PutDown("jar"), cmd.LookAround())
@@ -209,9 +209,9 @@ def test_a_peer_that_is_dead_for_good_leaves_no_command_open(dead):
 
 
 def test_co_binds_exactly_the_names_of_the_design():
-    """coordinator() would raise; and every condition of the design is a function of the same name."""
+    """agent() would raise; and every condition of the design is a function of the same name."""
     assert set(CONDITIONS) == DESIGN.conditions("co")
-    assert set(coordinator().behaviours) == {state.name for state in DESIGN.agent("co").state}
+    assert set(agent().behaviours) == {state.name for state in DESIGN.agent("co").state}
 
 
 def test_the_arcs_of_the_design_are_taken(scene):

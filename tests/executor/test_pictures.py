@@ -12,8 +12,8 @@ import pytest
 from companion.telemetry import PICTURE_S, Picture, told
 from services.executor import pictures
 from services.executor.camera import HEIGHT, WIDTH, Camera
+from services.executor.local import Setup
 from services.executor.pictures import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
-from services.executor.words import Setup
 from velma.model.scene import load
 from velma.sim.mujoco_backend import MujocoBackend, compiled
 

@@ -6,8 +6,8 @@ Virtual time goes on by the simulated time it took; a Brake therefore always com
 import numpy as np
 
 from agent_runtime.io.devices import Post
+from services.executor.local import Brake, Do, Felt, Halt, Moved, Stands, Where
 from services.executor.loop.core import LoopCore
-from services.executor.words import Brake, Do, Felt, Halt, Moved, Stands, Where
 from velma.names import SIDES
 
 

@@ -10,12 +10,12 @@ from agent_runtime.testing.wires import Faults, Wires
 from companion.binding import wiring
 from companion.languages import SW, sw, wm
 from companion.languages.cmd import TaskState
-from services.coordinator.behaviours import coordinator
+from services.coordinator import behaviours as coordinator
 from services.executor import behaviours as executor
-from services.human_interface.behaviours import human_interface
-from services.human_interface.memory import Answer, CancelWanted, Said
+from services.human_interface import behaviours as human_interface
+from services.human_interface.local import Answer, CancelWanted, Said
 from services.knowledge import behaviours as knowledge
-from services.knowledge import mirror
+from services.knowledge import store_device
 from services.planner import behaviours as planner
 from services.task import behaviours as task
 
@@ -55,10 +55,10 @@ class Fleet:
         self.asked: list[wm.AnyQuery] = []
         self._tickets = 0
         agents = {
-            "hi": (human_interface(), lambda post: self.person),
-            "co": (coordinator(), None),
+            "hi": (human_interface.agent(), lambda post: self.person),
+            "co": (coordinator.agent(), None),
             "pl": (planner.agent(), search or (lambda post: Script(post, self.asked))),
-            "km": (knowledge.agent(), mirror.at(None)),
+            "km": (knowledge.agent(), store_device.at(None)),
             "ta": (task.agent(), None),
             "ex": (executor.agent(), robot or self._robot),
         }

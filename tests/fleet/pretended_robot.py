@@ -12,9 +12,9 @@ from msgspec.structs import replace
 from agent_runtime.io.devices import Post
 from companion.languages import rc, rs
 from companion.languages.values import Pose
+from services.executor.local import Brake, Do, Drop, Ended, Feel, Felt, Halt, Move, Moved, Perform, Stands, Where
 from services.executor.loop.program import Motion, motion
 from services.executor.remembered import Holding, Remembered
-from services.executor.words import Brake, Do, Drop, Ended, Feel, Felt, Halt, Move, Moved, Perform, Stands, Where
 
 REST = np.zeros(15)
 PLACED = Pose((0.8, 0.0, 0.9))

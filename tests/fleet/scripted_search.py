@@ -10,7 +10,7 @@ from collections.abc import Generator
 from agent_runtime.io.devices import Post
 from companion.languages import hfsm, rc, wm
 from companion.languages.values import Pose, Side
-from services.planner.search_process import Answer, Ask, Begin, Found, NotFound, Stop
+from services.planner.local import Answer, Ask, Begin, Found, NotFound, Stop
 
 Searching = Generator[wm.AnyQuery, wm.AnyAnswer, hfsm.HierarchicalPlan | str]
 OK, REPLAN = hfsm.Outcome.SUCCEEDED, hfsm.Outcome.REPLAN

@@ -50,7 +50,7 @@ def test_a_cancel_while_searching(fleet) -> None:
 def test_a_cancel_mid_pour(fleet) -> None:
     """The jar is put down, the plan is Preempted."""
     fleet.say("pour the jar into the bowl")
-    fleet.wires.run(lambda: "pour" in str(getattr(fleet.wires.memory("ex").doing, "command", "")).lower())
+    fleet.wires.run(lambda: "pour" in str(getattr(fleet.wires.memory("ex").act, "command", "")).lower())
     fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting")
     fleet.cancel()
     assert fleet.finish() == ["cancelled"]

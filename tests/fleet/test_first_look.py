@@ -16,7 +16,7 @@ from companion.languages import CMD, WM, rc, wm
 from companion.languages.cmd import TaskReport
 from companion.languages.values import Pose
 from services.coordinator import words
-from services.executor.words import Ended, Felt, Move, Perform
+from services.executor.local import Ended, Felt, Move, Perform
 from services.knowledge import behaviours as knowledge
 from services.knowledge.observe import observed
 from services.knowledge.scene import Scene

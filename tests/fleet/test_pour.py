@@ -6,11 +6,11 @@ from pretended_fleet import Fleet
 
 from agent_runtime.io.devices import Post
 from companion.languages import sw
-from services.executor.body import Body
+from services.executor.device import RobotDevice
+from services.executor.local import Setup
 from services.executor.loop.core import LoopCore
-from services.executor.skilled import Skilled
-from services.executor.words import Setup
-from services.planner.searcher import Searcher
+from services.executor.skill_device import SkillDevice
+from services.planner.search_device import SearchDevice
 from velma.model.scene import load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
@@ -28,10 +28,10 @@ class TrueFleet(Fleet):
         self.core.hold(0.4)
         setup = Setup(seed=seed)
 
-        def robot(post: Post) -> Body:
-            return Body(Skilled(post, setup), CalledLoop(post, self.core))
+        def robot(post: Post) -> RobotDevice:
+            return RobotDevice(SkillDevice(post, setup), CalledLoop(post, self.core))
 
-        super().__init__(seed=seed, search=Searcher, robot=robot)
+        super().__init__(seed=seed, search=SearchDevice, robot=robot)
 
 
 @pytest.mark.long

@@ -5,7 +5,7 @@ from scripted_search import Script
 
 from agent_runtime.testing.wires import Point
 from companion.languages import wm
-from services.planner.search_process import Answer, Begin, Died
+from services.planner.local import Answer, Begin, Died
 
 
 def text(fleet: Fleet) -> str:
@@ -53,7 +53,7 @@ def test_km_away_while_planning(fleet) -> None:
 def test_km_away_at_the_barrier(fleet) -> None:
     """ta reports after a while, and says that observations are pending; km gets them when it is back."""
     fleet.say("pour the jar into the bowl")
-    fleet.wires.run(lambda: "Look" in str(type(getattr(fleet.wires.memory("ex").doing, "command", ""))) and seen(fleet))
+    fleet.wires.run(lambda: "Look" in str(type(getattr(fleet.wires.memory("ex").act, "command", ""))) and seen(fleet))
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=300.0)
     fleet.wires.run(fleet.ended, limit_s=200.0)
     assert "observations pending" in text(fleet)

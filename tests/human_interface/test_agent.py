@@ -13,8 +13,9 @@ from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative as P
-from services.human_interface.behaviours import human_interface
-from services.human_interface.memory import CONDITIONS, KEPT_TASKS, Answer, CancelWanted, Said, Shown, Told
+from services.human_interface.behaviours import agent
+from services.human_interface.local import Answer, CancelWanted, Said, Shown, Told
+from services.human_interface.memory import CONDITIONS, KEPT_TASKS
 
 
 class Nothing(msgspec.Struct, frozen=True):
@@ -28,7 +29,7 @@ class Scene:
         self.wires = Wires()
         self.shown, self.heard = [], []
         self.hi = self.wires.add(
-            human_interface(),
+            agent(),
             wiring("hi", "test"),
             lambda post: Called(post, lambda word: self.shown.append(word) or ()),
         )
@@ -242,4 +243,4 @@ def test_only_so_many_ended_tasks_are_remembered(scene):
 def test_hi_binds_exactly_the_names_of_the_design():
     """Conditions and states."""
     assert set(CONDITIONS) == DESIGN.conditions("hi")
-    assert set(human_interface().behaviours) == {state.name for state in DESIGN.agent("hi").state}
+    assert set(agent().behaviours) == {state.name for state in DESIGN.agent("hi").state}

@@ -11,7 +11,7 @@ import pytest
 
 from companion.run_files import HI_FILE, Events, HiAddress, HiEvent, Problem, TaskLine, Tasks
 from services.human_interface import server
-from services.human_interface.memory import Answer, CancelWanted, Said, Shown, Told
+from services.human_interface.local import Answer, CancelWanted, Said, Shown, Told
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 
@@ -22,7 +22,7 @@ class Client:
     def __init__(self, run_dir):
         self.run_dir = run_dir
         self.words = []
-        self.desk = server.Desk(self.post, run_dir)
+        self.desk = server.HttpDevice(self.post, run_dir)
         self.address = msgspec.json.decode((run_dir / HI_FILE).read_bytes(), type=HiAddress)
 
     def post(self, content, delay_s=0.0):
@@ -190,7 +190,7 @@ def test_it_listens_where_it_is_told(tmp_path):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    desk = server.Desk(lambda content: None, tmp_path, server.listen_at(f"127.0.0.1:{port}"))
+    desk = server.HttpDevice(lambda content: None, tmp_path, server.listen_at(f"127.0.0.1:{port}"))
     try:
         told = msgspec.json.decode((tmp_path / HI_FILE).read_bytes(), type=HiAddress)
         assert told.port == port
@@ -208,5 +208,5 @@ def test_without_a_word_it_listens_on_loopback_only():
 @pytest.mark.parametrize("text", ["8350", ":8350", "0.0.0.0:", "0.0.0.0:http", "0.0.0.0:65536", "0.0.0.0:-1"])
 def test_what_is_no_address_is_named(text):
     """With what would have been right."""
-    with pytest.raises(ValueError, match=r"is no address to listen at; host:port would be"):
+    with pytest.raises(ValueError, match=r"is not an address to listen at, expected host:port"):
         server.listen_at(text)

@@ -13,10 +13,10 @@ from companion.binding import wiring
 from companion.languages import LANGUAGES, hfsm, wm
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours as knowledge
-from services.knowledge import mirror
+from services.knowledge import store_device
 from services.planner import behaviours
-from services.planner.search_process import Answer, Ask, Begin, Found, Local, NotFound, Stop
-from services.planner.searcher import Searcher
+from services.planner.local import Answer, Ask, Begin, Found, Local, NotFound, Stop
+from services.planner.search_device import SearchDevice
 
 
 def network(name: str) -> hfsm.GroundTaskNetwork:
@@ -40,7 +40,7 @@ class Scene:
         self.asked: list[Any] = []
         self.wires.add(partner("co", self.heard), wiring("co", "test"))
         self.wires.add(behaviours.agent(), wiring("pl", "test"), lambda post: search(post, self.asked))
-        self.wires.add(knowledge.agent(), wiring("km", "test"), mirror.at(None))
+        self.wires.add(knowledge.agent(), wiring("km", "test"), store_device.at(None))
         self.wires.run_for(settle_s)
 
     def ask(self, name: str) -> None:
@@ -135,7 +135,7 @@ def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever() -> None:
 def test_the_true_search_is_killed_and_replaced() -> None:
     """Stop ends the child at once, in the middle of anything; the next request is searched by another one."""
     words: queue.SimpleQueue[Local] = queue.SimpleQueue()  # type: ignore[valid-type]
-    searcher = Searcher(lambda content, delay_s=0.0: words.put(content))  # type: ignore[arg-type]
+    searcher = SearchDevice(lambda content, delay_s=0.0: words.put(content))  # type: ignore[arg-type]
     try:
         pour = hfsm.GroundTaskNetwork("p1", (hfsm.Task("pour", ("jar", "bowl")),))
         searcher.tell(Begin(1, pour, 1))

@@ -1,8 +1,8 @@
 """Cartesian impedance of both hands together: the torso and two arms as one 15-joint system with a 12-dimensional task.
 
 The law of Velma's core (RCPRG common_controllers, cartesian_impedance.h; Albu-Schaeffer and Ott) with four changes
-that our pouring runs asked for: the full mass matrix instead of three blocks, the true rotation vector as error
-(Velma's quaternion part is half of it), velocity feed-forward, and a posture spring in the null space.
+that pouring runs needed: the full mass matrix instead of three blocks, the true rotation vector as error
+(Velma uses a quaternion part, which is half of it), velocity feed-forward, and a posture spring in the null space.
 
     e_i   = [p_des - p ; log(R_des R^T)]                             world axes, at grip i
     Lam   = (J M^-1 J^T)^-1
@@ -33,7 +33,7 @@ REGULARISATION = 1e-6
 class CartesianGains(msgspec.Struct, frozen=True):
     """Gains of the law. Stiffness is Velma's default (velma_system), the others are estimates from pouring runs.
 
-    Of two ratios known: Velma's own 0.35 is a felt 0.175, which overshoots a step by half; 0.7 is the textbook value.
+    Damping ratio: Velma's 0.35 acts as 0.175, which overshoots a step by half; 0.7 is the textbook value.
     """
 
     stiffness: tuple[float, float] = (1500.0, 150.0)  # N/m, Nm/rad
@@ -43,18 +43,18 @@ class CartesianGains(msgspec.Struct, frozen=True):
     renewed_every: int = 5  # cycles between two damping designs: it changes as slowly as the posture
 
     def task(self) -> Array:
-        """Diagonal of K, (6,)."""
+        """Return diagonal of K, (6,)."""
         linear, angular = self.stiffness
         return np.array([linear] * 3 + [angular] * 3)
 
     def posture(self) -> tuple[Array, Array]:
-        """Kn and Dn, (15,) each."""
+        """Return Kn and Dn, (15,) each."""
         (kt, ka), (dt, da) = self.posture_stiffness, self.posture_damping
         return np.array([kt] + [ka] * 14), np.array([dt] + [da] * 14)
 
 
 def rotation_vector(rotation: Array) -> Array:
-    """log(R), (3,) rad, for R (3, 3). At half a turn the axis has no sign, and one is chosen."""
+    """Return log(R), (3,) rad, for R (3, 3). At half a turn the sign of the axis is arbitrary."""
     # Plain floats: six of these a cycle cost less than one small array.
     (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
     x, y, z = h - f, c - g, d - b
@@ -70,7 +70,7 @@ def rotation_vector(rotation: Array) -> Array:
 
 
 def task_error(terms: Terms, goal_rotation: Array, goal_position: Array) -> Array:
-    """e (12,): m and rad in world axes, for goals (2, 3, 3) and (2, 3)."""
+    """Return e (12,): m and rad in world axes, for goals (2, 3, 3) and (2, 3)."""
     error = np.empty(12)
     for row in (0, 1):
         error[6 * row : 6 * row + 3] = goal_position[row] - terms.position[row]
@@ -79,7 +79,7 @@ def task_error(terms: Terms, goal_rotation: Array, goal_position: Array) -> Arra
 
 
 def task_inertia(jacobian: Array, inverse_mass: Array) -> tuple[Array, Array]:
-    """Lam (12, 12) and J M^-1 (12, 15), for J (12, 15) and M^-1 (15, 15)."""
+    """Return Lam (12, 12) and J M^-1 (12, 15), for J (12, 15) and M^-1 (15, 15)."""
     through = jacobian @ inverse_mass
     mobility = through @ jacobian.T
     mobility[np.diag_indices(12)] += REGULARISATION
@@ -88,7 +88,7 @@ def task_inertia(jacobian: Array, inverse_mass: Array) -> tuple[Array, Array]:
 
 
 def damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
-    """D (n, n), symmetric and positive semi-definite: every mode of (inertia, stiffness) is damped by `ratio`.
+    """Return D (n, n), symmetric and positive semi-definite: every mode of (inertia, stiffness) is damped by `ratio`.
 
     `inertia` (n, n) is positive definite, `stiffness` (n,) the diagonal of K. With D, inertia = Q Q^T and
     K = Q diag(w) Q^T are diagonal in the same coordinates: x'' + 2 ratio sqrt(w) x' + w x = 0 in each.
@@ -101,7 +101,7 @@ def damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
 
 
 def task_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
-    """D (12, 12), block diagonal: each hand's own inertia block (6, 6) is damped."""
+    """Return D (12, 12), block diagonal: each hand's own inertia block (6, 6) is damped."""
     out = np.zeros((12, 12))
     for block in (slice(0, 6), slice(6, 12)):
         out[block, block] = damping(inertia[block, block], stiffness, ratio)
@@ -109,7 +109,7 @@ def task_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
 
 
 def payload_wrench(rotation: Array, mass: Array, lever: Array) -> Array:
-    """h (12,): force and moment at the grips that carry masses (2,) kg at levers (2, 3) m in the grip frames."""
+    """Return h (12,): force and moment at the grips that carry masses (2,) kg at levers (2, 3) m in the grip frames."""
     wrench = np.zeros(12)
     for row in (0, 1):
         weight = mass[row] * GRAVITY
@@ -121,12 +121,12 @@ def payload_wrench(rotation: Array, mass: Array, lever: Array) -> Array:
 
 
 def null_space(torque: Array, jacobian: Array, through: Array, inertia: Array) -> Array:
-    """N^T torque (15,): the part of a torque that does not accelerate the hands."""
+    """Return N^T torque (15,): the part of a torque that does not accelerate the hands."""
     return np.asarray(torque - jacobian.T @ (inertia @ (through @ torque)))
 
 
 class CartesianImpedance:
-    """The law with its gains and the last damping design; holds nothing else."""
+    """The law with its gains and the last damping design; it has no other state."""
 
     def __init__(self, gains: CartesianGains | None = None) -> None:
         self.gains = gains or CartesianGains()
@@ -137,7 +137,7 @@ class CartesianImpedance:
         self._age = self.gains.renewed_every
 
     def torque(self, terms: Terms, error: Array, slip: Array, stray: Array, wrench: Array) -> Array:
-        """tau (15,) for error e (12,), slip v - v_des (15,), stray q_des - q (15,) and a wrench to add, h (12,)."""
+        """Return tau (15,) for error e (12,), slip v - v_des (15,), stray q_des - q (15,), added wrench h (12,)."""
         jacobian = terms.jacobian
         inertia, through = task_inertia(jacobian, np.asarray(np.linalg.inv(terms.mass), dtype=np.float64))
         if self._age >= self.gains.renewed_every:

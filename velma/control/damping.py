@@ -2,7 +2,7 @@
 
     tau = -d v
 
-It takes no model and no set-point, so it is there when everything else failed; it takes energy out and puts none in.
+It needs no model and no set-point, so it works when everything else has failed; it only removes energy.
 """
 
 import numpy as np
@@ -14,15 +14,15 @@ Array = NDArray[np.float64]
 
 _ARM = (10.0, 10.0, 5.0, 5.0, 2.0, 1.0, 1.0)
 VISCOSITY = np.array([20.0, *_ARM, *_ARM])  # Nms/rad, VS
-# VS: at least so many cycles are spent in the safe state before a command may leave it.
+# VS: the least number of cycles in the safe state before a command may end it.
 DWELL_CYCLES = 500
-FASTEST = 100.0  # rad/s; estimate: beyond it, 50 times what the joints can do, a speed is a fault of its sensor
+FASTEST = 100.0  # rad/s; estimate: 50 times the fastest joint; a larger speed is a sensor fault
 
 
 def torque(v: Array) -> Array:
-    """tau (15,) for speeds v (15,) rad/s, inside the accepted torques.
+    """Return tau (15,) for speeds v (15,) rad/s, inside the accepted torques.
 
-    A speed that is no number, or beyond FASTEST, gets no torque: what it would push may stand still.
+    A speed that is not a number, or beyond FASTEST, gets no torque: the joint may be at rest.
     """
     known = np.where(np.abs(v) <= FASTEST, v, 0.0)
     return np.asarray(np.clip(-VISCOSITY * known, -TORQUE, TORQUE))

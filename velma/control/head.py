@@ -11,12 +11,12 @@ Array = NDArray[np.float64]
 
 
 def reachable(goal: Array) -> Array:
-    """The nearest pan and tilt (2,) rad that the head can take."""
+    """Return the nearest pan and tilt (2,) rad that the head can take."""
     return np.asarray(np.clip(goal, HEAD_LOWER, HEAD_UPPER))
 
 
 def advance(target: Array, goal: Array, speed: float, dt: float) -> Array:
-    """The next servo target (2,) rad: straight from `target` to `goal` within the limits, at most speed * dt away."""
+    """Return the next servo target (2,) [rad]: from `target` towards `goal`, within limits, by at most speed * dt."""
     step = reachable(goal) - target
     reach = min(speed, HEAD_SPEED) * dt
     length = math.sqrt(step @ step)

@@ -16,20 +16,20 @@ Array = NDArray[np.float64]
 
 
 class JointGains(msgspec.Struct, frozen=True):
-    """Stiffness as Velma's interface sends it (velma_system); its damping ratio of 0.5 is the allowed minimum, ours is
-    the textbook's."""
+    """Stiffness as Velma's interface sends it (velma_system); its damping ratio of 0.5 is the minimum allowed; this is
+    the textbook value."""
 
     stiffness: tuple[float, float] = (1000.0, 200.0)  # torso, arm joints, Nm/rad
     damping_ratio: float = 0.7
 
     def diagonal(self) -> Array:
-        """Diagonal of K, (15,)."""
+        """Return diagonal of K, (15,)."""
         torso, arm = self.stiffness
         return np.array([torso] + [arm] * 14)
 
 
 def torque(gains: JointGains, terms: Terms, stray: Array, slip: Array, wrench: Array) -> Array:
-    """tau (15,) for stray q_des - q (15,), slip v - v_des (15,) and wrenches h (12,) that the hands shall give."""
+    """Return tau (15,) for stray q_des - q (15,), slip v - v_des (15,) and wrenches h (12,) of the hands."""
     stiffness = gains.diagonal()
     spread = damping(terms.mass, stiffness, gains.damping_ratio)
     return np.asarray(stiffness * stray - spread @ slip + terms.jacobian.T @ wrench)

@@ -1,4 +1,4 @@
-"""What Velma's lower level accepts: a body commanded more falls into damping (velma_system, common_predicates)."""
+"""Limits of Velma's lower level: a larger command makes it fall into damping (velma_system, common_predicates)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def accepted(tau: Array) -> Array:
-    """tau (15,) Nm cut to the accepted range, joint by joint."""
+    """Return tau (15,) Nm cut to the accepted range, joint by joint."""
     return np.asarray(np.clip(tau, -TORQUE, TORQUE))
 
 

@@ -1,8 +1,8 @@
 """Inverse kinematics of Velma's arm in closed form: all postures of a grip pose, for many elbows and torsos at once.
 
-The arm (KUKA LWR) is a ball at the shoulder, a hinge at the elbow and a ball at the wrist; the elbow may turn about
-the line from shoulder to wrist (the swivel), and each of the three parts has two branches, so 8 postures a swivel.
-The lengths and the placement of the arm are read from the model, and refused where it is not such an arm.
+The arm (KUKA LWR) has a spherical shoulder, a hinge at the elbow and a spherical wrist. The elbow may turn about the
+line from shoulder to wrist (the swivel angle), and each of the three parts has two solutions: 8 postures per swivel.
+Lengths and placement are read from the model; NotSuchAnArm for another kind of arm.
 
     shoulder R(q0, q1, q2) = Rz Ry Rz,  elbow Ry(-q3),  wrist R(q4, q5, q6) = Rz Ry Rz
 """
@@ -17,12 +17,12 @@ from velma import names
 from velma.kinematics.robot import Robot
 from velma.names import Array, Columns
 
-# Signs of elbow, shoulder and wrist: one row a branch.
+# Signs of elbow, shoulder and wrist: one row for each branch.
 BRANCHES = np.array(list(product((1.0, -1.0), repeat=3)))
 
 
 class NotSuchAnArm(ValueError):
-    """The model's arm is not ball, hinge, ball along one line, so the closed form does not hold."""
+    """The arm of the model is not spherical, hinge, spherical along one line, so the closed form does not hold."""
 
     def __init__(self, side: str, joint: str, found: Any) -> None:
         self.side, self.joint, self.found = side, joint, found
@@ -30,7 +30,7 @@ class NotSuchAnArm(ValueError):
 
 
 def _zyz(rotation: Array, sign: Array) -> tuple[Array, Array, Array]:
-    """Angles with Rz(a) Ry(b) Rz(c) = rotation (n, 3, 3), b of the sign asked for (n,)."""
+    """Return angles with Rz(a) Ry(b) Rz(c) = rotation (n, 3, 3), b of the given sign (n,)."""
     b = sign * np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0))
     a = np.arctan2(sign * rotation[:, 1, 2], sign * rotation[:, 0, 2])
     c = np.arctan2(sign * rotation[:, 2, 1], -sign * rotation[:, 2, 0])
@@ -56,10 +56,10 @@ class ArmGeometry:
         self.T_grip_wrist = hand.inverse() * pin.SE3(np.eye(3), np.array([0.0, 0.0, -z[6]]))
 
     def postures(self, target: Any, torso: Array, swivel: Array) -> tuple[Array, Columns]:
-        """All 8 postures of each pair (torso, swivel), both (n,) [rad], with the grip at `target` (T_world_grip).
+        """Return the 8 postures of each pair (torso, swivel), (n,) [rad] each, the grip at `target` (T_world_grip).
 
-        Returns torso + arm angles (m, 8) and the index (m,) of the pair each belongs to; pairs out of reach have none.
-        Limits are not looked at.
+        Returns torso + arm angles (m, 8) and the index (m,) of the pair of each; pairs out of reach have none.
+        Limits are not checked.
         """
         wrist = self.T_world_torso.inverse() * target * self.T_grip_wrist
         cos, sin = np.cos(torso), np.sin(torso)
@@ -84,11 +84,11 @@ class ArmGeometry:
         return np.stack((torso[index], q0, q1, q2, q3, q4, q5, q6), axis=1), index
 
     def _elbow(self, way: Array, reach: Array, swivel: Array) -> tuple[Array, Array, Array]:
-        """Directions of upper arm and forearm (n, 3) in the shoulder's frame, and the elbow's angle (n,), positive."""
+        """Return directions of upper arm and forearm (n, 3) in the shoulder frame, and elbow angle (n,), positive."""
         a, b = self.upper, self.fore
         along = way / reach[:, None]
         side = np.cross(along, np.array([0.0, 0.0, 1.0]))
-        thin = np.linalg.norm(side, axis=1) < 1e-6  # wrist straight above the shoulder: any reference does
+        thin = np.linalg.norm(side, axis=1) < 1e-6  # wrist straight above the shoulder: any reference will do
         side[thin] = np.array([1.0, 0.0, 0.0])
         side /= np.linalg.norm(side, axis=1)[:, None]
         outwards = np.cos(swivel)[:, None] * side + np.sin(swivel)[:, None] * np.cross(along, side)

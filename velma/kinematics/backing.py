@@ -1,8 +1,8 @@
-"""A hand drawn straight back along its own axis: the way out of a cabinet, and backwards the way into it.
+"""Paths that draw a hand straight back along its axis: out of a cabinet, and in reverse into it.
 
-A tree that has to find such a passage by chance needs thousands of states; one that begins at its mouth a hundred.
-And out of touch: with a thing in the hand that still stands on its shelf, or open fingers around one, every motion
-would begin in a collision.
+A tree that has to find such a narrow passage needs thousands of states; one that starts outside needs a hundred. Also
+paths out of contact: with an object in the hand that still stands on its shelf, or open fingers around one, every
+motion would start in a collision.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,14 +15,14 @@ from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.names import Array
 
-OUT_M = (0.05, 0.10, 0.16)  # m a hand is moved to get out of touch: a finger is 0.1 long (estimates)
-_STEP = 0.02  # m between checked states on that way
-_TOUCH, _SLACK = 0.002, 0.001  # m: what is as near as this touches; numbers of a contact waver so much (estimates)
+OUT_M = (0.05, 0.10, 0.16)  # m a hand moves to get out of contact: a finger is 0.1 long (estimates)
+_STEP = 0.02  # m between checked states on that path
+_TOUCH, _SLACK = 0.002, 0.001  # m: closer than this is contact; noise of contact distances (estimates)
 BACK_M = (0.25, 0.15, 0.08)  # m a hand is drawn back, the farthest that is possible (estimate)
 
 
 def drawn_back(robot: Robot, side: str, q: Array, accept: Callable[[Array], bool]) -> list[Array]:
-    """Postures (15,) from q with the hand straight back along its axis; only [q] where that is blocked."""
+    """Return postures (15,) from q with the hand straight back along its axis; only [q] if that is blocked."""
     grip = robot.grip(q, side)
     for distance in BACK_M:
         target = pin.SE3(grip.rotation, grip.translation - distance * grip.rotation[:, 2])
@@ -35,10 +35,10 @@ def drawn_back(robot: Robot, side: str, q: Array, accept: Callable[[Array], bool
 
 
 def out_of_touch(robot: Robot, world: World, side: str, q: Array) -> list[Array]:
-    """Postures (15,) from q to where nothing is nearer than the margin; [q] where that is so at q, or cannot be had.
+    """Return postures (15,) from q to where nothing is nearer than the margin; [q] if q is so, or none is found.
 
-    A short straight line, first upwards with a thing in the hand, back with an empty one. It comes near to nothing that
-    is not near already.
+    A short straight line, first upwards with an object in the hand, back with an empty one. It comes near to nothing
+    that is not near at q.
     """
     if world.free(q):
         return [q]
@@ -56,8 +56,8 @@ def out_of_touch(robot: Robot, world: World, side: str, q: Array) -> list[Array]
 
 
 def no_nearer(world: World, q: Array) -> Callable[[Array], bool]:
-    """The condition on a posture that it comes near to nothing that q (15,) is not near already, and touches nothing
-    that does not touch at q.
+    """Return the condition that a posture comes near to nothing that is not near at q (15,), and touches nothing that
+    does not touch at q.
     """
     least = {(a, b): min(distance - _SLACK, _TOUCH) for a, b, distance in world.touching(q)}
 

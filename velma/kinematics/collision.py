@@ -1,8 +1,8 @@
-"""What would touch what: the robot's own contact shapes and the things around it, checked by coal.
+"""The collision world: contact shapes of the robot and of the things around it, checked by coal.
 
 Shapes, excluded pairs and the rule "a link does not meet its neighbour" are read from the robot file that MuJoCo
 simulates, so both give the same verdicts (tested). Every geometry belongs to a group: "left_hand", "right_hand"
-(palm and fingers), "robot" (the rest), or the name of a thing. Things that rest are not checked against each other; a
+(palm and fingers), "robot" (the rest), or the name of a thing. Things at rest are not checked against each other; a
 thing in a hand is checked against all but that hand. No planning, no physics.
 """
 
@@ -30,7 +30,7 @@ ROBOT = "robot"
 
 
 class UnknownThing(VelmaError):
-    """The collision world holds no thing of that name."""
+    """The collision world has no thing of that name."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         self.name, self.known = name, tuple(known)
@@ -70,18 +70,18 @@ def _body(robot: Robot) -> _Body:
     parents = np.array(model.parents)[joints]
     excluded = {frozenset((e.attrib["body1"], e.attrib["body2"])) for e in ET.parse(robot.path).iter("exclude")}
     apart = np.array([[frozenset((a, b)) not in excluded for b in bodies] for a in bodies])
-    # MuJoCo never compares what one joint carries, nor a link with the one it hangs on, unless that is the world.
+    # MuJoCo never compares shapes on one joint, nor a link with its parent, unless that is the world.
     neighbours = (parents[:, None] == joints) & (parents[:, None] > 0)
     meets = apart & (joints[:, None] != joints) & ~neighbours & ~neighbours.T
     return _Body(model, shapes, tuple(map(_group, bodies)), meets, joints == 0)
 
 
 class World:
-    """The robot among things. Not to be shared between threads; q (15,) [rad], poses T_world_thing, `margin` [m]."""
+    """The robot among things. Not thread-safe; q (15,) [rad], poses T_world_thing, `margin` [m]."""
 
     def __init__(self, robot: Robot, margin: float = MARGIN) -> None:
         self._margin = margin
-        self.checks = 0  # states looked at so far
+        self.checks = 0  # states checked so far
         self._body = _body(robot)
         model = self._body.model
         self._data = model.createData()
@@ -91,7 +91,7 @@ class World:
         self._grip = {side: body_frame(model, names.GRIP_BODY[side]) for side in names.SIDES}
         self._things: dict[str, _Thing] = {}
         self._allowed: tuple[tuple[str, str], ...] = ()
-        self._shapes: Any = None  # None: things came or went, everything below is to be built again
+        self._shapes: Any = None  # None after things were added or removed: everything below is built again
         self._pairs: Array = np.empty((0, 0))  # which geometries may ever meet (n, n)
         self._fresh = False  # whether the compared pairs agree with what is held and allowed
 
@@ -109,55 +109,55 @@ class World:
 
     # -- things ----------------------------------------------------------------------------------------------------
     def put(self, name: str, shapes: Sequence[Any], pose: Any, kind: Kind = "furniture") -> None:
-        """A thing rests at `pose`; one of that name is replaced, also out of a hand. Moving one is cheap."""
+        """Put a thing at rest at `pose`; it replaces one of that name, also a held one. Moving one is cheap."""
         old = self._things.get(name)
         if old is not None and (old.shapes is shapes or old.shapes == tuple(shapes)) and old.kind == kind:
             self._place(old, None, pose)
             return
         for shape in shapes:
-            solid(shape)  # refuse what is no shape now, not at the next check
+            solid(shape)  # raise NoShape now, not at the next check
         self._things[name] = _Thing(tuple(shapes), kind, pose)
         self._forget()
 
     def remove(self, name: str) -> None:
-        """The thing is gone."""
+        """Remove the thing."""
         self._thing(name)
         del self._things[name]
         self._forget()
 
     def attach(self, name: str, side: str, T_grip_object: Any) -> None:
-        """The hand of `side` carries the thing."""
+        """Attach the thing to the hand of `side`."""
         self._place(self._thing(name), side, T_grip_object)
 
     def detach(self, name: str, pose: Any = None) -> None:
-        """The thing rests at `pose`; without one, where the hand would have it with all joints as last checked."""
+        """Put a held thing at rest at `pose`; without one, where it is with all joints as last checked."""
         thing = self._thing(name)
         if pose is None:
             pose = self._where(thing)
         self._place(thing, None, pose)
 
     def pose(self, name: str) -> Any:
-        """T_world_thing; of a held one, with all joints as last checked."""
+        """Return T_world_thing; of a held one, with all joints as last checked."""
         return self._where(self._thing(name))
 
     def held(self, name: str) -> Any:
-        """T_grip_thing of a thing in a hand; None of one that rests."""
+        """Return T_grip_thing of a thing in a hand; None of one that rests."""
         thing = self._thing(name)
         return thing.pose if thing.side else None
 
     def fingers(self, side: str, angle: float) -> None:
-        """All three fingers of a hand are bent by `angle` [rad]; their outer joints follow as in free motion."""
+        """Bend all three fingers of a hand by `angle` [rad]; their outer joints follow as in free motion."""
         for inner, outer in zip(names.PROXIMAL[side], names.DISTAL[side], strict=True):
             self._q[self._index[inner]] = min(angle, names.FINGER_UPPER)
             self._q[self._index[outer]] = min(angle * DISTAL_SHARE, names.DISTAL_UPPER)
 
     def head(self, pan: float, tilt: float) -> None:
-        """The head looks there [rad]."""
+        """Turn the head to pan and tilt [rad]."""
         for name, angle in zip(names.HEAD, (pan, tilt), strict=True):
             self._q[self._index[name]] = angle
 
     def allow(self, *pairs: tuple[str, str]) -> tuple[tuple[str, str], ...]:
-        """Only these pairs of groups may touch from now on; without any, none may. Returns those that might before."""
+        """Allow only these pairs of groups to touch; return the pairs allowed before."""
         before = self._allowed
         self._allowed, self._fresh = pairs, False
         return before
@@ -178,7 +178,7 @@ class World:
         return not pin.computeCollisions(self._broad, self._stop)
 
     def touching(self, q: Array) -> list[tuple[str, str, float]]:
-        """Pairs nearer than the margin at q, nearest first: link or thing, link or thing, distance [m]."""
+        """Return pairs nearer than the margin at q, nearest first: link or thing, link or thing, distance [m]."""
         if not self._fresh:
             self._refresh()
         self._q[self._columns] = q
@@ -232,7 +232,7 @@ class World:
         self._fresh = True
 
     def _build(self) -> None:
-        """All geometries anew, every pair that may ever be compared among them."""
+        """Build all geometries again, with every pair that may be compared."""
         self._shapes = self._body.shapes.copy()
         groups = list(self._body.groups)
         for name, thing in self._things.items():
@@ -252,7 +252,7 @@ class World:
         self._broaden()
 
     def _broaden(self) -> None:
-        """The broad phase looks as far as the margin. Of Pinocchio's, comparing all boxes is the quickest here."""
+        """Extend the broad phase by the margin. Of those in Pinocchio, comparing all boxes is the quickest here."""
         margins = np.full((len(self._groups), len(self._groups)), self._margin)
         self._placed.setSecurityMargins(self._shapes, margins, True, True)
         self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._body.model, self._shapes, self._placed)

@@ -1,7 +1,7 @@
-"""Small constructions with rigid transforms that everything geometric shares. Knows no robot, scene or task.
+"""Small functions of rigid transforms. Knows no robot, scene or task.
 
-`T_a_b` is the pose of frame b seen from frame a (pinocchio SE3); lengths in m, angles in rad; without other words a
-pose is one in the world, whose z axis points up.
+`T_a_b` is the pose of frame b in frame a (pinocchio SE3); lengths in m, angles in rad. A pose without a frame is in
+the world, whose z axis points up.
 """
 
 import math
@@ -13,7 +13,7 @@ import pinocchio as pin
 
 
 class PoseLike(Protocol):
-    """A pose as it travels: translation [m] and quaternion, w first."""
+    """A pose as in communicates: translation [m] and quaternion, w first."""
 
     @property
     def xyz(self) -> Sequence[float]: ...
@@ -23,7 +23,7 @@ class PoseLike(Protocol):
 
 
 def transform(pose: PoseLike | pin.SE3) -> pin.SE3:
-    """The transform of a pose, its quaternion normalised; a transform is returned as it is."""
+    """Return the transform of a pose, its quaternion normalised; a transform is returned as it is."""
     if isinstance(pose, pin.SE3):
         return pose
     w, x, y, z = pose.quat_wxyz
@@ -33,31 +33,31 @@ def transform(pose: PoseLike | pin.SE3) -> pin.SE3:
 
 
 def xyz_quat(pose: pin.SE3) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-    """Translation [m] and quaternion, w first, of a transform: what a pose on the wire is made of."""
+    """Return translation [m] and quaternion, w first, of a transform: the parts of a pose in communicates."""
     px, py, pz, x, y, z, w = (float(v) for v in pin.SE3ToXYZQUAT(pose))
     return (px, py, pz), (w, x, y, z)
 
 
 def standing(xyz: Any, yaw: float = 0.0) -> pin.SE3:
-    """A frame that stands upright at `xyz` (3,) [m], turned by `yaw` [rad] about the vertical."""
+    """Return a frame that stands upright at `xyz` (3,) [m], turned by `yaw` [rad] about the vertical."""
     return pin.SE3(pin.exp3(np.array([0.0, 0.0, yaw])), np.array(xyz, dtype=float))
 
 
 def shifted(pose: pin.SE3, offset: Any) -> pin.SE3:
-    """The same orientation, moved by `offset` (3,) [m] in the world frame."""
+    """Return the same orientation, moved by `offset` (3,) [m] in the world frame."""
     return pin.SE3(pose.rotation, pose.translation + np.asarray(offset, dtype=float))
 
 
 def heading(direction: Any) -> float:
-    """Angle [rad] of the horizontal part of a direction (3,) from the x axis."""
+    """Return angle [rad] of the horizontal part of a direction (3,) from the x axis."""
     return math.atan2(direction[1], direction[0])
 
 
 def tilt(pose: pin.SE3) -> float:
-    """Angle [rad] between the frame's z axis and the vertical."""
+    """Return angle [rad] between the frame's z axis and the vertical."""
     return math.acos(min(1.0, max(-1.0, pose.rotation[2, 2])))
 
 
 def level(pose: pin.SE3) -> pin.SE3:
-    """The upright frame at the same place with the nearest heading."""
+    """Return the upright frame at the same place with the nearest heading."""
     return standing(pose.translation, heading(pose.rotation[:, 0]))

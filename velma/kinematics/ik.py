@@ -1,7 +1,7 @@
-"""Inverse kinematics of a grip: follow a pose from here (iterative), find postures for it (closed form), judge them.
+"""Inverse kinematics of a grip: iterative from a posture, in closed form from a pose, and measures of comfort.
 
-`solve` and `line` keep the posture and move on from it, so their answers are continuous; `sample` knows no "here" and
-returns postures comfortable enough to end a motion in. Sides are "left" and "right", poses T_world_grip, q (15,) [rad].
+`solve` and `line` start at a posture, so their results are continuous. `sample` returns postures comfortable enough
+to end a motion in, whatever the present one. Sides are "left" and "right", poses T_world_grip, q (15,) [rad].
 """
 
 from collections.abc import Callable
@@ -19,13 +19,13 @@ from velma.names import Array, Columns
 
 Accept = Callable[[Array], bool]
 
-TORSO_END = 1.3  # rad: end postures keep away from the torso's limit of 1.57 (trial runs: turning back needs room)
+TORSO_END = 1.3  # rad: distance of end postures from the torso's limit of 1.57 (trial runs: turning back needs room)
 END_MARGIN = 0.08  # rad from every limit of the arm at the end of a motion (trial runs)
 _STAY_INSIDE = 0.03  # rad: iterations are clipped this far inside the limits
 _DAMPING = 1e-4  # of J J^T; small enough to reach 0.5 mm, large enough to pass the elbow's singularity
 _LARGEST_TURN = 0.35  # rad a joint may move in one iteration
-_LARGEST_ERROR = 0.25  # m and rad: a farther target is approached in parts
-_A_SECOND = 0.04  # comfort a second of travel is worth: 8 s outweigh a third of a radian from a limit (estimate)
+_LARGEST_ERROR = 0.25  # m and rad: targets farther away are approached in parts
+_A_SECOND = 0.04  # comfort per second of travel: 8 s outweigh a third of a radian from a limit (estimate)
 _JUMP = 0.25  # rad between neighbours of a line: more means that the elbow flipped
 
 
@@ -56,9 +56,9 @@ def solve(
     iterations: int = 45,
     tolerance: tuple[float, float] = (5e-4, 2e-3),
 ) -> Array | None:
-    """q with the grip of `side` at `target`, reached from q by moving only `columns` (torso + arm by default).
+    """Return q with the grip of `side` at `target`, reached from q by moving only `columns` (torso + arm by default).
 
-    Tolerance is per axis in m and rad; the answer is a new array at least 0.03 rad inside the limits, or None.
+    Tolerance is per axis in m and rad; the result is a new array at least 0.03 rad inside the limits, or None.
     """
     columns = names.COLUMNS[side] if columns is None else columns
     lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE
@@ -114,7 +114,7 @@ def line(
 
 
 def _inside(polygon: Array, x: Array, y: Array) -> Any:
-    """Which points (n,) lie inside the polygon (corners, 2): an odd number of edges to the right of each."""
+    """Return which points (n,) are inside the polygon (corners, 2): an odd number of edges is to the right of each."""
     x0, y0 = polygon[:, 0, None], polygon[:, 1, None]
     x1, y1 = np.roll(x0, 1, axis=0), np.roll(y0, 1, axis=0)
     crosses = (y0 > y) != (y1 > y)
@@ -130,7 +130,7 @@ def _margins(robot: Robot, arm: Array, side: str) -> tuple[Array, Array]:
 
 
 def margin(robot: Robot, q: Array, side: str) -> tuple[float, float]:
-    """Distance [rad] of the arm to its nearest limit, and of joints 1, 3, 5 to zero, where they are singular."""
+    """Return distance [rad] of the arm to its nearest limit, and of joints 1, 3, 5 to zero, where they are singular."""
     to_limit, to_singular = _margins(robot, q[None, names.ARM[side]], side)
     return float(to_limit[0]), float(to_singular[0])
 
@@ -147,23 +147,23 @@ def comfortable(robot: Robot, q: Array, side: str) -> bool:
 
 
 def comfort(robot: Robot, q: Array, side: str) -> Array:
-    """How good configurations (n, 15) are to work in, larger is better: far from limits and singularities, torso ahead.
+    """Return the comfort of configurations (n, 15), larger is better: far from limits and singularities, torso ahead.
 
-    The weights are those the trial runs chose grasps with.
+    The weights are those that chose grasps in the trial runs.
     """
     to_limit, to_singular = _margins(robot, q[:, names.ARM[side]], side)
     return np.minimum(to_limit, 0.5) + 0.5 * np.minimum(to_singular, 0.4) - 0.25 * np.abs(q[:, names.TORSO])
 
 
 def travel(robot: Robot, side: str, q: Array, goals: Array) -> Array:
-    """Seconds (n,) that torso and arm need at least from q to each of `goals` (n, 15), at half their speed limits."""
+    """Return the least time (n,) [s] of torso and arm from q to each of `goals` (n, 15), at half their speed limits."""
     columns = names.COLUMNS[side]
     return np.asarray((np.abs(goals[:, columns] - q[columns]) / (0.5 * robot.speed[columns])).max(axis=1))
 
 
 @lru_cache(maxsize=8)
 def geometry(robot: Robot, side: str) -> ArmGeometry:
-    """The closed form of one arm, computed once per robot."""
+    """Return the closed form of one arm, computed once per robot."""
     return ArmGeometry(robot, side)
 
 
@@ -177,9 +177,9 @@ def postures(
     starts: int = 24,
     torso: tuple[float, float] | float = (-0.9, 0.9),
 ) -> Array:
-    """Comfortable configurations (m, 15) with the grip at `target`: `starts` random torsos and elbows, 8 branches each.
+    """Return comfortable configurations (m, 15) with the grip at `target`, of `starts` random torsos and elbows.
 
-    The other arm keeps its joints of q. `torso` [rad] is a range, or one angle to keep. No collision is looked at.
+    The other arm keeps its joints of q. `torso` [rad] is a range, or one angle to keep. Collisions are not checked.
     """
     turned = np.full(starts, torso) if isinstance(torso, (int, float)) else rng.uniform(*torso, starts)
     found, _ = geometry(robot, side).postures(target, turned, rng.uniform(-np.pi, np.pi, starts))
@@ -201,9 +201,9 @@ def sample(
     accept: Accept | None = None,
     best: bool = False,
 ) -> Array | None:
-    """The first configuration of `postures` that `accept` agrees with, or None.
+    """Return the first configuration of `postures` that `accept` agrees with, or None.
 
-    They are tried from the one that q can be moved to soonest; if `best`, comfort counts as well.
+    They are tried in order of travel time from q; if `best`, comfort counts as well.
     """
     found = postures(robot, side, target, q, rng, starts=starts, torso=torso)
     value = -_A_SECOND * travel(robot, side, q, found)

@@ -1,8 +1,8 @@
-"""Free motions of one arm and the torso: from a posture to another without touching anything.
+"""Free motions of one arm and the torso: from a posture to another without contact.
 
-Straight in the joints where that is free, else by random trees (OMPL) between the ends drawn back. What comes out has
-been shortened, rounded, put in time and checked in time: a smoothed path that was only checked as a path once hooked an
-arm at the cabinet. All is counted and seeded, so the same question has the same answer.
+A straight line of the joints if that is free, else random trees (OMPL) between the ends drawn back. The path is
+shortened, rounded, timed, and checked again as timed: a smoothed path that was not once hooked an arm at the cabinet.
+Iterations are counted and random numbers seeded, so equal arguments give equal results.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,16 +21,18 @@ from velma.names import Array
 
 Keep = Callable[[Array], bool]
 
-ITERATIONS = 4000  # of a tree; half of those that arrive need 50, all under 3500 (task of benchmarks/kinematics.py)
-ATTEMPTS = 4  # trees, the quickest way is kept (trial runs)
-PATIENCE = 10_000  # collision checks after which no further way is looked for, once there is one
-TOOL_SPEED = 0.25  # m/s: what a motion's time is judged by
-GOOD_ENOUGH = 1.2  # times as long as straight through everything: no further attempt (trial runs)
+ITERATIONS = 4000  # of a tree; half of those that succeed need 50, all under 3500 (task of benchmarks/kinematics.py)
+ATTEMPTS = 4  # trees; the quickest path is kept (trial runs)
+PATIENCE = 10_000  # collision checks after which the search ends, if there is a path
+TOOL_SPEED = 0.25  # m/s: tool speed for comparing the times of motions
+GOOD_ENOUGH = 1.2  # times the duration of the straight line: good enough to stop (trial runs)
 CHECK_S = 0.04  # between checked states of the timed motion (trial runs)
-SPARE_M = 0.002  # more distance while a way is looked for, lost again where it is rounded (estimate)
+SPARE_M = 0.002  # additional distance during the search, used up by rounding (estimate)
 _INSIDE = 0.02  # rad: trees stay this far inside the limits
 _TORSO = 1.3  # rad: trees keep the torso away from its limit
-_WANDER = 0.4  # rad: first trees turn the torso, four times slower than an arm, so far beyond its ends (estimate)
+_WANDER = (
+    0.4  # rad: how far beyond its ends first trees turn the torso, which is four times slower than an arm (estimate)
+)
 
 
 @dataclass(frozen=True)
@@ -47,13 +49,13 @@ class _Task:
     columns: names.Columns
 
     def whole(self, joints: Array) -> Array:
-        """q (15,) of torso + arm (8,)."""
+        """Return q (15,) of torso + arm (8,)."""
         q = self.start.copy()
         q[self.columns] = joints
         return q
 
     def accepts(self, q: Array) -> bool:
-        """The condition first: it is cheaper than a collision check."""
+        """Whether the posture is allowed; the condition comes first, since it is cheaper than a collision check."""
         return (self.keep is None or self.keep(q)) and self.world.free(q)
 
     def allowed(self, joints: Array) -> bool:
@@ -61,7 +63,7 @@ class _Task:
         return self.accepts(self.whole(joints))
 
     def cost(self, path: Array) -> Array:
-        """Seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without accelerations."""
+        """Return seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without accelerations."""
         postures = np.tile(self.start, (len(path), 1))
         postures[:, self.columns] = path
         moved = np.linalg.norm(np.diff(self.robot.track(postures, self.side), axis=0), axis=1) / self.tool_speed
@@ -69,7 +71,7 @@ class _Task:
         return np.asarray(np.maximum(moved, turned.max(axis=1)))
 
     def timed(self, path: Array) -> Trajectory | None:
-        """The motion along a path (n, 8), if it has one."""
+        """Return the timed motion along a path (n, 8), None if it has none."""
         try:
             return timed(self.robot, [self.whole(v) for v in path], tool_speed=self.tool_speed)
         except NotTimed:
@@ -96,12 +98,12 @@ def plan(
     attempts: int = ATTEMPTS,
     tool_speed: float = TOOL_SPEED,
 ) -> list[Array] | None:
-    """Postures (15,) [rad] from `start` to `goal`, at most 0.05 rad apart, or None where no way was found.
+    """Return postures (15,) [rad] from `start` to `goal`, at most 0.05 rad apart, or None if no path was found.
 
-    Torso and the arm of `side` move, all else stays as at `start`; `keep(q)` has to hold all the way. The way timed
-    with `tool_speed` [m/s] and the usual limits is free of collisions, but for its beginning where the start is not:
-    that is a straight line out of touch. Each tree is given `iterations`, and of up to `attempts` trees the quickest
-    way is returned; the same arguments and world give the same way.
+    Torso and the arm of `side` move, all else stays as at `start`; `keep(q)` holds on the whole path. The path timed
+    with `tool_speed` [m/s] and the usual limits is free of collisions, except for its start if that is in contact: a
+    straight line leads out of it. Each tree has `iterations`; of up to `attempts` trees the quickest path is returned.
+    Equal arguments and worlds give equal paths.
     """
     columns = names.COLUMNS[side]
     aside = out_of_touch(robot, world, side, np.array(start, dtype=np.float64))
@@ -116,7 +118,7 @@ def plan(
 
 
 def _way(task: _Task, iterations: int, seed: int, attempts: int) -> Array | None:
-    """A way (n, 8) between two free postures: straight, or the quickest of some trees."""
+    """Return a path (n, 8) between two free postures: straight, or the quickest of some trees; None for none."""
     first, last, columns = task.start, task.goal, task.columns
     if not (task.accepts(first) and task.accepts(last)):
         return None
@@ -129,7 +131,7 @@ def _way(task: _Task, iterations: int, seed: int, attempts: int) -> Array | None
 
 
 def _quickest(task: _Task, iterations: int, seed: int, attempts: int, enough: float) -> Array | None:
-    """The quickest of some ways (n, 8); no more are looked at once one takes at most `enough` [s]."""
+    """Return the quickest of some paths (n, 8); stop when one takes at most `enough` [s]."""
     margin, begun = task.world.margin, task.world.checks
     best, shortest = None, np.inf
     try:
@@ -152,7 +154,7 @@ def _quickest(task: _Task, iterations: int, seed: int, attempts: int, enough: fl
 
 
 def _in_time(task: _Task, way: Array) -> tuple[Array, float] | None:
-    """A way as round as is free in time, with its duration [s]."""
+    """Return the path as round as is free when timed, with its duration [s]."""
     for path in rounder(way):
         trajectory = task.timed(path)
         if trajectory is not None and task.free_in_time(trajectory):
@@ -161,7 +163,7 @@ def _in_time(task: _Task, way: Array) -> tuple[Array, float] | None:
 
 
 def _ways(task: _Task, iterations: int, seed: int, attempts: int) -> Iterator[Array]:
-    """Allowed ways (n, 8) by trees between the ends with the hand drawn back."""
+    """Yield allowed paths (n, 8) by trees between the ends with the hand drawn back."""
     columns = task.columns
     out = np.array(drawn_back(task.robot, task.side, task.start, task.accepts))[:, columns]
     into = np.array(drawn_back(task.robot, task.side, task.goal, task.accepts))[::-1, columns]
@@ -175,11 +177,11 @@ def _ways(task: _Task, iterations: int, seed: int, attempts: int) -> Iterator[Ar
                 yield dense([*out[:-1], *found, *into[1:]], STEP)
                 break
         else:
-            return  # another tree of the same size would hardly do better
+            return  # another tree of the same size would hardly be better
 
 
 def _bounds(task: _Task, ends: Array, wander: float) -> tuple[Array, Array]:
-    """Where trees may grow: inside the limits, the torso `wander` beyond the ends (2, 8), which are always inside."""
+    """Return the bounds of the trees: inside the limits, the torso `wander` beyond the ends (2, 8)."""
     lower, upper = task.robot.lower[task.columns] + _INSIDE, task.robot.upper[task.columns] - _INSIDE
     lower[0], upper[0] = max(-_TORSO, ends[:, 0].min() - wander), min(_TORSO, ends[:, 0].max() + wander)
     return np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))

@@ -1,6 +1,6 @@
-"""Where Velma's hands are: forward kinematics of torso and arms by Pinocchio, from the robot file MuJoCo simulates.
+"""Forward kinematics of torso and arms by Pinocchio, from the robot file that MuJoCo simulates.
 
-The 15 body joints in the order of `velma.names.BODY` are the configuration q; fingers and head are locked away. Grip
+The 15 body joints in the order of `velma.names.BODY` are the configuration q; fingers and head are locked. Grip
 frames are frames of *bodies*: Pinocchio 4.1 misplaces a site behind several welded bodies. Knows no scene.
 """
 
@@ -26,7 +26,7 @@ class FrameMissing(LookupError):
 
 
 def body_frame(model: Any, body: str) -> int:
-    """Index of the frame of a body (not of the joint or site that may share its name)."""
+    """Return index of the frame of a body (not of the joint or site that may share its name)."""
     for index, frame in enumerate(model.frames):
         if frame.name == body and frame.type == pin.FrameType.BODY:
             return index
@@ -42,7 +42,7 @@ def locked_to(full: Any, joints: tuple[str, ...]) -> Any:
 
 
 class Robot:
-    """Forward kinematics of the 15 body joints; not to be shared between threads (one scratch memory)."""
+    """Forward kinematics of the 15 body joints; not thread-safe."""
 
     def __init__(self, path: Path | str = ROBOT_XML) -> None:
         self.path = Path(path)
@@ -56,12 +56,12 @@ class Robot:
         self._camera = body_frame(self._sight, names.CAMERA_BODY)
 
     def grip(self, q: Array, side: str) -> Any:
-        """T_world_grip (`pin.SE3`, a copy) of the hand of `side` at q (15,) [rad]; z is the approach axis."""
+        """Return T_world_grip (`pin.SE3`, a copy) of the hand of `side` at q (15,) [rad]; z is the approach axis."""
         pin.forwardKinematics(self.model, self.data, q)
         return pin.updateFramePlacement(self.model, self.data, self.frame[side]).copy()
 
     def track(self, postures: Array, side: str) -> Array:
-        """Where the grip of `side` is, (n, 3) [m], in postures (n, 15)."""
+        """Return the positions (n, 3) [m] of the grip of `side` in postures (n, 15)."""
         model, data, frame = self.model, self.data, self.frame[side]
         places = np.empty((len(postures), 3))
         for k, q in enumerate(postures):
@@ -70,17 +70,17 @@ class Robot:
         return places
 
     def jacobian(self, q: Array, side: str) -> Array:
-        """(6, 15): joint speeds [rad/s] to velocity [m/s] and turning [rad/s] of the grip, in axes of the world."""
+        """Return J (6, 15): joint speeds [rad/s] to velocity [m/s] and rotation [rad/s] of the grip, world axes."""
         return np.asarray(pin.computeFrameJacobian(self.model, self.data, q, self.frame[side], _WORLD_AXES))
 
     def camera(self, torso: float, pan: float, tilt: float) -> Any:
-        """T_world_camera (`pin.SE3`) of the Kinect's optical frame: z forward, x right; angles in rad."""
+        """Return T_world_camera (`pin.SE3`) of the Kinect's optical frame: z forward, x right; angles in rad."""
         pin.forwardKinematics(self._sight, self._sight_data, np.array([torso, pan, tilt]))
         return pin.updateFramePlacement(self._sight, self._sight_data, self._camera).copy()
 
 
 def between(start: Any, end: Any, count: int) -> list[Any]:
-    """`count` poses evenly on the straight line and the shortest turn from `start` (left out) to `end` (included)."""
+    """Return `count` poses on the straight line and shortest rotation from `start` (excluded) to `end` (included)."""
     turn = pin.log3(end.rotation @ start.rotation.T)
     way = end.translation - start.translation
     return [

@@ -1,7 +1,7 @@
-"""Solid shapes that the collision world accepts: anything with the fields of a box, a cylinder or a sphere.
+"""Solid shapes for the collision world: anything with the fields of a box, a cylinder or a sphere.
 
-The content languages have such values of their own; this package does not know them, only what they must offer. The
-three classes here serve whoever has no others. A place is a `pin.SE3` or a pose with `xyz` and `quat_wxyz`.
+The content languages have such classes of their own, which this package does not import; the three classes here are
+for all others. A place is a `pin.SE3` or a pose with `xyz` and `quat_wxyz`.
 """
 
 from dataclasses import dataclass, field
@@ -39,15 +39,17 @@ class Sphere:
 
 
 class NoShape(VelmaError):
-    """A thing was given a shape that is no box, cylinder or sphere."""
+    """A shape of a thing is not a box, cylinder or sphere."""
 
     def __init__(self, found: object) -> None:
         self.found = found
-        super().__init__(f"{found!r} is no shape: expected size (box), radius and length (cylinder) or radius (sphere)")
+        super().__init__(
+            f"{found!r} is not a shape, expected size (box), radius and length (cylinder) or radius (sphere)"
+        )
 
 
 def solid(shape: Any) -> Any:
-    """The shape as coal computes with it. Raises `NoShape`."""
+    """Return the shape as coal computes with it. Raises `NoShape`."""
     if hasattr(shape, "size"):
         return coal.Box(*shape.size)
     if hasattr(shape, "length"):

@@ -1,7 +1,7 @@
 """A path made shorter and rounder: shortcuts of all joints or of one, then moving averages along the path.
 
-A path is an array (n, m) of postures, neighbours at most `STEP` apart. What is allowed and what a way costs comes from
-outside; nothing here is drawn but from the generator given.
+A path is an array (n, m) of postures, neighbours at most `STEP` apart. Condition, cost and random generator are
+arguments.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,14 +15,14 @@ Allowed = Callable[[Array], bool]
 Cost = Callable[[Array], Array]  # of postures (n, m): what each of the n - 1 steps costs
 
 STEP = 0.05  # rad between checked states
-_TRIES, _PATIENCE = 200, 50  # shortcuts tried, and how many in vain before that is the end of it
-_GAIN = 1e-3  # s: less is no gain
-_ONE_JOINT = 0.5  # share of the shortcuts that straighten a single joint, such as a torso that went there and back
+_TRIES, _PATIENCE = 200, 50  # shortcuts tried, and failures in a row after which to stop
+_GAIN = 1e-3  # s: the least gain that counts
+_ONE_JOINT = 0.5  # share of shortcuts that straighten a single joint, such as a torso that turns back and forth
 _WINDOWS = (17, 9, 5)  # points of 0.05 rad averaged, widest first
 
 
 def halving(count: int) -> Iterator[int]:
-    """0 .. count - 1, the middle first, then the middles of the halves: a blocked way is found out early."""
+    """Yield 0 .. count - 1, the middle first, then the middles of the halves, so that a blocked path is found early."""
     ranges = [(0, count)]
     for low, high in ranges:
         if low < high:
@@ -37,7 +37,7 @@ def clear(allowed: Allowed, states: Array) -> bool:
 
 
 def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generator) -> Array:
-    """The path with as many random shortcuts as pay."""
+    """Return the path with all random shortcuts that reduce its cost."""
     costs, vain = cost(path), 0
     for _ in range(_TRIES):
         if len(path) < 3 or vain >= _PATIENCE:
@@ -56,7 +56,7 @@ def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generato
 
 
 def _one_joint(piece: Array, rng: np.random.Generator) -> Array:
-    """The piece with one joint going evenly from its first to its last value: often the first joint, the slowest."""
+    """Return the piece with one joint moving evenly from first to last value: often the first joint, the slowest."""
     joint = 0 if rng.random() < 0.3 else int(rng.integers(piece.shape[1]))
     changed = piece.copy()
     changed[:, joint] = np.linspace(piece[0, joint], piece[-1, joint], len(piece))
@@ -64,7 +64,7 @@ def _one_joint(piece: Array, rng: np.random.Generator) -> Array:
 
 
 def rounder(path: Array) -> Iterator[Array]:
-    """The path with its corners cut, less and less, and at last as it is; ends stay."""
+    """Yield the path with its corners rounded, less and less, at last unchanged; ends stay."""
     for window in _WINDOWS:
         half = window // 2
         ends = (np.tile(path[:1], (half, 1)), path, np.tile(path[-1:], (half, 1)))

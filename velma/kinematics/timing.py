@@ -1,7 +1,7 @@
-"""When the arm is where on a path: as fast as the limits of joints and tool allow, at rest at both ends.
+"""Timing of a path: as fast as the limits of joints and tool allow, at rest at both ends.
 
-toppra finds the fastest motion along the path; its accelerations jump, so a moving average in time rounds them off. An
-average of allowed speeds and accelerations is allowed, too, and the path is left only where it bends. Knows no scene.
+toppra finds the fastest motion along the path. Its accelerations jump, so a moving average in time smooths them. The
+average keeps the limits of speed and acceleration, and leaves the path only where that bends. Knows no scene.
 """
 
 import sys
@@ -25,7 +25,7 @@ JOINT_FRACTION = 0.5  # of the joints' speed limits (trial runs: 0.26 rad/s tors
 _ARM_ACCELERATION = (1.2, 1.2, 1.5, 1.5, 2.0, 2.0, 2.0)
 ACCELERATION = np.array([0.4, *_ARM_ACCELERATION, *_ARM_ACCELERATION])  # rad/s^2, trial runs: the load stays put
 _AVERAGED = 8  # periods: 80 ms, trial runs
-_DENSE = 0.05  # rad between the points a spline is laid through, so that it stays at the path
+_DENSE = 0.05  # rad between the points of the spline, so that it stays on the path
 _SAME = 1e-7  # rad: points nearer than this are one
 
 
@@ -53,7 +53,7 @@ class Trajectory:
         return self.dt * (len(self.q) - 1)
 
     def at(self, t: float) -> tuple[Array, Array]:
-        """q (15,) and v (15,) at t [s], between knots interpolated, before and after at rest at the ends."""
+        """Return q (15,) and v (15,) at t [s], between knots interpolated, before and after at rest at the ends."""
         place = min(max(t / self.dt, 0.0), len(self.q) - 1.0)
         k = min(int(place), max(len(self.q) - 2, 0))
         share, following = place - k, min(k + 1, len(self.q) - 1)
@@ -65,9 +65,9 @@ class Trajectory:
 
 @cache
 def loaded() -> ModuleType:
-    """toppra, imported when it is first needed: with scipy it takes longer than all the rest (0.7 s of processor time).
+    """Return toppra, imported at first use: with scipy it takes longer than all the rest (0.7 s of processor time).
 
-    Whoever has time to spare may call this before.
+    May be called before it is needed.
     """
     with _without_pictures(), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # toppra 0.6.10: invalid escape sequences in docstrings
@@ -78,7 +78,7 @@ def loaded() -> ModuleType:
 
 @contextmanager
 def _without_pictures() -> Iterator[None]:
-    """Lay an empty matplotlib out for who imports it and draws nothing: the true one would double toppra's time."""
+    """Put an empty matplotlib in place for toppra, which imports it for drawing: the real one doubles its time."""
     names_had = {name: sys.modules.get(name) for name in ("matplotlib", "matplotlib.pyplot")}
     sys.modules.update({name: ModuleType(name) for name in names_had})
     sys.modules["matplotlib"].__dict__["pyplot"] = sys.modules["matplotlib.pyplot"]
@@ -92,7 +92,7 @@ def _without_pictures() -> Iterator[None]:
 
 
 def dense(path: Sequence[Array] | Array, step: float = _DENSE) -> Array:
-    """The points (n, 15) of a joint path, with more between those over `step` [rad] apart and without repetitions."""
+    """Return the points (n, 15) of a joint path, with more between those over `step` [rad] apart, no repetitions."""
     points = np.asarray(path, dtype=np.float64)
     ways = np.diff(points, axis=0)
     lengths = np.abs(ways).max(axis=1, initial=0.0)
@@ -107,7 +107,7 @@ def dense(path: Sequence[Array] | Array, step: float = _DENSE) -> Array:
 def timed(
     robot: Robot, path: Sequence[Array], *, tool_speed: float, joint_fraction: float = JOINT_FRACTION
 ) -> Trajectory:
-    """The path [(15,) each, rad] in time: both grips at most at `tool_speed` [m/s], joints within limits.
+    """Return the timed path [(15,) each, rad]: both grips at most at `tool_speed` [m/s], joints within limits.
 
     Limits are `joint_fraction` of the joints' speeds, and `ACCELERATION`. Raises `NotTimed`.
     """
@@ -124,7 +124,7 @@ def timed(
 
 
 def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> Any:
-    """toppra's trajectory along a spline through the points (n, 15), n > 1."""
+    """Return toppra's trajectory along a spline through the points (n, 15), n > 1."""
     toppra = loaded()
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     spline = toppra.SplineInterpolator(along, points)
@@ -147,7 +147,7 @@ def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> An
 
 
 def _speeds(robot: Robot, spline: Any, grid: Array, tool_speed: float, speed: Array) -> Array:
-    """Joint speed limits (n, 15) at the grid: the joints' own, and less where a grip would be faster than allowed."""
+    """Return joint speed limits (n, 15) at the grid, lower where a grip would be faster than allowed."""
     postures, tangents = spline(grid), np.abs(spline(grid, 1))
     reach = np.zeros(len(grid))  # metres of the faster grip per unit of path
     for side in names.SIDES:
@@ -159,7 +159,7 @@ def _speeds(robot: Robot, spline: Any, grid: Array, tool_speed: float, speed: Ar
 
 
 def _averaged(samples: Array, before: Array, after: Array) -> Array:
-    """Moving average (n + 10, 15) of samples (n, 15) with constant values before and after."""
+    """Return moving average (n + 10, 15) of samples (n, 15) with constant values before and after."""
     whole = np.concatenate((np.tile(before, (_AVERAGED + 1, 1)), samples, np.tile(after, (_AVERAGED + 1, 1))))
     sums = np.cumsum(np.concatenate((np.zeros((1, whole.shape[1])), whole)), axis=0)
     return np.asarray((sums[_AVERAGED + 1 :] - sums[: -_AVERAGED - 1]) / (_AVERAGED + 1))

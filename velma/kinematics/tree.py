@@ -1,4 +1,4 @@
-"""Search of a way between two postures by OMPL's RRTConnect, counted in iterations and repeatable from a seed.
+"""Search of a path between two postures by OMPL's RRTConnect, limited by iterations and repeatable by its seed.
 
 Knows neither robot nor scene: only bounds, and whether a posture is allowed.
 """
@@ -13,14 +13,14 @@ from ompl import util as ou
 
 from velma.names import Array
 
-ou.setLogLevel(ou.LOG_NONE)  # also silences "changing seed": what is sampled after `setSeed` follows the new seed
+ou.setLogLevel(ou.LOG_NONE)  # also silences "changing seed": samples after `setSeed` follow the new seed
 
 RANGE = 0.6  # rad that one extension of the tree may go (trial runs)
 CHECKED = 0.1  # rad between states that are checked on an edge; whole motions are checked more finely later
 
 
 class _Counted:
-    """Tells the planner to stop after so many questions whether it should."""
+    """Makes the planner stop after a number of calls."""
 
     def __init__(self, iterations: int) -> None:
         self.left = iterations
@@ -40,11 +40,11 @@ def grow(
     iterations: int,
     seed: int,
 ) -> list[Array] | None:
-    """Postures from `start` to `goal`, all (n,) within bounds, whose straight connections are allowed, or None.
+    """Return postures from `start` to `goal`, all (n,) within bounds, whose straight connections are allowed, or None.
 
-    The same arguments give the same answer, whatever was planned before.
+    Equal arguments give equal results, whatever was planned before.
     """
-    ou.RNG.setSeed(1 + seed % (2**31 - 2))  # 0 would be taken from the clock
+    ou.RNG.setSeed(1 + seed % (2**31 - 2))  # 0 would mean a seed from the clock
     space = ob.RealVectorStateSpace(len(start))
     space.setBounds(_bounds(lower, upper))
     information = ob.SpaceInformation(space)

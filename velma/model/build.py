@@ -1,10 +1,10 @@
 """Writes robot.xml, Velma alone in MJCF, from the numbers of robot.yaml.
 
-One file serves Pinocchio and MuJoCo alike: it holds dampings and armatures (so both know the same mass matrix), the
+One file serves Pinocchio and MuJoCo: it holds dampings and armatures (so both know the same mass matrix), the
 shapes of contacts with their classes and exclusions, the drives and the coupling of the fingers. It has no site:
 Pinocchio 4.1 misplaces a site behind a chain of welded bodies, so frames are those of bodies. Knows no scene.
 
-`python -m velma.model.build` writes the file; a test compares the committed one with the script's words.
+`python -m velma.model.build` writes the file; a test compares the committed one with the output.
 """
 
 import math
@@ -29,12 +29,12 @@ OPTICAL_TO_CAMERA_WXYZ = (0.0, 1.0, 0.0, 0.0)
 
 
 def text(numbers: Iterable[float]) -> str:
-    """Numbers as MJCF writes them; ten digits, so that both libraries read the same."""
+    """Return numbers as MJCF writes them; ten digits, so that both libraries read the same."""
     return " ".join(f"{x:.10g}" for x in numbers)
 
 
 def quat_wxyz(rpy: Numbers) -> tuple[float, float, float, float]:
-    """The unit quaternion of R = Rz(yaw) Ry(pitch) Rx(roll), angles in rad."""
+    """Return the unit quaternion of R = Rz(yaw) Ry(pitch) Rx(roll), angles in rad."""
     (sr, cr), (sp, cp), (sy, cy) = ((math.sin(a / 2), math.cos(a / 2)) for a in rpy)
     return (
         cr * cp * cy + sr * sp * sy,
@@ -57,13 +57,13 @@ def shape(parent: ET.Element, name: str, numbers: Tree, **attributes: str) -> ET
 
 
 def load() -> Tree:
-    """The numbers of robot.yaml."""
+    """Return the numbers of robot.yaml."""
     tree: Tree = yaml.safe_load((HERE / "robot.yaml").read_text())
     return tree
 
 
 def bodies(tree: Tree) -> Iterator[dict[str, Any]]:
-    """Every body of the robot, parents first, with `{side}` filled in and the hand's fingers spelled out."""
+    """Yield every body of the robot, parents first, with `{side}` filled in and all fingers of the hands."""
     yield from (dict(body, group="trunk") for body in tree["bodies"])
     for side in SIDES:
         yield from (_of_side(body, side, "arm") for body in tree["arm"])
@@ -167,7 +167,7 @@ def _drives(root: ET.Element, tree: Tree) -> None:
 
 
 def robot() -> ET.Element:
-    """The robot as an MJCF tree: compiler, defaults, bodies, contact exclusions, coupling and drives."""
+    """Return the robot as an MJCF tree: compiler, defaults, bodies, contact exclusions, coupling and drives."""
     tree = load()
     root = ET.Element("mujoco", model="velma")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -187,7 +187,7 @@ def robot() -> ET.Element:
 
 
 def written() -> str:
-    """The text of robot.xml."""
+    """Return the text of robot.xml."""
     root = robot()
     ET.indent(root)
     head = "<!-- Written by velma/model/build.py from robot.yaml; change those, not this. -->\n"

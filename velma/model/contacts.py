@@ -1,8 +1,8 @@
-"""Which bodies meet which, as classes of geoms and excluded pairs of MJCF.
+"""Which bodies can collide, as classes of geoms and excluded pairs of MJCF.
 
-Classes are bit masks: two geoms are compared when the contype of one meets the conaffinity of the other. Grains never
-meet the robot: they would cost a contact island each and the robot has nothing to do with them. The inside of the jar
-is a ring of its own that only grains see, because a jar of plates would give the hand edges to slip on.
+Classes are bit masks: two geoms are compared if the contype of one has a bit of the conaffinity of the other. Grains
+never touch the robot, since each would cost a contact island. The inside of the jar is a separate ring that only grains
+touch: on a jar of plates the hand would slip at the edges.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,17 +24,17 @@ class Kind(IntFlag):
 
 ROBOT_CLASS = {"trunk": "arm", "arm": "arm", "head": "arm", "hand": "hand", "finger": "finger"}
 
-# Renderers show the groups 0 to 2 unless told otherwise; contact shapes are drawn by their looks instead.
+# Renderers show groups 0 to 2 by default; the shapes of looks.py are drawn in place of contact shapes.
 SHAPE_GROUP, LOOK_GROUP = "3", "1"
 LOOK_CLASS = "look"
 
-# Forearm and hand shapes overlap where they are joined; pairs of a chain this near are never compared. Two links
-# further the wrist really can turn the hand into the forearm, and is compared.
+# Shapes of forearm and hand overlap at their joint; pairs of a chain this close are never compared. From two links
+# further on the wrist can turn the hand into the forearm, and they are compared.
 ARM_REACH, MOUNT_REACH, PALM_REACH, FINGER_REACH = 3, 4, 3, 2
 
 
 def masks(kind: Kind, meets: Kind) -> dict[str, str]:
-    """The two masks of a class of geoms."""
+    """Return the two masks of a class of geoms."""
     return {"contype": str(int(kind)), "conaffinity": str(int(meets))}
 
 
@@ -49,7 +49,7 @@ def robot_defaults(default: ET.Element, hand: Mapping[str, Any]) -> None:
 
 
 def add_class(default: ET.Element, name: str, **attributes: str) -> None:
-    """A class of geoms."""
+    """Add a class of geoms."""
     ET.SubElement(ET.SubElement(default, "default", {"class": name}), "geom", attributes)
 
 
@@ -58,7 +58,7 @@ def _words(value: Any) -> str:
 
 
 def exclusions(contact: ET.Element, bodies: Sequence[Mapping[str, Any]]) -> None:
-    """Pairs that touch by construction: neighbours of a chain, a hand with itself, the torso with its shoulders."""
+    """Add pairs that touch by construction: neighbours in a chain, a hand and itself, torso and shoulders."""
     parent = {body["name"]: body["parent"] for body in bodies}
     shaped = [body for body in bodies if "shapes" in body]
     pairs: dict[tuple[str, str], None] = {}
@@ -75,7 +75,7 @@ def exclusions(contact: ET.Element, bodies: Sequence[Mapping[str, Any]]) -> None
 
 
 def _reach(body: Mapping[str, Any]) -> tuple[str, int]:
-    """The body from which the distance along the chain counts, and how far it goes."""
+    """Return the body from which the distance along the chain counts, and how far it goes."""
     name, group = body["name"], body["group"]
     side = name.split("_")[0]
     if group == "finger":

@@ -1,7 +1,7 @@
-"""What Velma looks like: shapes for the eye only, in a group of their own, with no mass and no contact.
+"""The visual shapes of Velma, in a group of their own, without mass and contact.
 
-Drawn by us after the proportions of the robot: a white torso on a dark base, two light arms with orange joints, dark
-hands with light fingers, a head with a wide sensor bar. Lengths are those of the kinematic tree; all else is taste.
+Drawn after the proportions of the robot: a white torso on a dark base, two light arms with orange joints, dark
+hands with light fingers, a head with a wide sensor bar. Lengths are those of the kinematic tree, the rest is design.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ class Look(NamedTuple):
 
 
 def rod(start: Point, end: Point, radius: float, colour: Colour, kind: str = "capsule") -> Look:
-    """A capsule or cylinder between two points."""
+    """Return a capsule or cylinder between two points."""
     return Look(kind, (radius,), colour, start, end)
 
 
@@ -76,7 +76,7 @@ _KNUCKLES = {
     ],
 }
 
-# A chest that widens upwards: rods across, so near to each other that they read as one surface.
+# A chest that widens upwards: rods across, so close that they look like one surface.
 _CHEST = [rod((0, -y, z), (0, y, z), r, SHELL) for z, y, r in (
     (0.83, 0.045, 0.100), (0.87, 0.052, 0.106), (0.91, 0.060, 0.111), (0.95, 0.068, 0.114), (0.99, 0.077, 0.115),
     (1.03, 0.086, 0.114), (1.07, 0.094, 0.110), (1.11, 0.100, 0.102), (1.14, 0.105, 0.092),

@@ -1,7 +1,7 @@
-"""A scene: which things stand where, what is in them, how well they are seen. Read from TOML, varied by seed.
+"""A scene: things and their poses, contents, noise of observations. Read from TOML, varied by a seed.
 
-Ids are those the agents use (jar_1, bowl_1, cabinet_2, table_1, ...). A scene may lack any of them. This module knows
-no physics: scene_xml.py draws a scene as MJCF.
+Ids are those that the agents use (jar_1, bowl_1, cabinet_2, table_1, ...). A scene may lack any of them. Knows no
+physics: scene_xml.py writes a scene as MJCF.
 """
 
 import math
@@ -38,7 +38,7 @@ class Thing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Content(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How many grains lie in which vessel."""
+    """Number of grains in a vessel."""
 
     inside: str = "jar_1"
     grains: int = 30
@@ -60,18 +60,18 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise: Noise = Noise()
 
     def find(self, name: str) -> Thing | None:
-        """The thing of this id, or None."""
+        """Return the thing of this id, or None."""
         return next((thing for thing in self.things if thing.id == name), None)
 
     def of(self, *models: Model) -> tuple[Thing, ...]:
-        """All things of these models, in the order of the file."""
+        """Return all things of these models, in the order of the file."""
         return tuple(thing for thing in self.things if thing.model in models)
 
 
 class Spread(msgspec.Struct, frozen=True):
     """How far a seed moves things: cabinet in the world, jar and bowl along the cabinet's depth (x) and width (y).
 
-    Within it the task succeeded in 20 of 20 runs of a trial; m and rad. Estimate of the true scatter of a laboratory.
+    m and rad. The task succeeded in 20 of 20 runs within it. Estimate of the scatter in a laboratory.
     """
 
     cabinet: float = 0.04
@@ -82,12 +82,12 @@ class Spread(msgspec.Struct, frozen=True):
     bowl_width: tuple[float, float] = (-0.06, 0.06)
 
 
-# The pile of a jar 0.2 m high holds no more; and a larger pile no longer fits into a cycle.
+# A jar 0.2 m high holds no more, and the simulation of a larger pile takes longer than a cycle.
 MOST_GRAINS = 60
 
 
 def load(path: Path = CANONICAL) -> Scene:
-    """The scene of a TOML file. Raises SceneError naming the field, what it is and what it should be."""
+    """Return the scene of a TOML file. Raises SceneError naming the field, what it is and what it should be."""
     try:
         scene = msgspec.toml.decode(path.read_bytes(), type=Scene)
     except FileNotFoundError:
@@ -100,7 +100,7 @@ def load(path: Path = CANONICAL) -> Scene:
 
 
 def checked(scene: Scene) -> Scene:
-    """The scene itself, if its things can stand together. Raises SceneError."""
+    """Return the scene itself, if its things can stand together. Raises SceneError."""
     ids = [thing.id for thing in scene.things]
     for thing in scene.things:
         _check_thing(scene, thing, ids.count(thing.id))
@@ -129,9 +129,9 @@ def _check_thing(scene: Scene, thing: Thing, times: int) -> None:
 
 
 def vary(scene: Scene, seed: int, spread: Spread | None = None) -> Scene:
-    """The scene as seed number `seed` finds it: cabinets moved with what is inside, jars and bowls moved inside them
-    and turned, noise drawn from the same seed. Every thing draws from its own stream, so that leaving one out does
-    not move the others. A thing that is inside nothing stays where the file puts it."""
+    """Return the scene varied by a seed: cabinets moved with their contents, jars and bowls moved inside them and
+    turned, noise with the same seed. Each thing has its own random stream, so that leaving one out does not move the
+    others. A thing that is inside nothing stays where the file puts it."""
     spread = spread or Spread()
     moved = {thing.id: _moved_cabinet(thing, seed, spread) for thing in scene.of(Model.CABINET)}
     things = [moved.get(thing.id) or _moved_inside(scene, thing, moved, seed, spread) for thing in scene.things]

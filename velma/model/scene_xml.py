@@ -1,7 +1,7 @@
-"""Draws a scene as MJCF around the robot: furniture, vessels, grains, and the settings of the physics.
+"""Writes a scene as MJCF around the robot: furniture, vessels, grains, and the settings of the physics.
 
-What touches (group 0 and 3) and what is only looked at (group 1) are apart: a vessel is plates and rings for physics
-and a smooth surface for the eye. Names: a body per thing under its id, `grain_<k>` for content.
+Contact shapes (groups 0 and 3) and visual shapes (group 1) are separate: a vessel is plates and rings for physics and a
+smooth surface for pictures. Names: a body per thing under its id, `grain_<k>` for content.
 """
 
 import math
@@ -23,22 +23,22 @@ Numbers = Mapping[str, Any]
 
 @cache
 def objects() -> Numbers:
-    """The numbers of objects.yaml."""
+    """Return the numbers of objects.yaml."""
     numbers: Numbers = yaml.safe_load((HERE / "objects.yaml").read_text())
     return numbers
 
 
 def grain_name(k: int) -> str:
-    """The body of the k-th grain."""
+    """Return the body of the k-th grain."""
     return f"grain_{k}"
 
 
 def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
-    """The MJCF of the robot in a scene, ready for `mujoco.MjModel.from_xml_string`."""
+    """Return the MJCF of the robot in a scene, ready for `mujoco.MjModel.from_xml_string`."""
     root = ET.parse(ROBOT_XML).getroot()
     root.set("model", scene.name)
     option = {key: value if isinstance(value, str) else f"{value:g}" for key, value in objects()["option"].items()}
-    # A simulation that bursts must stay burst: a reset would put the robot back to the start as if nothing had been.
+    # An unstable simulation must not be reset: the robot would be back at the start as if nothing had happened.
     ET.SubElement(ET.SubElement(root, "option", option), "flag", autoreset="disable")
     ET.SubElement(root, "size", memory="64M")  # room for the contacts of a full pile, estimate
     default, world = root.find("default"), root.find("worldbody")
@@ -89,13 +89,13 @@ def _furniture(world: ET.Element, thing: Thing) -> None:
 
 
 def _jar(world: ET.Element, thing: Thing) -> None:
-    """Outside one cylinder, seen by hands and furniture; inside a ring of plates and a bottom, seen by grains only."""
+    """Add an outer cylinder for hands and furniture, and inside a ring of plates and a bottom for grains."""
     jar, body = objects()["jar"], _body(world, thing, free=True)
     ET.SubElement(body, "inertial", pos="0 0 0", mass=text([jar["mass"]]), diaginertia=text(jar["inertia"]))
     radius, half, wall = jar["radius"], jar["height"] / 2, jar["wall"]
     _geom(body, "side", "cylinder", (radius, half), **{"class": "jar"})
     ring, inner = jar["inner_ring"], radius - wall
-    # A thick bottom under the jar's own: deeper than a grain's radius, so that none is pressed through.
+    # A thick bottom below that of the jar: thicker than the radius of a grain, so that none is pressed through.
     _geom(body, "bottom", "cylinder", (radius + 0.005, 0.01), pos=text((0, 0, -half - 0.005)), **{"class": "inner"})
     thick, plates = ring["thickness"], ring["plates"]
     width, middle = (inner + thick) * math.tan(math.pi / plates), inner + thick / 2
@@ -110,7 +110,7 @@ def _jar(world: ET.Element, thing: Thing) -> None:
 
 
 def _bowl(world: ET.Element, thing: Thing) -> None:
-    """A disc and slanted plates, seen by everything: flared, so that fingers and grains meet a true wall."""
+    """Add a disc and slanted plates that everything touches: flared, so that fingers and grains meet the real wall."""
     bowl, body = objects()["bowl"], _body(world, thing, free=True)
     mass, rim, base, height = bowl["mass"], bowl["rim_radius"], bowl["base_radius"], bowl["height"]
     about = text((0.006 * mass, 0.006 * mass, 0.008 * mass))  # of a flared shell with a base, estimate
@@ -134,7 +134,7 @@ def _look(body: ET.Element, mesh: str) -> None:
 
 
 def _grains(world: ET.Element, jar: Thing, count: int) -> None:
-    """Grains slide along three axes and do not turn: a pile of free joints costs five times as much."""
+    """Add grains that slide along three axes and do not turn: a pile of free joints costs five times as much."""
     grain = objects()["grain"]
     for k, at in zip(range(count), _stacked(grain["radius"]), strict=False):
         body = ET.SubElement(world, "body", name=grain_name(k), pos=text(np.add(jar.xyz, at)))
@@ -146,7 +146,7 @@ def _grains(world: ET.Element, jar: Thing, count: int) -> None:
 
 
 def _stacked(radius: float) -> Iterator[tuple[float, float, float]]:
-    """Places in a jar without overlap, layer by layer from the bottom, in the frame of the jar."""
+    """Yield places in a jar without overlap, layer by layer from the bottom, in the frame of the jar."""
     jar = objects()["jar"]
     room = jar["radius"] - jar["wall"] - radius - 0.0015
     pitch = 2.06 * radius

@@ -1,4 +1,4 @@
-"""How a scene looks: materials, light, and smooth surfaces of revolution for vessels. Touches no physics."""
+"""Visuals of a scene: materials, light, and smooth surfaces of revolution for vessels. No physics."""
 
 import math
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 
 from velma.model.scene import Model
 
-SEGMENTS = 48  # of a full turn; smooth at the size of a picture
+SEGMENTS = 48  # of a full turn; looks smooth in a picture
 
 
 class Part(NamedTuple):
@@ -57,7 +57,7 @@ VESSELS = {
 # rgba, specular, shininess, reflectance. Warm wood, white robot, one strong colour for what matters: the grains.
 MATERIALS = {
     "wood": ((0.80, 0.62, 0.44, 1.0), 0.2, 0.2, 0.0),
-    # Sides one can look through: from most places a closed cabinet would hide what the story is about.
+    # Transparent sides: a closed cabinet would hide jar and bowl from most viewpoints.
     "wood_thin": ((0.86, 0.70, 0.52, 0.38), 0.2, 0.2, 0.0),
     "wood_light": ((0.88, 0.76, 0.60, 1.0), 0.2, 0.2, 0.0),
     "steel": ((0.62, 0.64, 0.66, 1.0), 0.6, 0.6, 0.0),
@@ -68,7 +68,7 @@ MATERIALS = {
 
 
 def material(model: Model, part: str) -> str:
-    """The material of a part of a piece of furniture."""
+    """Return the material of a part of a piece of furniture."""
     if model is Model.TABLE:
         return "wood_light" if part == "top" else "steel"
     return "wood_thin" if part in ("back", "left_side", "right_side", "top") else "wood"
@@ -106,7 +106,7 @@ def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> N
 
 
 def turned(outline: tuple[tuple[float, float], ...], segments: int = SEGMENTS) -> dict[str, str]:
-    """Vertices and faces of an outline (radius, z) turned about z, as MJCF words; faces look left of its way."""
+    """Return vertices and faces of an outline (radius, z) turned about z, as MJCF words; faces look left of its way."""
     around = [2 * math.pi * k / segments for k in range(segments)]
     points = [(r * math.cos(a), r * math.sin(a), z) for r, z in outline for a in around]
     faces = []

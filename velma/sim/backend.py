@@ -1,8 +1,8 @@
-"""What stands behind the loop: a Velma that says its state, takes a command and steps 2 ms.
+"""The interface of a robot behind the loop: it tells its state, takes a command and steps 2 ms.
 
 The torques of a command are beyond gravity: the drives hold the arms' own weight (the LWR does, and the torso's axis
-is vertical), so that no command at all is a robot at rest. A simulated, a pretended and a real robot look the same
-from here. Sides are rows: 0 right, 1 left (`velma.names.SIDES`).
+is vertical), so a robot without torque commands is at rest. The interface is the same for a simulated, a mock and a
+real robot. Sides are rows: 0 right, 1 left (`velma.names.SIDES`).
 """
 
 from typing import Protocol
@@ -47,12 +47,12 @@ class Command(msgspec.Struct):
 
 
 class Backend(Protocol):
-    """A Velma."""
+    """A robot Velma."""
 
     period_s: float
 
     def observe(self) -> State:
-        """The state now."""
+        """Return the state."""
         ...
 
     def step(self, command: Command) -> None:
@@ -60,21 +60,21 @@ class Backend(Protocol):
         ...
 
     def configuration(self) -> Array:
-        """Every coordinate of the world model, for a mirror of it; empty where there is none. Shape (nq,)."""
+        """Return all coordinates of the world model, (nq,), for a copy of it; empty if there is none."""
         ...
 
     @property
     def work_J(self) -> float:
-        """Work of the 15 body joints so far: the integral of |torque x speed|, nothing is taken back. J."""
+        """Work of the 15 body joints so far [J]: the integral of |torque x speed|."""
         ...
 
 
 def at_rest() -> State:
-    """A state in the start posture with open hands."""
+    """Return a state in the start posture with open hands."""
     hands = np.zeros((2, 3))
     return State(0.0, START.copy(), np.zeros(15), np.zeros(2), np.zeros(2), hands, hands.copy())
 
 
 def no_command() -> Command:
-    """Torque free, head ahead, hands open and unlocked."""
+    """Return a command without torque, head ahead, hands open and unlocked."""
     return Command(np.zeros(15), np.zeros(2), np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(2))

@@ -1,6 +1,6 @@
 """Forces of the simulated world, for pictures: contacts of robot and things, torques of drives, wrenches at wrists.
 
-Everything is read off between two steps; nothing here changes what the next one does.
+All is read between two steps; nothing here changes the simulation.
 """
 
 import mujoco
@@ -13,9 +13,9 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Vector = tuple[float, float, float]
 MOST_CONTACTS = 12
-"""Told at a time; estimate: two hands with three fingers on two things."""
+"""Largest number told at a time; estimate: two hands with three fingers on two things."""
 LEAST_N = 0.05
-"""A weaker force is not worth an arrow; estimate."""
+"""Weaker forces are not shown; estimate."""
 
 
 class Forces:
@@ -28,7 +28,7 @@ class Forces:
         self._sensors = {side: model.body(f"{side}_FtSensorLink").id for side in SIDES}
 
     def contacts(self) -> tuple[tuple[Vector, Vector], ...]:
-        """Points where the robot touches a thing and the forces on the thing, world frame, the strongest first."""
+        """Return points where the robot touches a thing and the forces on the thing, world frame, strongest first."""
         data = self._data
         bodies = self._model.geom_bodyid[data.contact.geom[: data.ncon]].reshape(-1, 2)
         robot, thing = self._robot[bodies], self._thing[bodies]
@@ -44,11 +44,11 @@ class Forces:
         return tuple((at, on) for _, at, on in found[:MOST_CONTACTS])
 
     def torques(self) -> tuple[float, ...]:
-        """Of the drives of the body (15,), Nm, with the weight of the arms."""
+        """Return the torques of the drives of the body (15,) [Nm], with the weight of the arms."""
         return tuple(self._data.actuator_force[self._motors].tolist())
 
     def wrenches(self) -> dict[str, tuple[float, ...]]:
-        """By side: force N and torque Nm of the hand on the arm, in the frame of the wrist's sensor."""
+        """Return by side force [N] and torque [Nm] of the hand on the arm, in the frame of the wrist sensor."""
         model, data = self._model, self._data
         mujoco.mj_rnePostConstraint(model, data)
         found = {}

@@ -1,4 +1,4 @@
-"""A pretended Velma without MuJoCo: joints that obey at once. For tests of everything but physics."""
+"""A mock Velma without MuJoCo: joints with heavy friction. For tests of everything but physics."""
 
 import numpy as np
 
@@ -14,17 +14,17 @@ from velma.names import (
 )
 from velma.sim.backend import PERIOD_S, Array, Command, State, at_rest
 
-# A light joint with much friction: it creeps where it is pushed and stops at once. Per joint, kg m2 and Nms/rad.
+# A light joint with heavy friction: it creeps when pushed and stops at once. Per joint, kg m2 and Nms/rad.
 INERTIA, FRICTION = 1.0, 20.0
 FINGER_SPEED = 3.27  # rad/s, BHR
 
 
 class MockBackend:
-    """Fifteen separate joints, each I dv/dt = tau - d v, stopped at their ends; the head is where it is told to be, and
-    the fingers go there at a finite speed, as far as they reach.
+    """Fifteen separate joints, each I dv/dt = tau - d v, with hard ends. The head follows its target at once, the
+    fingers at a finite speed within their ranges.
 
-    `grasped[row]` says at which finger angle a row's fingers meet something (None: nothing there): they stop, and the
-    servo's error grows as it does against an object.
+    `grasped[row]`: finger angle [rad] at which the fingers of a row meet an object (None: no object). They stop there,
+    and the servo error grows.
     """
 
     period_s = PERIOD_S
@@ -35,13 +35,13 @@ class MockBackend:
         self.grasped: list[float | None] = [None, None]
 
     def observe(self) -> State:
-        """The state now."""
+        """Return the state."""
         return self._state
 
     def step(self, command: Command) -> None:
-        """Let 2 ms pass."""
+        """Take the command and let 2 ms pass."""
         state, dt = self._state, PERIOD_S
-        # Implicit in the friction, so that no gain of the controller makes this toy unstable before the true robot is.
+        # Implicit in the friction, so that the mock stays stable at gains at which a real robot is.
         state.v[:] = (state.v + dt * command.tau / INERTIA) / (1 + dt * FRICTION / INERTIA)
         np.clip(state.v, -SPEED, SPEED, out=state.v)
         state.q += dt * state.v
@@ -62,7 +62,7 @@ class MockBackend:
         state.time += dt
 
     def configuration(self) -> Array:
-        """There is no world model."""
+        """Return an empty array: there is no world model."""
         return np.zeros(0)
 
     @property

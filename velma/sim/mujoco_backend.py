@@ -1,7 +1,7 @@
-"""Velma in MuJoCo: the scene, stepped at the control period. Knows the true poses and tells none (truth.py does).
+"""Velma in MuJoCo: the scene, stepped at the control period. True poses are in truth.py only.
 
-A step is `mj_step2` and then `mj_step1`, so that whatever is read between two steps - gravity, contacts, poses - is
-that of the present state and not of the one before.
+A step is `mj_step2` and then `mj_step1`, so that all that is read between two steps (gravity, contacts, poses) belongs
+to the present state and not to the one before.
 """
 
 import mujoco
@@ -13,14 +13,14 @@ from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, ST
 from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
-# without creep; the gear's friction from its maker would settle it.
+# without creep; data from the maker of the gear would be better.
 LOCK_PROXIMAL, LOCK_DISTAL = 3.0, 1.0
 # MuJoCo's dry friction is soft by default: 1.5 Nm would turn a locked finger by 0.7 rad/s. With these it is 0.02 rad/s.
 LOCK_SOLREF, LOCK_SOLIMP = 0.005, (0.99, 0.999)
 
 
 def compiled(scene: Scene) -> mujoco.MjModel:
-    """The model of a scene, its joints checked. A mirror of the world is made the same way."""
+    """Return the model of a scene, its joints checked. A mirror of the world is made the same way."""
     model = mujoco.MjModel.from_xml_string(scene_xml(checked(scene)))
     joints = [model.joint(j).name for j in range(model.njnt)]
     check_joints(f"scene {scene.name}", [name for name in joints if name in BODY])
@@ -38,8 +38,8 @@ class MujocoBackend:
         self.scene = scene
         self.model = model = compiled(scene)
         self.data = mujoco.MjData(model)
-        # MuJoCo would write its warnings to a file in the working folder; what is wrong shows in the numbers, and
-        # the loop checks them.
+        # MuJoCo would write its warnings to a file in the working folder; errors show in the numbers, which the loop
+        # checks.
         mujoco.set_mju_user_warning(lambda _message: None)
         self._places()
         self._limits()
@@ -81,7 +81,7 @@ class MujocoBackend:
             self.model.dof_solimp[dofs, :2] = LOCK_SOLIMP
 
     def observe(self) -> State:
-        """The state now; joints are measured without error or delay."""
+        """Return the state; joints are measured without error or delay."""
         state, qpos = self._state, self.data.qpos
         state.time = self.data.time
         state.q[:] = qpos[self._q]
@@ -115,7 +115,7 @@ class MujocoBackend:
         self._locked[:] = locked
 
     def configuration(self) -> Array:
-        """All coordinates, (nq,): robot, things and grains."""
+        """Return all coordinates (nq,): robot, things and grains."""
         configuration: Array = self.data.qpos
         return configuration
 

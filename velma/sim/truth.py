@@ -1,4 +1,4 @@
-"""The true state of the world, for the report and for tests. Agents must not read it: they see through the receptor."""
+"""The true state of the world, for the report and for tests. Agents must not read it; they have the receptor."""
 
 import math
 
@@ -17,15 +17,15 @@ Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
-# A grain counts as inside a vessel up to this far outside of its walls: contacts are soft. m, estimate.
+# A grain counts as inside a vessel up to this far outside its walls, since contacts are soft. m, estimate.
 SLACK = 0.005
 
 
 class Truth(msgspec.Struct, frozen=True):
-    """What is truly so at a time: grains by where they are, tilt of every vessel, and what touches what.
+    """The true state at a time: grains by vessel, tilt of every vessel, contacts.
 
     `poses`, `models` and `grains_at` are for pictures: thing id -> (origin, quaternion w first) in the world and model
-    (velma.model.scene.Model), furniture too; centres of the grains. m. And so are the last three: where the robot
+    (velma.model.scene.Model), furniture too; centres of the grains. m. So are the last three: where the robot
     touches a thing and the force on the thing (world frame, m and N), the strongest MOST_CONTACTS; torques of the
     drives of the body; by side what the hand exerts on the arm in the frame of the wrist's sensor: force N, torque Nm.
     """
@@ -66,7 +66,7 @@ class TruthReader:
         )
 
     def read(self) -> Truth:
-        """The truth now."""
+        """Return the truth now."""
         data = self._backend.data
         inside = {name: self.grains_in(name) for name in self._vessels}
         return Truth(
@@ -87,7 +87,7 @@ class TruthReader:
         )
 
     def pose(self, name: str) -> tuple[Array, Array]:
-        """Rotation (3, 3) and position (3,) of a thing's origin in the world."""
+        """Return rotation (3, 3) and position (3,) of a thing's origin in the world."""
         body = self._backend.data.body(name)
         return body.xmat.reshape(3, 3).copy(), body.xpos.copy()
 
@@ -99,12 +99,12 @@ class TruthReader:
         return _vector(self._backend.data.xpos[body]), (w, x, y, z)
 
     def tilt_deg(self, name: str) -> float:
-        """Angle between a thing's axis and the vertical, degrees."""
+        """Return angle between a thing's axis and the vertical, degrees."""
         up = float(self._backend.data.body(name).xmat[8])
         return math.degrees(math.acos(max(-1.0, min(1.0, up))))
 
     def grains_in(self, name: str) -> int:
-        """How many grains have their centre in a jar or bowl."""
+        """Return the number of grains with their centre in a jar or bowl."""
         rotation, position = self.pose(name)
         local = (self._backend.data.xpos[self._grain_bodies] - position) @ rotation
         radius, low, high = self._vessels[name]
@@ -112,7 +112,7 @@ class TruthReader:
         return int(within.sum())
 
     def fingers_on(self, name: str) -> dict[str, int]:
-        """Per side: how many links of that hand touch a thing."""
+        """Return by side the number of links of that hand that touch a thing."""
         a, b = self._touching()
         thing = self._bodies[name]
         others = np.concatenate((b[a == thing], a[b == thing]))
@@ -125,7 +125,7 @@ class TruthReader:
         return bool(((furniture[a] & robot[b]) | (furniture[b] & robot[a])).any())
 
     def _touching(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Bodies in contact, (n,) each."""
+        """Return bodies in contact, (n,) each."""
         data = self._backend.data
         bodies = self._backend.model.geom_bodyid[data.contact.geom[: data.ncon]]
         return bodies[:, 0], bodies[:, 1]
@@ -141,7 +141,7 @@ def _grains(scene: Scene) -> int:
 
 
 def _cavity(model: Model) -> tuple[float, float, float]:
-    """Radius and the two heights of a vessel's inside with some slack, in its frame."""
+    """Return radius and the two heights of a vessel's inside with some slack, in its frame."""
     numbers = objects()[model]
     if model is Model.JAR:
         half = numbers["height"] / 2
@@ -150,7 +150,7 @@ def _cavity(model: Model) -> tuple[float, float, float]:
 
 
 def _side(model: mujoco.MjModel, body: int) -> str:
-    """right or left for a link of that arm or hand, "body" for the rest of the robot, "" for anything else."""
+    """Return right or left for a link of that arm or hand, "body" for the rest of the robot, "" for anything else."""
     name: str = model.body(body).name
     first = name.removeprefix("calib_").split("_")[0]
     if first in SIDES:

@@ -1,6 +1,6 @@
-"""What every back-end of the executor must pass: `python -m services.executor.conformance my_lab.robot:make`.
+"""The tests that every back-end of the executor must pass: `python -m services.executor.conformance my_lab.robot:make`.
 
-docs/back-ends.md is the contract that these checks hold a back-end to. In tests of one's own:
+docs/back-ends.md is the contract that these checks hold a back-end to. In your own tests:
 
     @pytest.mark.parametrize("check", CHECKS, ids=str)
     def test_my_robot_conforms(check):

@@ -1,12 +1,8 @@
-"""`python -m services.executor.conformance my_lab.robot:make`: does this back-end do what the executor leans on?
+"""`python -m services.executor.conformance my_lab.robot:make`: whether a back-end does what the executor relies on.
 
 Exit codes: 0 it conforms, 1 it does not, 2 there is no such back-end.
 """
 
-import importlib
-import sys
-from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -14,27 +10,18 @@ import typer
 
 from services.executor.conformance import CHECKS, Result, Subject, Verdict, run
 from services.executor.conformance.report import line, listed, page
-from velma.sim.backend import Backend
+from services.executor.loop.backends import SHORT, maker
+from velma.errors import BackendError
+from velma.model import scene
 
 app = typer.Typer(add_completion=False, help=__doc__)
 
 
-def found(name: str) -> Callable[[], Backend]:
-    """The function of `package.module:function`. typer.BadParameter says what is missing."""
-    module, _, function = name.partition(":")
-    sys.path.insert(0, str(Path.cwd()))
-    try:
-        make = getattr(importlib.import_module(module), function)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise typer.BadParameter(f"{error}; give package.module:function, a function that makes a back-end") from None
-    if not callable(make):
-        raise typer.BadParameter(f"{name} is {type(make).__name__}; give a function that makes a back-end")
-    return make  # type: ignore[no-any-return]
-
-
 @app.command()
 def main(
-    backend: Annotated[str, typer.Argument(help="package.module:function that makes a back-end")] = "",
+    backend: Annotated[
+        str, typer.Argument(help=f"package.module:function that makes a back-end; {', '.join(SHORT)}")
+    ] = "",
     paced: Annotated[bool, typer.Option("--paced", help="A robot in real time: a step every period.")] = False,
     gentle: Annotated[bool, typer.Option("--gentle", help="Leave out what pushes joints to their ends.")] = False,
     push: Annotated[float, typer.Option(help="Share of the accepted torque that moves a joint.")] = 0.1,
@@ -42,11 +29,15 @@ def main(
     properties: Annotated[bool, typer.Option("--list", help="Print the properties, and try none.")] = False,
     form: Annotated[str, typer.Option("--format", help="text or json")] = "text",
 ) -> None:
-    """Hold a back-end to docs/back-ends.md."""
+    """Check a back-end against docs/back-ends.md."""
     if properties:
         typer.echo(listed(CHECKS))
         return
-    subject = Subject(found(backend), paced=paced, gentle=gentle, push=push)
+    try:
+        make = maker(backend, scene.load())
+    except BackendError as error:
+        raise typer.BadParameter(str(error)) from None
+    subject = Subject(make, paced=paced, gentle=gentle, push=push)
     asked = [name for name in only.split(",") if name]
     unknown = set(asked) - {check.name for check in CHECKS}
     if unknown:

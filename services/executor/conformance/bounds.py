@@ -1,4 +1,4 @@
-"""Whether limits are kept: by the loop for what it commands, by the back-end for where its joints can be."""
+"""Checks of limits: the loop limits its commands, the back-end its joints."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ SERVOS = ("head", "spread", "proximal", "distal")
 
 
 class Listening:
-    """A back-end whose commands are kept: what the loop really sent, and the speeds it was sent for."""
+    """A back-end that records the commands of the loop, and the speeds at which they were sent."""
 
     def __init__(self, backend: Backend) -> None:
         self._backend, self.period_s = backend, backend.period_s
@@ -24,27 +24,27 @@ class Listening:
         self.speeds: list[Array] = []
 
     def observe(self) -> State:
-        """The state now."""
+        """Return the state."""
         return self._backend.observe()
 
     def step(self, command: Command) -> None:
-        """Keep, and pass on."""
+        """Record the command and pass it on."""
         self.speeds.append(self._backend.observe().v.copy())
         self.taus.append(command.tau.copy())
         self._backend.step(command)
 
     def configuration(self) -> Array:
-        """The world model's coordinates."""
+        """Return the coordinates of the world model."""
         return self._backend.configuration()
 
     @property
     def work_J(self) -> float:
-        """Work so far, J."""
+        """Work so far [J]."""
         return self._backend.work_J
 
 
 def accepted(subject: Subject) -> Measured:
-    """The largest command as a share of what the lower level accepts, in a motion that is much too fast."""
+    """Return the largest command of a motion that is much too fast, as a share of what the lower level accepts."""
     with bench(subject) as robot:
         heard = Listening(robot.backend)
         core = subject.core(heard, dynamics=dynamics())
@@ -54,13 +54,13 @@ def accepted(subject: Subject) -> Measured:
             core.cycle()
     share = np.abs(np.array(heard.taus)) / TORQUE
     if not np.isfinite(share).all():
-        return float("nan"), "a command was no number"
+        return float("nan"), "a command was not a number"
     k, joint = np.unravel_index(int(share.argmax()), share.shape)
     return float(share[k, joint]), f"{BODY[joint]} in cycle {k}"
 
 
 def ends(subject: Subject) -> Measured:
-    """How far joints leave their ranges when all are pushed one way, and then the other, rad."""
+    """Return how far joints leave their ranges when all are pushed one way, then the other [rad]."""
     worst: Measured = 0.0, "all inside"
     with bench(subject) as robot:
         for sign in (1.0, -1.0):
@@ -70,7 +70,7 @@ def ends(subject: Subject) -> Measured:
 
 
 def servo_ends(subject: Subject) -> Measured:
-    """How far head and fingers leave their ranges when led beyond them, rad."""
+    """Return how far head and fingers leave their ranges when their targets do [rad]."""
     worst: Measured = 0.0, "all inside"
     with bench(subject) as robot:
         reach = HEAD_SPEED * robot.backend.period_s

@@ -1,6 +1,6 @@
-"""A check measures how far a back-end is from a property; more than the limit fails. Nothing passes silently.
+"""A check measures how far a back-end is from a property; more than the limit fails.
 
-A measure that raises, that does not come back, or that is no number is a failure of its check.
+A measurement that raises, does not return, or is not a number fails its check.
 """
 
 import math
@@ -16,7 +16,7 @@ Measured = tuple[float, str]  # how far from the property, in the check's unit; 
 
 
 class Area(StrEnum):
-    """What a property is about."""
+    """The area of a property."""
 
     TIMING = "timing"
     READINGS = "readings"
@@ -27,7 +27,7 @@ class Area(StrEnum):
 
 
 class Check(msgspec.Struct, frozen=True):
-    """One property: in words, its limit with the source, what to do where it does not hold, and how it is measured."""
+    """One property: in words, its limit with the source, the remedy if it does not hold, how it is measured."""
 
     name: str
     area: Area
@@ -37,7 +37,7 @@ class Check(msgspec.Struct, frozen=True):
     source: str
     remedy: str
     measure: Callable[[Subject], Measured]
-    rough: bool = False  # pushes to the ends: left out on a robot that must be treated gently
+    rough: bool = False  # pushes joints to their ends: left out with --gentle
     most_s: float = 60.0
 
     def __str__(self) -> str:
@@ -45,7 +45,7 @@ class Check(msgspec.Struct, frozen=True):
 
 
 class Verdict(StrEnum):
-    """What became of a check."""
+    """How a check ended."""
 
     PASSED = "passed"
     FAILED = "FAILED"
@@ -53,7 +53,7 @@ class Verdict(StrEnum):
 
 
 class Result(msgspec.Struct, frozen=True):
-    """A check's outcome. `value` is None where nothing could be measured; `why` is then the reason."""
+    """The result of a check. `value` is None if nothing could be measured; `why` is then the reason."""
 
     check: str
     area: Area
@@ -73,7 +73,7 @@ class Result(msgspec.Struct, frozen=True):
 
 
 def judged(check: Check, subject: Subject) -> Result:
-    """Measure one property. Never raises; ends within the check's time, though a hanging call of the robot may not."""
+    """Return the result of one check. Never raises; returns within the time of the check even if the robot hangs."""
     if check.rough and subject.gentle:
         return _result(check, Verdict.LEFT_OUT, None, "it pushes the robot to its ends (--gentle)")
     found: list[Measured | BaseException] = []
@@ -92,7 +92,7 @@ def judged(check: Check, subject: Subject) -> Result:
 def _measure(check: Check, subject: Subject, found: list[Measured | BaseException]) -> None:
     try:
         found.append(check.measure(subject))
-    except BaseException as error:  # whatever a lab's code raises is that check's result
+    except BaseException as error:  # whatever the back-end raises is the result of the check
         found.append(error)
 
 
@@ -105,7 +105,7 @@ def _result(check: Check, verdict: Verdict, value: float | None, why: str) -> Re
 
 
 def run(subject: Subject, checks: Iterable[Check]) -> Iterator[Result]:
-    """All checks, in their order. Where a call does not return the rest is not tried: the robot may still be in it."""
+    """Yield the results in order. After a call that does not return the rest is not tried: it may still be running."""
     hangs = ""
     for check in checks:
         if hangs:

@@ -1,4 +1,4 @@
-"""Whether loop and agent meet as they should: what is shown was measured, fits its slot, and is never half a record."""
+"""Checks of the slots: what they show was measured, fits, and is never half a record."""
 
 import mmap
 import os
@@ -17,7 +17,7 @@ RECORDS = 4000
 
 
 def shown(subject: Subject) -> Measured:
-    """The largest difference between what the slots show after a motion and what the back-end measures."""
+    """Return the largest difference between what the slots show after a motion and what the back-end measures."""
     with turning(subject) as (loop, heard, path):
         agent = AgentLink(path)
         agent.send(rising(loop.core))
@@ -39,7 +39,7 @@ def shown(subject: Subject) -> Measured:
 
 
 def room(subject: Subject) -> Measured:
-    """The state's record as a share of its slot."""
+    """Return the size of the state's record as a share of its slot."""
     with turning(subject) as (loop, heard, path):
         loop.turn()
         slot = AgentLink(path).file.slots["state"]
@@ -49,7 +49,7 @@ def room(subject: Subject) -> Measured:
 
 
 def whole(subject: Subject) -> Measured:
-    """Records read that were not written so, while another process writes as fast as it can."""
+    """Return the number of wrong records read while another process writes as fast as possible."""
     view = memoryview(mmap.mmap(-1, 1 << 16))
     slot = subject.slot(view)
     records = [bytes([65 + k % 26]) * (1 + 7919 * k % 30000) for k in range(RECORDS)]

@@ -1,4 +1,4 @@
-"""Whether what a back-end measures is true, of now, in the right units, order and sign."""
+"""Checks of readings: true, up to date, in the right units, order and sign."""
 
 from collections.abc import Iterable
 
@@ -22,16 +22,16 @@ RANGES: dict[str, tuple[Array | float, Array | float]] = {
 }
 FINGERS = ("proximal", "distal", "spread")
 WINDOW = 50  # cycles over which positions and speeds must agree: noise and quantisation average out
-ROUNDING = 0.1  # of the way: what a filter of the speed may cost
+ROUNDING = 0.1  # of the distance: what a filter of the speed may cost
 
 
 def copied(state: State) -> dict[str, Array]:
-    """The arrays of a state, and its time, kept."""
+    """Return a copy of the arrays of a state and its time."""
     return {name: np.array(getattr(state, name), dtype=np.float64) for name in (*SHAPES, "time")}
 
 
 def outside(state: State, names: Iterable[str] = RANGES) -> Measured:
-    """How far the farthest reading is outside of its joint's range, rad."""
+    """Return how far the farthest reading is outside the range of its joint [rad]."""
     worst, where = 0.0, "all inside"
     for name in names:
         low, high = RANGES[name]
@@ -43,7 +43,7 @@ def outside(state: State, names: Iterable[str] = RANGES) -> Measured:
 
 
 def form(subject: Subject) -> Measured:
-    """Fields that are not float64 arrays of their shape."""
+    """Return the number of fields that are not float64 arrays of their shape."""
     with bench(subject) as robot:
         state = robot.step()
         wrong = [
@@ -61,7 +61,7 @@ def form(subject: Subject) -> Measured:
 
 
 def numbers(subject: Subject) -> Measured:
-    """Cycles of two seconds in which a reading was no number, at rest and in motion."""
+    """Return the number of cycles, in two seconds at rest and in motion, with a reading that is not a number."""
     with bench(subject) as robot:
         size = robot.backend.configuration().size
         good = [_finite(robot, state) for state in robot.steps(1.0)]
@@ -78,13 +78,13 @@ def _finite(robot: Bench, state: State) -> bool:
 
 
 def inside(subject: Subject) -> Measured:
-    """How far outside of the joints' ranges the robot says to be when it begins."""
+    """Return how far outside its joint ranges the robot says it starts [rad]."""
     with bench(subject) as robot:
         return outside(robot.backend.observe())
 
 
 def looking(subject: Subject) -> Measured:
-    """What looking twice changes."""
+    """Return what observing twice changes."""
     with bench(subject) as robot:
         for _ in robot.wave(0.1):
             first = copied(robot.backend.observe())
@@ -96,7 +96,7 @@ def looking(subject: Subject) -> Measured:
 
 
 def resting(subject: Subject) -> Measured:
-    """How far the body sinks or drifts in a second without a torque."""
+    """Return how far the body moves in a second without torque [rad]."""
     with bench(subject) as robot:
         began = robot.backend.observe().q.copy()
         moved = np.max([np.abs(state.q - began) for state in robot.steps(1.0)], axis=0)
@@ -104,7 +104,7 @@ def resting(subject: Subject) -> Measured:
 
 
 def own_joint(subject: Subject) -> Measured:
-    """Joints that a positive torque of their own does not move in the positive sense."""
+    """Return the number of joints that a positive torque does not move in the positive direction."""
     wrong = []
     with bench(subject) as robot:
         for joint, name in enumerate(BODY):
@@ -118,7 +118,7 @@ def own_joint(subject: Subject) -> Measured:
 
 
 def agreeing(subject: Subject) -> Measured:
-    """How far positions and integrated speeds part within a window, beyond what a filter costs."""
+    """Return how far positions and integrated speeds differ within a window, beyond the cost of a filter [rad]."""
     with bench(subject) as robot:
         rows = [(state.q.copy(), state.v.copy()) for state in robot.wave(1.0)]
         dt = robot.backend.period_s
@@ -134,7 +134,7 @@ def agreeing(subject: Subject) -> Measured:
 
 
 def fresh(subject: Subject) -> Measured:
-    """Cycles until a torque is seen in the speed of its joint."""
+    """Return the number of cycles until a torque shows in the speed of its joint."""
     worst, where = 0, ""
     with bench(subject) as robot:
         for joint in (0, 1, 7, 8, 14):
@@ -146,7 +146,7 @@ def fresh(subject: Subject) -> Measured:
 
 
 def head(subject: Subject) -> Measured:
-    """How far pan and tilt are from where they were told to go, one after the other."""
+    """Return the error of pan and tilt, moved one after the other [rad]."""
     with bench(subject) as robot:
         goal = robot.command.head.copy()
         off = []
@@ -157,7 +157,7 @@ def head(subject: Subject) -> Measured:
 
 
 def hands(subject: Subject) -> Measured:
-    """How far the fingers are from where they were told to go, hand by hand; the other hand stays."""
+    """Return the error of the fingers, hand by hand, while the other hand has to stay [rad]."""
     worst, where = 0.0, ""
     with bench(subject) as robot:
         goals = {name: getattr(robot.command, name).copy() for name in FINGERS}
@@ -172,7 +172,7 @@ def hands(subject: Subject) -> Measured:
 
 
 def locks(subject: Subject) -> Measured:
-    """How far locked fingers move when told to close by 0.6 rad."""
+    """Return how far locked fingers move when commanded to close by 0.6 rad [rad]."""
     with bench(subject) as robot:
         robot.command.locked[:] = 1.0
         for _ in robot.steps(0.1):
@@ -184,7 +184,7 @@ def locks(subject: Subject) -> Measured:
 
 
 def work(subject: Subject) -> Measured:
-    """Cycles in which the work fell or was no number; one more where moving cost none."""
+    """Return the number of cycles in which the work fell or was not a number; one more if motion cost no work."""
     with bench(subject) as robot:
         told = [robot.backend.work_J, *(robot.backend.work_J for _ in robot.wave(0.5))]
     wrong = int((~(np.diff(told) >= 0.0)).sum())

@@ -1,4 +1,4 @@
-"""What a lab reads: a line for each property; then what does not hold, by how much, its limit, and what to do."""
+"""The report: a line for each property; then each failure with its value, its limit, and what to do."""
 
 from collections.abc import Iterable
 
@@ -6,12 +6,12 @@ from services.executor.conformance.judging import Check, Result, Verdict
 
 
 def number(value: float) -> str:
-    """Three digits, without noise."""
+    """Return a value with three digits."""
     return f"{value:.3g}"
 
 
 def listed(checks: Iterable[Check]) -> str:
-    """Every property with its limit and where that comes from, by area."""
+    """Return each property with its limit and the source of that, by area."""
     lines, area = [], None
     for check in checks:
         if check.area is not area:
@@ -23,14 +23,14 @@ def listed(checks: Iterable[Check]) -> str:
 
 
 def line(result: Result) -> str:
-    """One property: verdict, area, name, measured, limit."""
+    """Return the line of one property: verdict, area, name, value, limit."""
     measured = "-" if result.value is None else number(result.value)
     against = f"{measured} of at most {number(result.limit)} {result.unit}".rstrip()
     return f"{result.verdict:8} {result.area:9}  {result.check:16}  {against}"
 
 
 def page(results: Iterable[Result]) -> str:
-    """All that failed, in words, and the sum."""
+    """Return all failures in words, and the totals."""
     every = tuple(results)
     parts = [told(result) for result in every if result.verdict is Verdict.FAILED]
     left = [result.check for result in every if result.verdict is Verdict.LEFT_OUT]
@@ -44,7 +44,7 @@ def page(results: Iterable[Result]) -> str:
 
 
 def told(result: Result) -> str:
-    """One failure."""
+    """Return one failure in words."""
     measured = "nothing could be measured" if result.value is None else f"{number(result.value)} {result.unit}".rstrip()
     return (
         f"{result.check}: {result.says}\n"

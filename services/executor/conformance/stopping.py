@@ -1,4 +1,4 @@
-"""Whether the robot stops when it must: for a person, after a fault, and when nobody commands it any more."""
+"""Checks that the robot stops: for a person, after a fault, and when nobody commands it any more."""
 
 import math
 import tempfile
@@ -25,14 +25,14 @@ REACH = 0.1  # rad, of the motion that is stopped
 
 
 class Broken(Listening):
-    """A back-end that breaks on demand: "throws" or "lies" when observed, or throws when "stepped"."""
+    """A back-end that fails on demand: observe raises ("throws") or gives NaN ("lies"); step raises ("stepped")."""
 
     def __init__(self, backend: Backend) -> None:
         super().__init__(backend)
         self.how = ""
 
     def observe(self) -> State:
-        """The state now, or what a broken robot says."""
+        """Return the state, or fail."""
         state = super().observe()
         if self.how == "throws":
             raise RuntimeError("the conformance kit takes the sensors away")
@@ -43,21 +43,21 @@ class Broken(Listening):
         return msgspec.structs.replace(state, v=lie)
 
     def step(self, command: Command) -> None:
-        """Passed on, but for a broken one."""
+        """Pass the command on, or fail."""
         if self.how == "stepped":
             raise RuntimeError("the conformance kit takes the drives away")
         super().step(command)
 
 
 def rising(core: LoopCore, seconds: float = 1.0) -> Motion:
-    """A motion of all body joints by REACH, smooth."""
+    """Return a smooth motion of all body joints by REACH."""
     u = np.linspace(0, 1, round(100 * seconds) + 1)
     return motion("rise", core.setpoint + REACH * (u**3 * (10 - 15 * u + 6 * u * u))[:, None])
 
 
 @contextmanager
 def moving(subject: Subject) -> Iterator[tuple[LoopCore, Broken, Bench]]:
-    """A loop on the back-end in the middle of a motion, and what it commands."""
+    """Yield a loop on the back-end in the middle of a motion, and the record of its commands."""
     with bench(subject) as robot:
         heard = Broken(robot.backend)
         core = subject.core(heard, dynamics=dynamics())
@@ -67,7 +67,7 @@ def moving(subject: Subject) -> Iterator[tuple[LoopCore, Broken, Bench]]:
 
 
 def cycles(core: LoopCore, subject: Subject, count: int) -> None:
-    """So many cycles, in real time where the robot needs that."""
+    """Run this number of cycles, in real time if the robot needs it."""
     for _ in range(count):
         began = time.monotonic()
         core.cycle()
@@ -84,7 +84,7 @@ def _speed(core: LoopCore, subject: Subject, count: int) -> float:
 
 
 def stop_rest(subject: Subject) -> Measured:
-    """The fastest joint from half a second after a person's stop on, rad/s."""
+    """Return the speed of the fastest joint, from half a second after a person's stop on [rad/s]."""
     with moving(subject) as (core, _, _):
         core.stop()
         cycles(core, subject, 250)
@@ -92,7 +92,7 @@ def stop_rest(subject: Subject) -> Measured:
 
 
 def stop_way(subject: Subject) -> Measured:
-    """How far a joint still goes after a person's stop, rad."""
+    """Return how far a joint still moves after a person's stop [rad]."""
     with moving(subject) as (core, _, _):
         at = core.state.q.copy()
         core.stop()
@@ -104,7 +104,7 @@ def stop_way(subject: Subject) -> Measured:
 
 
 def stop_kept(subject: Subject) -> Measured:
-    """Cycles that a stop is shorter than its dwell, though released at once; one more where a motion could begin."""
+    """Return by how many cycles a stop, released at once, is too short; one more if a motion could start."""
     with moving(subject) as (core, _, _):
         core.stop()
         failed = core.report.phase is Phase.FAILED
@@ -118,7 +118,7 @@ def stop_kept(subject: Subject) -> Measured:
 
 
 def stop_waits(subject: Subject) -> Measured:
-    """Cycles among 1200 in which a stop that nobody released was not kept."""
+    """Return the number of cycles, of 1200, in which a stop was not kept though nobody released it."""
     with moving(subject) as (core, _, _):
         core.stop()
         lost = 0
@@ -129,7 +129,7 @@ def stop_waits(subject: Subject) -> Measured:
 
 
 def after_fault(how: str) -> Callable[[Subject], Measured]:
-    """Cycles of the safe mode that were no damping, after a fault of one kind that lasts one cycle."""
+    """Return the number of safe-mode cycles without damping, after a fault of one kind in one cycle."""
 
     def measure(subject: Subject) -> Measured:
         with moving(subject) as (core, heard, _):
@@ -151,13 +151,13 @@ def after_fault(how: str) -> Callable[[Subject], Measured]:
 
 
 def _pushed(heard: Listening, first: int) -> int:
-    """Commands from `first` on that put energy in, or are no numbers. The first answers a reading that may be gone."""
+    """Return the number of commands from `first` on that add energy or are not numbers."""
     rows = zip(heard.taus[first:], heard.speeds[first:], strict=True)
     return sum(not (np.isfinite(tau).all() and float(tau @ np.nan_to_num(v)) <= 1e-6) for tau, v in rows)
 
 
 def fault_rest(subject: Subject) -> Measured:
-    """The fastest joint from half a second after a fault on, rad/s."""
+    """Return the speed of the fastest joint, from half a second after a fault on [rad/s]."""
     with moving(subject) as (core, heard, _):
         heard.how = "throws"
         core.cycle()
@@ -168,7 +168,7 @@ def fault_rest(subject: Subject) -> Measured:
 
 @contextmanager
 def turning(subject: Subject) -> Iterator[tuple[LoopProcess, Listening, Path]]:
-    """The whole loop on the back-end, with its slots, not moving yet."""
+    """Yield the whole loop on the back-end, with its slots, at rest."""
     with bench(subject) as robot, tempfile.TemporaryDirectory() as folder:
         heard, path = Listening(robot.backend), Path(folder) / "loop.slots"
         core = subject.core(heard, dynamics=dynamics())
@@ -178,7 +178,7 @@ def turning(subject: Subject) -> Iterator[tuple[LoopProcess, Listening, Path]]:
 
 
 def stop_file(subject: Subject) -> Measured:
-    """Turns of the loop until a stop by a person's file, with every agent dead, is shown as mode stopped."""
+    """Return the turns of the loop from the stop file to mode stopped, without any agent."""
     with turning(subject) as (loop, _, path):
         agent = AgentLink(path)
         agent.send(rising(loop.core, 2.0))
@@ -193,7 +193,7 @@ def stop_file(subject: Subject) -> Measured:
 
 
 def heartbeat(subject: Subject) -> Measured:
-    """Turns of the loop that move the set-point, or stay in a motion, though its agent was silent for too long."""
+    """Return the turns of the loop that move the set-point, or keep a motion, after the agent's silence."""
     at_rest, late = LATE_TURNS + math.ceil(BRAKE_S / PERIOD_S), 0
     with turning(subject) as (loop, _, path):
         AgentLink(path).send(rising(loop.core, 60.0))
@@ -207,7 +207,7 @@ def heartbeat(subject: Subject) -> Measured:
 
 
 def last_commands(subject: Subject) -> Measured:
-    """Commands at the loop's end that put energy in, of its last 20 cycles of damping."""
+    """Return the number of the last 20 commands of a loop that add energy instead of damping."""
     with turning(subject) as (loop, heard, path):
         agent = AgentLink(path)
         agent.send(rising(loop.core, 2.0))

@@ -1,4 +1,4 @@
-"""The back-end under test, and a bench to move it on: one cycle after the other, in real time where it needs that."""
+"""The back-end under test, and a bench that moves it: one cycle after the other, in real time if it needs that."""
 
 import functools
 import time
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class Subject(msgspec.Struct, frozen=True):
-    """What is tested. `make` gives a new back-end, at rest, hands empty; its `close()` is called if it has one.
+    """What is tested. `make` returns a new back-end, at rest, hands empty; its `close()` is called if it has one.
 
     `paced`: it lives in real time, so a step is taken every `period_s`. `gentle`: nothing is pushed to its end.
     `push`: share of the accepted torque with which a joint is moved. The last four are the loop around it.
@@ -40,7 +40,7 @@ class Subject(msgspec.Struct, frozen=True):
 
 
 class Bench:
-    """A back-end with one command, which begins as "stay as you are"."""
+    """A back-end with one command, which at first holds the robot as it is."""
 
     def __init__(self, backend: Backend, subject: Subject) -> None:
         self.backend, self.subject, self.command = backend, subject, no_command()
@@ -50,7 +50,7 @@ class Bench:
             getattr(self.command, name)[:] = getattr(state, name)
 
     def step(self) -> State:
-        """One cycle; the state after it, which the next one overwrites."""
+        """Run one cycle; return the state after it, which the next one overwrites."""
         if self.subject.paced:
             self._next = max(self._next + self.backend.period_s, time.monotonic() - self.backend.period_s)
             time.sleep(max(0.0, self._next - time.monotonic()))
@@ -58,24 +58,24 @@ class Bench:
         return self.backend.observe()
 
     def steps(self, seconds: float) -> Iterator[State]:
-        """Cycles for so long."""
+        """Run cycles for this time [s]; yield the state after each."""
         for _ in range(round(seconds / self.backend.period_s)):
             yield self.step()
 
     def push(self, joint: int, seconds: float, sign: float = 1.0) -> Iterator[State]:
-        """Push one body joint, and no other."""
+        """Push one body joint and no other."""
         self.command.tau[:] = 0.0
         self.command.tau[joint] = sign * self.subject.push * TORQUE[joint]
         yield from self.steps(seconds)
 
     def wave(self, seconds: float) -> Iterator[State]:
-        """Move all body joints to and fro, twice a second."""
+        """Move all body joints back and forth, twice a second."""
         for k in range(round(seconds / self.backend.period_s)):
             self.command.tau[:] = self.subject.push * TORQUE * np.sin(4 * np.pi * k * self.backend.period_s)
             yield self.step()
 
     def calm(self, seconds: float = 0.4) -> None:
-        """Brake all body joints by viscous damping, then let go."""
+        """Brake all body joints by viscous damping, then release the torque."""
         for state in self.steps(seconds):
             self.command.tau[:] = damping.torque(state.v)
         self.command.tau[:] = 0.0
@@ -94,7 +94,7 @@ class Bench:
 
 @contextmanager
 def bench(subject: Subject) -> Iterator[Bench]:
-    """A fresh back-end on the bench; it is let go, and closed, in the end."""
+    """Yield a new back-end on the bench; close it at the end."""
     backend = subject.make()
     try:
         yield Bench(backend, subject)
@@ -106,5 +106,5 @@ def bench(subject: Subject) -> Iterator[Bench]:
 
 @functools.cache
 def dynamics() -> Dynamics:
-    """The model that the loop's laws use; made once."""
+    """Return the model that the control laws use; made once."""
     return Dynamics(ROBOT_XML)

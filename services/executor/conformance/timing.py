@@ -1,4 +1,4 @@
-"""Whether time goes as it should: one period a cycle, no call that keeps the loop waiting, nothing that grows."""
+"""Checks of time: one period a cycle, no call that blocks the loop, no memory that grows."""
 
 import time
 import tracemalloc
@@ -13,13 +13,13 @@ LATE_PERIODS = 5
 
 
 def period(subject: Subject) -> Measured:
-    """How far the period is from that of the control laws, s."""
+    """Return how far the period is from that of the control laws [s]."""
     with bench(subject) as robot:
         return abs(robot.backend.period_s - PERIOD_S), f"period_s is {robot.backend.period_s} s"
 
 
 def coming_back(subject: Subject) -> Measured:
-    """How long observe and step together kept a caller waiting, s: the third longest time of 200."""
+    """Return how long observe and step together block the caller: the third longest time of 200 [s]."""
     took = []
     with bench(subject) as robot:
         for _ in range(200):
@@ -31,7 +31,7 @@ def coming_back(subject: Subject) -> Measured:
 
 
 def passing(subject: Subject) -> Measured:
-    """The largest difference between a step of the state's time and the period, s."""
+    """Return the largest difference between a step of the state's time and the period [s]."""
     with bench(subject) as robot:
         told = [float(robot.backend.observe().time), *(float(state.time) for state in robot.steps(1.0))]
         off = np.abs(np.diff(told) - robot.backend.period_s)
@@ -40,7 +40,7 @@ def passing(subject: Subject) -> Measured:
 
 
 def passing_on_the_whole(subject: Subject) -> Measured:
-    """How far the state's time is from the number of cycles, as a share, after a second."""
+    """Return how far the state's time is from the number of cycles after a second, as a share."""
     with bench(subject) as robot:
         began = float(robot.backend.observe().time)
         times = [float(state.time) for state in robot.steps(1.0)]
@@ -49,7 +49,7 @@ def passing_on_the_whole(subject: Subject) -> Measured:
 
 
 def cost(subject: Subject) -> Measured:
-    """Median time that observe and step take of a cycle, ms."""
+    """Return the median time that observe and step take of a cycle [ms]."""
     took = []
     with bench(subject) as robot:
         for _ in range(400):
@@ -61,7 +61,7 @@ def cost(subject: Subject) -> Measured:
 
 
 def memory(subject: Subject) -> Measured:
-    """Memory that 1000 cycles leave behind, bytes."""
+    """Return the memory that 1000 cycles leave behind [bytes]."""
     with bench(subject) as robot:
         for _ in robot.wave(0.4):
             pass
@@ -88,11 +88,11 @@ class Slow:
         self._backend, self._late, self.period_s = backend, late, backend.period_s
 
     def observe(self) -> State:
-        """The state now."""
+        """Return the state."""
         return self._backend.observe()
 
     def step(self, command: Command) -> None:
-        """One of them takes some periods longer."""
+        """Pass the command on; one step takes some periods longer."""
         self._late -= 1
         if self._late == 0:
             time.sleep(LATE_PERIODS * self.period_s)
@@ -100,7 +100,7 @@ class Slow:
 
 
 def late(subject: Subject) -> Measured:
-    """Late cycles that the loop's figures leave out: one step of twenty is made to take five periods longer."""
+    """Return what the loop's figures miss of a late cycle: one of twenty steps takes some periods longer."""
     with bench(subject) as robot:
         slow, pacer = Slow(robot.backend, 10), subject.pacer(robot.backend.period_s)
         for _ in range(20):

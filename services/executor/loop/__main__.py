@@ -1,12 +1,11 @@
 """The loop as a process: `python -m services.executor.loop --slots FILE`.
 
-Owns the clock, the priority and the signals. It opens no network, and writes two lines to stderr in its life: how it
-began and why it ended.
+Owns the clock, the priority and the signals. It opens no network, and writes two lines to stderr: how it started and
+why it ended.
 """
 
 import signal
 import sys
-from enum import StrEnum
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -14,37 +13,26 @@ from typing import Annotated
 import typer
 
 from agent_runtime.io.pulse import Pulse, Turns
+from services.executor.loop.backends import SHORT, maker
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink
 from services.executor.loop.process import LoopProcess, Speed
 from services.executor.loop.timing import Pacer, still_memory, take_priority
 from velma.errors import VelmaError
 from velma.model import scene
-from velma.sim.mock_backend import MockBackend
+from velma.sim.backend import Backend
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
 app = typer.Typer(add_completion=False, help=__doc__)
 
 
-class BackendName(StrEnum):
-    """What stands behind the loop."""
-
-    MUJOCO = "mujoco"
-    MOCK = "mock"
-
-
-def build(slots: Path, *, asked: scene.Scene, speed: Speed, backend: BackendName, realtime: bool) -> LoopProcess:
-    """The loop of a scene, settled and published: a reader of `slots` finds a state."""
-    if backend is BackendName.MOCK:
-        body: MockBackend | MujocoBackend = MockBackend()
-        truth = None
-    else:
-        body = MujocoBackend(asked)
-        truth = TruthReader(body)
-    core = LoopCore(body)
-    pacer = Pacer(body.period_s, realtime)
-    return LoopProcess(core, LoopLink(slots), speed=speed, truth=truth, pacer=pacer)
+def build(slots: Path, backend: Backend, *, speed: Speed, realtime: bool) -> LoopProcess:
+    """Return the loop of a back-end, settled and published: a reader of `slots` finds a state."""
+    # Only a simulation knows the true state of the world.
+    truth = TruthReader(backend) if isinstance(backend, MujocoBackend) else None
+    pacer = Pacer(backend.period_s, realtime)
+    return LoopProcess(LoopCore(backend), LoopLink(slots), speed=speed, truth=truth, pacer=pacer)
 
 
 @app.command()
@@ -57,7 +45,9 @@ def main(
         int | None, typer.Option(envvar="ROCO_SEED", help="vary the scene by this seed; without one it stays as it is")
     ] = None,
     speed: Annotated[Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: only acts, fast")] = Speed.REAL,
-    backend: Annotated[BackendName, typer.Option(help="a simulated or a pretended robot")] = BackendName.MUJOCO,
+    backend: Annotated[
+        str, typer.Option(envvar="ROCO_BACKEND", help=f"{', '.join(SHORT)}, or package.module:function that makes one")
+    ] = "mujoco",
 ) -> None:
     """Run the control loop until SIGTERM."""
     asked: list[int] = []
@@ -68,24 +58,27 @@ def main(
     signal.signal(signal.SIGTERM, end)
     signal.signal(signal.SIGINT, end)
     try:
-        found = scene.load(Path(scene_file)) if scene_file else scene.load()
+        world = scene.load(Path(scene_file)) if scene_file else scene.load()
+        if seed is not None:
+            world = scene.vary(world, seed)
+        robot = maker(backend, world)()
     except VelmaError as error:
         typer.echo(f"loop: {error}", err=True)
         raise typer.Exit(2) from None
-    if seed is not None:
-        found = scene.vary(found, seed)
-    turns = Turns(Pulse(slots.parent, "loop"))  # before the priority, which its thread would inherit
+    # Before the priority, which their threads would inherit: the pulse, and the drivers of a back-end.
+    turns = Turns(Pulse(slots.parent, "loop"))
     # Priority only where the loop rests between cycles: a process that never rests would starve the agents.
     refused = take_priority() if speed is Speed.REAL else ""
-    process = build(slots, asked=found, speed=speed, backend=backend, realtime=speed is Speed.REAL and not refused)
+    process = build(slots, robot, speed=speed, realtime=speed is Speed.REAL and not refused)
     still_memory()
-    typer.echo(f"loop: {found.name}, speed {speed}" + (f"; {refused}" if refused else ""), err=True)
-    ready = slots.with_name("loop.ready")  # beside the slots, as every process of a run folder says it
+    typer.echo(f"loop: {backend}, scene {world.name}, speed {speed}" + (f"; {refused}" if refused else ""), err=True)
+    ready = slots.with_name("loop.ready")  # beside the slots, as for every process of a run folder
     ready.touch()
     while not asked:
         process.turn()
         turns.count += 1
     process.end()
+    getattr(robot, "close", lambda: None)()
     turns.end()
     ready.unlink(missing_ok=True)
     typer.echo(f"loop: ended by signal {asked[0]} after {process.core.cycles} cycles", err=True)

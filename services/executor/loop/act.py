@@ -1,4 +1,4 @@
-"""A motion being carried out: where its track is, how far the hands are beside it, and when and how it ends."""
+"""A motion under way: its track, how far the hands are from it, when and how it ends."""
 
 import math
 
@@ -13,10 +13,10 @@ Array = NDArray[np.float64]
 
 
 class Act:
-    """One motion from its beginning to its report. `track` is None once the body shall stay where it is."""
+    """One motion from its start to its report. `track` is None as soon as the body has to stay where it is."""
 
     def __init__(self, motion: Motion, told: Array, began_s: float) -> None:
-        """Raises MotionError where the motion does not begin near `told` (15,), the last set-point."""
+        """Raise MotionError if the motion does not start near `told` (15,), the last set-point."""
         self.motion, self._began_s = motion, began_s
         self.track: Track | None = Track(motion.path(), told)
         self.cancelled = False
@@ -32,12 +32,12 @@ class Act:
             self.track.brake()
 
     def pause(self, paused: bool) -> None:
-        """Come to rest along the path, or go on from there. Hands and head are not held up."""
+        """Come to rest along the path, or go on from there. Hands and head go on moving."""
         if self.track is not None:
             self.track.pause() if paused else self.track.resume()
 
     def judge(self, now_s: float, error: Array, *, hands_done: bool, head_done: bool) -> tuple[Phase, str] | None:
-        """How it ends in this cycle and why, or None. `error` (12,) is the hands' distance from their set-points."""
+        """Return how the motion ends in this cycle and why, or None. `error` (12,): of both hands."""
         beside = self._beside(error)
         if beside:
             self.track = None
@@ -68,12 +68,12 @@ class Act:
         return ""
 
     def _reached(self, error: Array, hands_done: bool) -> Until | None:
-        """Which rule ends the path now, if any."""
+        """Return the rule that ends the path now, if any."""
         asked = self.motion
         if asked.until is Until.CONTACT:
             below = -error[6 * SIDES.index(asked.contact_side) + 2]
             if self._below_at_start is None:
-                self._below_at_start = below  # a load that is not fed forward exactly is no contact
+                self._below_at_start = below  # the error of a load that is not fed forward exactly is no contact
             if below - self._below_at_start > asked.contact_m:
                 self.track = None
                 return Until.CONTACT
@@ -84,7 +84,7 @@ class Act:
         return Until.END if self._at_rest else None
 
     def report(self, phase: Phase, reason: str, now_s: float, right: HandReport, left: HandReport) -> Report:
-        """Its report now."""
+        """Return the report of the motion at this time."""
         return Report(
             key=self.motion.key,
             phase=phase,

@@ -1,9 +1,9 @@
 """The control loop without its process: one `cycle` is observe, check, control, command.
 
-Total: whatever is thrown inside, the cycle ends in a command, and after a fault that command is viscous damping for
-some cycles and then a held posture, which only an explicit release leaves (the rules of Velma's lower level). No
-clock, no file, no log: the process around it (`__main__`) owns those. Runs as fast as it is called, so that a whole
-motion can be had in one call: `LoopCore(backend).run(motion)`.
+Whatever exception is raised inside, the cycle ends in a command. After a fault that command is viscous damping for
+some cycles, then a held posture until an explicit release (the rules of Velma's lower level). No clock, no file, no
+log: the process around it (`__main__`) owns those. It runs as fast as it is called; one call runs a whole motion:
+`LoopCore(backend).run(motion)`.
 """
 
 import math
@@ -27,22 +27,22 @@ from velma.sim.backend import Backend, State, no_command
 Array = NDArray[np.float64]
 
 DAMPING_CYCLES = 20  # of viscous damping after a fault, then the posture is held
-HEAD_NEAR = 0.02  # rad: the head has arrived
-BEYOND = 0.5  # rad beyond its end no joint can be; estimate: a conforming robot's joints give by 0.1 at most
+HEAD_NEAR = 0.02  # rad: closer than this the head has arrived
+BEYOND = 0.5  # rad: no joint can be farther beyond its end; estimate: joints of a conforming robot yield by 0.1 at most
 _LEAST, _MOST = LOWER - BEYOND, UPPER + BEYOND
 
 
 class Fault(VelmaError):
-    """The loop saw something it must not go on with."""
+    """A reading or result with which the loop must not go on."""
 
 
 def impossible(state: State) -> str:
-    """Return why no robot can be in this state, joint and reading; "" where one can."""
-    # One comparison each in every cycle; what is no number fails them, too.
+    """Return why no robot can be in this state, with joint and reading; "" for a possible state."""
+    # One comparison each in every cycle; NaN fails them, too.
     if (np.abs(state.v) <= damping.FASTEST).all() and ((state.q >= _LEAST) & (state.q <= _MOST)).all():
         return ""
     if not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
-        return "a joint measurement is no number"
+        return "a joint measurement is not a finite number"
     fastest = int(np.argmax(np.abs(state.v)))
     if abs(state.v[fastest]) > damping.FASTEST:
         return f"{BODY[fastest]} is measured at {state.v[fastest]:.3g} rad/s, at most {damping.FASTEST:g} is possible"
@@ -52,7 +52,7 @@ def impossible(state: State) -> str:
 
 
 class LoopCore:
-    """Velma under control. `mode`, `report` and `setpoint` tell what it does."""
+    """Velma under control; see `mode`, `report` and `setpoint`."""
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class LoopCore:
     # -- what the outside may ask ------------------------------------------------------------------------------------
 
     def begin(self, asked: Motion) -> str:
-        """Start a motion now, or say in words why not; nothing moves then. "" is yes.
+        """Start a motion now and return ""; or return why it is refused.
 
         A refused motion is reported as failed, unless another one runs, whose report stays.
         """
@@ -113,7 +113,7 @@ class LoopCore:
         self._head_goal, self._head_speed = head.reachable(np.array((goal.pan, goal.tilt))), goal.speed
 
     def cancel(self, key: str | None = None) -> None:
-        """Bring the running motion (or the one of this key) smoothly to rest."""
+        """Bring the running motion (only if it has this key) smoothly to rest."""
         if self._act is not None and key in (None, self._act.motion.key) and not self._act.cancelled:
             self._act.cancel()
             self._fingers.freeze()
@@ -124,21 +124,21 @@ class LoopCore:
             self._act.pause(paused)
 
     def stop(self) -> None:
-        """A person's stop: hold the joints, whatever runs."""
+        """Hold the joints, whatever runs: the stop of a person."""
         if self.mode is not Mode.STOPPED:
             self._enter(Mode.STOPPED, "stopped by a person")
 
     def release(self) -> None:
-        """Leave damping, hold or stop, as soon as the dwell is over. Without effect in motion."""
+        """Leave damping, hold or stop as soon as the dwell is over. No effect in mode motion."""
         self._release = self.mode is not Mode.MOTION
 
     def abandon(self, reason: str) -> None:
-        """Enter damping, then hold: nobody commands any more."""
+        """Enter damping, then hold, because nobody commands any more."""
         if self.mode is Mode.MOTION:
             self._enter(Mode.DAMPING, reason, Phase.INTERRUPTED)
 
     def run(self, asked: Motion) -> Result:
-        """Start a motion and cycle until it has ended. Result.phase says how. Raises MotionError while another runs."""
+        """Run a motion to its end and return its report. Raises MotionError while another one runs."""
         if self._act is not None:
             raise MotionError("running", self._act.motion.key, "no motion running; cancel it or wait for its end")
         self.begin(asked)
@@ -147,24 +147,24 @@ class LoopCore:
         return self.report
 
     def hold(self, seconds: float) -> None:
-        """Cycle for a while where the body is."""
+        """Cycle for this time [s] without a motion."""
         for _ in range(math.ceil(seconds / self.backend.period_s)):
             self.cycle()
 
     @property
     def busy(self) -> bool:
-        """Whether simulated time has to go on: a motion runs, or a fault is being lived through."""
+        """Whether simulated time has to go on: for a motion, a release or a fault."""
         return self._act is not None or self._release or self.mode is Mode.DAMPING
 
     # -- one cycle ---------------------------------------------------------------------------------------------------
 
     def cycle(self) -> None:
-        """Observe, check, control, command: one period."""
+        """Run one period: observe, check, control, command."""
         try:
             self.state = self.backend.observe()
             self._check(self.state)
             tau = self._control(self.state)
-        except Exception as error:  # whatever it is: the joints get a command in this very cycle
+        except Exception as error:  # of any kind: the joints get a command in this very cycle
             self._fault(error)
             tau = damping.torque(self.state.v)
         self._send(tau)
@@ -172,7 +172,7 @@ class LoopCore:
 
     def _send(self, tau: Array) -> None:
         if not np.isfinite(tau).all():
-            self._fault(Fault("the torque of the control law is no number"))
+            self._fault(Fault("the torque of the control law is not a finite number"))
             tau = damping.torque(self.state.v)
         self.command.tau[:] = limits.accepted(tau)
         self.saturated += not limits.is_accepted(tau)
@@ -220,7 +220,7 @@ class LoopCore:
         followed = act.track
         head_done = bool(np.abs(self._head_target - self._head_goal).max() <= HEAD_NEAR)
         verdict = act.judge(state.time, error, hands_done=self._fingers.at_rest, head_done=head_done)
-        if act.track is not followed:  # no force remains: the set-point is where the body is
+        if act.track is not followed:  # so that no force remains: the set-point is where the body is
             self.setpoint = state.q.copy()
         if verdict is not None:
             self._end(*verdict)

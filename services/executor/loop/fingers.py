@@ -13,12 +13,12 @@ from velma.sim.backend import PAIR_LIMIT, SINGLE_LIMIT, Command, State
 
 Array = NDArray[np.float64]
 
-LOCK_S = 0.1  # for the gears to take the load; estimate
+LOCK_S = 0.1  # until the gears take the load; estimate
 SPREAD_SPEED = 0.7  # rad/s, barrett_hand's default
-STALL_CYCLES = 25  # a motor that stands so long has arrived as far as it goes; estimate
+STALL_CYCLES = 25  # a motor that stood still this long has reached its limit; estimate
 
 
-class Doing(StrEnum):
+class Activity(StrEnum):
     """What a hand does."""
 
     REST = "rest"
@@ -37,13 +37,13 @@ class Fingers:
         self.locked = np.zeros(2)
         self.touched = np.zeros((2, 3), dtype=bool)
         self._pushing, self._stalling = np.zeros((2, 3), dtype=np.intp), np.zeros((2, 3), dtype=np.intp)
-        self._doing = [Doing.REST, Doing.REST]
+        self._activity = [Activity.REST, Activity.REST]
         self._closing: list[Close | None] = [None, None]
         self._left_s = [0.0, 0.0]
         self._limit = np.array([[PAIR_LIMIT, PAIR_LIMIT, SINGLE_LIMIT]] * 2)
 
     def start_from(self, state: State) -> None:
-        """Take the measured hands as the ones told."""
+        """Take the measured hands as set-points."""
         self.motor[:] = self._goal[:] = np.clip(state.proximal, 0.0, FINGER_UPPER)
         self.spread[:] = self._spread_goal[:] = state.spread
 
@@ -63,34 +63,34 @@ class Fingers:
             case Move():
                 self._goal[row] = command.fingers
                 self._spread_goal[row] = min(max(command.spread, 0.0), SPREAD_UPPER)
-                self._speed[row], self._doing[row] = command.speed, Doing.MOVING
+                self._speed[row], self._activity[row] = command.speed, Activity.MOVING
             case Close():
                 self.touched[row] = False
                 self._goal[row] = command.upto
-                self._speed[row], self._doing[row] = command.speed, Doing.CLOSING
+                self._speed[row], self._activity[row] = command.speed, Activity.CLOSING
                 self._closing[row] = command
             case Open():
                 self.locked[row] = 0.0
                 self.touched[row] = False
                 self._goal[row] = np.clip(self.motor[row] - command.by, 0.0, None)
-                self._speed[row], self._doing[row] = command.speed, Doing.MOVING
+                self._speed[row], self._activity[row] = command.speed, Activity.MOVING
 
     def freeze(self) -> None:
-        """Whatever the motors do, they stop; locks stay."""
+        """Stop all motors; locks stay."""
         self._goal[:], self._spread_goal[:] = self.motor, self.spread
-        self._doing = [Doing.REST, Doing.REST]
+        self._activity = [Activity.REST, Activity.REST]
 
     @property
     def at_rest(self) -> bool:
         """Whether both hands have done what they were told."""
-        return self._doing[0] is Doing.REST and self._doing[1] is Doing.REST
+        return self._activity[0] is Activity.REST and self._activity[1] is Activity.REST
 
     def update(self, state: State, command: Command, dt: float) -> None:
-        """One cycle: judge touch, move the motors, write the servos' targets and the locks into `command`."""
+        """Run one cycle: detect touch, move the motors, write servo targets and locks into `command`."""
         stall = hand.stalled(self.motor, state.proximal, state.distal, self._limit)
         self._stalling = np.where(stall, self._stalling + 1, 0)
         for row in (0, 1):
-            if self._doing[row] is not Doing.REST:
+            if self._activity[row] is not Activity.REST:
                 self._go_on(row, state, dt)
         self.motor = hand.advance(self.motor, self._goal, self._speed, stall, dt)
         reach = SPREAD_SPEED * dt
@@ -103,14 +103,17 @@ class Fingers:
     def _go_on(self, row: int, state: State, dt: float) -> None:
         arrived = (self.motor[row] == self._goal[row]) | (self._stalling[row] > STALL_CYCLES)
         close = self._closing[row]
-        if self._doing[row] is Doing.MOVING or close is None:
+        if self._activity[row] is Activity.MOVING or close is None:
             if arrived.all() and self.spread[row] == self._spread_goal[row]:
-                self._doing[row] = Doing.REST
-        elif self._doing[row] is Doing.CLOSING:
+                self._activity[row] = Activity.REST
+        elif self._activity[row] is Activity.CLOSING:
             self._feel(row, state, close)
             if (self.touched[row] | arrived).all():
                 self._goal[row] = np.clip(self.motor[row] + close.squeeze, 0.0, FINGER_UPPER)
-                self._doing[row], self._left_s[row] = Doing.SQUEEZING, close.squeeze / close.speed + close.settle_s
+                self._activity[row], self._left_s[row] = (
+                    Activity.SQUEEZING,
+                    close.squeeze / close.speed + close.settle_s,
+                )
         else:
             self._left_s[row] -= dt
             if self._left_s[row] <= 0.0:
@@ -127,14 +130,14 @@ class Fingers:
         self.touched[row] |= new
 
     def _hold_on(self, row: int, close: Close) -> None:
-        if self._doing[row] is Doing.SQUEEZING and close.lock:
+        if self._activity[row] is Activity.SQUEEZING and close.lock:
             self.locked[row] = 1.0
-            self._doing[row], self._left_s[row] = Doing.LOCKING, LOCK_S
+            self._activity[row], self._left_s[row] = Activity.LOCKING, LOCK_S
         else:
-            self._doing[row] = Doing.REST
+            self._activity[row] = Activity.REST
 
     def report(self, row: int, state: State) -> HandReport:
-        """This hand now."""
+        """Return the report of this hand."""
         one, two, three = (bool(x) for x in self.touched[row])
         p, d = [float(x) for x in state.proximal[row]], [float(x) for x in state.distal[row]]
         return HandReport((one, two, three), (p[0], p[1], p[2]), (d[0], d[1], d[2]), bool(self.locked[row]))

@@ -34,37 +34,37 @@ class LoopState(msgspec.Struct, frozen=True):
 
     @property
     def q(self) -> Array:
-        """Measured joints (15,), rad."""
+        """Return the measured joints (15,) [rad]."""
         return np.frombuffer(self.body, count=15)
 
     @property
     def v(self) -> Array:
-        """Measured speeds (15,), rad/s."""
+        """Return the measured speeds (15,) [rad/s]."""
         return np.frombuffer(self.body, offset=15 * 8, count=15)
 
     @property
     def setpoint(self) -> Array:
-        """Where the joints are told to be (15,), rad: a motion begins here."""
+        """Return the set-points of the joints (15,) [rad]: a motion starts here."""
         return np.frombuffer(self.body, offset=30 * 8, count=15)
 
     @property
     def head(self) -> Array:
-        """Pan and tilt (2,), rad."""
+        """Return pan and tilt (2,) [rad]."""
         return np.frombuffer(self.hands, count=2)
 
     def fingers(self, row: int) -> tuple[Array, Array]:
-        """Proximal and distal joints (3,) each of a hand (0 right, 1 left), rad."""
+        """Return proximal and distal joints, (3,) each [rad], of a hand (0 right, 1 left)."""
         proximal = np.frombuffer(self.hands, offset=(4 + 3 * row) * 8, count=3)
         return proximal, np.frombuffer(self.hands, offset=(10 + 3 * row) * 8, count=3)
 
     @property
     def configuration(self) -> Array:
-        """Coordinates of the world model (nq,); empty without one."""
+        """Return the coordinates of the world model (nq,); empty without one."""
         return np.frombuffer(self.world)
 
 
 class Told(msgspec.Struct, frozen=True):
-    """The loop's word: the number of the command taken last, its refusal if it was refused, the running report."""
+    """What the loop tells the agent: number of the last command taken, its refusal if any, the report of the motion."""
 
     taken: int = 0
     refusal: str = ""
@@ -72,11 +72,11 @@ class Told(msgspec.Struct, frozen=True):
 
 
 class Timing(msgspec.Struct, frozen=True):
-    """How late cycles began against their deadlines, us; missed: their command came after the next deadline."""
+    """Lateness of cycles against their deadlines [us]. `missed`: cycles whose command came after the next deadline."""
 
     cycles: int = 0
     missed: int = 0
-    skipped: int = 0  # periods that were given up because the process had been away for long
+    skipped: int = 0  # periods that were skipped after a long delay
     lateness_us: dict[str, float] = {}  # p50, p99, p999, max
     compute_us: dict[str, float] = {}
     realtime: bool = False
@@ -89,44 +89,44 @@ _COMMAND = msgspec.msgpack.Decoder(LoopCommand).decode
 
 
 class AgentLink:
-    """The executor agent's end."""
+    """The end of the agent."""
 
     def __init__(self, path: Path) -> None:
-        """Raises SlotError where no loop of this version has put its file."""
+        """Raise SlotError if there is no file of a loop of this version."""
         self.file = LoopFile.open(path)
         self._beat = Counters(self.file.slots["beat"], 1)
 
     def send(self, command: LoopCommand) -> int:
-        """Command the loop. Returns the number that `told().taken` shows once taken; wait for it before the next."""
+        """Send a command; return its number. Wait until `told().taken` shows it before sending the next."""
         return self.file.slots["command"].write(packed(command))
 
     def beat(self) -> None:
-        """Say that the agent lives: at least every 50 ms during an act."""
+        """Send a heartbeat: at least every 50 ms during an act."""
         self._beat.add(0)
 
     def state(self) -> LoopState | None:
-        """The newest state; None before the loop's first cycle."""
+        """Return the newest state; None before the first cycle of the loop."""
         found = self.file.slots["state"].read()
         return _STATE(found[1]) if found else None
 
     def told(self) -> Told:
-        """The loop's newest word."""
+        """Return what the loop told last."""
         found = self.file.slots["told"].read()
         return _TOLD(found[1]) if found else Told()
 
     def sealed_truth(self) -> bytes:
-        """The newest truth, encoded, to be passed on to the monitor unread; empty where there is none."""
+        """Return the newest truth, encoded, for the monitor; the agent must not read it. Empty if there is none."""
         found = self.file.slots["truth"].read()
         return found[1] if found else b""
 
     def timing(self) -> Timing:
-        """Deadline statistics so far."""
+        """Return the deadline statistics so far."""
         found = self.file.slots["timing"].read()
         return _TIMING(found[1]) if found else Timing()
 
 
 class StopLink:
-    """A person's end: one byte in a file beside the slots (docs/run-folder.md), so it works with every agent dead.
+    """The end of a person: one byte in a file beside the slots (docs/run-folder.md). It works with every agent dead.
 
     `path`: the slot file. The byte is written in place, since the loop has the file mapped.
     """
@@ -142,17 +142,17 @@ class StopLink:
         os.pwrite(self._file, STOP_HELD, 0)
 
     def release(self) -> None:
-        """Let it be commanded again, once the stop has lasted its dwell time."""
+        """End the stop; the loop leaves it when its dwell time is over."""
         os.pwrite(self._file, STOP_RELEASED, 0)
 
     @property
     def held(self) -> bool:
-        """Whether a stop is asked for."""
+        """Whether a stop is requested."""
         return self._byte[:1] == STOP_HELD
 
 
 class LoopLink:
-    """The loop's end: takes what is new, tells what is so."""
+    """The end of the loop: reads new commands, publishes states."""
 
     def __init__(self, path: Path) -> None:
         self.file = LoopFile.create(path)
@@ -162,7 +162,7 @@ class LoopLink:
         self._body, self._hands = np.zeros((3, 15)), np.zeros(16)
 
     def command(self) -> tuple[int, LoopCommand | msgspec.DecodeError] | None:
-        """The next command with its number, once; what is no command comes as the error that says why."""
+        """Return the next command with its number, once; a DecodeError in place of bytes that are no command."""
         slot = self._slots["command"]
         if slot.number in (self._taken, self._taken + 1):
             return None
@@ -176,16 +176,16 @@ class LoopLink:
             return found[0], error
 
     def people(self) -> tuple[bool, bool]:
-        """Whether a stop, and whether a release, was asked for since."""
+        """Return whether a stop, and whether a release, was requested since the last call."""
         before, self._held = self._held, self._stop.held
         return self._held and not before, before and not self._held
 
     def heartbeat(self) -> int:
-        """The agent's counter."""
+        """Return the heartbeat counter of the agent."""
         return self._beat.read()[0]
 
     def show_state(self, state: State, setpoint: Array, rest: LoopState) -> None:
-        """Publish a state; `rest` carries what is no array."""
+        """Publish a state; `rest` has all fields that are no arrays."""
         self._body[0], self._body[1], self._body[2] = state.q, state.v, setpoint
         self._hands[:2], self._hands[2:4] = state.head, state.spread
         self._hands[4:10], self._hands[10:] = state.proximal.ravel(), state.distal.ravel()

@@ -1,6 +1,6 @@
 """Whether this machine holds 500 Hz with what runs now: `python -m services.executor.loop.pace` prints a Pace as JSON.
 
-The loop itself moves the simulated robot in real time for a second, with the priority that it would get.
+The loop moves the simulated robot in real time for a second, with the priority that it would get.
 """
 
 import sys
@@ -16,11 +16,11 @@ from velma.sim.mujoco_backend import MujocoBackend
 
 MEASURED_S, WARM_S = 1.0, 0.2
 REACH = 0.1  # rad: every joint moves, in the start posture nothing is near
-MOST_LATE = 0.1  # estimate: quiet machines of two slow cores are late in 3 to 9 % of the cycles, and keep real time
+MOST_LATE = 0.1  # estimate: idle machines with two slow cores are late in 3 to 9 % of the cycles and keep real time
 
 
 class Pace(msgspec.Struct, frozen=True):
-    """Periods that went by, in how many a cycle was late or left out, whether that is real time, cycles' work [us]."""
+    """Number of periods, of those with a late or skipped cycle, whether real time is held, computing time [us]."""
 
     periods: int
     late: int
@@ -29,7 +29,7 @@ class Pace(msgspec.Struct, frozen=True):
 
 
 def measure(core: LoopCore, pacer: Pacer, seconds: float = MEASURED_S) -> Pace:
-    """Move for this long in real time [s]; the core must rest in motion mode."""
+    """Return the pace of a motion of this duration in real time [s]; the core must be at rest in mode motion."""
     core.begin(motion("pace", _rise(core.setpoint, seconds)))
     for _ in range(round(seconds / core.backend.period_s)):
         pacer.wait()
@@ -41,7 +41,7 @@ def measure(core: LoopCore, pacer: Pacer, seconds: float = MEASURED_S) -> Pace:
 
 
 def _rise(start: np.ndarray, seconds: float) -> np.ndarray:
-    """A smooth motion of all joints (15,) to REACH beside `start` and back: knots (n, 15)."""
+    """Return knots (n, 15) of a smooth motion of all joints from `start` (15,) by REACH and back."""
     u = np.arange(0.0, seconds + KNOT_S, KNOT_S) / seconds
     return start + REACH * np.sin(np.pi * u)[:, None] ** 2
 

@@ -1,4 +1,4 @@
-"""What the hands carry, as the loop feeds it forward: a new weight is taken up gradually."""
+"""The loads of the hands that the loop feeds forward; a new load is taken up gradually."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ class Payloads:
         self._goal = np.zeros(2)
 
     def take(self, row: int, payload: Payload | None) -> None:
-        """From now on this hand carries that; None: what it carried. An emptied hand keeps its lever meanwhile."""
+        """Set the load of a hand; None: no change. An emptied hand keeps its lever until its mass is 0."""
         if payload is None:
             return
         self._goal[row] = payload.mass
@@ -28,7 +28,7 @@ class Payloads:
             self.lever[row] = payload.lever
 
     def advance(self, dt: float) -> None:
-        """Let dt pass."""
+        """Advance by dt [s]."""
         if (self.mass != self._goal).any():
             step = RATE * dt
             self.mass += np.clip(self._goal - self.mass, -step, step)

@@ -1,11 +1,11 @@
-"""The loop with its clock and its slots: what the process of `__main__` turns, and what tests turn by hand.
+"""The loop with its clock and its slots. `__main__` calls `turn` for ever; tests call it step by step.
 
 `--speed 1`: a cycle every 2 ms of wall time, always. `--speed max`: simulated time goes on only while something
-happens, as fast as it can; between acts the world stands still.
+happens, as fast as possible; between acts it stands still.
 
-An agent beats all through an act. Where a beat is late, the arms come to rest along their path and go on with the next
-one (at `--speed max` time stands still meanwhile); where none comes for long, the act is interrupted. Silence is
-counted in turns, so a machine that was suspended, agent and loop alike, has missed nothing.
+The agent sends heartbeats during an act. If one is late, the arms come to rest along their path and go on with the
+next one (at `--speed max` time stands still meanwhile). If none comes for long, the act is interrupted. Silence is
+counted in turns, so suspending a machine with agent and loop does not count.
 """
 
 import time
@@ -19,22 +19,22 @@ from services.executor.loop.program import Cancel, Motion, Phase, Release
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
 
-LATE_TURNS = 50  # without a beat, 0.1 s: ten beats of the agent (services/executor/reaching.py)
+LATE_TURNS = 50  # turns without a heartbeat, 0.1 s: ten beats of the agent (services/executor/loop_device.py)
 GONE_TURNS = 2500  # 5 s; estimate: a killed agent is back after 3.3 s (measured), and finds its motion at rest
 SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody looks
 SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
-IDLE_S = 0.002  # how long to look away while the world stands still
+IDLE_S = 0.002  # pause between two looks while time stands still
 
 
 class Speed(StrEnum):
-    """How simulated time goes."""
+    """How fast simulated time goes."""
 
     REAL = "1"
     MAX = "max"
 
 
 class LoopProcess:
-    """Turns a core by commands from slots. `turn` is one cycle, or a short rest where time stands still."""
+    """Runs a core by commands from slots. `turn` is one cycle, or a short pause while time stands still."""
 
     def __init__(
         self, core: LoopCore, link: LoopLink, *, speed: Speed, truth: TruthReader | None, pacer: Pacer
@@ -46,7 +46,7 @@ class LoopProcess:
         self._publish()
 
     def turn(self) -> None:
-        """Take what was asked, let a period pass, show what is new."""
+        """Take commands, run a cycle, publish what is new."""
         self._people()
         self._take()
         self._listen()
@@ -64,7 +64,7 @@ class LoopProcess:
             time.sleep(IDLE_S)
 
     def end(self, cycles: int = 50) -> None:
-        """The last commands are damping, whatever ran."""
+        """End whatever runs; the last commands are damping."""
         self.core.abandon("the loop is shut down")
         for _ in range(cycles):
             self.core.cycle()
@@ -88,7 +88,7 @@ class LoopProcess:
         match command:
             case Motion():
                 refusal = self.core.begin(command)
-                self._hear()  # a motion is a sign of life
+                self._hear()  # a motion counts as a heartbeat
             case Cancel():
                 self.core.cancel(command.key)
             case Release():
@@ -131,7 +131,7 @@ class LoopProcess:
                 self._link.show("timing", self._pacer.timing())
 
     def _publish(self) -> None:
-        """State and truth first: who sees a motion ended must find the world in which it did."""
+        """Publish all; state and truth first, so that whoever sees the end of a motion finds the state after it."""
         self._show_state()
         self._show_truth()
         self._told, self._shown = msgspec.structs.replace(self._told, report=self.core.report), self.core.mode

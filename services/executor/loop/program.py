@@ -1,7 +1,7 @@
-"""The words between the executor's agent and its control loop: motions in, reports out.
+"""What the agent of ex and its control loop exchange: motions in, reports out.
 
-A motion is a whole timed joint trajectory with what head and hands do meanwhile and the rule that ends it, so nobody
-streams set-points at 500 Hz. All of it is msgpack; the knots travel as bytes. Knows no FIPA and no simulator.
+A motion is a whole timed joint trajectory with the goals of head and hands and the rule that ends it, so set-points
+need not be streamed at 500 Hz. All of it is msgpack; the knots travel as bytes. Knows no FIPA and no simulator.
 """
 
 from enum import StrEnum
@@ -15,7 +15,7 @@ from velma.names import BODY, SIDES, START
 
 Array = NDArray[np.float64]
 
-KNOT_S = 0.01  # between two knots; linear between them is smooth enough for a hand at 0.35 m/s
+KNOT_S = 0.01  # between two knots; linear interpolation is smooth enough for a hand at 0.35 m/s
 
 
 class Keep(msgspec.Struct, frozen=True, tag=True):
@@ -23,7 +23,7 @@ class Keep(msgspec.Struct, frozen=True, tag=True):
 
 
 class Move(msgspec.Struct, frozen=True, tag=True):
-    """Unlocked fingers one, two, three go to angles [rad] at a speed [rad/s]; the spread to its own."""
+    """Move the unlocked fingers one, two, three to angles [rad] at a speed [rad/s], and the spread to its angle."""
 
     fingers: tuple[float, float, float]
     speed: float = 1.0
@@ -31,10 +31,10 @@ class Move(msgspec.Struct, frozen=True, tag=True):
 
 
 class Close(msgspec.Struct, frozen=True, tag=True):
-    """Each finger closes by itself until it touches, then all squeeze by `squeeze` [rad] and are locked.
+    """Close each finger until it touches, then squeeze with all by `squeeze` [rad] and lock them.
 
-    `effort` [Nm] is what counts as touch, `upto` [rad] where a finger that meets nothing stops. For a rim 0.8 deg of
-    squeeze, for a jar against the palm 40 deg (estimates from grasping runs: the rim turns from 2 deg on).
+    `effort` [Nm] counts as touch; `upto` [rad] is where a finger stops that meets nothing. Squeeze 0.8 deg for a rim,
+    40 deg for a jar against the palm (estimates from grasping runs: the rim turns from 2 deg on).
     """
 
     squeeze: float
@@ -46,7 +46,7 @@ class Close(msgspec.Struct, frozen=True, tag=True):
 
 
 class Open(msgspec.Struct, frozen=True, tag=True):
-    """Unlock the fingers and open them by an angle [rad], slowly, so that what they hold is set down, not flicked."""
+    """Unlock the fingers and open them by an angle [rad], slowly, so that the object does not jump."""
 
     by: float = 0.105
     speed: float = 0.15
@@ -74,15 +74,15 @@ class Until(StrEnum):
     """What ends a motion."""
 
     END = "end"  # its last knot
-    CONTACT = "contact"  # a hand on its way down is held up
+    CONTACT = "contact"  # something stops a hand on its way down
     TOUCH = "touch"  # the closing hands are closed
 
 
 class Motion(msgspec.Struct, frozen=True, tag=True):
     """A motion of the whole body.
 
-    `knots` are joint positions (n, 15) as float64 bytes, `KNOT_S` apart; the first is where the body is told to be now.
-    Payload None leaves it as it was. The tolerance is a hand's largest distance from its path [m]; `contact_m` is how
+    `knots` are joint positions (n, 15) as float64 bytes, `KNOT_S` apart; the first is near the present set-point.
+    Payload None: no change. The tolerance is a hand's largest distance from its path [m]; `contact_m` is how
     much further than at the start the set-point of the hand `contact_side` must be below the hand to count as contact.
     """
 
@@ -100,26 +100,26 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
     tolerance_m: float = 0.1
 
     def path(self) -> Array:
-        """The knots, (n, 15), read-only."""
+        """Return the knots (n, 15) [rad], read-only."""
         return np.frombuffer(self.knots, dtype=np.float64).reshape(-1, len(BODY))
 
     def hands(self) -> tuple[HandCommand, HandCommand]:
-        """Commands by row: right, left."""
+        """Return the commands by row: right, left."""
         return self.right, self.left
 
     def payloads(self) -> tuple[Payload | None, Payload | None]:
-        """Payloads by row: right, left."""
+        """Return the payloads by row: right, left."""
         return self.payload_right, self.payload_left
 
 
 class Cancel(msgspec.Struct, frozen=True, tag=True):
-    """End the motion of this key smoothly; another one is left alone."""
+    """End the motion with this key smoothly; any other one goes on."""
 
     key: str
 
 
 class Release(msgspec.Struct, frozen=True, tag=True):
-    """Leave the held stop: granted when it has lasted its dwell time."""
+    """Leave the held stop when its dwell time is over."""
 
 
 class Mode(StrEnum):
@@ -132,18 +132,18 @@ class Mode(StrEnum):
 
 
 class Phase(StrEnum):
-    """What became of a motion."""
+    """The state of a motion."""
 
     IDLE = "idle"
     RUNNING = "running"
     DONE = "done"
     FAILED = "failed"
-    INTERRUPTED = "interrupted"  # nobody commanded any more: the machine ended it, not the world
+    INTERRUPTED = "interrupted"  # no agent or no loop any more: the machine ended it, not the world
     CANCELLED = "cancelled"
 
 
 class HandReport(msgspec.Struct, frozen=True):
-    """A hand: which fingers touched while closing, their joints [rad], and whether they are locked."""
+    """State of a hand: which fingers touched while closing, their joints [rad], whether they are locked."""
 
     touched: tuple[bool, bool, bool] = (False, False, False)
     proximal: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -152,7 +152,7 @@ class HandReport(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """A motion's outcome so far: in words, in simulated seconds, and the largest distance of a hand from its path."""
+    """The outcome of a motion so far, with its simulated time and the largest distance of each hand from its path."""
 
     key: str = ""
     phase: Phase = Phase.IDLE
@@ -164,7 +164,7 @@ class Report(msgspec.Struct, frozen=True):
     largest_error_m: tuple[float, float] = (0.0, 0.0)
 
     def hand(self, side: str) -> HandReport:
-        """The report of one hand."""
+        """Return the report of one hand."""
         return self.right if side == "right" else self.left
 
 
@@ -172,13 +172,16 @@ Result = Report
 
 
 def motion(key: str, q: Array, **options: object) -> Motion:
-    """A motion along the knots `q` (n, 15) or, standing still, at one posture (15,). Options are Motion's fields."""
+    """Return a motion along knots `q` (n, 15), or at rest in a posture (15,). Options are the fields of Motion.
+
+    Raises MotionError.
+    """
     knots = np.ascontiguousarray(np.atleast_2d(np.asarray(q, dtype=np.float64)))
     return checked(msgspec.convert({"key": key, "knots": knots.tobytes(), **options}, Motion, from_attributes=True))
 
 
 def checked(asked: Motion) -> Motion:
-    """The motion itself, if the loop can follow it. Raises MotionError naming the field."""
+    """Return the motion itself if the loop can follow it. Raises MotionError with the field."""
     width = len(BODY) * START.itemsize
     if not asked.knots or len(asked.knots) % width:
         raise MotionError("knots", f"{len(asked.knots)} bytes", f"n x 15 float64, a multiple of {width} bytes")

@@ -1,14 +1,14 @@
-"""The one place where the loop meets the rest: fixed slots in an mmap'ed file, each with a single writer.
+"""Shared memory between the loop and the rest: fixed slots in an mmap'ed file, each with a single writer.
 
 A slot is a sequence number, a length and bytes. Its writer makes the number odd, writes, and makes it even; a reader
-that sees an odd or a changed number reads again, so nobody ever waits for anybody. The file outlives a process that
+that sees an odd or a changed number reads again, so nobody waits for a lock. The file outlives a process that
 dies. A new loop puts a new file in the same place; `LoopFile.replaced` tells those who still hold the old one.
 
     command   agent -> loop    a motion, cancel or release, numbered by the slot itself
     beat      agent -> loop    a counter: the agent lives
     state     loop -> agent    LoopState, every few cycles
     told      loop -> agent    Told: what became of the last command, the present report
-    truth     loop -> monitor  what is truly so; no agent may read it
+    truth     loop -> monitor  true state of the simulation; no agent may read it
     timing    loop -> monitor  how late the cycles were
 """
 
@@ -34,7 +34,7 @@ SIZES = {
     "truth": 16 << 10,
     "timing": 16 << 10,
 }
-READ_TRIES = 50  # a write takes microseconds; a reader that fails so often sees a writer that died in the middle
+READ_TRIES = 50  # a write takes microseconds; after so many failed reads the writer must have died in the middle
 
 
 class Slot:
@@ -45,14 +45,14 @@ class Slot:
 
     @property
     def number(self) -> int:
-        """Grows by 2 with each record; 0 before the first, odd while one is being written."""
+        """The sequence number: grows by 2 with each record; 0 before the first, odd during a write."""
         return int(_HEAD.unpack_from(self._view)[0])
 
     def write(self, record: bytes | bytearray | memoryview) -> int:
-        """Replace the record (by the slot's only writer). Returns its number. Raises SlotError if it does not fit."""
+        """Replace the record (only one writer per slot); return its number. Raises SlotError if it does not fit."""
         if len(record) > self.capacity:
             raise SlotError("", f"a record of {len(record)} bytes", f"at most {self.capacity}")
-        number = self.number | 1  # also goes on after a writer that died in the middle
+        number = self.number | 1  # correct also after a writer that died in the middle
         _COUNT.pack_into(self._view, 0, number)
         self._view[_HEAD.size : _HEAD.size + len(record)] = record
         _HEAD.pack_into(self._view, 0, number, len(record))
@@ -60,7 +60,7 @@ class Slot:
         return number + 1
 
     def read(self) -> tuple[int, bytes] | None:
-        """The record and its number; None before the first one, or if it cannot be read whole."""
+        """Return the record and its number; None before the first one, or if it cannot be read whole."""
         for _ in range(READ_TRIES):
             number, length = _HEAD.unpack_from(self._view)
             if number == 0:
@@ -86,7 +86,7 @@ class LoopFile:
 
     @classmethod
     def create(cls, path: Path) -> "LoopFile":
-        """A new, empty file in place of any old one; readable by its owner only."""
+        """Return a new, empty file in place of any old one; only its owner can read it."""
         path.parent.mkdir(parents=True, exist_ok=True)
         fresh = path.with_name(f".{path.name}.{os.getpid()}")
         file = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
@@ -97,7 +97,7 @@ class LoopFile:
 
     @classmethod
     def open(cls, path: Path) -> "LoopFile":
-        """The file of a running loop. Raises SlotError."""
+        """Return the file of a running loop. Raises SlotError."""
         try:
             file = os.open(path, os.O_RDWR)
         except FileNotFoundError:
@@ -110,14 +110,14 @@ class LoopFile:
 
     @property
     def replaced(self) -> bool:
-        """Whether another loop has put its file here since: open it anew."""
+        """Whether another loop has replaced the file since; then open it again."""
         try:
             return self.path.stat().st_ino != self._identity
         except FileNotFoundError:
             return True
 
     def close(self) -> None:
-        """Let go of the mapping."""
+        """Close the mapping."""
         for slot in self.slots.values():
             slot._view.release()
         self._view.release()
@@ -125,7 +125,7 @@ class LoopFile:
 
 
 def _layout() -> tuple[dict[str, tuple[int, int]], int]:
-    """Start and end of each slot, and the size of the file. Slots begin on lines of the cache."""
+    """Return start and end of each slot, and the size of the file. Slots start on cache lines."""
     places, at = {}, 64
     for name, size in SIZES.items():
         end = at + _HEAD.size + size
@@ -135,26 +135,26 @@ def _layout() -> tuple[dict[str, tuple[int, int]], int]:
 
 
 class Counters:
-    """Numbers that only grow, in a slot of 8 bytes each."""
+    """Counters that only grow, 8 bytes each, in a slot."""
 
     def __init__(self, slot: Slot, count: int) -> None:
         self._slot, self._form = slot, struct.Struct(f"<{count}Q")
         self._zero = (0,) * count
 
     def read(self) -> tuple[int, ...]:
-        """The counters now."""
+        """Return the counters."""
         found = self._slot.read()
         return self._form.unpack(found[1]) if found else self._zero
 
     def add(self, index: int) -> None:
-        """Count one (the only writer)."""
+        """Add one to a counter (only one writer per slot)."""
         counts = list(self.read())
         counts[index] += 1
         self._slot.write(self._form.pack(*counts))
 
 
 def packed(struct_: msgspec.Struct) -> bytes:
-    """A record of a slot."""
+    """Return the bytes of a record."""
     return _ENCODE(struct_)
 
 

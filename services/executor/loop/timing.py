@@ -1,6 +1,6 @@
-"""When a cycle begins: absolute deadlines, priority where the kernel grants it, and how late it all was.
+"""When a cycle starts: absolute deadlines, real-time priority if the kernel grants it, and lateness.
 
-Lateness is counted in bins of fixed number, so that nothing grows while the robot runs.
+Lateness is counted in a fixed number of bins, so that memory does not grow while the robot runs.
 """
 
 import ctypes
@@ -15,25 +15,25 @@ from services.executor.loop.link import Timing
 FIFO_PRIORITY = 80  # below the kernel's own threads (99), above everything normal
 MCL_CURRENT_AND_FUTURE = 1 | 2  # mlockall(2)
 
-BIN_US, BINS = 5, 8000  # up to 40 ms; anything later is in the last bin, its maximum is kept apart
-MOST_BEHIND = 10  # periods that are caught up by running faster; beyond that they are given up and counted
+BIN_US, BINS = 5, 8000  # up to 40 ms; anything later is in the last bin, the maximum is kept separately
+MOST_BEHIND = 10  # periods that are caught up by running faster; more are skipped and counted
 
 
 class Histogram:
-    """Durations in us, in fixed bins."""
+    """Durations [us] in fixed bins."""
 
     def __init__(self) -> None:
         self._bins = np.zeros(BINS, dtype=np.int64)
         self._count, self._max = 0, 0.0
 
     def add(self, us: float) -> None:
-        """Count one."""
+        """Count a duration [us]."""
         self._bins[min(BINS - 1, max(0, int(us / BIN_US)))] += 1
         self._count += 1
         self._max = max(self._max, us)
 
     def figures(self) -> dict[str, float]:
-        """p50, p99, p999 (upper edges of their bins) and max, us."""
+        """Return p50, p99, p999 (upper edges of their bins) and max [us]; {} if nothing was counted."""
         if not self._count:
             return {}
         upto = np.cumsum(self._bins)
@@ -45,7 +45,7 @@ class Histogram:
 
 
 class Pacer:
-    """Real time: cycle k begins k periods after the first wait."""
+    """Keeps real time: cycle k starts k periods after the first wait."""
 
     def __init__(self, period_s: float, realtime: bool = False) -> None:
         self._period, self._next = period_s, 0.0
@@ -54,7 +54,7 @@ class Pacer:
         self._began = 0.0
 
     def wait(self) -> None:
-        """Sleep until the next deadline; behind it, go on at once."""
+        """Sleep until the next deadline; after it, return at once."""
         self._next = self._next + self._period if self._cycles else time.monotonic()
         left = self._next - time.monotonic()
         if left > 0:
@@ -68,18 +68,18 @@ class Pacer:
         self._late.add(1e6 * max(0.0, late))
 
     def go(self) -> None:
-        """Begin a cycle at once: no deadline, but what it costs is counted, and a miss is what would have been one."""
+        """Start a cycle at once, without a deadline. Its computing time is counted; longer than a period is a miss."""
         self._began = self._next = time.monotonic()
 
     def done(self) -> None:
-        """The cycle's command is out."""
+        """Note that the command of this cycle was sent."""
         now = time.monotonic()
         self._cycles += 1
         self._missed += now > self._next + self._period
         self._compute.add(1e6 * (now - self._began))
 
     def timing(self) -> Timing:
-        """The figures so far."""
+        """Return the figures so far."""
         return Timing(
             cycles=self._cycles,
             missed=self._missed,
@@ -91,7 +91,7 @@ class Pacer:
 
 
 def take_priority() -> str:
-    """Ask for SCHED_FIFO and locked memory. Returns "" if granted, else one sentence that says what was not and why."""
+    """Request SCHED_FIFO and locked memory. Return "" if granted, else what was refused and why."""
     refused = []
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
@@ -105,7 +105,7 @@ def take_priority() -> str:
 
 
 def still_memory() -> None:
-    """No garbage collection from here on: what exists stays, what comes makes no cycles."""
+    """Turn garbage collection off: what exists stays, and the loop makes no reference cycles."""
     gc.collect()
     gc.freeze()
     gc.disable()

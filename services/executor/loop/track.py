@@ -1,7 +1,7 @@
-"""A timed trajectory followed at a rate that may fall to zero: position and velocity set-points at each cycle.
+"""A timed trajectory followed at a rate that may fall to zero: position and velocity set-points for each cycle.
 
-Between knots the position is linear and the velocity is the central difference; the first knots are pulled towards
-the posture that the body was told before, so that no set-point ever jumps.
+Between knots the position is linear and the velocity is the central difference. The first knots are blended with the
+set-point before, so that set-points never jump.
 """
 
 import numpy as np
@@ -13,16 +13,16 @@ from velma.names import BODY
 
 Array = NDArray[np.float64]
 
-BRAKE_S = 0.3  # a motion comes to rest along its path, or starts off again, in this time; estimate: 0.35 m/s over 5 cm
+BRAKE_S = 0.3  # time in which a motion comes to rest along its path, or starts again; estimate: 0.35 m/s over 5 cm
 BLEND_S = 0.3
-FARTHEST_START = 0.05  # rad: what a blend may bridge; a hand then moves at most 4 cm beside its path
+FARTHEST_START = 0.05  # rad: the largest difference that is blended; a hand is then at most 4 cm beside its path
 
 
 class Track:
-    """Where the body is told to be, as time goes on."""
+    """The set-points of the body over time."""
 
     def __init__(self, knots: Array, told: Array) -> None:
-        """`knots` (n, 15) begin near `told` (15,), the last set-point. Raises MotionError where they do not."""
+        """Raise MotionError if the knots (n, 15) do not start near `told` (15,), the last set-point."""
         self._knots, self._offset = knots, told - knots[0]
         worst = int(np.argmax(np.abs(self._offset)))
         if abs(self._offset[worst]) > FARTHEST_START:
@@ -34,7 +34,7 @@ class Track:
 
     @property
     def ended(self) -> bool:
-        """Whether it has come to rest for good: at its last knot, or where it was braked."""
+        """Whether it rests for good: at its last knot, or where it was braked."""
         at_end = self._time >= self.duration and not self._offset.any()
         return at_end or (self._braked and self._rate == 0.0)
 
@@ -47,11 +47,11 @@ class Track:
         self._wanted = 0.0
 
     def resume(self) -> None:
-        """Go on from where it was paused. Without effect on a braked track."""
+        """Go on from where it was paused. No effect on a braked track."""
         self._wanted = 0.0 if self._braked else 1.0
 
     def advance(self, dt: float) -> None:
-        """Let dt pass: `q` and `v` (15,) are the new set-points."""
+        """Advance by dt [s]; `q` and `v` (15,) are the new set-points."""
         if self._rate != self._wanted:
             change = dt / BRAKE_S
             self._rate = min(max(self._wanted, self._rate - change), self._rate + change)

@@ -1,4 +1,4 @@
-"""The skill that grasps: approach from the newest observation, close until touch, squeeze, lock, feed the weight on."""
+"""The skill that grasps: approach by the newest observation, close until touch, squeeze, lock, feed weight forward."""
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +13,7 @@ from velma import names
 from velma.kinematics import ik
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks import attaching
-from velma.kinematics.tasks.manner import APPROACH_SPEED
+from velma.kinematics.tasks.speeds import APPROACH_SPEED
 
 UPTO = 2.3  # [rad] where a finger stops that touches nothing, task runs with the true robot model
 SETTLE_S = 0.3  # same runs
@@ -21,7 +21,7 @@ FINGERS_NEEDED = 3
 
 
 def grasp(here: Situation, command: rc.Grasp) -> Skill:
-    """Raises replan where the object is not known or the way is not free, failed where the hand closes on nothing."""
+    """Grasp. Raises replan if the object is unknown or the path not free, failed if the hand closes on nothing."""
     if command.object not in here.seen:
         raise replan(f"{command.object} has not been seen")
     side = command.side
@@ -45,7 +45,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
     except (Cancelled, NotPossible):
         yield from _back_out(here, side, command, [first[-1] if first else here.q, *(q for leg in legs for q in leg)])
         raise
-    # From here on sights of the object tell where it is in the hand; until then the grasp itself does.
+    # Until the object is seen in the hand, the planned grasp tells its pose there.
     T_grip_object = here.robot.grip(here.q, side).inverse() * poses[-1] * transform(command.approach[-1].at).inverse()
     here.take(side, Held(command.object, command.grasp, T_grip_object, command.mass))
     carried = motions.payload(side, command.mass, T_grip_object)
@@ -53,7 +53,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
 
 
 def _back_out(here: Situation, side: str, command: rc.Grasp, way: list[np.ndarray]) -> Skill:
-    """Open the hand and go back along the way in, so that the arm is free to move again."""
+    """Open the hand and go back along the path of the approach, so that the arm is free to move again."""
     yield motions.still(here, command.key, **motions.hand(side, Open()))
     yield motions.still(here, command.key, **motions.hand(side, motions.fingers(command.approach[-1].fingers)))
     reached = int(np.argmin([np.abs(q - here.q).max() for q in way]))
@@ -63,7 +63,7 @@ def _back_out(here: Situation, side: str, command: rc.Grasp, way: list[np.ndarra
 def _approach(
     here: Situation, side: str, command: rc.Grasp, poses: list[pin.SE3]
 ) -> tuple[list[np.ndarray], list[list[np.ndarray]]]:
-    """The joining way to the first pose, and one leg to each further pose, checked against what is seen now."""
+    """Return the path to the first pose and one to each further pose, checked against what is seen now."""
     with attaching.allowed(here.world, (command.object, f"{side}_hand")):
         here.set_fingers(side, command.approach[-1].fingers)
         start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])

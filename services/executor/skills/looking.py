@@ -1,4 +1,4 @@
-"""The skill that looks: the head to each point in turn, a moment of rest, a sight."""
+"""The skill that looks: turn the head to each point, rest a moment, take what the receptor sees."""
 
 from companion.languages import rc
 from services.executor.skills import motions
@@ -9,6 +9,6 @@ REST_S = 0.1  # estimate: a frame of the simulated camera takes 67 ms
 
 
 def look(here: Situation, command: rc.Look) -> Skill:
-    """What is seen at each stop comes back with the sensing."""
+    """Look at each point; what is seen there comes back in Sensed."""
     for point in command.at:
         yield motions.still(here, command.key, watch=point, settle_s=REST_S)

@@ -1,4 +1,4 @@
-"""Motions of the loop made of joint paths: timed, with the head on what matters and the hands doing their part."""
+"""Motions of the loop made of joint paths: timed, with goals for head and hands."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
 
 
 def aim(torso: float, point: Point) -> HeadGoal:
-    """Head goal that brings a point (3,) [m, world] into the middle of the picture, within the head's limits."""
+    """Return the head goal that centres a point (3,) [m, world] in the picture, within the limits of the head."""
     x, y, z = (float(v) for v in point)
     pan = math.remainder(math.atan2(y, x) - torso, math.tau)
     tilt = -math.atan2(z - EYE_HEIGHT_M, math.hypot(x, y)) - CAMERA_DIP
@@ -40,7 +40,7 @@ def along(
     watch: Point | None = None,
     **options: Any,
 ) -> Motion:
-    """Follow a joint path [(15,) each] with the tool at most at `speed` [m/s]; the head ends looking at `watch`."""
+    """Return the motion along a joint path, (15,) each, tool at most at `speed` [m/s], head at last on `watch`."""
     whole = [here.q, *path]
     different = [whole[0], *(b for a, b in pairwise(whole) if np.abs(b - a).max() > 1e-6)]
     if len(different) == 1:
@@ -51,23 +51,23 @@ def along(
 
 
 def still(here: Situation, key: str, *, watch: Point | None = None, **options: Any) -> Motion:
-    """Stay where the body is told to be, while head or hands do something."""
+    """Return a motion that holds the set-point while head or hands move."""
     head = None if watch is None else aim(float(here.q[names.TORSO]), watch)
     return motion(key, here.q, head=head, **options)
 
 
 def fingers(angle: float, speed: float = 1.0) -> Move:
-    """All three fingers to one angle [rad]."""
+    """Return the command that moves all three fingers to one angle [rad]."""
     return Move((angle, angle, angle), speed)
 
 
 def hand(side: str, command: HandCommand) -> dict[str, Any]:
-    """The option of a motion that commands one hand."""
+    """Return the option of a motion that commands one hand."""
     return {str(side): command}
 
 
 def payload(side: str, mass: float = 0.0, T_grip_object: pin.SE3 | None = None) -> dict[str, Any]:
-    """The option of a motion by which a hand carries `mass` [kg], centred at the object's origin; or nothing."""
+    """Return the option of a motion for a hand that carries `mass` [kg] at the object's origin; no pose: empty."""
     if T_grip_object is None:
         return {f"payload_{side}": Payload()}
     x, y, z = (float(v) for v in T_grip_object.translation)

@@ -1,4 +1,4 @@
-"""Skills that move an arm: along a planned joint path, straight, and home."""
+"""Skills that move an arm: along a planned joint path, in a straight line, and home."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -7,13 +7,13 @@ import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc
-from services.executor.skills import motions, ways
+from services.executor.skills import motions, own_paths
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Skill, replan
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted
-from velma.kinematics.tasks.manner import EMPTY_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
+from velma.kinematics.tasks.speeds import EMPTY_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
 
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
 NEAR = 1e-4  # [rad]
@@ -22,7 +22,7 @@ Accept = Callable[[np.ndarray], bool] | None
 
 
 def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
-    """Join the planned path by a checked segment and follow it."""
+    """Move to the start of the planned path in a checked straight segment, then follow it."""
     columns = names.COLUMNS[command.side]
     path = []
     for point in command.path:
@@ -38,13 +38,13 @@ def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
 
 
 def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
-    """What the head looks at after a free motion: the held object nearest to the middle, if any."""
+    """Return where the head looks after a free motion: at the held object nearest to the middle, if any."""
     held = [here.robot.grip(q, side) * h.T_grip_object for side, h in here.held.items()]
     return min((p.translation for p in held), key=lambda p: abs(p[1]), default=None)
 
 
 def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
-    """A straight, checked way in the joints from the set-point to q (15,); raises replan where it is not free."""
+    """Return the straight, checked joint path from the set-point to q (15,). Raises replan if it is not free."""
     way = goal - here.q
     steps = int(np.ceil(np.abs(way).max() / JOIN_STEP))
     if np.abs(way).max() < NEAR:
@@ -52,7 +52,7 @@ def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
     states = [here.q + way * k / steps for k in range(1, steps + 1)]
     for state in states:
         if not here.world.free(state):
-            raise replan(f"the way to the planned path is not free: {_named(here, state)}")
+            raise replan(f"the motion to the start of the planned path is not free: {_named(here, state)}")
     return states
 
 
@@ -61,7 +61,7 @@ def _named(here: Situation, q: np.ndarray) -> str:
 
 
 def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
-    """Move the grip straight by each segment, torso still; the first one is not checked (it lifts off a shelf)."""
+    """Move the grip straight by each segment. The first is not checked, since it lifts an object off its support."""
     for index, segment in enumerate(command.segments):
         target = shifted(here.robot.grip(here.q, command.side), np.array(segment.offset))
         accept = here.world.free if index else None
@@ -70,9 +70,9 @@ def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
 
 
 def straight(here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None) -> list[np.ndarray]:
-    """Postures on the straight line of the grip from q (15,) to `target`; raises replan where it is blocked.
+    """Return postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
 
-    Where the arm alone does not reach, the torso helps.
+    The torso moves only if the arm alone does not reach.
     """
     with suppress(ik.PathBlocked):
         return ik.line(here.robot, side, q, target, accept=accept)[1:]
@@ -83,7 +83,7 @@ def straight(here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept:
 
 
 def home(here: Situation, command: rc.Home) -> Skill:
-    """Bring an empty arm to its start posture by a way planned now, first out of what the hand stands among."""
+    """Bring an empty arm to its start posture by a path planned now, after backing away from contacts."""
     side = command.side
     if side in here.held:
         raise replan(f"the {side} hand holds {here.held[side].object}: put it down first")
@@ -91,16 +91,16 @@ def home(here: Situation, command: rc.Home) -> Skill:
     aside = backing.out_of_touch(here.robot, here.world, side, here.q)
     if len(aside) > 1:
         yield motions.along(here, command.key, aside, RETREAT_SPEED)
-    path = ways.free_way(here, side, _homes(here, side), speed)
+    path = own_paths.free_path(here, side, _homes(here, side), speed)
     if path is None:
-        raise replan(f"the {side} arm finds no way home")
+        raise replan(f"the {side} arm finds no path home")
     yield motions.along(here, command.key, path, speed)
     here.set_fingers(side, HOME_FINGERS)
     yield motions.still(here, command.key, **motions.hand(side, motions.fingers(HOME_FINGERS)))
 
 
 def _homes(here: Situation, side: str) -> Iterator[np.ndarray]:
-    """Postures (15,) with the arm as at the start, the torso as it is or turned."""
+    """Yield postures (15,) with the arm as at the start, the torso as it is or turned."""
     for torso in (float(here.q[names.TORSO]), *HOME_TORSO):
         goal = here.q.copy()
         goal[names.ARM[side]] = names.START[names.ARM[side]]

@@ -1,10 +1,10 @@
-"""From a robot command to its outcome: the skill runs, what is sensed after each motion goes into the situation."""
+"""Runs the skill of a robot command to its outcome, and updates the situation after each motion."""
 
 from collections.abc import Generator
 
 from companion.languages import rc, rs
 from companion.languages.values import BodyPosture, Pose, Side
-from services.executor.loop.program import Motion
+from services.executor.loop.program import Motion, Phase
 from services.executor.skills import SKILLS
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill
@@ -15,7 +15,7 @@ Performance = Generator[Motion, Sensed, rc.Done | rc.NotDone]
 
 
 def perform(here: Situation, command: rc.Act) -> Performance:
-    """Yields motions, is sent what came of each, returns the outcome."""
+    """Yield motions, take the Sensed of each, return the outcome."""
     began, sights = here.time, {}
     skill: Skill = SKILLS[type(command)](here, command)
     try:
@@ -24,9 +24,9 @@ def perform(here: Situation, command: rc.Act) -> Performance:
             sensed = yield motion
             take(here, sensed)
             sights.update({s.name: s for s in sensed.sights})
-            if sensed.ended == "cancelled":
+            if sensed.ended == Phase.CANCELLED:
                 motion = skill.throw(Cancelled())
-            elif sensed.ended == "done":
+            elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             else:
                 return ended(here, command.key, sensed.ended, sensed.reason, began)
@@ -34,19 +34,19 @@ def perform(here: Situation, command: rc.Act) -> Performance:
         seen = tuple(_seen(here, name) for name in sights)
         return rc.Done(command.key, posture(here), seen, held(here), here.time - began)
     except Cancelled:
-        return ended(here, command.key, "cancelled", "cancelled", began)
+        return ended(here, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
     except NotPossible as reason:
         return ended(here, command.key, reason.kind, reason.reason, began)
 
 
 def take(here: Situation, sensed: Sensed) -> None:
-    """The situation after a motion."""
+    """Update the situation after a motion."""
     here.q, here.head, here.time = sensed.q.copy(), sensed.head, sensed.time
     here.see(sensed.sights)
 
 
 def ended(here: Situation, key: str, kind: str, reason: str, began: float) -> rc.NotDone:
-    """The outcome of an act that did not come to its end."""
+    """Return the outcome of an act that was not done."""
     seen = tuple(_seen(here, name) for name in here.seen if here.holder(name) is None)
     return rc.NotDone(key, kind, reason, posture(here), seen, held(here), here.time - began)
 
@@ -58,12 +58,12 @@ def _seen(here: Situation, name: str) -> rs.Seen:
 
 
 def posture(here: Situation) -> BodyPosture:
-    """The whole body, as it travels."""
+    """Return the posture for a communicate."""
     right, left = (tuple(float(x) for x in here.q[names.ARM[side]]) for side in ("right", "left"))
     hands = {side: (angle, angle, angle, 0.0) for side, angle in here.fingers.items()}
     return BodyPosture(float(here.q[names.TORSO]), right, left, here.head, hands["right"], hands["left"])
 
 
 def held(here: Situation) -> dict[Side, tuple[str, str, Pose]]:
-    """What each hand holds, as it travels."""
+    """Return what each hand holds, for a communicate."""
     return {Side(s): (h.object, h.grasp, Pose(*xyz_quat(h.T_grip_object))) for s, h in here.held.items()}

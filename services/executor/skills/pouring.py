@@ -1,4 +1,4 @@
-"""The skill that pours: the tilt is solved again from where the jar is seen in the hand and the bowl on the table."""
+"""The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen now."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, Skill, failed, replan
 from velma import names
 from velma.kinematics import ik
-from velma.kinematics.tasks.manner import BACK_SPEED, TILT_SPEED
 from velma.kinematics.tasks.pouring import Stream, follow
+from velma.kinematics.tasks.speeds import BACK_SPEED, TILT_SPEED
 
 
 def pour(here: Situation, command: rc.Pour) -> Skill:
-    """Raises replan where the source is not held, the destination not seen, or the tilt not possible."""
+    """Pour. Raises replan if the source is not held, the destination not seen, or the tilt impossible."""
     held = here.held.get(command.side)
     if held is None or held.object != command.source:
         raise replan(f"the {command.side} hand does not hold {command.source}")

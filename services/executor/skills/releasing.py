@@ -1,4 +1,4 @@
-"""The skill that puts down: above the place, level by what is seen in the hand, down to contact, open, retreat."""
+"""The skill that puts down: move above the place, level the object, go down to contact, open, retreat."""
 
 import math
 
@@ -7,18 +7,18 @@ import pinocchio as pin
 
 from companion.languages import rc
 from services.executor.loop.program import Open, Until
-from services.executor.skills import aside, motions, ways
+from services.executor.skills import emergency_place, motions, own_paths
 from services.executor.skills.moving import straight
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Skill, failed, replan, whatever_comes
+from services.executor.skills.skill import Skill, despite_cancel, failed, replan
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
 from velma.kinematics.tasks import attaching
-from velma.kinematics.tasks.manner import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
+from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 
-BELOW_M = 0.02  # the descent aims so far below the place and is ended by contact, task runs with the true robot model
+BELOW_M = 0.02  # the descent aims this far below the place; contact ends it; task runs with the true robot model
 CONTACT_M = 0.003  # set-point below the hand that counts as contact (about 4.5 N at 1500 N/m), same runs
 SETTLE_S = 0.3
 OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5  # same runs (they waited 0.9 s in all)
@@ -27,7 +27,7 @@ JOIN_LIMIT = 1.2  # [rad] a joint may move on the way to above the place before 
 
 
 def release(here: Situation, command: rc.Release) -> Skill:
-    """An empty hand does nothing. Raises replan where the place cannot be reached."""
+    """Put the object down; nothing if the hand does not hold it. Raises replan if the place cannot be reached."""
     side = command.side
     held = here.held.get(side)
     if held is None or held.object != command.object:
@@ -35,7 +35,7 @@ def release(here: Situation, command: rc.Release) -> Skill:
     place, path = _place(here, side, command)
     if path:
         yield motions.along(here, command.key, path, LOADED_SPEED, watch=place.translation, settle_s=0.2)
-    # The object in the hand has been seen again from here: go down so that it comes level.
+    # The object was seen in the hand again: go down so that it arrives level.
     target = shifted(place * held.T_grip_object.inverse(), np.array([0.0, 0.0, -BELOW_M]))
     down = straight(here, side, here.q, target)
     yield motions.along(
@@ -46,29 +46,32 @@ def release(here: Situation, command: rc.Release) -> Skill:
 
 
 def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, list[np.ndarray]]:
-    """Where to put it and the way to above that place: the plan's, right here, where it stood, a spot aside."""
+    """Return where to put it, and the path to above that place.
+
+    The first of: the place of the plan, right here, where it stood before, a free spot.
+    """
     held = here.held[side]
     if command.place is not None:
         place = transform(command.place)
         above = shifted(place * held.T_grip_object.inverse(), np.array([0.0, 0.0, ABOVE_M]))
         return place, _to(here, side, above)
-    standing = aside.standing_here(here, side)
+    standing = emergency_place.standing_here(here, side)
     if standing is not None:
         return standing, []
-    back = aside.back_in_place(here, side)
+    back = emergency_place.back_in_place(here, side)
     if back is not None:
         return back
-    found = aside.way_aside(here, side, [(transform(p.at), p.fingers) for p in command.retreat])
+    found = emergency_place.free_spot(here, side, [(transform(p.at), p.fingers) for p in command.retreat])
     if found is None:
         raise failed(f"the {side} hand finds no free place for {held.object}")
     return found
 
 
 def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
-    """Open the hand and draw it back. A cancel changes nothing: a hand is not left half open around a thing."""
+    """Open the hand and retreat. A cancel changes nothing: a hand is not left half open around a thing."""
     grip, object_name = here.robot.grip(here.q, side), command.object
     unload = motions.payload(side)
-    yield from whatever_comes(
+    yield from despite_cancel(
         lambda: motions.still(
             here, command.key, settle_s=OPEN_WAIT_S, **unload, **motions.hand(side, Open(OPEN_BY, OPEN_SPEED))
         )
@@ -76,18 +79,18 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     here.let_go(side)
     wide = command.retreat[0].fingers
     spread = motions.hand(side, motions.fingers(wide, SPREAD_SPEED))
-    yield from whatever_comes(lambda: motions.still(here, command.key, **spread))
+    yield from despite_cancel(lambda: motions.still(here, command.key, **spread))
     here.set_fingers(side, wide)
     path = _way_back(here, side, object_name, retreat_poses(grip, [(transform(p.at), 0.0) for p in command.retreat]))
-    yield from whatever_comes(lambda: motions.along(here, command.key, _rest(here, path), RETREAT_SPEED))
+    yield from despite_cancel(lambda: motions.along(here, command.key, _rest(here, path), RETREAT_SPEED))
 
 
 def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]) -> list[np.ndarray]:
-    """Through the poses as far as they can be reached, and free of the object in the end."""
+    """Return the path through the poses as far as they can be reached, ending free of contacts."""
     path = [here.q]
     with attaching.allowed(here.world, (object_name, f"{side}_hand")):
         for pose in poses:
-            leg, whole = ways.furthest(here, side, path[-1], pose)
+            leg, whole = own_paths.furthest(here, side, path[-1], pose)
             path += leg
             if not whole:
                 break
@@ -95,17 +98,17 @@ def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]
 
 
 def _rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
-    """What of a path is still to be gone."""
+    """Return the rest of a path from the present posture on."""
     return path[int(np.argmin([np.abs(q - here.q).max() for q in path])) :] if path else []
 
 
 def _to(here: Situation, side: str, target: pin.SE3) -> list[np.ndarray]:
-    """The short checked way from the set-point to `target`; raises replan where there is none."""
+    """Return the short, checked path from the set-point to `target`. Raises replan if there is none."""
     q = ik.solve(here.robot, side, target, here.q, columns=names.ARM[side])
     if q is None or np.abs(q - here.q).max() > JOIN_LIMIT:
         raise replan(f"the {side} hand is not near the place where it should put down")
     steps = max(1, int(np.ceil(np.abs(q - here.q).max() / 0.05)))
     path = [here.q + (q - here.q) * k / steps for k in range(1, steps + 1)]
     if not all(here.world.free(x) for x in path):
-        raise replan(f"the {side} hand has no free way to the place where it should put down")
+        raise replan(f"the {side} hand has no free path to the place where it should put down")
     return path

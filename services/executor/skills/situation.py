@@ -1,6 +1,6 @@
-"""What ex knows while it acts: posture, what it saw, what its hands hold, and the collision world made of that.
+"""What ex knows during an act: posture, what it saw, what its hands hold, and the collision world of all this.
 
-Only observations of the receptor come in here; a held object is where the hand is, by the last pose seen in it.
+Poses come only from the receptor. A held object moves with the hand, by the last pose seen in it.
 """
 
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ from velma import names
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 
-MARGIN_M = 0.002  # pl plans with 6 mm; the rest is for what the receptor sees anew (estimate)
+MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
 
 @dataclass
 class Held:
-    """What a hand holds, by which grasp, and where in the hand (T_grip_object); mass [kg] fed forward."""
+    """What a hand holds, by which grasp, its pose in the hand (T_grip_object); mass [kg] fed forward."""
 
     object: str
     grasp: str
@@ -43,7 +43,7 @@ class Situation:
     time: float = 0.0
 
     def see(self, sights: Sequence[Sight]) -> None:
-        """Take what the receptor saw: a held object's place in the hand, anything else's place in the world."""
+        """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
         for sight in sights:
             side = self.holder(sight.name)
             if side is None:
@@ -54,33 +54,33 @@ class Situation:
                 self.world.attach(sight.name, side, self.held[side].T_grip_object)
 
     def holder(self, name: str) -> str | None:
-        """The side that holds it."""
+        """Return the side of the hand that holds it, None for none."""
         return next((side for side, held in self.held.items() if held.object == name), None)
 
     def take(self, side: str, held: Held) -> None:
-        """The hand holds this now."""
+        """Note that the hand holds this."""
         self.held[side] = held
         self.world.attach(held.object, side, held.T_grip_object)
 
     def let_go(self, side: str) -> None:
-        """The hand is empty; the object stands where the hand left it."""
+        """Note that the hand is empty and the object stands where the hand left it."""
         held = self.held.pop(side)
         pose = self.robot.grip(self.q, side) * held.T_grip_object
         self.seen[held.object] = pose
         self.world.detach(held.object, pose)
 
     def set_fingers(self, side: str, angle: float) -> None:
-        """The fingers of this hand stand at `angle` [rad]."""
+        """Note the angle [rad] of the fingers of a hand."""
         self.fingers[side] = angle
         self.world.fingers(side, angle)
 
     def place(self, name: str, pose: pin.SE3) -> None:
-        """The thing stands at `pose`, as far as is known."""
+        """Note the pose of a thing."""
         self.seen[name] = pose
         model = models.MODELS[self.models[name]]
         self.world.put(name, model.shapes, pose, "object" if model.moveable else "furniture")
 
 
 def beginning(robot: Robot, things: dict[str, str]) -> Situation:
-    """Nothing seen, nothing held. `things`: the model of each thing's id (what a marker says about its thing)."""
+    """Return a situation with nothing seen or held. `things`: the model by the id of each thing, as markers tell it."""
     return Situation(robot, World(robot, margin=MARGIN_M), things)

@@ -1,7 +1,7 @@
-"""What a skill is: a generator that yields motions of the loop and is sent what came of each.
+"""A skill: a generator that yields motions of the loop and takes the Sensed of each.
 
-So a skill neither waits nor reads a clock; the same one runs in one process, in a worker of the agent and in tests.
-It ends by returning nothing (done) or by raising NotPossible (the outcome in words, and what kind of failure it is).
+A skill neither waits nor reads a clock, so the same one runs in one process, in the skill process and in tests. It
+returns when the act is done, or raises NotPossible with kind and reason.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.languages import rc
 from services.executor.loop.program import Motion
 from services.executor.receptor import Sight
 
 
 @dataclass(frozen=True)
 class Sensed:
-    """After a motion: how it ended, the set-point q (15,) held now, the measured one, fingers that touched, sights."""
+    """After a motion: how it ended, set-point q and measured joints (15,) [rad], fingers that touched, sights."""
 
     ended: str
     reason: str
@@ -32,7 +33,7 @@ Skill = Generator[Motion, Sensed, None]
 
 
 class NotPossible(Exception):
-    """The skill cannot be done. `kind`: failed, or replan (the world is not as the plan supposes)."""
+    """The act cannot be done. `kind`: failed, or replan (the world is not as planned)."""
 
     def __init__(self, kind: str, reason: str) -> None:
         self.kind, self.reason = kind, reason
@@ -40,11 +41,11 @@ class NotPossible(Exception):
 
 
 class Cancelled(Exception):
-    """Thrown into a skill whose motion was cancelled: it may make safe what it began, then lets this pass."""
+    """Thrown into a skill whose motion was cancelled. The skill may make its work safe, then lets it pass."""
 
 
-def whatever_comes(make: Callable[[], Motion]) -> Generator[Motion, Sensed, Sensed]:
-    """The motion that `make` makes, made and begun again where a cancel broke it off: for what must come to its end."""
+def despite_cancel(make: Callable[[], Motion]) -> Generator[Motion, Sensed, Sensed]:
+    """Run the motion that `make` returns, and once more if a cancel stopped it: for what must be finished."""
     try:
         return (yield make())
     except Cancelled:
@@ -52,10 +53,10 @@ def whatever_comes(make: Callable[[], Motion]) -> Generator[Motion, Sensed, Sens
 
 
 def replan(reason: str) -> NotPossible:
-    """The world is not as the plan supposes."""
-    return NotPossible("replan", reason)
+    """Return the exception for a world that is not as planned."""
+    return NotPossible(rc.NotDoneKind.REPLAN, reason)
 
 
 def failed(reason: str) -> NotPossible:
-    """It was tried, or cannot be tried."""
-    return NotPossible("failed", reason)
+    """Return the exception for an act that failed or cannot be tried."""
+    return NotPossible(rc.NotDoneKind.FAILED, reason)

@@ -1,5 +1,5 @@
-"""The search of a_pl: an HTN domain whose every fact is asked of km, and the geometry behind its primitive tasks.
+"""The search of pl: an HTN domain that gets every fact from km, and the geometry of its primitive tasks.
 
-It runs in a child process of the agent (so that a cancel can end it at once) and talks to it in three words: Ask, Plan,
-NoPlan. It imports no simulator and knows no object that km has not told it.
+It runs in a child process of the agent, so that a cancel can end it at once, and sends it Ask, Found or NotFound. It
+imports no simulator and knows only the objects that km tells it.
 """

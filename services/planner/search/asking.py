@@ -1,4 +1,4 @@
-"""Asking km: one function from query to answer, with what the search needs around it - types, memory, a count."""
+"""Queries to km: one function from query to answer, with types, a cache and a count."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -9,7 +9,7 @@ A = TypeVar("A", bound=wm.Answer)
 
 
 class Unanswered(Exception):
-    """km cannot answer, so this branch of the search has nothing to stand on."""
+    """km cannot answer, so this branch of the search ends."""
 
     def __init__(self, query: wm.AnyQuery, reason: str) -> None:
         self.query, self.reason = query, reason
@@ -17,7 +17,7 @@ class Unanswered(Exception):
 
 
 class Asking:
-    """Asks each query once (an answer is a pure function of query and state) and counts what was asked."""
+    """Asks each query once (an answer is a pure function of query and state) and counts the queries."""
 
     def __init__(self, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], request: str) -> None:
         self._ask, self.request = ask, request
@@ -26,7 +26,7 @@ class Asking:
         self.queries = 0
 
     def __call__(self, query: wm.AnyQuery, kind: type[A]) -> A:
-        """The answer of class `kind`; raises Unanswered where km says Unknown or something else."""
+        """Return the answer of class `kind`. Raises Unanswered for Unknown or any other class."""
         if query not in self._known:
             self.queries += 1
             self._known[query] = self._ask(query)
@@ -37,7 +37,7 @@ class Asking:
         raise Unanswered(query, reason)
 
     def suppose(self, state: str, changes: tuple[wm.AnyChange, ...]) -> str:
-        """The id of a new hypothetical state: `state` with these changes, made by km."""
+        """Have km make a hypothetical state, `state` with these changes; return its id."""
         self._states += 1
         made = self(wm.HypotheticalState(state=state, id=f"{self.request}/{self._states}", changes=changes), wm.Made)
         return made.id

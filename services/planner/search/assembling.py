@@ -1,4 +1,4 @@
-"""From the steps of the search to the HFSM that ta runs: one machine per step, and what to do if cancelled in it."""
+"""From the steps of the search to the HFSM that ta runs: one machine per step, and how to make it safe if cancelled."""
 
 from itertools import pairwise
 
@@ -6,6 +6,8 @@ import msgspec
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.values import Side
+from services.planner.search.asking import Asking, Unanswered
+from services.planner.search.situation import SIDES
 from services.planner.search.steps import Step, approach_points
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.placing import backwards
@@ -16,10 +18,10 @@ WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
 def plan(
     request: str, task: str, steps: list[Step], sought: str, queries: int, held: dict[Side, rc.Release]
 ) -> hfsm.HierarchicalPlan:
-    """The plan of these steps in order.
+    """Return the plan of these steps in order.
 
-    `sought`: the thing that has to be localized before the same task is planned again, "" where the steps do the whole
-    task. `held`: what puts down what the hands hold at its beginning.
+    `sought`: the thing to be localized before the same task is planned again, "" if the steps do the whole task.
+    `held`: the commands that put down what the hands hold at the start.
     """
     holding = dict(held)
     states: list[hfsm.State] = []
@@ -48,7 +50,7 @@ def _then(state: hfsm.State, following: str, on: tuple[hfsm.Outcome, ...] = (hfs
 
 
 def _machine(request: str, number: int, step: Step, safe: hfsm.Machine | None) -> hfsm.Machine:
-    """One step as a machine whose states are its commands, each with its key."""
+    """Return one step as a machine; its states are the commands, each with its key."""
     leaves: list[hfsm.State] = [
         hfsm.ActState(_verb(command), msgspec.structs.replace(command, key=f"{request}/{number}.{index}"))
         for index, command in enumerate(step.commands, start=1)
@@ -58,15 +60,15 @@ def _machine(request: str, number: int, step: Step, safe: hfsm.Machine | None) -
 
 
 def _verb(command: rc.Act) -> str:
-    """The command's class in small letters with hyphens: move-joint, grasp, pour."""
+    """Return the class of a command in small letters with hyphens: move-joint, grasp, pour."""
     name = type(command).__name__
     return "".join(f"-{c.lower()}" if c.isupper() else c for c in name).lstrip("-")
 
 
 def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Machine | None:
-    """Put down all that may be held, the last taken first; a release of an empty hand does nothing.
+    """Return the machine that puts down all that may be held, last taken first; an empty hand's release does nothing.
 
-    It goes on where one of its acts failed: an arm that finds no way home must not keep the other hand's load up.
+    It goes on if an act fails: an arm without a path home must not keep the other hand from putting down.
     """
     if not holding:
         return None
@@ -93,5 +95,28 @@ def _note_released(holding: dict[Side, rc.Release], step: Step) -> None:
 
 
 def _localized(name: str) -> hfsm.AskState:
-    """Ask km whether the thing has been seen where it stands."""
-    return hfsm.AskState(f"is {name} localized?", wm.Holds(relation="hasExactPose", subject=name))
+    """Return the state that asks km whether the thing has been seen where it stands."""
+    return hfsm.AskState(f"is {name} localized?", wm.Holds(relation=wm.Relation.HAS_EXACT_POSE, subject=name))
+
+
+# --- what the hands hold when the plan begins -------------------------------------------------------------------------
+
+
+def held_at(asking: Asking, state: str) -> dict[Side, rc.Release]:
+    """Return a release for each hand that holds something in `state`; ex chooses the place."""
+    found = {}
+    for side in SIDES:
+        try:
+            held = asking(wm.GraspAtSide(state=state, side=side), wm.GraspOf)
+            if held.object:
+                found[side] = _release(asking, state, side, held)
+        except Unanswered:
+            continue  # nothing is known of this hand
+    return found
+
+
+def _release(asking: Asking, state: str, side: Side, held: wm.GraspOf) -> rc.Release:
+    query = wm.GraspDefinition(state=state, object=held.object, grasp=held.grasp)
+    steps = asking(query, wm.Grasps).grasps[0].steps
+    retreat = approach_points(backwards([(transform(s.pose).inverse(), s.fingers) for s in steps]))
+    return rc.Release("", side, held.object, "", None, retreat)

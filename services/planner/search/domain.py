@@ -1,8 +1,8 @@
 """The planning domain as a hierarchical task network, run by GTPyhop's depth-first search with backtracking.
 
-A state of the search is the id of a hypothetical state at km and the steps so far; where km does not know a fact that a
-method or a step asks, the branch ends. What was put down is known only as predicted, so pouring into it needs a look
-and a new plan: that is the paper's Replan between plan #1 and plan #2.
+A state of the search is the id of a hypothetical state at km and the steps so far. If km does not know a fact that a
+method or step needs, the branch ends. The pose of what was put down is only predicted, so pouring into it needs a look
+and a new plan: the Replan between plan #1 and plan #2 of the paper.
 """
 
 import os
@@ -11,6 +11,7 @@ from contextlib import redirect_stdout
 from functools import wraps
 from io import StringIO
 
+from companion.languages.hfsm import TaskName
 from companion.languages.values import Side
 from services.planner.search.asking import Unanswered
 from services.planner.search.facts import Facts
@@ -21,23 +22,23 @@ from services.planner.search.putting import home, place
 from services.planner.search.steps import Geometry, Step
 from services.planner.search.taking import carry, take
 
-os.environ.setdefault("GTPYHOP_QUIET", "true")  # it greets on standard output when imported
+os.environ.setdefault("GTPYHOP_QUIET", "true")  # else it prints a greeting when imported
 import gtpyhop
 
-TASKS = {"pour": 2, "take": 2, "put_down": 1, "look_around": 0}
+TASKS: dict[str, int] = {TaskName.POUR: 2, TaskName.TAKE: 2, TaskName.PUT_DOWN: 1, TaskName.LOOK_AROUND: 0}
 """Tasks that can be asked for, with the number of their arguments."""
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 
 class _State(gtpyhop.State):  # type: ignore[misc]
-    """km's state id, the steps that led to it, what has to be localized. Copying is cheap: nothing inside changes."""
+    """State id at km, steps that led to it, thing to be localized. All parts are immutable, so a copy is cheap."""
 
     def copy(self, new_name: str | None = None) -> "_State":
         return _State(new_name or self.__name__, km=self.km, steps=self.steps, sought=self.sought)
 
 
 class Search:
-    """One search: the domain bound to the geometry of one request."""
+    """One search: the domain with the geometry of one request."""
 
     def __init__(self, geometry: Geometry) -> None:
         self.geometry, self.methods = geometry, Methods(Facts(geometry.ask), geometry.failed)
@@ -45,7 +46,7 @@ class Search:
         self._end: _State | None = None
 
     def run(self, todo: Subtasks, state: str) -> tuple[list[Step], str] | None:
-        """Steps, and the thing to be localized before the rest is planned, or ""; None where there is no plan."""
+        """Return the steps and the thing to be localized before planning the rest (or ""); None for no plan."""
         self._declare()
         start = _State("start", km=state, steps=(), sought="")
         options = {"strategy": "recursive_dfs", "structured_logging": False}
@@ -71,17 +72,17 @@ class Search:
             self.a_end,
         )
         methods, both = self.methods, self._with
-        self._bind("pour", methods.pour_held, methods.pour_into_held, methods.pour_into_unseen)
-        self._bind("pour", *both(methods.pour_into_standing), *both(methods.pour_taking_both))
-        self._bind("take", methods.take_nothing, methods.take_over, *both(methods.take_with))
-        self._bind("put_down", methods.put_down)
+        self._bind(TaskName.POUR, methods.pour_held, methods.pour_into_held, methods.pour_into_unseen)
+        self._bind(TaskName.POUR, *both(methods.pour_into_standing), *both(methods.pour_taking_both))
+        self._bind(TaskName.TAKE, methods.take_nothing, methods.take_over, *both(methods.take_with))
+        self._bind(TaskName.PUT_DOWN, methods.put_down)
         self._bind("localize", methods.localize)
-        self._bind("look_around", methods.look_around)
+        self._bind(TaskName.LOOK_AROUND, methods.look_around)
 
     # --- how actions and methods are bound to GTPyhop -----------------------------------------------------------------
 
     def _action(self, name: str, compute: Callable[..., Step | None]) -> Callable[..., _State | bool]:
-        """The action that appends a step and supposes its changes; not applicable where there is no step."""
+        """Return the action that appends a step and has km make its changes; not applicable if there is no step."""
 
         def action(state: _State, *arguments: str) -> _State | bool:
             try:
@@ -102,7 +103,7 @@ class Search:
         gtpyhop.declare_task_methods(task, *(self._answered(method) for method in methods))
 
     def _answered(self, method: Callable[..., Subtasks | None]) -> Callable[..., Subtasks | None]:
-        """The method, not applicable where km does not know what it asks."""
+        """Return the method, not applicable if km does not know what it asks."""
 
         @wraps(method)
         def answered(state: _State, *arguments: str) -> Subtasks | None:
@@ -115,7 +116,7 @@ class Search:
         return answered
 
     def _with(self, method: Callable[..., Subtasks | None]) -> list[Callable[..., Subtasks | None]]:
-        """The method with either hand, the preferred one first, under names of their own."""
+        """Return the method for each hand, the preferred one first, each with its own name."""
         return [self._sided(method, side) for side in PREFERRED]
 
     def _sided(self, method: Callable[..., Subtasks | None], side: Side) -> Callable[..., Subtasks | None]:
@@ -128,11 +129,11 @@ class Search:
     # --- actions without a step ---------------------------------------------------------------------------------------
 
     def a_replan(self, state: _State, name: str) -> _State:
-        """What follows has to be planned anew, once the thing is localized."""
+        """Return the rest has to be planned again when the thing is localized."""
         state.sought = name
         return state
 
     def a_end(self, state: _State) -> _State:
-        """The end of every plan: here is what was found."""
+        """Return the end of every plan: keep its state."""
         self._end = state
         return state

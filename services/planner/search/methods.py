@@ -1,13 +1,14 @@
-"""The methods of the planning domain: a task and the facts of a state give subtasks, or None where it does not apply.
+"""The methods of the planning domain: from task and facts of a state to subtasks, or None if it does not apply.
 
 Methods follow the published domain of the same group (proghtn-backstream@019fd34: pour, pourAt, takeSd, place, lookAt),
-with the source taken first, as in the paper's plan #1. Each is asked with km's id of the state, then the arguments of
-its task; all facts are asked of km, and each raises Unanswered where km does not know one. Must not know: geometry.
+with the source taken first, as in the paper's plan #1. Arguments are the id of the state at km, then those of the
+task. All facts come from km; a method raises Unanswered if km does not know one. Must not know: geometry.
 """
 
 from collections.abc import Callable
 from typing import Any
 
+from companion.languages.hfsm import TaskName
 from companion.languages.values import Side
 from services.planner.search.facts import Facts
 
@@ -23,58 +24,58 @@ class Methods:
         self.facts, self.failed = facts, failed
 
     def pour_held(self, km: str, source: str, destination: str) -> Subtasks | None:
-        """The source is in a hand and the destination stands in the open, well known: tilt."""
+        """Return the source is held, the pose of the destination known, nothing around it: tilt."""
         side = self.facts.holder(km, source)
         return [("a_pour", source, destination, side)] if side and self._open(km, destination) else None
 
     def pour_into_standing(self, km: str, side: Side, source: str, destination: str) -> Subtasks | None:
-        """The destination stands in the open, well known: take the source and tilt it."""
+        """Return the pose of the destination is known, nothing around it: take the source and tilt it."""
         if self.facts.holder(km, source) or not self._open(km, destination):
             return None
-        return [("take", source, side), ("a_pour", source, destination, side)]
+        return [(TaskName.TAKE, source, side), ("a_pour", source, destination, side)]
 
     def pour_into_held(self, km: str, source: str, destination: str) -> Subtasks | None:
-        """The destination is in a hand: put it down, look where it is, plan again."""
+        """Return the destination is held: put it down, look at it, plan again."""
         held = self.facts.holder(km, destination) is not None
-        return [("put_down", destination), ("localize", destination)] if held else None
+        return [(TaskName.PUT_DOWN, destination), ("localize", destination)] if held else None
 
     def pour_into_unseen(self, km: str, source: str, destination: str) -> Subtasks | None:
-        """The destination was put down and not seen since: look where it is, plan again."""
+        """Return the destination was put down and not seen since: look at it, plan again."""
         held = self.facts.holder(km, destination) is not None
         return None if held or self.facts.exact(km, destination) else [("localize", destination)]
 
     def pour_taking_both(self, km: str, first: Side, source: str, destination: str) -> Subtasks | None:
-        """Both out of their places: the source with one hand, the destination with the other, then put it down."""
+        """Take the source with one hand and the destination with the other, then put the destination down."""
         if self.facts.holder(km, destination) or not self.facts.inside(km, destination):
             return None
         if self.facts.holder(km, source) not in (None, first):
             return None
         return [
-            ("take", source, first),
+            (TaskName.TAKE, source, first),
             ("a_carry", first),
-            ("take", destination, OTHER[first]),
-            ("put_down", destination),
+            (TaskName.TAKE, destination, OTHER[first]),
+            (TaskName.PUT_DOWN, destination),
             ("localize", destination),
         ]
 
     def _open(self, km: str, name: str) -> bool:
-        """Whether the thing stands where it was seen, in the open."""
+        """Whether the thing was seen where it stands, and is not inside another one."""
         if self.facts.holder(km, name) or self.facts.inside(km, name):
             return False
         return self.facts.exact(km, name)
 
     def take_nothing(self, km: str, name: str, side: str) -> Subtasks | None:
-        """It is held already, by the wanted hand."""
+        """Return the wanted hand holds it already."""
         holder = self.facts.holder(km, name)
         return [] if holder is not None and side in ("", holder) else None
 
     def take_over(self, km: str, name: str, side: str) -> Subtasks | None:
-        """The other hand holds it: put it down, look where it is, plan again."""
+        """Return the other hand holds it: put it down, look at it, plan again."""
         holder = self.facts.holder(km, name)
-        return None if holder is None or side in ("", holder) else [("put_down", name), ("localize", name)]
+        return None if holder is None or side in ("", holder) else [(TaskName.PUT_DOWN, name), ("localize", name)]
 
     def take_with(self, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
-        """With an empty hand, where it is a wanted one."""
+        """Take it with this hand, if it is empty and wanted."""
         if side not in ("", hand) or self.facts.holder(km, name):
             return None
         if held := self.facts.in_hand(km, hand):
@@ -91,9 +92,9 @@ class Methods:
         return [("a_place", side), ("a_home", side)]
 
     def localize(self, km: str, name: str) -> Subtasks | None:
-        """Look where it is; what follows needs a new plan."""
+        """Look at it; the rest needs a new plan."""
         return [("a_look", name), ("a_replan", name)]
 
     def look_around(self, km: str) -> Subtasks | None:
-        """It needs nothing, so it can always be done."""
+        """Look around; always applicable."""
         return [("a_look_around",)]

@@ -9,16 +9,16 @@ from companion.languages import rc, wm
 from companion.languages.values import Side
 from services.planner.search.situation import configured
 from services.planner.search.steps import Geometry, Path, Step, move
-from velma.kinematics.tasks.manner import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, Tilting, tiltings
+from velma.kinematics.tasks.speeds import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 
 HELD_TILT = math.radians(40.0)  # task runs with the true robot model
-TILTINGS = 8  # estimate: the quickest way of so many is chosen
+TILTINGS = 8  # estimate: the quickest of this number of tilts is chosen
 HOLD_S = 2.0  # same runs
 
 
 def pour(geometry: Geometry, state: str, source: str, destination: str, side: Side) -> Step | None:
-    """Move the held source beside the destination, tilt it, hold, and turn it back."""
+    """Return the step that moves the held source beside the destination, tilts it, holds, and turns it back."""
     here = geometry.at(state)
     found = tiltings(
         geometry.robot,
@@ -39,7 +39,7 @@ def pour(geometry: Geometry, state: str, source: str, destination: str, side: Si
 
 
 def stream(geometry: Geometry, state: str, source: str, destination: str) -> Stream:
-    """What the tilt is made of, from km."""
+    """Return the geometry of the tilt, from km."""
     rim = geometry.ask(wm.ObjectHole(state=state, object=destination), wm.Hole)
     opening = geometry.ask(wm.ObjectHole(state=state, object=source), wm.Hole)
     return Stream(geometry.pose(state, destination).act(np.array(rim.centre)), rim.radius, opening.centre[2])
@@ -48,7 +48,7 @@ def stream(geometry: Geometry, state: str, source: str, destination: str) -> Str
 def _pouring(
     geometry: Geometry, side: Side, source: str, destination: str, mass: float, tilting: Tilting, path: Path
 ) -> Step:
-    """The step of a solved tilt, `path` leading to its beginning; `mass` of the empty source [kg]."""
+    """Return the step of a solved tilt; `path` leads to its start, `mass` of the empty source [kg]."""
     command = rc.Pour(
         key="",
         side=side,

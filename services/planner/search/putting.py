@@ -23,20 +23,20 @@ from services.planner.search.steps import (
 )
 from velma import names
 from velma.kinematics.frames import transform
-from velma.kinematics.tasks.manner import DOWN_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
 from velma.kinematics.tasks.placing import Placing, backwards, placings
+from velma.kinematics.tasks.speeds import DOWN_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
 
-# [rad] a thing may tilt on its way, with iterations of a tree, tried in turn: an empty bowl may tilt more
+# [rad] largest tilt of a thing on its way, and iterations of a tree, tried in turn: an empty bowl may tilt more
 CARRIED_TILT = ((math.radians(25.0), QUICK), (math.radians(60.0), EFFORTS))
-PLACINGS, TRIES = 12, 300  # placings chosen from, samples tried (estimates)
+PLACINGS, TRIES = 12, 300  # placings to choose from, samples tried (estimates)
 BATCHES = 4  # groups of spots tried (estimate)
 HOME_FINGERS = 1.0  # [rad], same runs
 Retreat = list[tuple[pin.SE3, float]]
-"""Grip poses seen from the grip that lets go, with finger angles [rad], nearest first."""
+"""Grip poses relative to the releasing grip, with finger angles [rad], nearest first."""
 
 
 def place(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Put the held object on a flat surface, let go, retreat."""
+    """Return the step that puts the held object on a flat surface, opens the hand and retreats."""
     here = geometry.at(state)
     held = here.held[side]
     retreat = retreating(geometry, state, held.object, held.grasp)
@@ -58,7 +58,7 @@ def place(geometry: Geometry, state: str, side: Side) -> Step | None:
 
 
 def retreating(geometry: Geometry, state: str, name: str, grasp: str) -> Retreat:
-    """The way of the hand out of a known grasp."""
+    """Return the retreat of the hand from a known grasp."""
     steps = geometry.ask(wm.GraspDefinition(state=state, object=name, grasp=grasp), wm.Grasps).grasps[0].steps
     return backwards([(transform(s.pose).inverse(), s.fingers) for s in steps])
 
@@ -66,7 +66,7 @@ def retreating(geometry: Geometry, state: str, name: str, grasp: str) -> Retreat
 def _solved(
     geometry: Geometry, here: Situation, side: Side, free: list[Spot], base_z: float, retreat: Retreat
 ) -> list[Placing]:
-    """Some placings on the free spots; `base_z`: height of the object's base in its frame [m]."""
+    """Return some placings on the free spots; `base_z`: height of the object's base in its frame [m]."""
     held = here.held[side]
     found = placings(
         geometry.robot,
@@ -84,7 +84,7 @@ def _solved(
 
 
 def _placing(geometry: Geometry, held: Held, placing: Placing, retreat: Retreat, side: Side, path: Path) -> Step:
-    """The step of a solved placing, `path` leading above it."""
+    """Return the step of a solved placing; `path` leads above it."""
     commands = (
         move(side, path, LOADED_SPEED),
         rc.Release(
@@ -111,11 +111,11 @@ def _placing(geometry: Geometry, held: Held, placing: Placing, retreat: Retreat,
 
 
 def home(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Bring an empty arm to its start posture; the torso goes where that is free."""
+    """Return the step that brings an empty arm to its start posture; the torso turns where that is free."""
     here = geometry.at(state)
     reached = geometry.free_motion(here, side, _homes(here, side))
     if reached is None:
-        geometry.failed(f"the {side} arm finds no way home")
+        geometry.failed(f"the {side} arm finds no path home")
         return None
     _, path = reached
     speed = free_speed(here)
@@ -128,7 +128,7 @@ def home(geometry: Geometry, state: str, side: Side) -> Step | None:
 
 
 def _homes(here: Situation, side: Side) -> list[np.ndarray]:
-    """Free postures (15,) with the arm at its start, the torso where it is or at one of some angles."""
+    """Return free postures (15,) with the arm at its start, the torso where it is or at one of HOME_TORSO."""
     goals = []
     for torso in (float(here.q[names.TORSO]), *HOME_TORSO):
         goal = here.q.copy()

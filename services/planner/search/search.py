@@ -1,4 +1,4 @@
-"""The search as one function: a task network and a way to ask km in, a plan or the reason why there is none out."""
+"""The search as one function: from a task network, and a function that asks km, to a plan or the reason for none."""
 
 from collections.abc import Callable
 
@@ -6,15 +6,14 @@ from companion.languages import hfsm, wm
 from services.planner.search import assembling
 from services.planner.search.asking import Asking, Unanswered
 from services.planner.search.domain import TASKS, Search
-from services.planner.search.holding import held_at
 from services.planner.search.steps import Geometry
 from velma.kinematics.robot import Robot
 
-REASONS = 3  # so many of the newest are told; a report has room for no more (estimate)
+REASONS = 3  # the newest ones that are told; a report has room for no more (estimate)
 
 
 class NotATask(Exception):
-    """The network asks for what the domain does not have."""
+    """The network names a task that the domain does not have."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -24,7 +23,7 @@ class NotATask(Exception):
 def search(
     network: hfsm.GroundTaskNetwork, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], seed: int
 ) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
-    """Plan the network's tasks; every fact comes through `ask`. Chance is seeded; limits count iterations."""
+    """Return a plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count iterations."""
     asking = Asking(ask, network.id)
     geometry = Geometry(Robot(), asking, seed)
     try:
@@ -36,24 +35,24 @@ def search(
     if found is None:
         return hfsm.NoPlan(network.id, _reason(geometry.why))
     steps, sought = found
-    held = held_at(asking, start)
+    held = assembling.held_at(asking, start)
     name = "; ".join(" ".join(task) for task in todo)
     return assembling.plan(network.id, name, steps, sought, asking.queries, held)
 
 
 def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
-    """The task with words for things replaced by the things km knows: "jar" -> "jar_1"."""
+    """Return the task with the ids of km in place of words for things: "jar" -> "jar_1"."""
     if TASKS.get(task.name) != len(task.arguments):
         known = ", ".join(f"{name} ({count})" for name, count in TASKS.items())
         raise NotATask(f"no task {task.name!r} of {len(task.arguments)} things is known; tasks are {known}")
     arguments = tuple(_thing(asking, word) for word in task.arguments)
-    if task.name == "pour" and len(set(arguments)) == 1:
+    if task.name == hfsm.TaskName.POUR and len(set(arguments)) == 1:
         raise NotATask(f"{arguments[0]} cannot be poured into itself")
     return (task.name, *arguments)
 
 
 def _thing(asking: Asking, word: str) -> str:
-    """The first thing km knows by this id or kind; words for hands stay as they are."""
+    """Return the first thing that km knows by this id or kind; words for hands stay."""
     if word in ("", "left", "right"):
         return word
     things = asking(wm.ListObjects(), wm.Objects).objects
@@ -65,6 +64,6 @@ def _thing(asking: Asking, word: str) -> str:
 
 
 def _reason(why: list[str]) -> str:
-    """The different reasons of the failed attempts, last first, in one sentence."""
+    """Return the different reasons of the failed attempts, last first, in one sentence."""
     different = list(dict.fromkeys(reversed(why)))
-    return "; ".join(different[:REASONS]) or "the task cannot be taken apart in the present state of the world"
+    return "; ".join(different[:REASONS]) or "no method of the task applies in the present state of the world"

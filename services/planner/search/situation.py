@@ -1,4 +1,4 @@
-"""The situation a step of the plan begins in, as km tells it: postures, what the hands hold, the shapes around."""
+"""The situation at the start of a step, as km tells it: postures, what the hands hold, the shapes around."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ SIDES = (Side.RIGHT, Side.LEFT)
 
 
 def on_wire(pose: pin.SE3) -> Pose:
-    """The pose on the wire of a transform."""
+    """Return the pose, as WM has it, of a transform."""
     return Pose(*xyz_quat(pose))
 
 
@@ -41,14 +41,14 @@ class Situation:
 
 
 def posture(ask: Asking, state: str) -> np.ndarray:
-    """q (15,) [rad] in that state."""
+    """Return q (15,) [rad] in that state."""
     torso = ask(wm.TorsoConfiguration(state=state), wm.Configuration).q
     arms = [ask(wm.ArmConfiguration(state=state, side=side), wm.Configuration).q for side in SIDES]
     return np.array([*torso, *arms[0], *arms[1]])
 
 
 def in_hand(ask: Asking, state: str) -> dict[Side, Held]:
-    """What each hand holds in that state."""
+    """Return what each hand holds in that state."""
     held = {}
     for side in SIDES:
         grasp = ask(wm.GraspAtSide(state=state, side=side), wm.GraspOf)
@@ -58,7 +58,7 @@ def in_hand(ask: Asking, state: str) -> dict[Side, Held]:
 
 
 def situation(ask: Asking, robot: Robot, state: str) -> Situation:
-    """Ask for everything a step has to know; raises Unanswered where km does not know it."""
+    """Return all that a step has to know of a state. Raises Unanswered if km does not know it."""
     held = in_hand(ask, state)
     static = {o.id for o in ask(wm.StaticObjects(state=state), wm.Objects).objects}
     world = collision.World(robot)
@@ -76,7 +76,7 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
 
 
 def configured(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:
-    """The changes that say: torso and this arm stand as in q (15,) [rad], these fingers at an angle [rad]."""
+    """Return the changes to torso and arm as in q (15,) [rad], and to the finger angle [rad]."""
     changes: list[wm.AnyChange] = [
         wm.Configured(part="torso", q=(float(q[names.TORSO]),)),
         wm.Configured(part=f"{side}_arm", q=tuple(float(x) for x in q[names.ARM[side]])),

@@ -1,4 +1,4 @@
-"""Where something can be put down: free spots of the flat surfaces km knows, within the arm's reach, best first."""
+"""Where something can be put down: free spots on flat surfaces that km knows, in reach of the arm, best first."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -14,12 +14,12 @@ from velma.kinematics.frames import heading, standing, transform
 GRID_M, MARGIN_M = 0.025, 0.05  # placement grid and margin of the published planner (proghtn-backstream@019fd34)
 # estimate: the bowl (0.10) and a finger beside it; a jar (0.20) that comes down from 0.10 above, so no shelf
 CLEAR_RADIUS_M, CLEAR_HEIGHT_M = 0.14, 0.35
-ABOVE_M = 0.01  # the volume asked about begins so far above the surface (estimate)
+ABOVE_M = 0.01  # height above the surface where the volume starts that has to be free (estimate)
 BEST_DISTANCE_M, BEST_HEADING = 0.78, math.radians(42.0)  # where runs with the true robot model put and poured
-TURNING_M = 0.5  # a radian away from the best heading is as bad as so many metres from the best distance (estimate)
-TURNED = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)  # [rad] of the torso at which the shoulder is looked at (estimate)
+TURNING_M = 0.5  # a radian from the best heading is as bad as this distance [m] from the best distance (estimate)
+TURNED = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)  # [rad] angles of the torso for which reach is computed (estimate)
 TOGETHER = 8  # spots tried together (estimate)
-NEAR_M = 0.05  # so near one that will not do, another one is not asked about (estimate)
+NEAR_M = 0.05  # spots this close to one that is not free are skipped (estimate)
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,15 @@ class Spot:
     at: np.ndarray
 
     def near(self, others: Iterable["Spot"]) -> bool:
-        """Whether one of the others is hardly elsewhere."""
+        """Whether one of the others is close to it."""
         return any(np.linalg.norm(self.at - other.at) < NEAR_M for other in others)
 
 
 def spots(geometry: Geometry, state: str, side: Side, foot: float, name: str) -> Iterator[list[Spot]]:
-    """Free spots for the thing `name`, which stands on a disc of radius `foot` [m], some at a time, those above the
-    shoulders last; km is asked as they are wanted. Where the thing stood itself counts as free."""
+    """Yield free spots for the thing `name`, which stands on a disc of radius `foot` [m], some at a time.
+
+    Those above the shoulders come last. km is asked only for the spots that are used. The spot where the thing itself
+    stood counts as free."""
     reach = geometry.ask(wm.RobotReach(state=state, side=side), wm.Reach)
     near = _within(reach, geometry.ask(wm.FlatSurfaces(state=state), wm.Surfaces).surfaces, foot)
     shoulder = max(s[2] for s in reach.shoulders)
@@ -60,21 +62,21 @@ def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Itera
 
 
 def _within(reach: wm.Reach, surfaces: Iterable[wm.Surface], foot: float) -> list[Spot]:
-    """Spots that the arm reaches with the torso turned as it needs."""
+    """Return the spots that the arm reaches with the torso turned."""
     shoulders = [standing((0.0, 0.0, 0.0), torso).act(np.array(s)) for s in reach.shoulders for torso in TURNED]
     found = [Spot(surface.object, at) for surface in surfaces for at in _grid(surface, foot)]
     return [s for s in found if reach.near < min(np.linalg.norm(s.at - x) for x in shoulders) < reach.far]
 
 
 def _far_off(spot: Spot, side: Side) -> float:
-    """How far a spot is from where putting down and pouring went well [m]."""
+    """Return how far a spot is from where putting down and pouring went well [m]."""
     wanted = -BEST_HEADING if side is Side.RIGHT else BEST_HEADING
     away = abs(math.hypot(spot.at[0], spot.at[1]) - BEST_DISTANCE_M)
     return away + TURNING_M * abs(heading(spot.at) - wanted)
 
 
 def _grid(surface: wm.Surface, foot: float) -> Iterator[np.ndarray]:
-    """Points of a surface (3,), far enough from its edges."""
+    """Yield points of a surface (3,), far enough from its edges."""
     frame = transform(surface.at)
     half = [s / 2 - foot - MARGIN_M for s in surface.size]
     for x in np.arange(-half[0], half[0] + 1e-9, GRID_M):
@@ -83,7 +85,7 @@ def _grid(surface: wm.Surface, foot: float) -> Iterator[np.ndarray]:
 
 
 def _clear(geometry: Geometry, state: str, spot: Spot, name: str) -> bool:
-    """Whether nothing, the rest of what the spot is part of included, reaches into the space above it."""
+    """Whether the space above the spot is free, also of other parts of the thing it is on."""
     x, y, z = (float(v) for v in spot.at)
     volume = Cylinder(CLEAR_RADIUS_M, CLEAR_HEIGHT_M, Pose((x, y, z + ABOVE_M + CLEAR_HEIGHT_M / 2)))
     query = wm.CollisionsInVolume(state=state, volume=volume, ignored=(name,))

@@ -1,7 +1,7 @@
-"""What the primitive tasks of the domain come to: robot commands, the changes they make, and the time they take.
+"""Steps of primitive tasks: robot commands, the changes they make, and their expected duration.
 
-Each step asks km for what it needs in the state it begins in, computes the geometry, and returns a Step; None where
-no geometry was found, with the reason noted in `why`. Speeds and distances: task runs with the true robot model.
+A step asks km for what it needs in its first state, computes the geometry, and returns a Step; None if no geometry was
+found, with the reason added to `why`. Speeds and distances: task runs with the true robot model.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,12 +20,12 @@ from velma.kinematics.frames import transform
 from velma.kinematics.motion import Keep
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.carrying import upright
-from velma.kinematics.tasks.manner import EMPTY_SPEED, LOADED_SPEED
+from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED
 from velma.kinematics.timing import timed
 
-TRIED, ENOUGH = 8, 3  # estimate: more goals make motions little quicker and planning slower
-# Iterations of a tree: most ways are found in some hundreds (benchmarks/kinematics.py), so all goals get few before any
-# gets many; trees grown for a goal.
+TRIED, ENOUGH = 8, 3  # estimate: more goals make motions hardly quicker, but planning slower
+# Iterations of a tree: most paths need some hundreds (benchmarks/kinematics.py), so all goals are tried with few before
+# any with many; trees for each goal.
 QUICK, EFFORTS, ATTEMPTS = (500,), (500, 4000), 2
 CLOSE_S, OPEN_S = 4.0, 2.5  # [s] a hand takes to close by touch and to open; only for the expected duration
 
@@ -35,7 +35,7 @@ Path = list[np.ndarray]
 
 @dataclass(frozen=True)
 class Step:
-    """Commands of one primitive task (their keys still empty), changes to the state, expected duration [s]."""
+    """Commands of one primitive task (without keys yet), changes to the state, expected duration [s]."""
 
     name: str
     commands: tuple[rc.Act, ...]
@@ -45,7 +45,7 @@ class Step:
 
 @dataclass
 class Geometry:
-    """What every step computes with: the robot, the way to ask km, seeded chance, and why the last attempts failed."""
+    """What all steps share: the robot, queries to km, the seed, and why the last attempts failed."""
 
     robot: Robot
     ask: Asking
@@ -53,23 +53,23 @@ class Geometry:
     why: list[str] = field(default_factory=list)
 
     def rng(self, *words: str) -> np.random.Generator:
-        """Chance that depends on the request's seed and on what is attempted, not on the order of attempts."""
+        """Return random numbers that depend on seed and attempt, not on the order of attempts."""
         return np.random.default_rng([self.seed, *(int.from_bytes(w.encode()[:24], "little") % 2**63 for w in words)])
 
     def at(self, state: str) -> Situation:
-        """The situation in a state of km."""
+        """Return the situation in a state at km."""
         return situation(self.ask, self.robot, state)
 
     def pose(self, state: str, name: str) -> pin.SE3:
-        """Where km says the thing is (T_world_object), in that state."""
+        """Return the pose of the thing (T_world_object) in that state."""
         return transform(self.ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose)
 
     def model(self, state: str, name: str) -> wm.ModelOf:
-        """Shapes, mass and base of the thing."""
+        """Return shapes, mass and base of the thing."""
         return self.ask(wm.ObjectModel(state=state, object=name), wm.ModelOf)
 
     def failed(self, reason: str) -> None:
-        """Note why this attempt gave nothing."""
+        """Note why an attempt failed."""
         self.why.append(reason)
 
     def free_motion(
@@ -82,9 +82,9 @@ class Geometry:
         tried: int = TRIED,
         efforts: Sequence[int] = EFFORTS,
     ) -> tuple[int, Path] | None:
-        """Index of a goal (15,) and the path to it: the quickest of the first few found among the `tried` nearest.
+        """Return index of a goal (15,) and path to it: the quickest of the first few found among the `tried` nearest.
 
-        None where none of them can be reached with the last of the `efforts` (iterations of a tree).
+        None if none of them can be reached with the last of the `efforts` (iterations of a tree).
         Torso and the arm of `side` move; what it holds stays within `largest_tilt` [rad] of the vertical.
         """
         if not goals:
@@ -102,7 +102,7 @@ class Geometry:
     def _ways(
         self, here: Situation, side: Side, goals: list[tuple[int, float, np.ndarray]], keep: Keep | None, effort: int
     ) -> list[tuple[float, int, Path]]:
-        """Duration [s], index and path of some ways; `goals`: index, least time [s], posture, the nearest first."""
+        """Return duration [s], index and path of some paths; `goals`: index, least time [s], posture, nearest first."""
         speed = free_speed(here)
         found: list[tuple[float, int, Path]] = []
         for index, least, goal in goals:
@@ -117,27 +117,27 @@ class Geometry:
         return found
 
     def _upright(self, here: Situation, side: Side, largest_tilt: float | None) -> Keep | None:
-        """The condition that what the hand holds stays upright, if it holds something."""
+        """Return the condition that a held object stays upright; None for an empty hand."""
         if largest_tilt is None or side not in here.held:
             return None
         return upright(self.robot, side, here.held[side].T_grip_object, largest_tilt)
 
     def duration(self, path: Path, speed: float) -> float:
-        """Time [s] of a joint path at a tool speed [m/s]."""
+        """Return the time [s] of a joint path at a tool speed [m/s]."""
         return timed(self.robot, path, tool_speed=speed).duration if len(path) > 1 else 0.0
 
 
 def free_speed(here: Situation) -> float:
-    """Speed [m/s] of the tool in free motions: whoever holds something moves more slowly."""
+    """Return the tool speed [m/s] of free motions: slower with an object in a hand."""
     return LOADED_SPEED if here.held else EMPTY_SPEED
 
 
 def move(side: Side, path: Path, speed: float, fingers: float | None = None) -> rc.MoveJoint:
-    """The command of a free motion."""
+    """Return the command of a free motion."""
     points = tuple(tuple(float(x) for x in q[names.COLUMNS[side]]) for q in path)
     return rc.MoveJoint(key="", side=side, path=points, speed=speed, fingers=fingers)
 
 
 def approach_points(steps: Iterable[tuple[pin.SE3, float]]) -> tuple[rc.ApproachPoint, ...]:
-    """Grip poses with finger angles [rad], as RC says it."""
+    """Return grip poses with finger angles [rad], as RC has them."""
     return tuple(rc.ApproachPoint(on_wire(pose), fingers) for pose, fingers in steps)

@@ -1,4 +1,4 @@
-"""Primitive tasks that take something out of its place and bring it where it is out of the way."""
+"""Primitive tasks that take something from its place and carry it out of the way."""
 
 import math
 from itertools import islice
@@ -13,16 +13,16 @@ from services.planner.search.steps import CLOSE_S, Geometry, Path, Step, approac
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.carrying import carries
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
-from velma.kinematics.tasks.manner import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
+from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 
-GRASPS, CARRIES = 8, 16  # estimate: so many are found in 0.1 s
+GRASPS, CARRIES = 8, 16  # estimate: found in 0.1 s
 CARRY_TILT = math.radians(35.0)  # task runs with the true robot model
-ANY_TORSO = (-0.9, 0.9)  # [rad] the torso may have at a grasp; same runs, for a box (face) never tried
+ANY_TORSO = (-0.9, 0.9)  # [rad] range of the torso at a grasp; same runs; never tried for a box (face)
 TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (-1.0, 1.0)}  # [rad], same runs
 
 
 def take(geometry: Geometry, state: str, name: str, side: Side) -> Step | None:
-    """Grasp an object where it stands and pull it out; the hand must be empty."""
+    """Return the step that grasps an object where it stands and pulls it out; the hand must be empty."""
     here = geometry.at(state)
     known = preferred(geometry, state, name)
     target = _target(geometry, state, name, known[0].out)
@@ -42,13 +42,13 @@ def take(geometry: Geometry, state: str, name: str, side: Side) -> Step | None:
 
 
 def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:
-    """The known grasps of an object that are of the same kind as its first one."""
+    """Return the known grasps of an object of the same kind as its first one."""
     known = geometry.ask(wm.GraspSet(state=state, object=name), wm.Grasps).grasps
     return [g for g in known if g.kind == known[0].kind]
 
 
 def ways(known: list[wm.GraspDef]) -> list[GraspWay]:
-    """Grasps of WM as grasps of the geometry."""
+    """Return grasps of WM as those of velma.kinematics."""
     return [GraspWay(g.id, tuple((transform(s.pose), s.fingers) for s in g.steps)) for g in known]
 
 
@@ -58,8 +58,10 @@ def _target(geometry: Geometry, state: str, name: str, distance: float) -> Targe
 
 
 def out_of(geometry: Geometry, state: str, name: str) -> np.ndarray:
-    """Horizontal unit direction (3,) in which the object leaves its place: out of the opening of what it is in; of
-    what stands in the open, towards the robot."""
+    """Return the horizontal unit direction (3,) in which the object leaves its place.
+
+    Out of the opening of what it is in; else towards the robot.
+    """
     facts = Facts(geometry.ask)
     if facts.inside(state, name):
         around = facts.support(state, name)
@@ -72,7 +74,7 @@ def out_of(geometry: Geometry, state: str, name: str) -> np.ndarray:
 
 
 def _taking(geometry: Geometry, here: Situation, side: Side, target: Target, approach: Approach, path: Path) -> Step:
-    """The step of a solved grasp, `path` leading to its beginning."""
+    """Return the step of a solved grasp; `path` leads to its start."""
     query = wm.GraspDefinition(state=here.state, object=target.name, grasp=approach.grasp)
     grasp = geometry.ask(query, wm.Grasps).grasps[0]
     changes = (
@@ -108,14 +110,14 @@ def _grasping(side: Side, name: str, approach: Approach, grasp: wm.GraspDef, mas
 
 
 def _pulling(side: Side, target: Target) -> rc.MoveCartesian:
-    """Up and out."""
+    """Return the motion up and out."""
     x, y, z = (float(v) for v in target.out * target.distance)
     lift = rc.Segment((0.0, 0.0, LIFT_M), LIFT_SPEED)
     return rc.MoveCartesian(key="", side=side, segments=(lift, rc.Segment((x, y, z), LOADED_SPEED)))
 
 
 def carry(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Bring the held object, upright, where the other arm and the torso have room."""
+    """Return the step that carries the held object, upright, where other arm and torso have room."""
     here = geometry.at(state)
     held = here.held[side]
     postures = carries(geometry.robot, here.world, side, here.q, held.T_grip_object, geometry.rng("carry", side))

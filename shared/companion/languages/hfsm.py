@@ -22,8 +22,17 @@ class Outcome(StrEnum):
     PREEMPTED = "preempted"
 
 
+class TaskName(StrEnum):
+    """The tasks that pl can be asked for. On the wire a name is a str: pl answers one that it does not know."""
+
+    POUR = "pour"
+    TAKE = "take"
+    PUT_DOWN = "put_down"
+    LOOK_AROUND = "look_around"
+
+
 class Task(msgspec.Struct, frozen=True):
-    """One ground task: its name in the planning domain and its arguments."""
+    """One ground task: its name in the planning domain (a TaskName) and its arguments."""
 
     name: str
     arguments: tuple[str, ...]

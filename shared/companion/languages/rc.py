@@ -5,6 +5,8 @@ so that an act is never begun twice. Free motions carry joint paths planned by p
 in the object's frame, and ex solves the joints again from its newest observation.
 """
 
+from enum import StrEnum
+
 import msgspec
 
 from companion.languages.rs import Seen
@@ -120,13 +122,20 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     sim_time: float = 0.0
 
 
-class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """An act ended otherwise.
+class NotDoneKind(StrEnum):
+    """Why an act was not done, for those who decide what comes next."""
 
-    `kind`: refused, busy, failed, replan (the world is not as planned), cancelled,
-    interrupted (the machine was too slow, or a process died while the robot stood still),
-    unknown (a process died while the robot moved).
-    """
+    REFUSED = "refused"
+    BUSY = "busy"
+    FAILED = "failed"
+    REPLAN = "replan"  # the world is not as planned
+    CANCELLED = "cancelled"
+    INTERRUPTED = "interrupted"  # the machine was too slow, or a process died while the robot stood still
+    UNKNOWN = "unknown"  # a process died while the robot moved
+
+
+class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """An act ended otherwise. `kind`: a NotDoneKind; `reason` in words."""
 
     key: str
     kind: str

@@ -5,6 +5,8 @@ group asks of its world (proghtn-backstream, StatesInterface and generators). Ea
 "" for the world as observed. Every answer is a pure function of the store and of that state.
 """
 
+from enum import StrEnum
+
 import msgspec
 
 from companion.languages.values import BodyPosture, Pose, Shape, Side, Vector
@@ -122,8 +124,18 @@ class RobotReach(Query, frozen=True):
     side: Side
 
 
+class Relation(StrEnum):
+    """The relations that `Holds` asks for. On the wire a relation is a str: km answers one that it does not know."""
+
+    IS_IN = "isIn"
+    IS_ON = "isOn"
+    IS_GRASPED_BY = "isGraspedBy"
+    IS_INSTANCE_OF = "isInstanceOf"
+    HAS_EXACT_POSE = "hasExactPose"
+
+
 class Holds(Query, frozen=True):
-    """Does relation (isIn, isOn, isGraspedBy, isInstanceOf, hasExactPose) hold of subject and value? -> Truth"""
+    """Does the relation (a Relation) hold of subject and value? -> Truth"""
 
     relation: str
     subject: str

@@ -4,9 +4,9 @@ import re
 
 import msgspec
 
+from companion.wording import words
 from operate.recording.history import History
 from operate.recording.records import Spoken
-from operate.wording import words
 
 _NUMBERS = re.compile(r"\d+(\.\d+)?")
 

@@ -5,7 +5,7 @@ import rerun as rr
 from companion.design import DESIGN
 from companion.languages import rc, sw
 from companion.telemetry import RobotState
-from companion.words import plain, spaced
+from companion.wording import plain, spaced
 from fipa_codec.performatives import Performative
 from operate.pictures.colours import FRESH, GREY, RED
 from operate.pictures.happenings import Happening

@@ -6,12 +6,12 @@ from collections import defaultdict
 import rerun as rr
 
 from companion.design import DESIGN
+from companion.wording import words as in_words
 from operate.pictures.colours import GREY, ORANGE, RED, channel
 from operate.pictures.happenings import Happening, Lost
 from operate.pictures.sheet import Colour, Sheet, scalars, words
 from operate.recording.records import Origin, Spoken
 from operate.run_folder import Judged
-from operate.wording import words as in_words
 from topdown.judge.verdicts import Verdict
 
 BIN_S = 0.25

@@ -13,7 +13,7 @@ from companion.languages import rc
 from companion.languages.values import Pose, Side
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
-from services.executor.commands import wrong
+from services.executor.words import wrong
 
 MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
 GRASP = rc.Grasp("g1", Side.LEFT, "jar_1", "g", (rc.ApproachPoint(Pose((0.0, 0.0, 0.0)), 0.5),), 0.1, 0.3, 0.2)
@@ -101,7 +101,7 @@ def test_a_key_is_begun_once(scene: Scene) -> None:
     scene.until("agree", "inform")
     scene.ask(MOVE)
     scene.until("agree", "inform", "refuse")
-    assert "never begun again" in scene.last.reason
+    assert "never started again" in scene.last.reason
 
 
 @pytest.mark.parametrize("point", list(Point))

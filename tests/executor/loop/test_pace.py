@@ -13,19 +13,6 @@ from services.executor.loop.timing import Pacer
 from velma.sim.mock_backend import MockBackend
 
 
-class Clock:
-    """A clock that only work and sleep move."""
-
-    def __init__(self):
-        self.now = 0.0
-
-    def monotonic(self):
-        return self.now
-
-    def sleep(self, seconds):
-        self.now += seconds
-
-
 class Slow(MockBackend):
     """A cycle of it takes `work_s`; every tenth `seldom_s`."""
 
@@ -43,10 +30,8 @@ class Slow(MockBackend):
     ("work_s", "seldom_s", "late", "held"),
     [(0.001, 0.001, 0, True), (0.001, 0.0025, 50, True), (0.0015, 0.0045, 250, False), (0.003, 0.003, 740, False)],
 )
-def test_a_pace_is_held_where_few_cycles_are_late(monkeypatch, work_s, seldom_s, late, held):
+def test_a_pace_is_held_where_few_cycles_are_late(clock, work_s, seldom_s, late, held):
     """Of 500 cycles: none, every tenth, five of ten, all but the first (they take 1.5 s, 750 periods)."""
-    clock = Clock()
-    monkeypatch.setattr("services.executor.loop.timing.time", clock)
     core = LoopCore(Slow(clock, work_s, seldom_s))
     found = measure(core, Pacer(core.backend.period_s))
     assert found.held is held

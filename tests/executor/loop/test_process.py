@@ -10,9 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from services.executor.loop import process as process_module
-from services.executor.loop import timing as timing_module
-from services.executor.loop.__main__ import BackendName, build
+from services.executor.loop.__main__ import build
 from services.executor.loop.link import AgentLink, StopLink
 from services.executor.loop.process import Speed
 from services.executor.loop.program import Cancel, Mode, Phase, motion
@@ -20,34 +18,16 @@ from services.executor.loop.timing import Histogram, Pacer
 from velma.errors import SlotError
 from velma.model import scene
 from velma.names import START
+from velma.sim.mock_backend import MockBackend
+from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import Truth
-
-
-class FakeTime:
-    """A clock that the test moves."""
-
-    def __init__(self):
-        self.now = 0.0
-
-    def monotonic(self):
-        return self.now
-
-    def sleep(self, seconds):
-        self.now += seconds
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    fake = FakeTime()
-    monkeypatch.setattr(process_module, "time", fake)
-    return fake
 
 
 @pytest.fixture
 def pair(tmp_path, clock):
     """A loop on the pretended robot at full speed, and its agent."""
     path = tmp_path / "loop.slots"
-    loop = build(path, asked=scene.load(), speed=Speed.MAX, backend=BackendName.MOCK, realtime=False)
+    loop = build(path, MockBackend(), speed=Speed.MAX, realtime=False)
     return loop, AgentLink(path), path
 
 
@@ -117,19 +97,14 @@ def test_a_cancel_reaches_the_motion(pair):
 @pytest.fixture(params=[Speed.REAL, Speed.MAX])
 def at_speed(request, tmp_path, clock):
     """A loop on the pretended robot in a motion of 2 s, its agent, and the clock, at both speeds."""
-    monkeypatched = pytest.MonkeyPatch()
-    monkeypatched.setattr(timing_module, "time", clock)
-    loop = build(
-        tmp_path / "loop.slots", asked=scene.load(), speed=request.param, backend=BackendName.MOCK, realtime=False
-    )
+    loop = build(tmp_path / "loop.slots", MockBackend(), speed=request.param, realtime=False)
     agent = AgentLink(tmp_path / "loop.slots")
     for _ in range(5000):
         loop.turn()
     assert agent.state().mode is Mode.MOTION, "between acts nobody need beat"
     agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
     loop.turn()
-    yield loop, agent, clock
-    monkeypatched.undo()
+    return loop, agent, clock
 
 
 def silent(loop, clock, seconds):
@@ -220,7 +195,7 @@ def test_the_end_is_damping(pair):
 def test_a_simulated_loop_shows_world_and_truth(tmp_path):
     """The mirror's coordinates for the receptor; the truth sealed, for the monitor."""
     path = tmp_path / "loop.slots"
-    build(path, asked=scene.load(), speed=Speed.MAX, backend=BackendName.MUJOCO, realtime=False)
+    build(path, MujocoBackend(scene.load()), speed=Speed.MAX, realtime=False)
     agent = AgentLink(path)
     assert agent.state().configuration.shape == (137,)
     truth = msgspec.msgpack.decode(agent.sealed_truth(), type=Truth)
@@ -240,10 +215,8 @@ def test_lateness_is_counted_in_fixed_bins():
     assert Histogram().figures() == {}
 
 
-def test_a_pacer_keeps_absolute_deadlines_and_gives_up_what_is_long_gone(monkeypatch):
+def test_a_pacer_keeps_absolute_deadlines_and_gives_up_what_is_long_gone(clock):
     """A late cycle is caught up; a long absence is counted as skipped periods, not run through."""
-    clock = FakeTime()
-    monkeypatch.setattr("services.executor.loop.timing.time", clock)
     pacer = Pacer(0.002)
     for _ in range(100):
         pacer.wait()

@@ -15,11 +15,11 @@ from companion.languages.values import Pose, Side
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion, Phase
 from services.executor.receptor import Receptor
-from services.executor.skills import ways
+from services.executor.simulation import InProcess, receptor, things
+from services.executor.skills import own_paths
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation, beginning
 from services.executor.skills.skill import Sensed
-from services.executor.virtual import InProcess, receptor, things
 from velma.kinematics import motion
 from velma.kinematics.collision import MARGIN
 from velma.kinematics.frames import transform, xyz_quat
@@ -131,7 +131,7 @@ class Acting:
 
     def _reached(self, side: Side, target: Target, way: GraspWay) -> tuple[Approach, list[np.ndarray]]:
         here, rng = self.here, np.random.default_rng(1)
-        with ways.room(here, MARGIN):
+        with own_paths.room(here, MARGIN):
             for found in approaches(self.robot, here.world, side, here.q, target, [way], rng, wanted=WAYS_IN_TRIED):
                 here.world.fingers(side, found.steps[0][1])
                 path = motion.plan(self.robot, here.world, side, here.q, found.way_in[0])

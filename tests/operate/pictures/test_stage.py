@@ -14,7 +14,7 @@ from companion.tools.pictures import robot
 from companion.tools.pictures.acts import DONE, PLANNED
 from companion.tools.pictures.plan import PLAN
 from companion.tools.pictures.velma import VELMA
-from companion.words import plain
+from companion.wording import plain
 from operate.pictures.file import end_s
 from operate.pictures.graph import GRAPH, positions
 from operate.pictures.happenings import Happening

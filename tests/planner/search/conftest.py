@@ -9,7 +9,7 @@ import pytest
 
 from companion.languages import hfsm, wm
 from companion.languages.values import BodyPosture, Pose, Side
-from services.executor import virtual
+from services.executor import simulation
 from services.executor.skills.motions import aim
 from services.knowledge import answers
 from services.knowledge.observe import apply, observed
@@ -17,7 +17,7 @@ from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
 from services.knowledge.store import Store
 from services.planner.search.search import search
-from services.task.survey import SURVEY
+from services.task.words import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat
 from velma.model.scene import load
@@ -72,7 +72,7 @@ def steps(plan: hfsm.HierarchicalPlan | hfsm.NoPlan) -> list[str]:
 def beginning() -> Scene:
     """The robot stands in its start posture and has looked around, with the noise of its receptor."""
     scene = load()
-    backend, eye, models = MujocoBackend(scene), virtual.receptor(scene), virtual.things(scene)
+    backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.things(scene)
     qpos, store = backend.configuration().copy(), Store.open()
     told: list[wm.AnyObservation] = []
     for point in SURVEY.at:

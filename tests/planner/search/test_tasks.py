@@ -135,6 +135,15 @@ def test_looking_around_needs_no_fact(km, named) -> None:
     assert named(km(Scene()).plan("look_around")) == ["look around"]
 
 
+def test_every_task_that_has_a_name_can_be_asked_for(km, beginning: Scene) -> None:
+    """With three arguments none is one, and the sentence that says so lists each of them."""
+    for name in hfsm.TaskName:
+        plan = km(beginning).plan(name, "jar", "bowl", "table")
+        assert isinstance(plan, hfsm.NoPlan)
+        tasks = plan.reason.rpartition("tasks are ")[2].split(", ")
+        assert [task.partition(" ")[0] for task in tasks] == list(hfsm.TaskName)
+
+
 @pytest.mark.parametrize("task", [("dance",), ("pour", "jar"), ("take", "jar"), ("localize", "jar")])
 def test_what_is_no_task_is_refused_in_words(km, beginning: Scene, task: tuple[str, ...]) -> None:
     """Unknown names and wrong numbers of things; the reason lists the tasks there are."""

@@ -1,4 +1,4 @@
-"""Short-lived changes of the collision world: an object in the hand, or standing, while something is tried."""
+"""Temporary changes of the collision world: an object in the hand, or at rest, while something is tried."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ from velma.kinematics.collision import World
 
 @contextmanager
 def held(world: World, name: str, side: str, T_grip_object: pin.SE3) -> Iterator[None]:
-    """The object is in the hand inside the block and stands where it was afterwards."""
+    """Attach an object to the hand inside the block; afterwards it is where it was."""
     stood = world.pose(name)
     world.attach(name, side, T_grip_object)
     try:
@@ -21,7 +21,7 @@ def held(world: World, name: str, side: str, T_grip_object: pin.SE3) -> Iterator
 
 @contextmanager
 def stood(world: World, name: str, pose: pin.SE3, side: str) -> Iterator[None]:
-    """The object stands at `pose` inside the block and is in the hand again afterwards."""
+    """Put an object at rest at `pose` inside the block; afterwards it is in the hand again."""
     T_grip_object = world.held(name)
     world.detach(name, pose)
     try:
@@ -32,7 +32,7 @@ def stood(world: World, name: str, pose: pin.SE3, side: str) -> Iterator[None]:
 
 @contextmanager
 def allowed(world: World, *pairs: tuple[str, str]) -> Iterator[None]:
-    """These groups may touch as well inside the block, and afterwards only those that might before."""
+    """Allow more groups to touch inside the block."""
     before = world.allow()
     world.allow(*before, *pairs)
     try:

@@ -1,4 +1,4 @@
-"""A posture in which an arm holds an object upright and leaves the other arm and the torso room to work."""
+"""Postures in which an arm holds an object upright and leaves room for the other arm and the torso."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ from velma.kinematics.robot import Robot
 REGION_LOW = np.array([0.20, 0.35, 0.95])
 REGION_HIGH = np.array([0.45, 0.70, 1.35])
 HEADING = (-0.6, 1.2)  # [rad], same runs
-TORSO_SWEEP = (-1.0, -0.5, 0.3, 0.6)  # [rad], the torso must be able to turn so far with the object held
+TORSO_SWEEP = (-1.0, -0.5, 0.3, 0.6)  # [rad], angles to which the torso must be able to turn with the object held
 
 
 def carries(
@@ -30,7 +30,7 @@ def carries(
     torso: float = 0.0,
     tries: int = 300,
 ) -> Iterator[np.ndarray]:
-    """Free carry postures (15,); the object is attached to the hand in `world`."""
+    """Yield free carry postures (15,); the object is attached to the hand in `world`."""
     mirror = 1.0 if side == "left" else -1.0
     object_yaw = heading(T_grip_object.inverse().rotation[:, 2])
     for _ in range(tries):
@@ -44,7 +44,7 @@ def carries(
 
 
 def upright(robot: Robot, side: str, T_grip_object: pin.SE3, largest_tilt: float) -> Callable[[np.ndarray], bool]:
-    """A condition on q (15,): the held object's axis stays within `largest_tilt` [rad] of the vertical."""
+    """Return the condition on q (15,) that the axis of the object stays within `largest_tilt` [rad] of the vertical."""
     least = math.cos(largest_tilt)
     axis = np.ascontiguousarray(T_grip_object.rotation[:, 2])
 

@@ -1,4 +1,4 @@
-"""How a hand gets at an object and out with it: approach, lift, pull out, with the torso still.
+"""Grasps: approach an object, lift it, pull it out, with the torso at rest.
 
 Numbers of the sequence: bench and task runs with the true robot model (approach 0.15 m in front, lift 0.03 m, jar
 pulled out by 0.28 m and bowl by 0.22 m), grasps of proghtn-backstream@019fd34.
@@ -65,7 +65,7 @@ def approaches(
     wanted: int = 4,
     tries: int = 400,
 ) -> list[Approach]:
-    """Up to `wanted` solved grasps, most comfortable first; empty where `tries` candidates gave none.
+    """Return up to `wanted` solved grasps, most comfortable first; empty if `tries` candidates gave none.
 
     q (15,): the other arm keeps its joints. The object stands in `world` under its name, and is there again afterwards.
     """
@@ -85,8 +85,8 @@ def _candidates(ways: Sequence[GraspWay], rng: np.random.Generator, tries: int) 
 
 
 def grips(target: Target, way: GraspWay, azimuth: float) -> list[pin.SE3] | None:
-    """Grip poses in the world for each step of `way`, the object turned so that the hand comes against `target.out`
-    turned by `azimuth` [rad]. None for an object that is not symmetric and whose own direction is too far from that."""
+    """Return the grip poses in the world for each step of `way`, the object turned so that the hand approaches against
+    `target.out` turned by `azimuth` [rad]. None for an object that is not symmetric and turned too far from that."""
     T_object_grip = [pose.inverse() for pose, _ in way.steps]
     wanted = heading(-target.out) + azimuth
     if target.symmetric:
@@ -129,7 +129,7 @@ def _solve(
 
 
 def _through(robot: Robot, world: World, side: str, q: np.ndarray, poses: Sequence[pin.SE3]) -> list[np.ndarray] | None:
-    """Straight lines from q through grip poses, each state free; None where a line is blocked."""
+    """Return straight lines from q through grip poses, each state free; None if a line is blocked."""
     path = [q]
     for pose in poses:
         try:
@@ -142,7 +142,7 @@ def _through(robot: Robot, world: World, side: str, q: np.ndarray, poses: Sequen
 def _pull(
     robot: Robot, world: World, side: str, grasp: np.ndarray, target: Target, grip: pin.SE3
 ) -> list[np.ndarray] | None:
-    """Lift unchecked (the object still touches what it stands on), then pull out with the object in the hand."""
+    """Return the lift, unchecked (the object still touches its support), and the path out with it in the hand."""
     up = shifted(grip, np.array([0.0, 0.0, LIFT_M]))
     with attaching.held(world, target.name, side, grip.inverse() * target.pose):
         try:

@@ -1,7 +1,7 @@
-"""Where and how a held object is put down: above the place, straight down, and back out with the open hand.
+"""Places for a held object: a posture above, straight down, and the retreat of the open hand.
 
-The whole retreat is checked when the place is chosen: a hand that cannot get away, or ends against its own forearm, was
-the cause of the runs that found no way home.
+The whole retreat is checked when the place is chosen: runs that found no path home had a hand that could not retreat,
+or that ended against its own forearm.
 """
 
 from collections.abc import Iterator, Sequence
@@ -47,10 +47,9 @@ def placings(
     torso: tuple[float, float] = (-1.2, 1.2),
     tries: int = 500,
 ) -> Iterator[Placing]:
-    """Solved places of the object attached to the hand, its origin on one of `spots`: its support and where (3,) [m].
+    """Yield solved places of the object attached to the hand, its origin on one of `spots` (support, point (3,) [m]).
 
-    `retreat`: T_release_grip and finger angle, nearest first. Yields as they are found; the object is attached
-    again after each.
+    `retreat`: T_release_grip and finger angle, nearest first. The object is attached again after each.
     """
     for _ in range(tries):
         support, spot = spots[int(rng.integers(len(spots)))]
@@ -80,14 +79,17 @@ def placings(
 
 
 def backwards(approach: Sequence[tuple[pin.SE3, float]]) -> list[tuple[pin.SE3, float]]:
-    """The retreat that undoes an approach (T_object_grip and finger angle, the grasp last): T_release_grip, nearest
-    first, seen from the grip that lets go. So it does not matter how the object lies in the hand by then."""
+    """Return the retreat that reverses an approach (T_object_grip and finger angle, the grasp last).
+
+    As T_release_grip, nearest first: relative to the releasing grip, so the pose of the object in the hand does not
+    matter.
+    """
     grasp = approach[-1][0].inverse()
     return [(grasp * pose, fingers) for pose, fingers in approach[-2::-1]]
 
 
 def retreat_poses(grip: pin.SE3, retreat: Sequence[tuple[pin.SE3, float]]) -> list[pin.SE3]:
-    """Grip poses in the world of a retreat that begins at `grip`; then back and up."""
+    """Return grip poses in the world of a retreat that begins at `grip`; then back and up."""
     poses = [grip * T_release_grip for T_release_grip, _ in retreat]
     last = poses[-1] if poses else grip
     return [*poses, shifted(last, np.array([0.0, 0.0, UP_M]) - last.rotation[:, 2] * BACK_M)]

@@ -26,7 +26,7 @@ LARGEST_STEP = 0.3  # [rad] a joint may move between two of them; same runs
 
 @dataclass(frozen=True)
 class Stream:
-    """What the tilt is made of: centre of the bowl's rim (3,), its radius, the jar's opening above its origin [m]."""
+    """Geometry of a tilt: centre (3,) and radius of the rim of the bowl, jar's opening above its origin [m]."""
 
     rim: np.ndarray
     rim_radius: float
@@ -63,7 +63,7 @@ def tiltings(
     *,
     tries: int = 1500,
 ) -> Iterator[Tilting]:
-    """Solved tilts, as they are found; the jar is attached to the hand in `world`, the torso stays still in each."""
+    """Yield solved tilts; the jar is attached to the hand in `world`, the torso is at rest in each."""
     for _ in range(tries):
         azimuth, spin = rng.uniform(-np.pi, np.pi, 2)
         held = T_grip_object.inverse()
@@ -95,7 +95,7 @@ def follow(
     spin: float,
     tilts: tuple[float, float],
 ) -> list[np.ndarray] | None:
-    """Postures that tilt from one angle to the other [rad], beginning at q (15,); None where one is blocked."""
+    """Return postures that tilt from one angle to the other [rad], beginning at q (15,); None where one is blocked."""
     held = T_grip_object.inverse()
     path = [q]
     for tilt in np.linspace(*tilts, max(2, int(abs(tilts[1] - tilts[0]) / STEP)))[1:]:

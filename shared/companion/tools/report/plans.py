@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from companion.languages import cmd, hfsm, rc, sw
-from companion.words import plain, spaced
+from companion.wording import plain, spaced
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken

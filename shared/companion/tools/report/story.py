@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from companion.languages import cmd, rc, sw
 from companion.tools.report.plans import REFUSED, Act, acts, asked, commands, made, outcome, ran, task_end
-from companion.words import plain, spaced
+from companion.wording import plain, spaced
 from operate.recording.history import History
 from operate.reports.figures import ACCENT, FAINT, INK, WIDTH_IN, drawing
 

@@ -16,7 +16,7 @@ from rich.live import Live
 from companion.languages.cmd import TaskState
 from companion.run_files import TaskLine
 from companion.tools.verbs.hi import Hi
-from companion.words import plain
+from companion.wording import plain
 from operate.cli import interrupts
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import starting

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from companion.design import DESIGN
 from companion.run_files import TaskLine
-from companion.words import plain
+from companion.wording import plain
 from operate.cli.fleet.state_words import COLOURS, doing, waited_for
 from operate.cli.terminal.run_state import Event, Plan, View, leaves
 from operate.run_folder import Fleet

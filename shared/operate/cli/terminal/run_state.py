@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from companion.words import plain
+from companion.wording import plain
 from operate.run_folder import Against, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
 
 LATEST_EVENTS = 20  # the picture shows as many of them as there is room for

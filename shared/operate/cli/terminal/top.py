@@ -13,7 +13,7 @@ from rich.text import Text
 
 from companion.run_files import TaskLine
 from companion.tools.verbs.hi import Hi
-from companion.words import plain
+from companion.wording import plain
 from operate.cli.errors import ConsoleError, NoRunError
 from operate.cli.fleet import targets
 from operate.cli.fleet.agents import COLUMNS, cells

@@ -1,7 +1,7 @@
-"""What ex shows people of the robot, 20 times a second: telemetry, and the sealed truth of the simulation; pictures.
+"""Telemetry of the robot, 20 times a second, the sealed truth of the simulation, and pictures.
 
-A thread of its own with its own link to the loop; newest wins and nothing waits for it. The truth is passed on as the
-loop wrote it: nobody here reads it.
+A thread with its own link to the loop. Only the newest state counts, and nothing waits for it. The truth is passed on
+as the loop wrote it; ex does not read it.
 """
 
 import contextlib
@@ -18,8 +18,8 @@ from services.executor.pictures import Pictures
 from velma.errors import SlotError
 
 
-class Telling:
-    """`skill`: what the act under way is, in a word; set by whoever hands acts out."""
+class Telemetry:
+    """`skill`: the name of the act under way; set by the device that hands acts out."""
 
     def __init__(self, post: Post, path: Path, pictures: Pictures) -> None:
         self.skill = ""
@@ -37,7 +37,7 @@ class Telling:
 
     def _serve(self) -> None:
         while not self._over.wait(1.0 / RATE_HZ):
-            with contextlib.suppress(SlotError):  # no loop at present: nothing to tell
+            with contextlib.suppress(SlotError):  # no loop at present
                 self._tell(self._reached())
 
     def _reached(self) -> AgentLink:
@@ -60,7 +60,7 @@ class Telling:
 
 
 def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> RobotState:
-    """The loop's state as people's screens take it."""
+    """Return the state of the loop as telemetry."""
     acting = told.report.phase is Phase.RUNNING
     (right, right_distal), (left, left_distal) = state.fingers(0), state.fingers(1)
     return RobotState(
@@ -86,5 +86,5 @@ def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> Rob
 
 
 def _figures(us: dict[str, float]) -> Lateness:
-    """Zeros where nothing was counted."""
+    """Return the figures, 0 where nothing was counted."""
     return Lateness(**{name: us.get(name, 0.0) for name in ("p50", "p99", "p999", "max")})

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from services.executor.local import Brake, Do, Felt, Halt, Lost, Moved, Stands, Where
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import LoopProcess, Speed
 from services.executor.loop.program import Mode, Phase, motion
 from services.executor.loop.timing import Pacer
-from services.executor.reaching import SlotLoop
-from services.executor.telling import robot_state
-from services.executor.words import Brake, Do, Felt, Halt, Lost, Moved, Stands, Where
+from services.executor.loop_device import LoopDevice
+from services.executor.telemetry import robot_state
 from velma.sim.mock_backend import MockBackend
 
 PATIENCE_S = 20.0
@@ -85,13 +85,13 @@ def heard() -> Heard:
 
 
 @pytest.fixture
-def reach(heard: Heard, slots: Path) -> Iterator[SlotLoop]:
-    device = SlotLoop(heard, slots)
+def reach(heard: Heard, slots: Path) -> Iterator[LoopDevice]:
+    device = LoopDevice(heard, slots)
     yield device
     device.close()
 
 
-def where(reach: SlotLoop, heard: Heard) -> Felt:
+def where(reach: LoopDevice, heard: Heard) -> Felt:
     """How the robot stands."""
     reach.tell(Where(1))
     word = heard.next()
@@ -106,7 +106,7 @@ def path(felt: Felt, seconds: float, to: float = 0.3) -> np.ndarray:
     return q
 
 
-def test_a_motion_is_done(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+def test_a_motion_is_done(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
     """What the loop was asked is where the robot stands afterwards."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 0.5))))
@@ -116,7 +116,7 @@ def test_a_motion_is_done(turned: Turned, reach: SlotLoop, heard: Heard) -> None
     assert word.felt.setpoint()[7] == pytest.approx(felt.setpoint()[7] + 0.3, abs=1e-6)
 
 
-def test_two_motions_of_one_key(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+def test_two_motions_of_one_key(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
     """The report of an act's first motion is not taken for that of the second."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 0.3))))
@@ -128,7 +128,7 @@ def test_two_motions_of_one_key(turned: Turned, reach: SlotLoop, heard: Heard) -
     assert second.felt.setpoint()[7] == pytest.approx(felt.setpoint()[7] + 0.6, abs=1e-6)
 
 
-def test_a_motion_is_braked(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+def test_a_motion_is_braked(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
     """A cancel brings it to rest before its end, as a cancelled one."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 60.0))))
@@ -138,7 +138,7 @@ def test_a_motion_is_braked(turned: Turned, reach: SlotLoop, heard: Heard) -> No
     assert word.felt.ended == "cancelled"
 
 
-def test_a_refused_motion_has_failed(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+def test_a_refused_motion_has_failed(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
     """A motion that begins elsewhere is refused by the loop, with its reason."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 0.3) + 1.0)))
@@ -148,7 +148,7 @@ def test_a_refused_motion_has_failed(turned: Turned, reach: SlotLoop, heard: Hea
     assert "knot" in word.felt.reason
 
 
-def test_a_motion_too_long_for_the_slot(turned: Turned, reach: SlotLoop, heard: Heard) -> None:
+def test_a_motion_too_long_for_the_slot(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
     """It has failed, with the sizes in words, and the next one is served."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 600.0))))
@@ -158,7 +158,7 @@ def test_a_motion_too_long_for_the_slot(turned: Turned, reach: SlotLoop, heard: 
     where(reach, heard)
 
 
-def test_a_new_loop_loses_the_motion(turned: Turned, reach: SlotLoop, heard: Heard, slots: Path) -> None:
+def test_a_new_loop_loses_the_motion(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
     """Another loop's file in the same place: nobody knows how the motion ended; the new loop is found at once."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 200.0))))
@@ -171,7 +171,7 @@ def test_a_new_loop_loses_the_motion(turned: Turned, reach: SlotLoop, heard: Hea
     second.end()
 
 
-def test_without_a_loop(reach: SlotLoop, heard: Heard, slots: Path) -> None:
+def test_without_a_loop(reach: LoopDevice, heard: Heard, slots: Path) -> None:
     """Where is answered at once that there is none; Halt waits until there is one."""
     reach.tell(Where(1))
     word = heard.next()
@@ -183,7 +183,7 @@ def test_without_a_loop(reach: SlotLoop, heard: Heard, slots: Path) -> None:
     loop.end()
 
 
-def test_halt_stops_what_moves(turned: Turned, reach: SlotLoop, heard: Heard, slots: Path) -> None:
+def test_halt_stops_what_moves(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
     """After a restart of the agent the motion of its former life is brought to rest."""
     felt = where(reach, heard)
     stranger = AgentLink(slots)
@@ -196,7 +196,7 @@ def test_halt_stops_what_moves(turned: Turned, reach: SlotLoop, heard: Heard, sl
     assert AgentLink(slots).told().report.phase != "running"
 
 
-def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: SlotLoop, heard: Heard, slots: Path) -> None:
+def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
     """Where ends the hold after a lost heartbeat; a person's stop stays until a person ends it."""
     felt = where(reach, heard)
     stranger = AgentLink(slots)
@@ -210,7 +210,7 @@ def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: SlotLoop, 
     assert stranger.state().mode is Mode.STOPPED
 
 
-def test_telemetry_shows_the_state(turned: Turned, reach: SlotLoop, heard: Heard, slots: Path) -> None:
+def test_telemetry_shows_the_state(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
     """Measured joints, mode and act are those of the loop."""
     felt = where(reach, heard)
     link = AgentLink(slots)

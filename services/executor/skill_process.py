@@ -1,7 +1,7 @@
-"""The worker of ex: a child process that runs skills and owns the receptor; it yields motions and outcomes.
+"""The child process of ex that runs skills and owns the receptor. It sends motions and outcomes.
 
-It keeps nothing between acts but what is dear to make (robot model, mirror of the world): a situation is made of what
-the agent remembers, so a new worker goes on where the old one died.
+Between acts it keeps only what is slow to make (robot model, copy of the world). A situation is made of what the agent
+remembers, so a new process goes on where the old one died.
 """
 
 import numpy as np
@@ -9,34 +9,33 @@ import numpy as np
 from agent_runtime.io.worker import Link
 from companion.languages import rc, rs
 from companion.languages.values import Pose, Side
-from services.executor import virtual
-from services.executor.doing import duration
+from services.executor import simulation
+from services.executor.acting import duration
+from services.executor.local import Ended, Feel, Felt, Move, Perform, Setup, ToSkill
 from services.executor.loop.program import Motion
 from services.executor.receptor import Receptor
 from services.executor.remembered import Holding, Remembered
-from services.executor.setting import scene_of
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Held, Situation, beginning
 from services.executor.skills.skill import Sensed
-from services.executor.words import Ended, Feel, Felt, Move, Perform, Setup, ToWorker
 from velma.kinematics import timing
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
 
-# What an act takes beside its first motion [s, simulated]; estimates, they only bound how long anybody waits.
+# Duration of an act beside its first motion [s, simulated]; estimates, used only for time-outs.
 REST_S = {rc.Grasp: 12.0, rc.Release: 20.0, rc.Pour: 30.0, rc.Look: 8.0, rc.MoveCartesian: 5.0}
 
 
 class Stage:
-    """What outlives an act: the robot's model, the receptor, what a marker says about its thing."""
+    """What is kept between acts: the robot model, the receptor, the model of each marked thing."""
 
     def __init__(self, setup: Setup) -> None:
-        asked = scene_of(setup)
-        self.robot, self.things = Robot(), virtual.things(asked)
-        self.eye: Receptor = virtual.receptor(asked)
+        asked = simulation.scene_of(setup)
+        self.robot, self.things = Robot(), simulation.things(asked)
+        self.eye: Receptor = simulation.receptor(asked)
 
     def situation(self, kept: Remembered, felt: Felt) -> Situation:
-        """What ex knows at the beginning of an act."""
+        """Return what ex knows at the start of an act."""
         here = beginning(self.robot, dict(self.things))
         here.q, here.head, here.time = felt.setpoint().copy(), felt.head, felt.time
         for name, seen in kept.seen.items():
@@ -48,7 +47,7 @@ class Stage:
         return here
 
     def sensed(self, felt: Felt) -> Sensed:
-        """What the loop felt, with what the receptor sees."""
+        """Return what the loop measured, with what the receptor sees."""
         return Sensed(
             ended=felt.ended,
             reason=felt.reason,
@@ -63,7 +62,7 @@ class Stage:
 
 
 def remembered(here: Situation) -> Remembered:
-    """A situation in plain words."""
+    """Return a situation as plain data."""
     seen = {
         name: rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), here.time) for name, pose in here.seen.items()
     }
@@ -77,29 +76,29 @@ def remembered(here: Situation) -> Remembered:
 
 
 def serve(link: Link) -> None:
-    """The child: one act after another, until the agent is gone."""
+    """Run one act after the other until the agent is gone."""
     stage = Stage(link.recv(Setup))
-    word = link.recv(ToWorker)
+    word = link.recv(ToSkill)
     while True:
-        word = _act(link, stage, word) if isinstance(word, Perform) else link.recv(ToWorker)
+        word = _act(link, stage, word) if isinstance(word, Perform) else link.recv(ToSkill)
 
 
 def _act(link: Link, stage: Stage, word: Perform) -> Perform | Feel:
-    """Run one skill; the first word that does not belong to it."""
+    """Run one skill; return the first message that does not belong to it."""
     here = stage.situation(word.remembered, word.felt)
     work = perform(here, word.command)
     try:
         motion = next(work)
         while True:
             link.send(Move(word.number, motion, _expected(word.command, motion), remembered(here)))
-            reply: Perform | Feel = link.recv(ToWorker)
+            reply: Perform | Feel = link.recv(ToSkill)
             if not isinstance(reply, Feel) or reply.number != word.number:
                 return reply
             motion = work.send(stage.sensed(reply.felt))
     except StopIteration as stop:
         link.send(Ended(word.number, stop.value, remembered(here)))
-        timing.loaded()  # the first act is a look, which does without; now nobody waits
-    following: Perform | Feel = link.recv(ToWorker)
+        timing.loaded()  # loaded now, while nobody waits: the first act is a look, which does not need it
+    following: Perform | Feel = link.recv(ToSkill)
     return following
 
 

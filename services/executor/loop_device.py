@@ -1,9 +1,9 @@
-"""The loop as a device of ex's agent: its slots watched by one thread, which also beats for the agent during an act.
+"""The control loop as a device of ex: one thread reads its slots, and sends the agent's heartbeat during an act.
 
-Another loop process (its file was replaced) or one that stands still loses the motion under way: Lost. Whatever holds
-the robot after a fault is released when the agent asks where it stands; a person's stop is not.
+A motion is Lost if another loop process took over (the file was replaced) or the loop stands still. A hold after a
+fault is released when the agent asks for the posture; a person's stop is not.
 
-Waits for the loop end after a number of looks, not at a time: a machine that suspends this process loses no motion.
+A wait for the loop ends after a number of looks, not at a time: a machine that suspends this process loses no motion.
 """
 
 import queue
@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from agent_runtime.io.devices import Post
+from services.executor.local import Brake, Do, Felt, Halt, Lost, Moved, Stands, ToLoop, Where
 from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told
 from services.executor.loop.program import Cancel, Mode, Phase, Release
-from services.executor.words import Brake, Do, Felt, Halt, Lost, Moved, Stands, ToLoop, Where
 from velma.errors import SlotError
 from velma.names import SIDES
 
@@ -31,11 +31,11 @@ RELEASED_WITHIN_S = 5.0  # estimate: the dwell of a held robot is a fraction of 
 
 
 class Gone(Exception):
-    """There is no loop, or not the one the motion was given to."""
+    """There is no loop, or not the one that got the motion."""
 
 
-class SlotLoop:
-    """Words in by `tell`, words out by `post`; a thread does the rest."""
+class LoopDevice:
+    """Takes messages by `tell` and answers by `post`; a thread does the work."""
 
     busy = False
 
@@ -48,7 +48,7 @@ class SlotLoop:
         self._thread.start()
 
     def tell(self, content: ToLoop) -> None:
-        """Hand a word to the thread."""
+        """Hand a message to the thread."""
         self._words.put(content)
 
     def close(self) -> None:
@@ -64,7 +64,7 @@ class SlotLoop:
                 return
 
     def _do(self, word: ToLoop) -> bool:
-        """Carry a word out; False where the thread is to end."""
+        """Carry out a message; return False if the thread has to end."""
         try:
             match word:
                 case Where(number=number):
@@ -80,7 +80,7 @@ class SlotLoop:
         return True
 
     def _reach(self) -> AgentLink:
-        """The link to the loop that runs now."""
+        """Return the link to the running loop. Gone if there is none."""
         if self._link is not None and self._link.file.replaced:
             self._link.file.close()
             self._link = None
@@ -104,7 +104,7 @@ class SlotLoop:
                 return True
             except Gone:
                 if not self._words.empty():
-                    return True  # a newer word, or the end
+                    return True  # a newer message, or the end
                 time.sleep(IDLE_S)
 
     def _carry_out(self, word: Do) -> bool:
@@ -131,7 +131,7 @@ class SlotLoop:
                 return False
 
     def _meanwhile(self, link: AgentLink, word: Do) -> bool:
-        """What is asked while a motion runs; False at the end of the thread."""
+        """Take what is asked while a motion runs; return False if the thread has to end."""
         try:
             asked = self._words.get(timeout=BEAT_S)
         except queue.Empty:
@@ -144,7 +144,7 @@ class SlotLoop:
         return asked is not None
 
     def _command(self, link: AgentLink, command: LoopCommand) -> int:
-        """Send, and wait until it is taken."""
+        """Send a command and wait until it is taken; return its number."""
         number = link.send(command)
         self._until(link, lambda told: told.taken >= number)
         return number
@@ -159,7 +159,7 @@ class SlotLoop:
         raise Gone("the loop takes no commands")
 
     def _rest(self, link: AgentLink) -> Felt:
-        """How the robot stands; released first, if it is held after a fault."""
+        """Return the posture; release the robot first if it is held after a fault."""
         for _ in _looks(RELEASED_WITHIN_S, IDLE_S):
             if _state(link).mode not in (Mode.DAMPING, Mode.HOLD):
                 break
@@ -168,15 +168,15 @@ class SlotLoop:
 
 
 def _state(link: AgentLink) -> LoopState:
-    """The newest state; a reader that met the writer again and again (it never waits for us) tries once more."""
+    """Return the newest state. Try again if the reader met the writer, which waits for nobody. Gone after a second."""
     for _ in _looks(READ_WITHIN_S):
         if (state := link.state()) is not None:
             return state
-    raise Gone("the loop says nothing")
+    raise Gone("the loop publishes no state")
 
 
 def _looks(within_s: float, pause_s: float = LOOK_S) -> Iterator[None]:
-    """One look after the other, as many as fit into `within_s` [s] with a pause between them."""
+    """Yield as many times as fit into `within_s` [s], with a pause after each."""
     for _ in range(round(within_s / pause_s)):
         yield
         time.sleep(pause_s)

@@ -1,4 +1,4 @@
-"""How fast the tasks are done and how the torso may stand: pl expects durations by these numbers, ex moves by them.
+"""Speeds of the tasks, and torso angles for going home: pl computes durations by them, ex moves by them.
 
 All from task runs with the true robot model; speeds are those of the grip [m/s].
 """

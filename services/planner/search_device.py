@@ -1,18 +1,18 @@
-"""The device beside a_pl: a child process that searches, and a warm one that waits for the next request.
+"""The device of pl: a child process that searches, or waits for the next request with everything loaded.
 
-Loading the geometry takes a child some seconds, so it does that before it is needed. Stop kills the searching child at
+Loading the geometry takes some seconds, so the child does it before it is needed. Stop kills the searching child at
 once; the next child is started in its place.
 """
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
-from services.planner.search_process import Answer, Begin, Died, Found, FromSearch, NotFound, Stop
+from services.planner.local import Answer, Begin, Died, Found, FromSearch, NotFound, Stop
 
 ENTRY = "services.planner.search_process:serve"
 
 
-class Searcher:
-    """busy: from a word to the child until it says something."""
+class SearchDevice:
+    """Busy from a message to the child until its answer."""
 
     def __init__(self, post: Post) -> None:
         self._post = post
@@ -21,11 +21,11 @@ class Searcher:
 
     @property
     def busy(self) -> bool:
-        """The child computes."""
+        """Whether the child computes."""
         return self._busy
 
     def tell(self, content: Begin | Answer | Stop) -> None:
-        """Hand a word to the child, or kill it."""
+        """Hand a message to the child, or kill it."""
         if (self._searching and isinstance(content, Stop | Begin)) or not self._child.alive:
             self._child.kill()
             self._child, self._searching, self._busy = self._new(), False, False

@@ -1,14 +1,14 @@
-"""The worker of ex as a device: one child process, killed by Drop, started anew at once so that it is warm again."""
+"""The skill process as a device of ex. Drop kills it; a new one is started at once, to be loaded when needed."""
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
-from services.executor.words import Crashed, Drop, Feel, FromWorker, Perform, Setup
+from services.executor.local import Crashed, Drop, Feel, FromSkill, Perform, Setup
 
-ENTRY = "services.executor.worker:serve"
+ENTRY = "services.executor.skill_process:serve"
 
 
-class Skilled:
-    """busy: from a word to the child until it says something."""
+class SkillDevice:
+    """Busy from a message to the child until its answer."""
 
     def __init__(self, post: Post, setup: Setup) -> None:
         self._post, self._setup = post, setup
@@ -17,11 +17,11 @@ class Skilled:
 
     @property
     def busy(self) -> bool:
-        """The child computes."""
+        """Whether the child computes."""
         return self._busy
 
     def tell(self, content: Perform | Feel | Drop) -> None:
-        """Hand a word to the child; Drop kills one that is in the middle of an act."""
+        """Hand a message to the child; Drop kills a child in the middle of an act."""
         if not self._child.alive or (self._acting and not isinstance(content, Feel)):
             self._child.kill()
             self._child, self._acting, self._busy = self._new(), False, False
@@ -34,11 +34,11 @@ class Skilled:
         self._child.kill()
 
     def _new(self) -> Worker:
-        child = Worker(ENTRY, answers=FromWorker, on_message=self._heard, on_end=self._over)
+        child = Worker(ENTRY, answers=FromSkill, on_message=self._heard, on_end=self._over)
         child.tell(self._setup)
         return child
 
-    def _heard(self, word: FromWorker) -> None:
+    def _heard(self, word: FromSkill) -> None:
         self._acting = not hasattr(word, "outcome")
         self._post(word)
         self._busy = False

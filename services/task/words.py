@@ -1,13 +1,17 @@
-"""What ta tells km of an act: one observation per subject (paper, step 6: observations of the environment)."""
+"""What ta says: observations to km, one per subject (paper, step 6: observations of the environment); a look around."""
 
 from collections.abc import Iterator
 
+from companion.around import POINTS
 from companion.languages import rc, wm
 from companion.languages.values import Side
 
+SURVEY = rc.Look(key="survey", at=POINTS)
+"""The look around for a new observer of the world."""
+
 
 def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
-    """The posture, what each hand holds, then everything seen that is in no hand."""
+    """Yield the posture, what each hand holds, then everything seen that no hand holds."""
     if outcome.body is not None:
         yield wm.SeenBody(body=outcome.body)
     in_hand = set()
@@ -25,7 +29,7 @@ def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
 
 
 def subject(observation: wm.AnyObservation) -> str:
-    """What an observation is about: the newest of a subject replaces the older ones."""
+    """Return the subject of an observation; the newest one of a subject replaces the older ones."""
     if isinstance(observation, wm.NothingSeen):
         return "look"
     if isinstance(observation, wm.SeenBody):

@@ -1,18 +1,18 @@
-"""The child process that casts the head camera's pictures: a picture for each state it is given."""
+"""The child process that makes the pictures of the head camera: one for each state it gets."""
 
 import numpy as np
 
 from agent_runtime.io.worker import Link
 from companion.telemetry import picture
 from services.executor.camera import HEIGHT, WIDTH, Camera
+from services.executor.local import Setup
 from services.executor.pictures import Show
-from services.executor.setting import scene_of
-from services.executor.words import Setup
+from services.executor.simulation import scene_of
 from velma.sim.mujoco_backend import compiled
 
 
 def serve(link: Link) -> None:
-    """Until the agent is gone."""
+    """Make pictures until the agent is gone."""
     camera = Camera(compiled(scene_of(link.recv(Setup))))
     while True:
         show = link.recv(Show)

@@ -1,6 +1,6 @@
-"""Ways ex finds itself, with room to spare: a hand does not follow its path to the millimetre, nor is sight exact.
+"""Paths that ex plans itself, with a safety margin: hands follow paths, and sights show poses, with some error.
 
-Used where no plan says the way: put down aside, go home, get free of what the hand stands among.
+Used where the plan has no path: to put down in an emergency, to go home, to back out of contacts.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -13,14 +13,14 @@ from services.executor.skills.situation import MARGIN_M, Situation
 from velma import names
 from velma.kinematics import backing, ik, motion
 
-# [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; sight is wrong by 4 mm.
+# [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; poses seen are wrong by 4 mm.
 ROOM_M = (0.02, 0.01, MARGIN_M)
-ATTEMPTS = 2  # trees for each goal: any way will do, and somebody waits (estimate)
+ATTEMPTS = 2  # trees for each goal: any path will do, and ta waits (estimate)
 
 
 @contextmanager
 def room(here: Situation, margin: float) -> Iterator[None]:
-    """Everything keeps this distance [m] inside the block."""
+    """Set the collision margin to this distance [m] inside the block."""
     before = here.world.margin
     here.world.margin = margin
     try:
@@ -29,14 +29,14 @@ def room(here: Situation, margin: float) -> Iterator[None]:
         here.world.margin = before
 
 
-def free_way(
+def free_path(
     here: Situation,
     side: str,
     goals: Iterable[np.ndarray],
     speed: float,
     keep: Callable[[np.ndarray], bool] | None = None,
 ) -> list[np.ndarray] | None:
-    """A free motion to the first possible of `goals` (15,) with as much room as there is; None: there is no way."""
+    """Return a free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
     wanted = list(goals)
     for margin in ROOM_M:
         with room(here, margin):
@@ -50,9 +50,9 @@ def free_way(
 
 
 def furthest(here: Situation, side: str, q: np.ndarray, target: pin.SE3) -> tuple[list[np.ndarray], bool]:
-    """Postures on the straight line of the grip from q to `target` as far as it goes, and whether it went all the way.
+    """Return postures on the straight line of the grip from q to `target` as far as possible, and whether it got there.
 
-    It comes near to nothing new. Where the arm alone cannot, the torso helps.
+    It comes no nearer to anything than it is at q. The torso moves only if the arm alone does not reach.
     """
     accept = backing.no_nearer(here.world, q)
     fraction = 0.0

@@ -1,6 +1,6 @@
-"""Where to put something down that must be put down now: right here, where it stood, else on a free spot of a surface.
+"""Where to put something down at once: right here, where it stood before, else on a free spot of a surface.
 
-Used when a plan is cancelled: ex knows the furniture it has seen, and plans the way itself.
+Used when a plan is cancelled. ex knows the furniture that it has seen, and plans the path itself.
 """
 
 from collections.abc import Iterator
@@ -10,15 +10,15 @@ import numpy as np
 import pinocchio as pin
 
 from companion import models
-from services.executor.skills import ways
+from services.executor.skills import own_paths
 from services.executor.skills.situation import Held, Situation
 from velma.kinematics import motion
 from velma.kinematics.frames import heading, level, standing, tilt
 from velma.kinematics.tasks.carrying import upright
-from velma.kinematics.tasks.manner import LOADED_SPEED
 from velma.kinematics.tasks.placing import placings
+from velma.kinematics.tasks.speeds import LOADED_SPEED
 
-HERE_M = 0.06  # estimate: an object so little above a surface was not taken out yet
+HERE_M = 0.06  # estimate: an object this close above a surface was not taken out yet
 SAG_M = 0.02  # estimate: it may hang a little lower in the hand than it stood
 BACK_WITHIN_M = 0.32  # estimate: grasped things are pulled out by 0.28
 UPRIGHT = 0.1  # [rad] of a thing that may be put back as it stood (estimate)
@@ -29,7 +29,7 @@ TRIES, WAYS = 120, 4
 
 
 def standing_here(here: Situation, side: str) -> pin.SE3 | None:
-    """The place under the held object, where it is hardly above a surface; None elsewhere."""
+    """Return the place under the held object if a surface is close below it, else None."""
     held = here.held[side]
     pose = held_pose(here, side)
     base = models.MODELS[here.models[held.object]].base
@@ -44,9 +44,9 @@ def standing_here(here: Situation, side: str) -> pin.SE3 | None:
 
 
 def back_in_place(here: Situation, side: str) -> tuple[pin.SE3, list[np.ndarray]] | None:
-    """Where the held object stood before it was taken and the straight way to just above; None if that is not near.
+    """Return where the held object stood before it was taken, and the straight path to just above; None if far away.
 
-    Half out of a cabinet, the way it came is the one way that is known to be free.
+    For an object half out of a cabinet, only the path it came by is known to be free.
     """
     held = here.held[side]
     stood, pose = here.seen.get(held.object), held_pose(here, side)
@@ -56,17 +56,17 @@ def back_in_place(here: Situation, side: str) -> tuple[pin.SE3, list[np.ndarray]
         return None
     place = standing(stood.translation, heading(pose.rotation[:, 0]))
     over = standing(np.array([*stood.translation[:2], pose.translation[2]]), heading(pose.rotation[:, 0]))
-    path, whole = ways.furthest(here, side, here.q, over * held.T_grip_object.inverse())
+    path, whole = own_paths.furthest(here, side, here.q, over * held.T_grip_object.inverse())
     return (place, path) if whole else None
 
 
 def held_pose(here: Situation, side: str) -> pin.SE3:
-    """Where the held object is."""
+    """Return the pose of the held object."""
     return here.robot.grip(here.q, side) * here.held[side].T_grip_object
 
 
 def surfaces(here: Situation) -> Iterator[tuple[str, pin.SE3, tuple[float, float]]]:
-    """Whose, frame and edge lengths [m] of every flat surface of the furniture seen."""
+    """Yield owner, frame and edge lengths [m] of each flat surface of the furniture seen."""
     for name, pose in here.seen.items():
         model = models.MODELS[here.models[name]]
         for flat in () if model.moveable else model.surfaces:
@@ -74,24 +74,24 @@ def surfaces(here: Situation) -> Iterator[tuple[str, pin.SE3, tuple[float, float
             yield name, frame, (flat.along_x, flat.along_y)
 
 
-def way_aside(
+def free_spot(
     here: Situation, side: str, retreat: list[tuple[pin.SE3, float]], seed: int = 0
 ) -> tuple[pin.SE3, list[np.ndarray]] | None:
-    """A free place and the joint path to above it; None where nothing was found."""
+    """Return a free place and the joint path to above it; None if none was found."""
     held, rng = here.held[side], np.random.default_rng(seed)
     base = models.MODELS[here.models[held.object]].base
     spots = [(name, spot - np.array([0.0, 0.0, base.z])) for name, spot in _spots(here, held, base.radius, side)]
     largest = max(LARGEST_TILT, tilt(held_pose(here, side)) + 0.1)
     keep = upright(here.robot, side, held.T_grip_object, largest)
-    for margin in ways.ROOM_M if spots else ():
-        with ways.room(here, margin):
+    for margin in own_paths.ROOM_M if spots else ():
+        with own_paths.room(here, margin):
             found = placings(
                 here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
             )
             for placing in islice(found, WAYS):
                 path = motion.plan(
                     here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=LOADED_SPEED,
-                    attempts=ways.ATTEMPTS,
+                    attempts=own_paths.ATTEMPTS,
                 )  # fmt: skip
                 if path is not None:
                     return placing.place, path
@@ -99,7 +99,7 @@ def way_aside(
 
 
 def _spots(here: Situation, held: Held, radius: float, side: str) -> list[tuple[str, np.ndarray]]:
-    """Spots (3,) clear of everything seen, those on the arm's own side first."""
+    """Return spots (3,) clear of everything seen, nearest to the shoulder of the arm first."""
     sign = 1.0 if side == "left" else -1.0
     shoulder = np.array([0.0, 0.27 * sign, 1.35])  # proghtn-backstream@019fd34: shoulder centres
     others = [

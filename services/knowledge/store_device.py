@@ -1,16 +1,16 @@
-"""The triple store beside a_km: it is told of each observed scene and holds the same as facts, for SPARQL and export.
+"""The device of km: a triple store that is told of each observed scene, for SPARQL and export.
 
-Never read by the agent: the journal is the truth, and after a death the store is made equal to it again.
+The agent never reads it. The journal is the truth; after a death the store is made equal to it again.
 """
 
 from pathlib import Path
 
 from agent_runtime.io.devices import DeviceMaker, Post
-from services.knowledge.behaviours import Mirror
+from services.knowledge.memory import Mirror
 from services.knowledge.store import Store
 
 
-class TripleStore:
+class StoreDevice:
     """A device that writes what it is told and posts nothing."""
 
     busy = False
@@ -27,9 +27,9 @@ class TripleStore:
 
 
 def at(path: Path | None) -> DeviceMaker:
-    """Makes the store in the folder `path`, or in memory."""
+    """Return what makes the device, its store in the folder `path` or (None) in memory."""
 
-    def make(post: Post) -> TripleStore:
-        return TripleStore(Store.open(path))
+    def make(post: Post) -> StoreDevice:
+        return StoreDevice(Store.open(path))
 
     return make

@@ -1,8 +1,8 @@
-"""What a message, or its absence, does to co's tasks, in whatever state co is: the rows of co's side of C1, C2 and C3.
+"""How messages, and late replies, change the tasks of co, in any state: the rows of co on channels C1, C2 and C3.
 
-Rows as explored with the scheme of delivery: every inform of ta is confirmed in the step that takes it; a cancel of hi
-is answered once pl or ta has had its last word; when a reply-by passes, hi is told at once, the peer is cancelled, and
-the talk goes on `loose` until its end. Must not know: states and arcs.
+The rows are proven with the scheme of delivery. Every inform of ta is confirmed in the step that takes it. A cancel of
+hi is answered after the last message of pl or ta. When a reply-by passes, hi is told at once, the peer is cancelled,
+and the conversation stays in `loose` until its end. Must not know: states and arcs.
 """
 
 from collections.abc import Callable
@@ -21,11 +21,11 @@ from services.coordinator.memory import Job, Limits, Memory, Stage
 
 PATIENCE = "patience"
 WHO = {AgentName.PL: "the planner", AgentName.TA: "the robot"}
-NO_SENTENCE = "this is no command; say PourInto, Take, PutDown or LookAround of language CMD"
+NOT_A_COMMAND = "this is not a command; send PourInto, Take, PutDown or LookAround of language CMD"
 
 
-def hear(memory: Memory, turn: Turn, limits: Limits) -> Memory:
-    """Memory after the turn's event; unchanged for what concerns no task."""
+def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
+    """Return the memory after the event of the turn; unchanged if it concerns no task."""
     match turn.event:
         case Received() as received:
             memory = _FROM[received.communicate.sender](memory, turn, received, limits)
@@ -39,7 +39,7 @@ def hear(memory: Memory, turn: Turn, limits: Limits) -> Memory:
 
 
 def _tied_up(memory: Memory, turn: Turn) -> Memory:
-    """Forget loose talks that have had their last word."""
+    """Forget loose conversations that have ended."""
     loose = tuple(name for name in memory.loose if turn.holds(name))
     if memory.loose and not loose:
         turn.unwake(PATIENCE)
@@ -55,7 +55,7 @@ def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         case P.REQUEST if isinstance(content, cmd.Task):
             return replace(memory, arrived=(*memory.arrived, Job(name, content, turn.now)))
         case P.REQUEST:
-            turn.say(name, P.REFUSE, words.report(TaskState.FAILED, NO_SENTENCE))
+            turn.say(name, P.REFUSE, words.report(TaskState.FAILED, NOT_A_COMMAND))
         case P.CANCEL if (job := memory.of_hi(name)) is not None:
             return cancel(memory, turn, job, limits)
         case P.NOT_UNDERSTOOD if (job := memory.of_hi(name)) is not None:
@@ -64,7 +64,7 @@ def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
 
 
 def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Hi wants a task no more (or can hear of it no more): what waits ends at once, the rest when pl or ta says so."""
+    """Cancel a task of hi: a waiting one ends at once, another one when pl or ta says so."""
     if job.stage not in (Stage.PLANNING, Stage.RUNNING):
         words.cancelled(turn, job, "it had not begun")
         return memory.without_job(job)
@@ -93,7 +93,7 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
 
 
 def _not_yet(memory: Memory, job: Job) -> Memory:
-    """The same plan is asked for again: the robot still looks around."""
+    """Request the same plan again later, since the robot still looks around."""
     job = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, at=words.LOOKS)
     return memory.with_job(job)
 
@@ -136,7 +136,7 @@ def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memor
 
 
 def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Limits) -> Memory:
-    """The same task once more, with what was learnt on the way; but not for ever."""
+    """Have the task planned again with the new observations; give up after `replans` plans."""
     why = said.reason or "the robot wants a new plan"
     if job.plans > limits.replans:
         return _failed(memory, turn, job, f"given up after {job.plans} plans; the last one: {why}")
@@ -158,7 +158,7 @@ def _failed(memory: Memory, turn: Turn, job: Job, text: str) -> Memory:
 
 
 def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Row T: hi is told, the peer cancelled (if it was not), and its last word awaited with nobody waiting for it."""
+    """Row T: tell hi, cancel at the peer (if not done yet), and keep the conversation as loose."""
     who = WHO[AgentName(turn.conversation(job.talk).peer)]
     turn.log("late", level="warning", conversation=job.talk, task=job.conversation)
     if not job.cancelling:
@@ -170,7 +170,7 @@ def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
 
 def _on_broken(memory: Memory, turn: Turn, name: str, why: str, limits: Limits) -> Memory:
-    """A peer said what could not be taken, so the conversation is gone."""
+    """End the task of a broken conversation: the peer sent what could not be taken."""
     if (job := memory.of_hi(name)) is not None:
         return cancel(memory, turn, job, limits)
     if (job := memory.of_talk(name)) is None:
@@ -181,7 +181,7 @@ def _on_broken(memory: Memory, turn: Turn, name: str, why: str, limits: Limits) 
 
 
 def _out_of_patience(memory: Memory, turn: Turn) -> Memory:
-    """Whoever is late stays late: the tasks that wait for it end, too."""
+    """End the waiting tasks, since the late peer does not answer."""
     if not memory.loose:
         return memory
     for job in memory.jobs:
@@ -190,7 +190,7 @@ def _out_of_patience(memory: Memory, turn: Turn) -> Memory:
 
 
 def not_answering(memory: Memory, turn: Turn) -> str:
-    """Who is late, in words."""
+    """Return who is late, in words."""
     late = [WHO[AgentName(turn.conversation(name).peer)] for name in memory.loose if turn.holds(name)]
     return f"{' and '.join(dict.fromkeys(late)) or 'the robot'} is not answering"
 

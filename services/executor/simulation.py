@@ -1,34 +1,44 @@
-"""Virtual effectors and receptors of ex over a loop in the same process: a motion in, what was sensed out.
+"""The simulated world as ex's own processes need it: its scene, its receptor, and the loop in the same process.
 
-The agent reaches the loop through slots in another process; tests and the one-process runs use this. Both give the
+The agent reaches the loop through slots in another process; tests and runs in one process use InProcess. Both give the
 skills the same Sensed.
 """
 
+from pathlib import Path
+
 import numpy as np
 
+from services.executor.local import Setup
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion
 from services.executor.receptor import Receptor
 from services.executor.skills.skill import Sensed
+from velma.model import scene as scenes
 from velma.model.scene import Model, Scene
 from velma.sim.mujoco_backend import compiled
 
-# What a marker says about its thing: the scene's models under the names km knows them by.
+# What a marker tells: the models of the scene under the names that km uses.
 KNOWN_AS = {Model.JAR: "jar", Model.BOWL: "bowl_high", Model.CABINET: "cabinet_no_door", Model.TABLE: "table"}
 
 
+def scene_of(setup: Setup) -> Scene:
+    """Return the scene of the loop: from its file or the canonical one, varied by the seed. Raises VelmaError."""
+    asked = scenes.load(Path(setup.scene)) if setup.scene else scenes.load()
+    return asked if setup.seed is None else scenes.vary(asked, setup.seed)
+
+
 def things(scene: Scene) -> dict[str, str]:
-    """Model name by id of everything that carries a marker."""
+    """Return the model name by id of everything with a marker."""
     return {thing.id: KNOWN_AS[thing.model] for thing in scene.things}
 
 
 def receptor(scene: Scene) -> Receptor:
-    """The head camera in a scene, with a mirror of its own."""
+    """Return the receptor of a scene, with its own copy of the world."""
     return Receptor(compiled(scene), tuple(t.id for t in scene.things), scene.noise.position, scene.noise.seed)
 
 
 class InProcess:
-    """A loop and a receptor, called one after the other."""
+    """A loop and a receptor in this process, called one after the other."""
 
     def __init__(self, core: LoopCore, eye: Receptor) -> None:
         self.core, self.eye = core, eye
@@ -39,7 +49,7 @@ class InProcess:
         return self.sensed()
 
     def sensed(self) -> Sensed:
-        """How the last motion ended and what is seen now."""
+        """Return how the last motion ended and what is seen now."""
         report, state = self.core.report, self.core.state
         return Sensed(
             ended=str(report.phase),

@@ -1,0 +1,142 @@
+"""Messages between ex and its devices: the process that runs skills, and the control loop.
+
+A message carries the number of its act: what a killed process had sent before is not taken for part of the next act.
+None is a communicate, none leaves the computer.
+"""
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.languages import rc
+from services.executor.loop.program import Motion
+from services.executor.remembered import Remembered
+
+Array = NDArray[np.float64]
+
+
+class Felt(msgspec.Struct, frozen=True):
+    """What the loop measured: how a motion ended (phase of the loop, "" if there was none), and the posture.
+
+    `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per side, which fingers
+    touched, mean angle [rad]. `world`: all coordinates of the world model, for the receptor only.
+    """
+
+    q: bytes
+    measured: bytes
+    head: tuple[float, float]
+    time: float
+    world: bytes = b""
+    ended: str = ""
+    reason: str = ""
+    touched: dict[str, tuple[bool, bool, bool]] = {}
+    fingers: dict[str, float] = {}
+
+    def setpoint(self) -> Array:
+        """Return the set-point (15,) [rad]."""
+        return np.frombuffer(self.q)
+
+
+class Message(msgspec.Struct, frozen=True, tag=True):
+    """`number` counts acts, also across restarts of the agent."""
+
+    number: int
+
+
+# --- to the loop ------------------------------------------------------------------------------------------------------
+
+
+class Where(Message, frozen=True):
+    """Ask for the posture -> Stands, or Lost at once."""
+
+
+class Halt(Message, frozen=True):
+    """Bring the robot to rest; wait for a loop if there is none -> Stands."""
+
+
+class Do(Message, frozen=True):
+    """Carry this motion out -> Moved, or Lost."""
+
+    motion: Motion
+
+
+class Brake(Message, frozen=True):
+    """Bring the motion of this key to rest; its Moved still comes."""
+
+    key: str
+
+
+# --- to the skill process ---------------------------------------------------------------------------------------------
+
+
+class Setup(msgspec.Struct, frozen=True):
+    """To a new process: the file of the scene ("" for the canonical one), the seed that varies it (None: none)."""
+
+    scene: str = ""
+    seed: int | None = None
+
+
+class Perform(Message, frozen=True):
+    """Run the skill of this command -> Move or Ended."""
+
+    command: rc.Act
+    remembered: Remembered
+    felt: Felt
+
+
+class Feel(Message, frozen=True):
+    """The result of the motion asked for last -> Move or Ended."""
+
+    felt: Felt
+
+
+class Drop(Message, frozen=True):
+    """Give the act up: the skill process is killed."""
+
+
+# --- from them --------------------------------------------------------------------------------------------------------
+
+
+class Stands(Message, frozen=True):
+    """The posture of the robot."""
+
+    felt: Felt
+
+
+class Moved(Message, frozen=True):
+    """How a motion ended."""
+
+    felt: Felt
+
+
+class Lost(Message, frozen=True):
+    """The loop is gone or was replaced: how the motion ended is unknown."""
+
+    reason: str
+
+
+class Move(Message, frozen=True):
+    """The next motion of the skill; `expected`: duration of the whole act from here [s, simulated]."""
+
+    motion: Motion
+    expected: float
+    remembered: Remembered
+
+
+class Ended(Message, frozen=True):
+    """The skill has ended."""
+
+    outcome: rc.Done | rc.NotDone
+    remembered: Remembered
+
+
+class Crashed(msgspec.Struct, frozen=True, tag=True):
+    """The skill process ended by itself with this exit status."""
+
+    code: int
+
+
+ToLoop = Where | Halt | Do | Brake
+ToSkill = Perform | Feel
+FromSkill = Move | Ended
+Local = Stands | Moved | Lost | Move | Ended | Crashed
