@@ -18,7 +18,7 @@ OWN = {
     "operate.cli": set(),
     "services.executor.conformance": set(),
     "operate.pictures": set(),
-    "services.executor.loop": {"SLOTS", "SCENE", "SEED", "SPEED"},
+    "services.executor.loop": {"SLOTS", "SCENE", "SEED", "SPEED", "BACKEND"},
     "services.supervisor": SHARED - {"LISTEN"},
     "operate.supervisor": SHARED - {"LISTEN"},
 }
