@@ -10,11 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = (
-    *(f"shared/{room}" for room in ("fipa_codec", "agent_runtime", "topdown", "operate", "companion")),
-    "velma",
-    "services",
-)
+ROOMS = ("shared/fipa_codec", "shared/agent_runtime", "shared/topdown", "shared/companion", "velma", "services")
 BUILT_IN = {"Exception", "ValueError", "TypeError", "LookupError", "RuntimeError", "MemoryError", "KeyError", "OSError"}
 LEVELS = ("warning", "error")
 ENUMS = {  # words that a person meets as the reason of something; each member has its row

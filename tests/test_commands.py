@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parents[1]
 MODULES = sorted(".".join(path.relative_to(ROOT).parent.parts) for path in (ROOT / "services").rglob("__main__.py"))
 SHARED = {"CONNECT", "LISTEN", "SYSTEM", "RUN_DIR", "LOG_LEVEL", "SPEED", "SEED", "SCENE"}

@@ -22,6 +22,8 @@ from velma.model import scene
 from velma.names import START
 from velma.sim.truth import Truth
 
+pytestmark = pytest.mark.process
+
 
 class FakeTime:
     """A clock that the test moves."""
