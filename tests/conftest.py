@@ -3,11 +3,14 @@
 Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make everything slower.
 A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
 has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.
+A test of real processes that fails is tried once more, no other; its name is added to the file ROCO_SECOND_TRIES.
 """
 
 import os
 import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -15,3 +18,22 @@ settings.load_profile("any machine")
 os.environ.setdefault("ROCO_VIEW", "off")
 os.environ["DOCKER_HOST"] = "unix:///nowhere"
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Real processes meet other work of the machine: a second try. A pure test that fails once is wrong."""
+    if config.pluginmanager.hasplugin("rerunfailures"):
+        for item in items:
+            if item.get_closest_marker("zenoh") or item.get_closest_marker("process"):
+                item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name what passed at its second try only."""
+    failed = {report.nodeid for kind in ("failed", "error") for report in terminalreporter.stats.get(kind, ())}
+    again = [one.nodeid for one in terminalreporter.stats.get("rerun", ()) if one.nodeid not in failed]
+    for name in again:
+        terminalreporter.write_line(f"passed at its second try: {name}")
+    if again and (file := os.environ.get("ROCO_SECOND_TRIES")):
+        with Path(file).open("a", encoding="utf-8") as names:
+            names.writelines(f"{name}\n" for name in again)

@@ -19,6 +19,8 @@ sys.path.insert(0, str(ROOT / "scripts"))
 from crossing import crossed, told  # noqa: E402  (after the path is set)
 from namespaces import CannotError, Host, run, two_hosts  # noqa: E402
 
+pytestmark = pytest.mark.process
+
 PORT = "7447"
 LISTENS = f"import socket, time; s = socket.create_server(('', {PORT})); print('listens', flush=True); time.sleep(600)"
 

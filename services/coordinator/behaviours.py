@@ -83,7 +83,7 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     plan = job.plan
     talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan))
     words.progress(turn, job, TaskState.RUNNING, f"plan {job.plans} takes about {plan.duration:.0f} s")
-    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, started=job.started or turn.now)
+    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None)
     return replace(memory.with_job(job), choice=Choice.OPEN)
 
 

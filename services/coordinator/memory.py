@@ -49,14 +49,13 @@ class Choice(StrEnum):
 class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING) or ta (RUNNING).
 
-    `arrived`, `started`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
+    `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
     `looks`: how often the plan had to wait for a look around.
     """
 
     conversation: str
     command: cmd.Task
     arrived: float
-    started: float = 0.0
     stage: Stage = Stage.WAITING
     talk: str = ""
     plans: int = 0

@@ -5,13 +5,14 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from driven import Driven, Seen, agree, recording, request, stop
 from msgspec import Raw, Struct
 from msgspec.msgpack import encode as pack
 from msgspec.structs import replace
 from toy_agents import Double, Doubled, Want, asker, server, wirings
 
 from agent_runtime.core.agent import Agent, Arc, Behaviour
-from agent_runtime.core.effects import Deed, Effects
+from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import AgentTableError, BehaviourError
 from agent_runtime.core.events import (
     Arrived,
@@ -19,7 +20,6 @@ from agent_runtime.core.events import (
     Late,
     LinkChanged,
     Local,
-    Next,
     PeerChanged,
     Receipted,
     Received,
@@ -27,85 +27,16 @@ from agent_runtime.core.events import (
     Tick,
     Woken,
 )
-from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import CHAIN_BOUND, OUTSIDE, Core
 from agent_runtime.core.streams import OUTBOX_BOUND
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery
-from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.communicate import Communicate
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import REASON, Kind, Reason
 from fipa_codec.performatives import Performative as P
 
 TO_SERVER, TO_ASKER = wirings()
-
-
-class Seen(Struct, frozen=True):
-    """Every event the agent saw, by class name."""
-
-    seen: tuple[str, ...] = ()
-
-
-class Driven:
-    """A core with its state, stepped by hand; `do` is the transition's body."""
-
-    def __init__(self, agent: Agent[Any], wiring: Any) -> None:
-        self.core = Core(agent, wiring)
-        self.state: CoreState = self.core.boot(None)
-        self.now = 100.0
-        self.out: list[Effects] = []
-
-    def step(self, event: Any) -> Effects:
-        """Step, and again while more can be taken; the first step's effects."""
-        self.out = []
-        following = event
-        while following is not None:
-            before = pack(self.core.record(self.state))
-            after, effects = self.core.step(self.state, following, self.now)
-            assert pack(self.core.record(self.state)) == before, "a step must not change the state it is given"
-            self.state, following = after, Next() if effects.more else None
-            self.out.append(effects)
-        return self.out[0]
-
-    def sends(self) -> list[Communicate]:
-        """All communicates of the last step and those that followed it, through the codec."""
-        return [decode(encode(one)) for effects in self.out for one in effects.sends]
-
-
-def recording(*, said: Any = None, takes: Any = None) -> Agent[Seen]:
-    """An agent called server that notes what it sees; `said(turn)` may speak."""
-
-    def transition(memory: Seen, turn: Turn) -> Seen:
-        if said is not None:
-            said(turn)
-        return Seen((*memory.seen, type(turn.event).__name__))
-
-    behaviour = Behaviour(transition, takes=takes or (lambda memory, event: True))
-    return Agent("server", "s", Seen(), {"s": behaviour}, local=Want)
-
-
-def request(number: int, *, conversation: str = "asker-1-1", content: Any = None, **fields: Any) -> Arrived:
-    """A request of the asker as it comes off the wire."""
-    raw = Raw(pack(Double(3))) if content is None else content
-    parts = {"performative": P.REQUEST, "content": raw, "language": "SUM", "reply_with": str(number)} | fields
-    return Arrived(
-        Communicate(
-            protocol="request", conversation=conversation, sender="asker", receiver="server", id=str(number), **parts
-        )
-    )
-
-
-def agree(turn: Turn) -> None:
-    """Agree to a request."""
-    if isinstance(turn.event, Received) and turn.event.communicate.performative is P.REQUEST:
-        turn.say(turn.event.conversation, P.AGREE)
-
-
-def stop(turn: Turn) -> None:
-    """Agree to a request, stop at a cancel."""
-    agree(turn)
-    if isinstance(turn.event, Received) and turn.event.communicate.performative is P.CANCEL:
-        turn.say(turn.event.conversation, P.INFORM, Doubled(0), kind=Kind.CANCEL)
 
 
 # --- streams ----------------------------------------------------------------------------------------------------------
@@ -510,3 +441,4 @@ def test_a_question_left_unanswered_is_forgotten() -> None:
     one.now = 102.0
     one.step(Tick())
     assert not one.state.soft.conversations
+    assert one.state.counts == {"left unanswered": 1}

@@ -24,6 +24,8 @@ from agent_runtime.io.worker import Worker
 from agent_runtime.testing.wires import Wires
 from fipa_codec.languages import Languages
 
+pytestmark = pytest.mark.process
+
 HERE = str(Path(__file__).parent)
 
 

@@ -10,6 +10,8 @@ import yaml
 
 from companion.tools.system import PROCESSES
 
+pytestmark = pytest.mark.process
+
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SCRIPT = (DEPLOY / "swarm").read_text()
 OVERRIDE = yaml.safe_load((DEPLOY / "compose.swarm.yaml").read_text())

@@ -444,3 +444,15 @@ def test_a_cancel_while_a_plan_is_put_off():
     scene.pl(P.INFORM, no_plan("cancelled"), kind=Kind.CANCEL)
     assert scene.said(name)[-1] == "inform cancelled"
     assert scene.at_rest()
+
+
+def test_a_plan_that_was_handed_over_is_not_kept(scene):
+    """It would be in every record of co; and what hi was told of an earlier plan is not said of the next."""
+    name = scene.running()
+    assert scene.memory.first.plan is None
+    scene.ta(WorkerState.RUNNING, at="main/take")
+    scene.ta(WorkerState.REPLAN, reason="the jar moved")
+    assert scene.last_text(name) == "plan 2: the jar moved"
+    scene.plan()
+    scene.ta(WorkerState.RUNNING, at="the jar moved")
+    assert scene.last_text(name) == "the jar moved"

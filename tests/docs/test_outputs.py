@@ -31,6 +31,7 @@ def found(path: Path, folder: Path) -> list[str]:
     return [one.words for one in shown.differences(block, *shown.run(block, folder))]
 
 
+@pytest.mark.process
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("path", STATIC_PAGES, ids=lambda path: str(path.relative_to(shown.ROOT)))
 def test_a_page_shows_what_its_commands_print(path: Path, tmp_path: Path) -> None:

@@ -181,6 +181,7 @@ def test_making_the_project_again_keeps_what_was_filled_in(tmp_path):
     assert [kept for kept in outcome.kept if kept.missing] == []
 
 
+@pytest.mark.process
 def test_its_own_tests_pass():
     """As its user runs them, but for the one that opens a router."""
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--ignore", "tests/test_run.py"]

@@ -17,6 +17,8 @@ from services.executor.pictures import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
 from velma.model.scene import load
 from velma.sim.mujoco_backend import MujocoBackend, compiled
 
+pytestmark = pytest.mark.process
+
 WORLD = MujocoBackend(load()).configuration().copy()
 WITHIN_S = 50.0
 

@@ -366,3 +366,26 @@ def test_any_message_is_accepted_or_a_remote_error(performative, kind, label):
     else:
         assert performative in (P.NOT_UNDERSTOOD, P.CANCEL)
         assert after.allowed(RECEIVE) == ()
+
+
+def test_takes_says_what_receive_would_do(asked):
+    """True where it takes the message; a message of somebody else, or out of sequence, is not taken."""
+    answer = asked.send(PARTICIPANT, P.AGREE)
+    mine = asked.sides[INITIATOR]
+    assert mine.takes(answer) is True
+    assert mine.takes(msgspec.structs.replace(answer, sender="pl")) is False
+    assert mine.takes(msgspec.structs.replace(answer, performative=P.CONFIRM)) is False
+
+
+def test_what_is_said_arrives_as_it_was_said():
+    """Content, language, ontology, time and the time to answer by."""
+    pair = Pair("request")
+    said = {"content": msgspec.Raw(b"\x01"), "language": "CMD", "ontology": "kitchen", "reply_by": 7.0, "now": 3.0}
+    heard = pair.say(INITIATOR, P.REQUEST, **said)
+    assert (bytes(heard.content), heard.language, heard.ontology, heard.reply_by, heard.sent) == (
+        b"\x01",
+        "CMD",
+        "kitchen",
+        7.0,
+        3.0,
+    )

@@ -244,3 +244,70 @@ def test_hi_binds_exactly_the_names_of_the_design():
     """Conditions and states."""
     assert set(CONDITIONS) == DESIGN.conditions("hi")
     assert set(agent().behaviours) == {state.name for state in DESIGN.agent("hi").state}
+
+
+def test_what_a_person_reads_names_the_task_and_says_since_when(scene):
+    """Of several the oldest; the text stays till there is another, the time till there is another state."""
+    first, second = (scene.say(words).line for words in ("take the jar", "look around"))
+    assert scene.say("status").line.text == "; ".join(f"{one.task} is waiting: {one.text}" for one in (first, second))
+    scene.settle(1.0)
+    scene.report(first.task, P.AGREE, TaskState.WAITING, "next")
+    status = scene.say("status").line
+    assert (status.task, status.state, status.since) == (first.task, "waiting", first.since)
+    scene.report(first.task, P.INFORM, TaskState.PLANNING)
+    status = scene.say("status").line
+    assert f"{first.task} is planning: next" in status.text
+    assert status.since > first.since + 1.0
+    scene.report(first.task, P.INFORM, TaskState.DONE)
+    assert next(line for line in scene.hi.state.memory.tasks if line.task == first.task).text == ""
+
+
+def test_a_cancel_of_what_there_is_not_names_what_there_is(scene):
+    """For programs in the problem, for people in the line."""
+    assert scene.cancel().problem == "there is nothing to cancel"
+    assert scene.cancel("hi-9-9").problem == "there is no task 'hi-9-9'; open are: none"
+    task = scene.say("take the jar").line.task
+    assert scene.cancel("hi-9-9").problem == f"there is no task 'hi-9-9'; open are: {task}"
+    assert scene.say("cancel hi-9-9").line.text == f"there is no task 'hi-9-9'; open are: {task}"
+
+
+def test_who_has_the_answer_finds_the_task(scene):
+    """Tasks are shown before the answer is."""
+    task = scene.say("take the jar").line.task
+    answered = next(n for n, one in enumerate(scene.shown) if isinstance(one, Answer) and one.line.task == task)
+    before = [one for one in scene.shown[:answered] if isinstance(one, Shown)][-1]
+    assert [line.task for line in before.tasks] == [task]
+
+
+def test_what_fails_is_failed_whatever_state_it_names(scene):
+    """The performative counts."""
+    task = scene.say("take the jar").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.report(task, P.FAILURE, TaskState.RUNNING, "slipped")
+    assert scene.tasks[task] == "failed"
+
+
+def test_a_cancel_that_came_too_late_gets_words_where_co_has_none(scene):
+    """The state in which the task has ended."""
+    task = scene.say("take the jar").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.cancel(task)
+
+    def end(turn):
+        turn.say(task, P.INFORM, TaskReport(TaskState.DONE))
+        turn.say(task, P.FAILURE, TaskReport(TaskState.FAILED), kind=Kind.CANCEL)
+
+    scene.wires.post("co", end)
+    scene.settle()
+    assert scene.events[-1].text == "it was done already"
+
+
+def test_what_cannot_be_understood_of_co_fails_the_task(scene):
+    """In words, and the conversation is over."""
+    task = scene.say("take the jar").line.task
+    (asked,) = [one for one in scene.wires.traffic if one.performative is P.REQUEST]
+    wrong = msgspec.structs.replace(asked, sender="co", receiver="hi", id="1", performative=P.INFORM, reply_with="")
+    scene.wires.deliver(wrong)
+    scene.settle()
+    assert scene.tasks[task] == "failed"
+    assert scene.events[-1].text.startswith("what the coordinator said was not understood")

@@ -131,6 +131,7 @@ def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever() -> None:
     assert Forgotten.begun == 5
 
 
+@pytest.mark.process
 @pytest.mark.timeout(120)
 def test_the_true_search_is_killed_and_replaced() -> None:
     """Stop ends the child at once, in the middle of anything; the next request is searched by another one."""

@@ -8,7 +8,9 @@ from scripted_partner import Open, Say
 from ta_alone import BODY, HOME, LOOK, OK, Scene, plan
 
 from agent_runtime.core.events import Woken
+from agent_runtime.testing.wires import Point
 from companion.languages import hfsm, rc, sw, wm
+from companion.languages.values import Pose, Side
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from services.task import acts, behaviours
@@ -161,7 +163,9 @@ def test_a_look_around_that_never_ends_is_told_as_failed() -> None:
     scene = Scene()
     scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
     scene.hears("ex", 2)
-    scene.wires.run_for(behaviours.STOPPED_S + 1.0)
+    scene.wires.run_for(behaviours.STOPPED_S - 1.0)
+    assert looks_told(scene) == []
+    scene.wires.run_for(2.0)
     (why,) = looks_told(scene)
     assert "does not answer" in why
 
@@ -175,3 +179,82 @@ def test_an_observer_that_comes_amid_a_plan_does_not_wait_for_a_look() -> None:
     scene.wires.run_for(1.0)
     (why,) = looks_told(scene)
     assert "while a plan is carried out" in why
+
+
+def looks(scene: Scene) -> list[str]:
+    """Keys of the looks that ex was asked for."""
+    return [content.key for _, _, content in scene.heard["ex"] if isinstance(content, rc.Look)]
+
+
+def observer(scene: Scene) -> None:
+    """km subscribes, once more."""
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.wires.run_for(0.2)
+
+
+def test_acts_beside_plans_are_counted_over_plans() -> None:
+    """No look has the key of an earlier one: ex would not do it again. ta is idle after its plan, and serves on."""
+    scene = Scene()
+    for number in (1, 2):
+        observer(scene)
+        assert looks(scene) == [f"survey-{n}" for n in range(1, number + 1)]
+        observer(scene)
+        assert scene.heard["km"][-1][1] == "agree", "one look around does for both"
+        assert len(looks(scene)) == number
+        scene.ex(P.INFORM, rc.Done(f"survey-{number}", BODY), 2 * (number - 1))
+        scene.wires.run_for(0.5)
+        scene.start(plan(hfsm.ActState("home", HOME)))
+        scene.wires.run_for(0.5)
+        scene.ex(P.INFORM, rc.Done(HOME.key, BODY), 2 * number - 1)
+        scene.wires.run_for(1.0)
+        assert scene.states() == ["Running", "Succeeded"] * number
+        assert scene.wires.nodes["ta"].state.state == "idle"
+        assert scene.wires.nodes["ta"].state.wakes == {}
+
+
+def test_a_report_does_not_wait_for_km_for_ever() -> None:
+    """After a while it says what km has not; ta goes on with the next plan."""
+    scene = Scene()
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.ex(P.INFORM, rc.Done(HOME.key, BODY))
+    scene.wires.run_for(behaviours.BARRIER_S - 1.0)
+    assert scene.states() == ["Running"]
+    scene.wires.run_for(2.0)
+    assert scene.states() == ["Running", "Succeeded"]
+    assert "observations pending" in scene.heard["co"][-1][2].reason
+    assert scene.wires.nodes["ta"].state.state == "idle"
+
+
+def test_a_look_around_is_tried_again_after_a_while_and_not_for_other_news() -> None:
+    """A peer that comes up between the tries is no outcome of a look."""
+    scene = Scene()
+    observer(scene)
+    scene.ex(P.REFUSE, rc.NotDone("survey-1", "refused", "no light", BODY))
+    scene.wires.run_for(behaviours.AGAIN_S / 2)
+    assert looks(scene) == ["survey-1"]
+    left = scene.wires.memory("ta").survey
+    scene.wires.crash("co", Point.BEFORE, restart_s=0.1)
+    scene.wires.post("co", Open("ta", "nothing", P.REQUEST))
+    scene.wires.run_for(0.5)
+    assert scene.wires.memory("ta").survey == left
+    scene.wires.run_for(behaviours.AGAIN_S / 2)
+    assert looks(scene) == ["survey-1", "survey-2"]
+
+
+def test_what_the_hands_hold_is_known_from_plan_to_plan() -> None:
+    """A later plan that must stop puts it down."""
+    scene = Scene()
+    held = {Side.LEFT: ("jar_1", "g", Pose((0.0, 0.0, 0.0)))}
+    observer(scene)
+    scene.ex(P.INFORM, rc.Done("survey-1", BODY))
+    scene.wires.run_for(0.5)
+    for number in (1, 2):
+        scene.start(plan(hfsm.ActState("home", HOME)))
+        scene.wires.run_for(0.5)
+        hands = scene.wires.memory("ta").hands
+        assert bool(hands) == (number > 1)
+        scene.ex(P.INFORM, rc.Done(HOME.key, BODY, (), held), number)
+        scene.wires.run_for(1.0)
+        assert scene.wires.nodes["ta"].state.state == "idle"
+        assert scene.wires.memory("ta").hands

@@ -35,6 +35,7 @@ def run_its_tests(folder: Path, *arguments: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", DESIGNS)
 def test_every_agent_of_a_new_project_binds_and_declines(name, tmp_path):
     """The project's own tests pass before anything is filled in: design, languages, interfaces, every question."""
@@ -49,6 +50,7 @@ def test_a_new_project_runs_at_once(tmp_path):
     run_its_tests(tmp_path, "tests/test_run.py")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", DESIGNS)
 def test_what_is_made_is_formatted_and_without_lint(name, tmp_path):
     """ruff has nothing to say."""

@@ -1,6 +1,6 @@
-"""Makes the pretended partners of tests/fleet importable (tests have no packages)."""
+"""Makes the pretended partners of tests/fleet and the stepped core importable (tests have no packages)."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent.parent / "fleet"))
+sys.path[:0] = [str(Path(__file__).parents[2] / folder) for folder in ("fleet", "agent_runtime")]

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.executor.loop.core import DAMPING_CYCLES, LoopCore
+from services.executor.loop.core import BEYOND, DAMPING_CYCLES, LoopCore, impossible
 from services.executor.loop.program import Close, HeadGoal, Mode, Move, Open, Payload, Phase, Until, motion
 from velma.control import damping
 from velma.control.dynamics import Dynamics
 from velma.errors import MotionError
 from velma.model.build import ROBOT_XML
-from velma.names import BODY, START, TORQUE
+from velma.names import BODY, LOWER, START, TORQUE, UPPER
 from velma.sim.mock_backend import MockBackend
 
 DYNAMICS = Dynamics(ROBOT_XML)
@@ -308,3 +308,80 @@ def test_a_weight_is_taken_up_gradually(core):
         masses.append(core.payloads.mass[1])
     assert max(np.diff(masses)) <= 0.0031
     assert masses[-1] == pytest.approx(0.3)
+
+
+def test_a_paused_motion_rests_on_its_way_and_ends_all_the_same(core):
+    """It runs as long as it takes; without a motion there is nothing to pause."""
+    core.pause()
+    path = rise(core)
+    core.begin(motion("up", path))
+    cycles(core, 200)
+    core.pause()
+    cycles(core, 200)
+    rest = core.setpoint.copy()
+    cycles(core, 1000)
+    np.testing.assert_allclose(core.setpoint, rest)
+    assert core.report.phase is Phase.RUNNING
+    assert not np.allclose(rest, path[-1])
+    core.pause(False)
+    cycles(core, 600)
+    assert core.report.phase is Phase.DONE
+    np.testing.assert_allclose(core.setpoint, path[-1])
+
+
+def test_time_has_to_go_on_while_something_is_to_happen(core):
+    """A motion, damping, a release that waits for its dwell; neither at rest nor in hold."""
+    assert core.busy is False
+    core.begin(motion("up", rise(core)))
+    assert core.busy is True
+    core.backend.broken["observe"] = "throws"
+    core.cycle()
+    assert (core.mode, core.busy) == (Mode.DAMPING, True)
+    core.backend.broken.clear()
+    cycles(core, DAMPING_CYCLES)
+    assert (core.mode, core.busy) == (Mode.HOLD, False)
+    core.release()
+    assert core.busy is True
+    cycles(core, damping.DWELL_CYCLES)
+    assert (core.mode, core.busy) == (Mode.MOTION, False)
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_what_is_just_possible_is_no_fault(core, way):
+    """At the fastest speed, and as far beyond its end as a joint can be; a bit more is impossible."""
+    state = core.state
+    end = (LOWER - BEYOND)[3] if way < 0 else (UPPER + BEYOND)[3]
+    for name, limit in (("v", way * damping.FASTEST), ("q", end)):
+        values = getattr(state, name)
+        before, values[3] = values[3], limit
+        assert impossible(state) == ""
+        values[3] = np.nextafter(limit, way * np.inf)
+        assert BODY[3] in impossible(state)
+        values[3] = before
+
+
+@pytest.mark.parametrize("name", ["q", "v"])
+def test_a_reading_that_is_no_number_is_told_so(core, name):
+    """Of either kind; and cycles are counted whatever happens in them."""
+    getattr(core.state, name)[3] = np.nan
+    assert impossible(core.state) == "a joint measurement is no number"
+    count = core.cycles
+    core.backend.broken["reading"] = {name: np.nan}
+    cycles(core, 3)
+    assert (core.cycles, core.faults) == (count + 3, 3)
+
+
+def test_a_motion_counts_as_cancelled_once_it_rests(core):
+    """Not while its set-point still moves."""
+    core.begin(motion("up", rise(core)))
+    cycles(core, 200)
+    core.cancel()
+    before = core.setpoint.copy()
+    core.cycle()
+    assert core.report.phase is Phase.RUNNING
+    assert not np.array_equal(core.setpoint, before)
+    while core.report.phase is Phase.RUNNING:
+        core.cycle()
+    rest = core.setpoint.copy()
+    cycles(core, 50)
+    np.testing.assert_allclose(core.setpoint, rest)

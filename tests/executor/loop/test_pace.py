@@ -40,6 +40,7 @@ def test_a_pace_is_held_where_few_cycles_are_late(clock, work_s, seldom_s, late,
     assert core.report.phase == "running", "it was moving all the time"
 
 
+@pytest.mark.process
 def test_the_program_says_it_in_words_that_the_console_reads():
     """A real second of the simulated robot, in a process of its own."""
     done = subprocess.run(

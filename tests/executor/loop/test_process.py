@@ -22,6 +22,8 @@ from velma.sim.mock_backend import MockBackend
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import Truth
 
+pytestmark = pytest.mark.process
+
 
 @pytest.fixture
 def pair(tmp_path, clock):

@@ -16,6 +16,8 @@ from operate.cli.fleet import starting, targets
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 
+pytestmark = pytest.mark.process
+
 FAKE = Path(__file__).with_name("fake_fleet.py")
 Begin = Callable[[str], Path]
 

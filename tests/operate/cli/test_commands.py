@@ -13,6 +13,8 @@ from companion.tools.verbs.pace import Pace
 from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 
+pytestmark = pytest.mark.process
+
 
 def roco(*words: object) -> Result:
     """Call the command line."""

@@ -15,6 +15,8 @@ from operate.cli.errors import DockerError, UsageError
 from operate.cli.fleet import targets
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
+pytestmark = pytest.mark.process
+
 DOCKER = Path(__file__).with_name("fake_docker.py")
 
 

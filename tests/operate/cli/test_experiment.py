@@ -19,6 +19,8 @@ from operate.cli.output import Format
 from operate.cli.runs import experiment, machine, trials
 from operate.run_folder import REPORT_FILE
 
+pytestmark = pytest.mark.process
+
 Play = Callable[[int], str]
 POURED = '{"success": true, "failure": null, "energy_J": 1.0, "seed": 1, "began": 1.0}'
 MISSED = '{"success": false, "failure": "the jar fell"}'

@@ -14,6 +14,8 @@ import pytest
 from operate.cli import interrupts
 from operate.cli.runs import folders
 
+pytestmark = pytest.mark.process
+
 SUPERVISED = Path(__file__).with_name("fake_supervised.py")
 PATIENCE_S = 40.0
 ENDINGS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]

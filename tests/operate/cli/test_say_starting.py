@@ -21,6 +21,8 @@ from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 
 from . import fake_fleet
 
+pytestmark = pytest.mark.process
+
 STARTING = "the fleet is starting"
 Act = Callable[[], None]
 

@@ -18,6 +18,8 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Beat, Look, Seen, Used
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
+pytestmark = pytest.mark.process
+
 IDLE = "import time; time.sleep(600)"
 
 

@@ -50,6 +50,7 @@ def test_other_ends_are_as_without_json() -> None:
     assert not lazy.wants_json(["say", "json", "--format", "text"])
 
 
+@pytest.mark.process
 def test_the_version_is_that_of_the_package() -> None:
     """As pip says it."""
     done = subprocess.run([sys.executable, "-m", "operate.cli", "--version"], capture_output=True, text=True)

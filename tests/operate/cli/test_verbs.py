@@ -49,6 +49,7 @@ def test_a_group_has_verbs(words: str) -> None:
     assert any(other.startswith(words + " ") for other in CALLED)
 
 
+@pytest.mark.process
 def test_a_list_of_verbs_imports_none() -> None:
     """Neither the list nor a light verb pays for the heavy ones."""
     code = (
@@ -81,6 +82,7 @@ def test_the_examples_of_a_verb_are_calls_of_it(words: str, tmp_path: Path, monk
     assert command.make_context(words, [*rest, "--format", "json"]).params["form"] == "json"
 
 
+@pytest.mark.process
 def test_completion_knows_verbs_names_and_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """What a shell is answered: verbs, agents without a fleet, channels, runs."""
     (tmp_path / "runs" / "2026-01-01").mkdir(parents=True)

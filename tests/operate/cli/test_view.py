@@ -14,6 +14,8 @@ from operate.cli.errors import NoRunError, UsageError
 from operate.cli.fleet import view
 from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 
+pytestmark = pytest.mark.process
+
 NOWHERE = {name: word for name, word in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 

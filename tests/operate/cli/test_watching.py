@@ -21,6 +21,8 @@ from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.cli.terminal import top
 
+pytestmark = pytest.mark.process
+
 
 def roco(*words: object) -> Result:
     """Call the command line."""

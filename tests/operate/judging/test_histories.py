@@ -76,6 +76,7 @@ def test_without_a_clock_there_is_no_lateness() -> None:
     assert loop.compute_us.p50 == 655.0
 
 
+@pytest.mark.process
 def test_the_command_makes_the_same_report_again(told: report.Report, tmp_path: Path) -> None:
     """`python -m services.monitor report` on a copy of the folder, in a process of its own."""
     shutil.copy(POUR / "traffic.mcap", tmp_path)

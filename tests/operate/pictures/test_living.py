@@ -25,7 +25,7 @@ from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken
 from operate.run_folder import VIEW_FILE, ViewAddress
 
-pytestmark = [pytest.mark.long, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.long, pytest.mark.process, pytest.mark.timeout(240)]
 PATIENCE_S = 60.0
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from operate.supervisor import folder
 
+pytestmark = pytest.mark.process
+
 FAR_AWAY = 'name = "far"\n[[thing]]\nid = "jar_1"\nmodel = "jar"\nxyz = [100.0, 0.0, 0.0]\n'
 
 

@@ -117,6 +117,7 @@ def test_keys_that_were_given_are_left_alone(tmp_path: Path, monkeypatch: pytest
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.process
 def test_git_takes_no_key(tmp_path: Path) -> None:
     """Wherever in the project somebody makes them; a copy without git has nothing to take."""
     if not (ROOT / ".git").exists():

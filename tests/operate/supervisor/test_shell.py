@@ -17,6 +17,8 @@ from operate.supervisor import core, folder
 from operate.supervisor.processes import Process
 from operate.supervisor.shell import NotBuiltError, Shell, python_module
 
+pytestmark = pytest.mark.process
+
 READY = "import pathlib, sys, os; pathlib.Path(os.environ['RUN'], sys.argv[1] + '.ready').touch(); "
 WAIT = READY + "import signal; signal.pause()"
 TABLE = (Process("router", WAIT), Process("ta", WAIT, after=("router",), stop_within_s=0.3))

@@ -1,0 +1,195 @@
+"""What an arriving communicate is worth: each stream for itself, the newest of a subject, one copy of a question."""
+
+from typing import Any
+
+from driven import Driven, recording, request
+from msgspec import Raw
+from msgspec.msgpack import encode as pack
+from msgspec.structs import replace
+from toy_agents import LANGUAGES, Double, Want, wirings
+from toy_observers import Seen, WhatOf
+from toy_observers import wiring as observers
+
+from agent_runtime.core.effects import Receipt
+from agent_runtime.core.events import Arrived, Local, PeerChanged, Tick
+from agent_runtime.core.intake import HELD_OF_STREAM, HELD_VOLATILE
+from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import Delivery, Link, Wiring
+from fipa_codec.communicate import Communicate
+from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import Role
+
+TO_ASKER = wirings()[1]
+
+
+def only_local(memory: Any, event: Any) -> bool:
+    """Takes a person's words alone."""
+    return isinstance(event, Local)
+
+
+def nothing(memory: Any, event: Any) -> bool:
+    """Takes nothing."""
+    return False
+
+
+def query(id: str, **fields: Any) -> Arrived:
+    """A question of toy_observers' asker to the knower."""
+    parts = {"conversation": f"q-{id}", "sender": "asker", "receiver": "knower", "protocol": "query"} | fields
+    raw = Raw(pack(WhatOf("jar")))
+    return Arrived(Communicate(performative=P.QUERY_REF, content=raw, language="OBS", reply_with=id, id=id, **parts))
+
+
+def waiting(one: Driven) -> list[str]:
+    """Ids of the communicates in the inbox."""
+    return [entry.event.communicate.id for entry in one.state.soft.inbox if isinstance(entry.event, Arrived)]
+
+
+def test_a_copy_of_what_waits_is_told_how_far_the_stream_is() -> None:
+    """Nothing is taken yet, so the receipt says 0; the copy is counted and does not wait twice."""
+    one = Driven(recording(takes=only_local), TO_ASKER)
+    one.step(request(1))
+    assert one.step(request(1)).receipts == (Receipt("asker", taken=0),)
+    assert waiting(one) == ["1"]
+    assert one.state.counts == {"waiting already": 1}
+
+
+def test_a_copy_of_the_newest_that_was_taken_is_one_taken_before() -> None:
+    """Its receipt was lost: it is receipted again."""
+    one = Driven(recording(said=lambda turn: turn.say("asker-1-1", P.AGREE)), TO_ASKER)
+    one.step(request(1))
+    assert one.step(request(1)).receipts == (Receipt("asker", taken=1),)
+    assert one.state.counts == {"taken before": 1}
+
+
+def test_of_one_stream_only_so_many_wait() -> None:
+    """As many as its sender may have out; the next one comes again."""
+    one = Driven(recording(takes=only_local), TO_ASKER)
+    for number in range(1, HELD_OF_STREAM + 2):
+        one.step(request(number, conversation=f"asker-1-{number}"))
+    assert waiting(one) == [str(number) for number in range(1, HELD_OF_STREAM + 1)]
+    assert one.state.counts == {"gap": 1}
+
+
+def test_streams_do_not_hold_each_other_up() -> None:
+    """What waits of one peer says nothing of another's numbers."""
+    links = [
+        Link(peer, "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM") for peer in ("asker", "other")
+    ]
+    one = Driven(recording(takes=only_local), Wiring("toy", "server", tuple(links), LANGUAGES))
+    one.step(request(1))
+    one.step(request(1, conversation="other-1-1", sender="other"))
+    assert waiting(one) == ["1", "1"]
+    assert one.state.counts == {}
+
+
+def observation(subject: str, version: str, name: str, reply_with: str = "") -> Arrived:
+    """What the watcher says of a subject."""
+    raw = Raw(pack(Seen(subject, 1)))
+    return Arrived(
+        Communicate(
+            performative=P.INFORM,
+            content=raw,
+            language="OBS",
+            protocol="subscribe",
+            conversation=name,
+            in_reply_to=reply_with,
+            sender="watcher",
+            receiver="knower",
+            id=f"{subject}@{version}",
+        )
+    )
+
+
+def subscriber(takes: Any = None) -> tuple[Driven, str, str]:
+    """A knower that has subscribed and is agreed to, and takes no observation but where `takes` says so."""
+
+    def said(turn: Turn) -> None:
+        if isinstance(turn.event, PeerChanged):
+            turn.open("watcher", "subscribe", P.SUBSCRIBE, WhatOf("jar"))
+
+    one = Driven(recording(said=said, takes=takes, name="knower"), observers("knower"))
+    one.step(PeerChanged("watcher", 1))
+    (subscribe,) = one.sends()
+    agreed = Communicate(
+        performative=P.AGREE,
+        protocol="subscribe",
+        conversation=subscribe.conversation,
+        in_reply_to=subscribe.reply_with,
+        sender="watcher",
+        receiver="knower",
+        id="watcher@1.1",  # an at sign alone makes no observation
+    )
+    one.step(Arrived(agreed))
+    return one, subscribe.conversation, subscribe.reply_with or ""
+
+
+def test_of_a_subject_only_the_newest_waits() -> None:
+    """An older one that waits makes room, one that comes later is nothing; other subjects stay."""
+    one, *name = subscriber(takes=lambda memory, event: getattr(event, "content", None) is None)
+    for subject, version in (("jar", "1.1"), ("bowl", "1.2"), ("jar", "1.3"), ("jar", "1.1"), ("jar", "1.3")):
+        one.step(observation(subject, version, *name))
+    assert waiting(one) == ["bowl@1.2", "jar@1.3"]
+
+
+def test_an_observation_is_taken_once_and_receipted_as_often_as_it_comes() -> None:
+    """The same or an older version changes nothing."""
+    one, *name = subscriber()
+    assert one.step(observation("jar", "1.3", *name)).receipts == (Receipt("watcher", subject="jar", version=(1, 3)),)
+    seen = one.state.memory.seen
+    for version in ("1.3", "1.2"):
+        counter = int(version[-1])
+        assert one.step(observation("jar", version, *name)).receipts == (
+            Receipt("watcher", subject="jar", version=(1, counter)),
+        )
+    assert one.state.memory.seen == seen == ("PeerChanged", "Received", "Received")
+    assert one.state.counts == {"observed before": 2}
+
+
+def test_an_observation_of_a_subscription_that_is_not_held_is_counted() -> None:
+    """And gets no receipt: it is owed to the newer subscription."""
+    one, *_ = subscriber()
+    assert one.step(observation("jar", "1.1", "knower-0-9")).receipts == ()
+    assert one.state.counts == {"observation of no subscription": 1}
+
+
+def test_a_question_waits_once_however_often_it_is_asked() -> None:
+    """A copy has sender, id and conversation of it; another id is another question."""
+    one = Driven(recording(takes=nothing, name="knower"), observers("knower"))
+    one.step(Local(Want(1)))
+    for question in (query("a"), query("a"), query("b"), query("b", conversation="q-c")):
+        one.step(question)
+    assert waiting(one) == ["a", "b", "b"]
+    assert one.state.counts == {"waiting already": 1}
+
+
+def test_so_many_questions_wait_and_the_next_is_dropped_aloud() -> None:
+    """Words of the own side and streams have their own room."""
+    one = Driven(recording(takes=nothing, name="knower"), observers("knower"))
+    one.step(Local(Want(1)))
+    for number in range(HELD_VOLATILE):
+        one.step(query(str(number)))
+    effects = one.step(query("one-more"))
+    assert len(waiting(one)) == HELD_VOLATILE
+    assert one.state.counts == {"inbox full": 1}
+    assert [line.event for line in effects.logs] == ["inbox full"]
+
+
+def test_streams_that_wait_are_no_questions() -> None:
+    """A copy of a question is found among messages of a stream, and they are no copies of it."""
+    links = (
+        Link("asker", "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM"),
+        Link("asker", "T3", "query", Role.PARTICIPANT, Delivery.VOLATILE, silent="SUM"),
+    )
+    one = Driven(recording(takes=nothing), Wiring("toy", "server", links, LANGUAGES))
+    one.step(request(1))
+    ask = replace(
+        query("1").communicate,
+        receiver="server",
+        conversation="asker-1-1",
+        content=Raw(pack(Double(1))),
+        language="SUM",
+    )
+    one.step(Arrived(ask))
+    one.step(Arrived(ask))
+    one.step(Tick())
+    assert [entry.number for entry in one.state.soft.inbox] == [1, 0]

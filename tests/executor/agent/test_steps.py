@@ -1,0 +1,244 @@
+"""ex's agent step by step: each word in each state, told to whom it belongs, and nothing for words of another act."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from driven import Driven
+
+from agent_runtime.core.events import Event, Local, Started, Tick
+from companion.binding import wiring
+from companion.languages import rc
+from companion.languages.values import Side
+from fipa_codec.performatives import Performative as P
+from services.executor import behaviours
+from services.executor.behaviours import SKILL_WITHIN_S
+from services.executor.local import Brake, Crashed, Do, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
+from services.executor.loop.program import motion
+from services.executor.remembered import Remembered
+
+Q = np.linspace(0.0, 1.4, 15)
+FELT = Felt(q=Q.tobytes(), measured=Q.tobytes(), head=(0.1, 0.2), time=5.0)
+MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
+KEPT = Remembered(q=(1.0,) * 15, time=7.0)
+POSTURE = KEPT.posture()
+assert POSTURE is not None
+DONE = rc.Done("m1", POSTURE, (), {}, 2.0)
+MOTION = motion("m1", np.zeros((101, 15)))
+OTHER = 99
+
+
+def idle() -> Driven:
+    """ex has found out how its robot stands."""
+    one = Driven(behaviours.agent(), wiring("ex", "test"))
+    one.step(Started())
+    assert one.tells == [Halt(0)]
+    one.step(Local(Stands(0, FELT)))
+    return one
+
+
+def preparing() -> Driven:
+    """An act was taken; its skill computes."""
+    one = idle()
+    ask(one, MOVE, "t1")
+    assert one.tells == [Where(1)]
+    one.step(Local(Stands(1, FELT)))
+    return one
+
+
+def acting() -> Driven:
+    """Its first motion is under way."""
+    one = preparing()
+    one.step(Local(Move(1, MOTION, 3.0, KEPT)))
+    return one
+
+
+def stopping() -> Driven:
+    """It was cancelled; the motion brakes."""
+    one = acting()
+    cancel(one, "t1")
+    assert one.tells == [Brake(1, "m1")]
+    return one
+
+
+def halting() -> Driven:
+    """The loop was lost; the robot is brought to rest."""
+    one = acting()
+    one.step(Local(Lost(1, "no loop")))
+    assert one.tells == [Drop(1), Halt(1)]
+    return one
+
+
+STATES: dict[str, Callable[[], Driven]] = {
+    "preparing": preparing,
+    "acting": acting,
+    "stopping": stopping,
+    "halting": halting,
+}
+
+
+def ask(one: Driven, command: rc.Act, talk: str) -> None:
+    """ta's request."""
+    one.hears("ta", "request", P.REQUEST, command, talk=talk)
+
+
+def cancel(one: Driven, talk: str) -> None:
+    """ta's cancel."""
+    one.hears("ta", "request", P.CANCEL, talk=talk)
+
+
+def said(one: Driven) -> list[tuple[P, str, Any]]:
+    """Performative, conversation and content of what was said in the last step."""
+    read = one.core.wiring.languages.read
+    return [(sent.performative, sent.conversation, read(sent)[0] if sent.content else None) for sent in one.sends()]
+
+
+def test_ex_knows_where_its_robot_stands() -> None:
+    """Set-points, head and time, as the loop says them."""
+    kept = idle().state.memory.remembered
+    assert (kept.q, kept.head, kept.time) == (tuple(Q), (0.1, 0.2), 5.0)
+
+
+def test_acts_are_counted() -> None:
+    """Words of one act are no news of the next."""
+    one = idle()
+    for number in (1, 2):
+        ask(one, rc.MoveJoint(f"m{number}", Side.LEFT, ((0.0,) * 8,), 0.3), f"t{number}")
+        assert one.tells == [Where(number)]
+        cancel(one, f"t{number}")
+        assert one.state.memory.number == number
+        assert one.state.memory.soft.felt is None
+
+
+def test_the_skill_gets_the_act_and_how_the_robot_stands() -> None:
+    """What it remembers is the act's from then on; the agreement tells how long."""
+    one = preparing()
+    assert one.tells == [Perform(1, MOVE, one.state.memory.remembered, FELT)]
+    assert one.state.memory.soft.felt == FELT
+    one.step(Local(Move(1, MOTION, 3.0, KEPT)))
+    assert said(one) == [(P.AGREE, "t1", rc.Accepted("m1", 3.0))]
+    assert one.tells == [Do(1, MOTION)]
+    assert one.state.memory.remembered == KEPT
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize(
+    "word",
+    [
+        Stands(OTHER, FELT),
+        Move(OTHER, MOTION, 3.0, KEPT),
+        Ended(OTHER, KEPT.not_done("m0", "failed", "old"), KEPT),
+        Lost(OTHER, "old"),
+    ],
+)
+def test_words_of_another_act_change_nothing(state: str, word: Any) -> None:
+    """What a killed worker had said."""
+    one = STATES[state]()
+    memory, place = one.state.memory, one.state.state
+    one.step(Local(word))
+    assert (one.state.memory, one.state.state, one.tells, one.sends()) == (memory, place, [], [])
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_a_second_act_and_a_subscription_are_refused_in_every_state(state: str) -> None:
+    """The act under way goes on."""
+    one = STATES[state]()
+    place = one.state.state
+    ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
+    assert said(one) == [(P.REFUSE, "t2", rc.NotDone("l1", "busy", "ex is busy with m1"))]
+    one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
+    assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")]
+    assert one.state.state == place
+
+
+def test_a_subscription_is_refused_at_rest() -> None:
+    """No readings are given out yet."""
+    one = idle()
+    one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
+    assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")]
+
+
+@pytest.mark.parametrize(
+    ("event", "reason"),
+    [
+        (Local(Lost(1, "no loop")), "no loop"),
+        (Local(Crashed(3)), "exit status 3"),
+        (Tick(), f"no motion in {SKILL_WITHIN_S:g} s"),
+    ],
+)
+def test_an_act_whose_skill_gives_no_motion_is_interrupted(event: Event, reason: str) -> None:
+    """The worker is dropped, ta told why; nothing moved, so it is refused, and ex is at rest."""
+    one = preparing()
+    one.now += SKILL_WITHIN_S - 0.1
+    one.step(Tick())
+    assert one.state.state == "preparing"
+    one.now += 0.2
+    one.step(event)
+    ((act, talk, outcome),) = said(one)
+    assert (act, talk, outcome.kind) == (P.REFUSE, "t1", "interrupted")
+    assert reason in outcome.reason
+    assert one.tells == [Drop(1)]
+    assert one.state.state == "idle"
+    assert one.state.wakes == {}
+
+
+def test_a_skill_that_ends_without_a_motion_is_the_outcome() -> None:
+    """There was nothing to do; what it remembers is kept."""
+    one = preparing()
+    one.step(Local(Ended(1, DONE, KEPT)))
+    assert said(one) == [(P.INFORM, "t1", DONE)]
+    memory = one.state.memory
+    assert (memory.act, memory.last, memory.remembered, memory.soft.felt) == (None, "m1", KEPT, None)
+
+
+def test_after_a_loss_the_outcome_is_unknown_once_the_robot_stands() -> None:
+    """It stands where the loop says."""
+    one = halting()
+    assert one.state.wakes == {}
+    one.step(Local(Stands(1, FELT)))
+    ((act, _, outcome),) = said(one)
+    assert (act, outcome.kind, outcome.reason) == (P.FAILURE, "unknown", "no loop")
+    assert one.state.memory.remembered.q == tuple(Q)
+
+
+def test_a_cancel_while_it_is_brought_to_rest_is_answered_with_the_outcome() -> None:
+    """In reply to the cancel."""
+    one = halting()
+    cancel(one, "t1")
+    assert (one.state.state, said(one)) == ("stopping", [])
+    one.step(Local(Stands(1, FELT)))
+    ((act, _, outcome),) = said(one)
+    assert (act, outcome.kind) == (P.INFORM, "unknown")
+
+
+@pytest.mark.parametrize(("state", "reason"), [("stopping", "restarted while it stopped"), ("halting", "no loop")])
+def test_a_restart_while_it_stops_brings_the_robot_to_rest(state: str, reason: str) -> None:
+    """Why the outcome is unknown is what was known first."""
+    one = STATES[state]()
+    one.step(Started(first=False))
+    assert one.tells == [Drop(1), Halt(1)]
+    one.step(Local(Stands(1, FELT)))
+    assert reason in said(one)[0][2].reason
+
+
+def test_a_loop_lost_while_it_stops_is_halted() -> None:
+    """Nobody brakes any more."""
+    one = stopping()
+    one.step(Local(Lost(1, "no loop")))
+    assert one.tells == [Drop(1), Halt(1)]
+
+
+def test_a_cancel_of_an_act_that_is_done_is_answered_as_too_late() -> None:
+    """The act's inform, and a failure in reply to the cancel."""
+    one = stopping()
+    one.step(Local(Ended(1, DONE, KEPT)))
+    assert [act for act, _, _ in said(one)] == [P.INFORM, P.FAILURE]
+    assert not one.state.conversations
+
+
+def test_a_cancel_of_something_else_does_not_stop_the_act() -> None:
+    """It is not the conversation of the act."""
+    one = preparing()
+    cancel(one, "t9")
+    assert one.state.state == "preparing"

@@ -1,0 +1,228 @@
+"""pl's agent step by step: what km says, what the search says, and what becomes of the problem of co."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from driven import Driven
+from msgspec import Raw
+from scripted_search import look, plan_of
+
+from agent_runtime.core.events import Local, Receipted, Started, Tick
+from companion.binding import wiring
+from companion.languages import hfsm, wm
+from fipa_codec.performatives import Performative as P
+from services.planner import behaviours
+from services.planner.behaviours import ANSWER_WITHIN_S
+from services.planner.local import Answer, Ask, Begin, Died, Found, NotFound, Stop
+from services.planner.words import DROP_WITHIN_S
+
+SEED = 3
+ASKED = wm.ListObjects()
+LATER = wm.Unknown("the look around is not over", later=True)
+
+
+def network(name: str) -> hfsm.GroundTaskNetwork:
+    """A task that needs no object."""
+    return hfsm.GroundTaskNetwork(name, (hfsm.Task("look_around", ()),))
+
+
+def asks(one: Driven, name: str) -> None:
+    """co's problem."""
+    one.hears("co", "request", P.REQUEST, network(name), talk=f"co-{name}")
+
+
+def question(one: Driven) -> str:
+    """The conversation in which km was asked last."""
+    return [sent.conversation for sent in one.sends() if sent.receiver == "km"][-1]
+
+
+def answers(one: Driven, content: Any, talk: str = "") -> None:
+    """km's word."""
+    asked = next(iter(one.state.soft.asks.values())).communicate if not talk else one.state.soft.asks[talk].communicate
+    unknown = isinstance(content, wm.Unknown | wm.UnknownState)
+    one.hears(
+        "km",
+        "query",
+        P.FAILURE if unknown else P.INFORM_REF,
+        content,
+        talk=asked.conversation,
+        in_reply_to=asked.reply_with,
+    )
+
+
+def said(one: Driven) -> list[tuple[str, P, Any]]:
+    """To whom, performative and content of all that was said in the last step."""
+    read = one.core.wiring.languages.read
+    return [(sent.receiver, sent.performative, read(sent)[0] if sent.content else None) for sent in one.sends()]
+
+
+def fresh() -> Driven:
+    """A pl that just came up."""
+    one = Driven(behaviours.agent(SEED), wiring("pl", "test"))
+    one.step(Started())
+    return one
+
+
+def beginning() -> Driven:
+    """A problem was taken; km is asked to forget what was supposed for it before."""
+    one = fresh()
+    asks(one, "p1")
+    first = one.out
+    one.step(Receipted("co", taken=1))
+    one.out = first
+    return one
+
+
+def searching() -> Driven:
+    """The search is under way."""
+    one = beginning()
+    answers(one, wm.Made("p1"))
+    return one
+
+
+def waiting() -> Driven:
+    """The search waits for a fact."""
+    one = searching()
+    one.step(Local(Ask(1, ASKED)))
+    return one
+
+
+def test_a_problem_is_agreed_to_and_km_forgets_first() -> None:
+    """Then the search begins, with the seed of this pl, and counted."""
+    one = beginning()
+    assert said(one) == [
+        ("co", P.AGREE, hfsm.Taken("p1")),
+        ("km", P.QUERY_REF, wm.DropStates(prefix="p1/")),
+    ]
+    one = searching()
+    assert one.tells == [Begin(1, network("p1"), SEED)]
+    assert (one.state.memory.ready, one.state.memory.begun) == (True, 1)
+
+
+def test_a_fact_goes_from_km_to_the_search() -> None:
+    """Once each way; the question is over then."""
+    one = waiting()
+    assert said(one) == [("km", P.QUERY_REF, ASKED)]
+    answers(one, wm.Objects(()))
+    assert one.tells == [Answer(1, wm.Objects(()))]
+    assert one.state.memory.soft.question == ""
+
+
+@pytest.mark.parametrize(
+    ("event", "reason"),
+    [(NotFound(1, "no room"), "no room"), (Died(3), "exit status 3")],
+)
+def test_a_search_without_a_plan_fails_the_problem(event: Any, reason: str) -> None:
+    """co is told why, the search is stopped, km forgets; pl is free for the next."""
+    one = searching()
+    one.step(Local(event))
+    (to_co, to_km) = said(one)
+    assert to_co[:2] == ("co", P.FAILURE)
+    assert reason in to_co[2].reason
+    assert not to_co[2].later
+    assert to_km == ("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))
+    assert one.tells == [Stop(1)]
+    assert (one.state.state, one.state.memory.problem) == ("idle", None)
+
+
+def test_a_plan_ends_the_search_without_stopping_it() -> None:
+    """It has ended by itself. What is no longer needed is asked for only once."""
+    one = waiting()
+    asked = question(one)
+    plan = plan_of(network("p1"), [("look around", [look("jar_1")])])
+    one.step(Local(Found(1, plan)))
+    assert said(one) == [("co", P.INFORM, plan), ("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
+    assert one.tells == []
+    assert asked not in one.state.soft.asks
+    one.now += DROP_WITHIN_S + 0.1
+    one.step(Tick())
+    assert one.state.soft.asks == {}, "km forgets by itself"
+
+
+@pytest.mark.parametrize("state", [beginning, waiting])
+def test_while_the_world_is_looked_at_the_problem_is_put_off(state: Callable[[], Driven]) -> None:
+    """co is told to come again; nothing was supposed, so km has nothing to forget."""
+    one = state()
+    answers(one, LATER)
+    ((to, act, content),) = said(one)
+    assert (to, act, content.reason, content.later) == ("co", P.FAILURE, LATER.reason, True)
+    assert one.state.memory == behaviours.Memory(seed=SEED, attempt=one.state.memory.attempt)
+
+
+@pytest.mark.parametrize("state", [beginning, waiting])
+def test_a_km_that_does_not_answer_fails_the_problem(state: Callable[[], Driven]) -> None:
+    """Not before the time is over."""
+    one = state()
+    one.now += ANSWER_WITHIN_S
+    one.step(Tick())
+    assert [act for to, act, _ in said(one) if to == "co"] == []
+    one.now += 0.1
+    one.step(Tick())
+    ((_, act, content),) = [word for word in said(one) if word[0] == "co"]
+    assert act is P.FAILURE
+    assert "km does not answer" in content.reason
+
+
+@pytest.mark.parametrize("state", [beginning, waiting])
+def test_a_km_that_cannot_be_understood_fails_the_problem(state: Callable[[], Driven]) -> None:
+    """With its reason."""
+    one = state()
+    asked = next(iter(one.state.soft.asks.values())).communicate
+    rest = {"talk": asked.conversation, "in_reply_to": asked.reply_with, "content": Raw(b"\xc1"), "language": "WM"}
+    one.hears("km", "query", P.INFORM_REF, **rest)
+    ((_, act, content),) = [word for word in said(one) if word[0] == "co"]
+    assert act is P.FAILURE
+    assert "km cannot be asked" in content.reason
+
+
+def test_hypotheses_lost_begin_the_search_again() -> None:
+    """As another attempt: words of the one before are ignored."""
+    one = waiting()
+    answers(one, wm.UnknownState("p1/0", "km was restarted"))
+    assert said(one) == [("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
+    assert (one.state.state, one.state.memory.ready, one.state.memory.begun) == ("initialize", False, 2)
+    answers(one, wm.Made("p1"))
+    assert one.tells == [Begin(2, network("p1"), SEED)]
+    assert not one.state.memory.soft.lost
+    memory = one.state.memory
+    for word in (Ask(1, ASKED), NotFound(1, "old"), Found(1, plan_of(network("p1"), [("x", [look("jar_1")])]))):
+        one.step(Local(word))
+    assert one.state.memory == memory
+
+
+def test_a_restart_begins_the_search_again() -> None:
+    """The child is gone, and so are km's hypotheses of it."""
+    one = searching()
+    one.state = one.core.boot(one.core.record(one.state))
+    one.step(Started(first=False))
+    assert one.state.state == "initialize"
+    assert said(one) == [("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
+
+
+def test_a_restart_while_km_is_asked_to_forget_asks_again() -> None:
+    """The question died with the one before."""
+    one = beginning()
+    one.state = one.core.boot(one.core.record(one.state))
+    one.step(Started(first=False))
+    assert ("km", P.QUERY_REF, wm.DropStates(prefix="p1/")) in said(one)
+    answers(one, wm.Made("p1"))
+    assert one.tells == [Begin(1, network("p1"), SEED)]
+
+
+def test_of_several_problems_only_the_cancelled_one_is_forgotten() -> None:
+    """One that waits, or the one under way: whose search is stopped, whose question is dropped."""
+    one = waiting()
+    for name in ("p2", "p3"):
+        asks(one, name)
+    one.hears("co", "request", P.CANCEL, talk="co-p2")
+    assert said(one) == [("co", P.INFORM, hfsm.NoPlan("p2", "cancelled"))]
+    assert [waits.network.id for waits in one.state.memory.waiting] == ["p3"]
+    asked = one.state.memory.soft.question
+    one.hears("co", "request", P.CANCEL, talk="co-p1")
+    assert said(one)[0] == ("co", P.INFORM, hfsm.NoPlan("p1", "cancelled"))
+    assert one.tells[0] == Stop(1)
+    assert asked not in one.state.soft.asks
+    memory = one.state.memory
+    assert (memory.problem.network.id, memory.waiting, memory.attempt, memory.seed) == ("p3", (), 1, SEED)
+    assert memory.cancelled is False
