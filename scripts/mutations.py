@@ -4,9 +4,9 @@ Left alone: annotations, docstrings, constants that a module declares, the text 
 """
 
 import ast
+import copy
 import hashlib
 from collections.abc import Iterator
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,9 +87,23 @@ def mutants(module: str) -> list[Mutant]:
         named[function, what] = named.get((function, what), 0) + 1
         if named[function, what] > 1:
             what += f" #{named[function, what]}"
-        source = hashlib.sha256(ast.dump(outer).encode()).hexdigest()[:12]
+        source = hashlib.sha256(wordless(outer).encode()).hexdigest()[:12]
         found.append(Mutant(module, function, what, source, _header(statement), place, node, tree))
     return sorted(found, key=lambda one: one.lines.start)
+
+
+def wordless(node: ast.AST) -> str:
+    """The code of a function without what people read: docstrings, log lines, texts of errors."""
+    return ast.dump(_Wordless().visit(copy.deepcopy(node)))
+
+
+class _Wordless(ast.NodeTransformer):
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
+        return None if _said(node) else self.generic_visit(node)
+
+    def visit_Raise(self, node: ast.Raise) -> ast.AST:
+        raised = node.exc.func if isinstance(node.exc, ast.Call) else node.exc
+        return ast.Raise(raised, node.cause)
 
 
 Place = tuple[ast.AST, str, int | None]
@@ -187,5 +201,5 @@ def _at(place: Place) -> ast.AST:
 
 
 def _text(node: ast.AST) -> str:
-    text = " ".join(ast.unparse(ast.fix_missing_locations(deepcopy(node))).split())
+    text = " ".join(ast.unparse(ast.fix_missing_locations(copy.deepcopy(node))).split())
     return text if len(text) <= 100 else f"{text[:60]} … {text[-38:]}"
