@@ -43,8 +43,11 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     `verbs`: rows for the table of `roco` (operate.cli.verbs.VERBS has the form). `options`: a function of names of
     processes, scene file and seed, called before anything is started; it raises ValueError. `findings`: a function of a
     Design that gives further findings of `roco design check`. `live`: a class without arguments with `lines(record)`,
-    which gives further lines of live.jsonl. `report`: a function of a History that gives operate.reports.report.Own.
-    `drawers`: a function of a Sheet that gives further operate.pictures.stage.Drawer. `telemetry`: kind of a house key
+    which gives further lines of live.jsonl. `events`: a function of a History
+    that gives what happened, each with a `name`. `report`: a function of a History that gives the
+    figures of report.json, `page`: one of History, figures and the run's name that gives report.html.
+    `drawers`: a function of a Sheet that gives further operate.pictures.stage.Drawer, `blueprint`: one of the
+    length of the run that gives the layout of the viewer. `telemetry`: kind of a house key
     -> decoder, a mapping. `tasks`: a function of a Target that gives lines about tasks for `roco status`.
     """
 
@@ -52,8 +55,11 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     options: str = ""
     findings: str = ""
     live: str = ""
+    events: str = ""
     report: str = ""
+    page: str = ""
     drawers: str = ""
+    blueprint: str = ""
     telemetry: str = ""
     tasks: str = ""
 

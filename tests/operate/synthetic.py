@@ -6,7 +6,7 @@ page: `python tests/operate/synthetic.py RUN_DIR` writes its traffic.mcap there.
 
 import math
 import random
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import msgspec
 
@@ -19,6 +19,7 @@ from companion.telemetry import Lateness, RobotState, TrueState
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative as P
+from operate.recording.history import History
 
 PREFIX = "roco"
 START = 1_700_000_000.0
@@ -322,6 +323,12 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
     run.say("co", "hi", P.INFORM, done, talk=command, protocol="request")
     run.wait(0.5)
     return run
+
+
+def with_truth(past: History, states: Iterable[tuple[float, TrueState]]) -> History:
+    """The history with these true states in place of its own."""
+    others = tuple((at, one) for at, one in past.told if not isinstance(one, TrueState))
+    return msgspec.structs.replace(past, told=(*others, *states))
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from toy_fleet import wait_for
 from agent_runtime.io.zenoh_wire import free_endpoint
 from companion.run_files import TaskLine
 from companion.tools.system import SYSTEM
+from companion.tools.telemetry import truth
 from companion.tools.verbs.hi import Hi
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
@@ -119,7 +120,7 @@ def test_each_robot_does_what_it_was_told(site: Site) -> None:
         assert past.said
         assert not [hole for hole in past.holes if hole.communicates], past.holes
         assert not past.garbage
-        held = {what for what, sides in past.truth[-1][1].fingers_on.items() if any(n >= 3 for n in sides.values())}
+        held = {what for what, sides in truth(past)[-1][1].fingers_on.items() if any(n >= 3 for n in sides.values())}
         assert held == {thing}, name
         report = msgspec.json.decode((run / "report.json").read_bytes())
         assert report["communicates"]["total"] == len(past.said)

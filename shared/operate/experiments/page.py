@@ -6,14 +6,12 @@ from pathlib import Path
 
 import jinja2
 
-from companion.tools.report.paper import PAPER
+from companion.tools.report.paper import PAPER, TABLE_8
 from operate.experiments import pictures
 from operate.experiments.intervals import Interval
 from operate.experiments.results import Runs
 from operate.experiments.summary import RECEIVED, SENT, Row, Summary
-from operate.reports import counts
-from operate.reports.page import ABSENT, number
-from operate.reports.page import TEMPLATE as RUN_PAGE
+from operate.reports.page import ABSENT, STYLE, number
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
 
@@ -37,8 +35,8 @@ def rendered(runs: Runs, told: Summary) -> str:
         results=runs.results,
         began=began(told),
         paper=PAPER,
-        agents=counts.AGENTS,
-        style=RUN_PAGE.read_text(encoding="utf-8").partition("<style>")[2].partition("</style>")[0],
+        agents=TABLE_8,
+        style=STYLE,
         sizes=pictures.sizes(runs),
         shares=pictures.shares(runs),
         plans=[pictures.planning(runs, 1), pictures.planning(runs, 2)],
@@ -142,10 +140,10 @@ def _table_7(told: Summary) -> Iterator[str]:
 
 def _table_8(told: Summary) -> Iterator[str]:
     yield from ("", "Table 8: communicates of a run, rows receive, columns send; in brackets the paper's", "")
-    senders = (*counts.AGENTS, RECEIVED)
+    senders = (*TABLE_8, RECEIVED)
     yield f"| | {' | '.join(senders)} |"
     yield "|---" * (len(senders) + 1) + "|"
-    for receiver in (*counts.AGENTS, SENT):
+    for receiver in (*TABLE_8, SENT):
         cells = (told.table_8[sender][receiver] for sender in senders if receiver in told.table_8[sender])
         words = (f"{count(cell.mean)}{f' ({cell.paper})' if cell.paper else ''}" for cell in cells)
         yield f"| {receiver} | {' | '.join(words)} |"

@@ -11,7 +11,7 @@ from companion.tools.report.paper import PAPER
 from operate.experiments import intervals
 from operate.experiments.exchanges import Said
 from operate.experiments.results import Plan, Runs
-from operate.reports.figures import ACCENT, FAINT, INK, MARKS, drawing
+from operate.reports.figures import ACCENT, FAINT, INK, drawing, mark_of
 
 BINS = 40
 """Steps of time in a figure; estimate: fine enough for a shape, wide enough for some communicates of every run."""
@@ -29,7 +29,7 @@ def sizes(runs: Runs) -> str:
         for channel, entry in DESIGN.channels.items():
             points = [(one.t, one.size) for said in told for one in said if one.channel == channel]
             if points:
-                mark, colour = MARKS.get(channel, ("o", FAINT))
+                mark, colour = mark_of(channel, DESIGN)
                 label = f"{channel} {'-'.join(entry.ends)}"
                 t, size = zip(*points, strict=True)
                 dots = axes.scatter(t, size, marker=mark, c=colour, s=11, alpha=0.3, linewidths=0, rasterized=True)

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import msgspec
 
+from companion.tools.report import report
 from operate.experiments import tables
 from operate.experiments.exchanges import Said, said
 from operate.recording import history
-from operate.reports import report
 from operate.run_folder import REPORT_FILE, TRAFFIC_FILE
 from operate.system import of_run
 

@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterable
 
 import msgspec
 
-from companion.tools.report.paper import PAPER
+from companion.tools.report.paper import PAPER, TABLE_8
 from operate.experiments import intervals
 from operate.experiments.intervals import Interval
 from operate.experiments.quantities import QUANTITIES, peak_kbit_s, values
 from operate.experiments.results import Figures, Result, Runs, Setting
-from operate.reports import counts
 
 PEAK_STEP_S = 1.0
 """Of the paper's peak the step is not said; a second is what its drawing could show (estimate)."""
@@ -146,7 +145,7 @@ def _table_7(results: tuple[Result, ...]) -> Iterable[Event]:
 
 def _table_8(results: tuple[Result, ...]) -> dict[str, dict[str, Cell]]:
     """Of every pair of agents; the margins are those of the sums of each run."""
-    figures, agents = good(results), counts.AGENTS
+    figures, agents = good(results), TABLE_8
 
     def cell(read: Callable[[Figures], float], paper: int) -> Cell:
         mean = intervals.mean([read(one) for one in figures])

@@ -11,9 +11,10 @@ import msgspec
 import pyarrow
 from pyarrow import csv, parquet
 
+from companion.tools.report.clock import Clock
 from companion.tools.report.events import events
+from companion.tools.telemetry import robot
 from operate.experiments.exchanges import Said, said
-from operate.recording.clock import Clock
 from operate.recording.history import History
 from velma.names import BODY
 
@@ -59,7 +60,7 @@ def happened(history: History) -> pyarrow.Table:
 
 def telemetry(history: History) -> pyarrow.Table:
     """What the loop told: times, joints [rad], work [J], mode, act, cycles and how late they were [us]."""
-    states = history.robot
+    states = robot(history)
     columns: dict[str, list[Any]] = {
         "t": [at - history.begin for at, _ in states],
         "sim_s": [state.sim_time_s for _, state in states],

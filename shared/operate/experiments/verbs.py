@@ -30,7 +30,9 @@ def again(
         target = _target(place, out)
         if target is not None and not make.everything(target, of_run(place), _complain):
             raise typer.Exit(1)
-        told = report.build(past)
+        system = of_run(place)
+        build = system.addition("report")
+        told = build(past) if build is not None else report.build(past, system)
     _print({"folder": None if target is None else str(target), "report": told})
 
 

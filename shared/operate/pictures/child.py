@@ -13,8 +13,7 @@ from pathlib import Path
 import rerun as rr
 
 from operate.pictures import places, wire
-from operate.pictures.blueprint import blueprint
-from operate.pictures.file import NAME
+from operate.pictures.file import NAME, laid_out
 from operate.pictures.happenings import Happening, Lost, Reader
 from operate.pictures.server import Server, rss_mb
 from operate.pictures.sheet import Sheet
@@ -47,7 +46,7 @@ class Child:
     def __init__(self, run: Path, place: places.Place, system: System) -> None:
         self._system = system
         self._server = Server(run, place)
-        self._reader = Reader()
+        self._reader = Reader(system)
         self._stage: Stage | None = None
         self._early: list[Happening] = []
         self._idle = True
@@ -93,8 +92,8 @@ class Child:
             self._stage.take(happening)
 
     def _begin(self, at: float) -> None:
-        rr.connect_grpc(self._server.url, default_blueprint=blueprint(None), recording=self._out)
-        self._stage = Stage(Sheet(self._out, at))
+        rr.connect_grpc(self._server.url, default_blueprint=laid_out(self._system, None), recording=self._out)
+        self._stage = Stage(Sheet(self._out, at), self._system)
         for happening in self._early:
             self._stage.take(happening)
         self._early.clear()

@@ -7,22 +7,24 @@ FRESH: Colour = (38, 150, 180)
 RED: Colour = (205, 60, 60)
 ORANGE: Colour = (222, 140, 30)
 GREEN: Colour = (76, 168, 92)
-CHANNELS: dict[str, Colour] = {
-    "C1": (230, 159, 0),
-    "C2": (214, 93, 130),
-    "C3": (150, 120, 220),
-    "C4": (38, 150, 180),
-    "C5": (136, 148, 165),
-    "C6": (76, 168, 92),
-}
+CHANNELS: tuple[Colour, ...] = (
+    (230, 159, 0),
+    (214, 93, 130),
+    (150, 120, 220),
+    (38, 150, 180),
+    (136, 148, 165),
+    (76, 168, 92),
+)
+"""Of C1, C2 and so on; C7 looks like C1."""
 SIDES: dict[str, Colour] = {"right": (214, 93, 130), "left": (38, 150, 180)}
 AXES: tuple[Colour, ...] = ((220, 60, 60), (60, 170, 70), (60, 100, 220))
 """x, y, z of a frame."""
 
 
 def channel(name: str) -> Colour:
-    """A channel's colour; grey for one of another design."""
-    return CHANNELS.get(name, GREY)
+    """A channel's colour, by its number; grey for a name without one."""
+    digits = name.lstrip("C")
+    return CHANNELS[(int(digits) - 1) % len(CHANNELS)] if digits.isdecimal() else GREY
 
 
 def between(a: Colour, b: Colour, share: float) -> Colour:

@@ -3,30 +3,32 @@
 from pathlib import Path
 
 import rerun as rr
+import rerun.blueprint as rrb
 
 from operate.pictures.blueprint import blueprint
 from operate.pictures.happenings import of_history
 from operate.pictures.sheet import Sheet
 from operate.pictures.stage import Stage
 from operate.recording.history import History
+from operate.system import System
 
 NAME = "robot_companion"
 
 
-def write(path: Path, history: History) -> dict[str, int]:
+def write(path: Path, history: History, system: System) -> dict[str, int]:
     """Write the file, so that a reader sees the old one or the new one. How many rows each entity got."""
     beside = path.with_name(f".{path.name}")
     with rr.RecordingStream(NAME, recording_id=f"{NAME}-{history.begin:.3f}") as out:
-        rr.save(beside, default_blueprint=blueprint(end_s(history)), recording=out)
-        sheet = drawn(out, history)
+        rr.save(beside, default_blueprint=laid_out(system, end_s(history)), recording=out)
+        sheet = drawn(out, history, system)
     beside.replace(path)
     return sheet.rows
 
 
-def drawn(out: rr.RecordingStream, history: History) -> Sheet:
+def drawn(out: rr.RecordingStream, history: History, system: System) -> Sheet:
     """The sheet on which a whole run was drawn."""
     sheet = Sheet(out, history.begin)
-    stage = Stage(sheet)
+    stage = Stage(sheet, system)
     for happening in of_history(history):
         stage.take(happening)
     stage.pass_time(history.begin + end_s(history) + 1.0)
@@ -34,7 +36,14 @@ def drawn(out: rr.RecordingStream, history: History) -> Sheet:
     return sheet
 
 
+def laid_out(system: System, end_s: float | None) -> rrb.Blueprint:
+    """The system's own layout, else the one for any system."""
+    own = system.addition("blueprint") or blueprint
+    layout: rrb.Blueprint = own(end_s)
+    return layout
+
+
 def end_s(history: History) -> float:
     """How long the run was [s]."""
-    times = [one.received for one in history.said[-1:]] + [at for at, _ in history.robot[-1:]]
+    times = [one.received for one in history.said[-1:]] + [at for at, _ in history.told[-1:]]
     return max(times, default=history.begin) - history.begin or 1.0

@@ -7,13 +7,13 @@ import math
 
 import rerun as rr
 
-from companion.design import DESIGN
 from operate.pictures.colours import FRESH, GREY, RED, between, channel
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Colour, Sheet, nodes
 from operate.pictures.traffic import BIN_S, Bins
 from operate.recording.history import Entered
 from operate.recording.records import Spoken
+from topdown.model.design import Design
 
 GRAPH = "graph"
 WIDE, HIGH = 165.0, 90.0
@@ -29,14 +29,14 @@ FULL = 4.0
 class Graph:
     """Draws the graph at each change of a state or of a light."""
 
-    def __init__(self, sheet: Sheet) -> None:
-        self._sheet, self._bins = sheet, Bins()
-        self._light: dict[str, float] = dict.fromkeys(DESIGN.channels, 0.0)
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet, self._design, self._bins = sheet, design, Bins()
+        self._light: dict[str, float] = dict.fromkeys(design.channels, 0.0)
         self._states: dict[str, tuple[str, bool]] = {}
         self._drawn: tuple[list[str], list[Colour]] | None = None
-        places = positions()
-        edges = [(agent, name) for name, one in DESIGN.channels.items() for agent in one.ends]
-        radii = [9.0 if name in DESIGN.agents else 6.0 for name in places]
+        places = positions(design)
+        edges = [(agent, name) for name, one in design.channels.items() for agent in one.ends]
+        radii = [9.0 if name in design.agents else 6.0 for name in places]
         look = rr.GraphNodes(list(places), positions=list(places.values()), radii=radii, show_labels=True)
         sheet.static(GRAPH, look)
         sheet.static(GRAPH, rr.GraphEdges(edges))
@@ -62,7 +62,7 @@ class Graph:
 
     def _now(self, sums: dict[str, float]) -> tuple[list[str], list[Colour]]:
         labels, colours = [], []
-        for agent in DESIGN.agents:
+        for agent in self._design.agents:
             state, alive = self._states.get(agent, ("", True))
             labels.append(f"{agent}: {state}" if alive and state else agent if alive else f"{agent}: gone")
             colours.append(FRESH if alive and state else GREY if alive else RED)
@@ -73,22 +73,22 @@ class Graph:
         return labels, colours
 
 
-def positions() -> dict[str, tuple[float, float]]:
+def positions(design: Design) -> dict[str, tuple[float, float]]:
     """Agents on an ellipse, neighbours by channels side by side; each channel in the middle of its two."""
-    ring = _ring()
+    ring = _ring(design)
     turn = 2 * math.pi / len(ring)
     places = {a: (-WIDE * math.cos(turn * k), -HIGH * math.sin(turn * k)) for k, a in enumerate(ring)}
-    ordered = {agent: places[agent] for agent in DESIGN.agents}
-    for name, one in DESIGN.channels.items():
+    ordered = {agent: places[agent] for agent in design.agents}
+    for name, one in design.channels.items():
         (ax, ay), (bx, by) = (places[agent] for agent in one.ends)
         ordered[name] = ((ax + bx) / 2, (ay + by) / 2)
     return ordered
 
 
-def _ring() -> list[str]:
+def _ring(design: Design) -> list[str]:
     """Agents in an order in which channels lead from one to the next, where they do; the least connected first."""
     beside = {
-        a: [b for one in DESIGN.channels.values() if a in one.ends for b in one.ends if b != a] for a in DESIGN.agents
+        a: [b for one in design.channels.values() if a in one.ends for b in one.ends if b != a] for a in design.agents
     }
     ring: list[str] = []
     waiting = sorted(beside, key=lambda agent: len(beside[agent]))

@@ -3,16 +3,14 @@
 Must not know: what is drawn of it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import msgspec
 
-from companion.telemetry import Picture, RobotState, TrueState, told
-from operate.recording.history import Entered, History, state_in
+from operate.recording.history import History, state_in
 from operate.recording.records import House, Record, Spoken, Token
-from operate.run_folder import Judged
-
-_told = {"telemetry": told, "truth": msgspec.msgpack.Decoder(TrueState).decode}
+from operate.system import System
 
 
 class Lost(msgspec.Struct, frozen=True):
@@ -21,7 +19,8 @@ class Lost(msgspec.Struct, frozen=True):
     samples: int
 
 
-What = Spoken | Judged | RobotState | Picture | TrueState | Entered | Lost
+What = Any
+"""Spoken, Judged, Entered, Lost, or what the system tells on house keys (Additions.telemetry)."""
 
 
 class Happening(msgspec.Struct, frozen=True):
@@ -34,16 +33,17 @@ class Happening(msgspec.Struct, frozen=True):
 class Reader:
     """Reads records as they come; remembers agents' states, to tell what is new."""
 
-    def __init__(self) -> None:
+    def __init__(self, system: System) -> None:
+        self._decoders: Mapping[str, Callable[[bytes], Any]] = system.addition("telemetry") or {}
         self._states: dict[str, tuple[str, bool]] = {}
 
     def read(self, record: Record) -> Iterator[Happening]:
         """What a record says; nothing for what is not drawn or cannot be read."""
         if isinstance(record, Spoken):
             yield Happening(record.received, record)
-        elif isinstance(record, House) and record.kind in _told:
+        elif isinstance(record, House) and record.kind in self._decoders:
             try:
-                yield Happening(record.received, _told[record.kind](record.data))
+                yield Happening(record.received, self._decoders[record.kind](record.data))
             except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
                 return
         elif isinstance(record, House | Token):
@@ -60,8 +60,6 @@ def of_history(history: History) -> list[Happening]:
     """Everything of a recorded run."""
     found = [Happening(one.received, one) for one in (*history.said, *history.copies)]
     found += [Happening(one.t, one) for one in history.judged]
-    found += [Happening(at, state) for at, state in history.robot]
-    found += [Happening(at, picture) for at, picture in history.pictures]
-    found += [Happening(at, truth) for at, truth in history.truth]
+    found += [Happening(at, one) for at, one in history.told]
     found += [Happening(one.at, one) for one in history.entered]
     return sorted(found, key=lambda one: one.at)

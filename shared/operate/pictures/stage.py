@@ -2,18 +2,13 @@
 
 from typing import Protocol
 
-from companion.tools.pictures.acts import Acts
-from companion.tools.pictures.camera import Camera
-from companion.tools.pictures.plan import Plan
-from companion.tools.pictures.scene import Contacts, Scene
-from companion.tools.pictures.signals import Signals
-from companion.tools.pictures.velma import Velma
 from operate.pictures.graph import Graph
 from operate.pictures.happenings import Happening, Lost
 from operate.pictures.lanes import Lanes
 from operate.pictures.sheet import Sheet
 from operate.pictures.traffic import Bandwidth, Log, Sizes
 from operate.run_folder import Judged
+from operate.system import System
 
 
 class Drawer(Protocol):
@@ -25,23 +20,17 @@ class Drawer(Protocol):
 
 
 class Stage:
-    """All drawers of a sheet."""
+    """All drawers of a sheet: those of any system, and those that this one adds."""
 
-    def __init__(self, sheet: Sheet) -> None:
-        self.sheet = sheet
-        scene = Scene(sheet)
-        self._graph, self._bandwidth = Graph(sheet), Bandwidth(sheet)
+    def __init__(self, sheet: Sheet, system: System) -> None:
+        self.sheet, design = sheet, system.design
+        own = system.addition("drawers")
+        self._graph, self._bandwidth = Graph(sheet, design), Bandwidth(sheet, design)
         self._drawers: tuple[Drawer, ...] = (
-            Velma(sheet),
-            scene,
-            Contacts(sheet),
-            Acts(sheet, scene),
-            Camera(sheet),
-            Lanes(sheet),
-            Plan(sheet),
-            Log(sheet),
-            Sizes(sheet),
-            Signals(sheet),
+            *(own(sheet) if own is not None else ()),
+            Lanes(sheet, design),
+            Log(sheet, design),
+            Sizes(sheet, design),
             self._graph,
             self._bandwidth,
         )

@@ -5,14 +5,13 @@ from collections import defaultdict
 
 import rerun as rr
 
-from companion.design import DESIGN
-from companion.wording import words as in_words
 from operate.pictures.colours import GREY, ORANGE, RED, channel
 from operate.pictures.happenings import Happening, Lost
 from operate.pictures.sheet import Colour, Sheet, scalars, words
 from operate.recording.records import Origin, Spoken
 from operate.run_folder import Judged
 from topdown.judge.verdicts import Verdict
+from topdown.model.design import Design
 
 BIN_S = 0.25
 """Of the bandwidth over time; estimate: some ten queries of a search."""
@@ -24,8 +23,8 @@ OTHER = "other"
 class Log:
     """A line for each verdict about a communicate, and for what nobody judged since only its receiver wrote it down."""
 
-    def __init__(self, sheet: Sheet) -> None:
-        self._sheet = sheet
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet, self._channels = sheet, design.channels
 
     def take(self, happening: Happening) -> None:
         """Write the line."""
@@ -36,7 +35,7 @@ class Log:
                 why = f"  {one.verdict.upper()}: {one.why}" if level not in ("INFO", "DEBUG") else ""
                 self._add(happening.at, one.channel, what + why, level)
             case Spoken(origin=Origin.STEPS) as one:
-                what = _line(one.sender, one.receiver, one.performative, in_words(one.content), one.size)
+                what = _line(one.sender, one.receiver, one.performative, one.text, one.size)
                 self._add(happening.at, one.channel, f"{what}  not recorded: from {one.receiver}'s step log", "WARN")
             case Lost(samples=count):
                 self._add(
@@ -45,16 +44,16 @@ class Log:
 
     def _add(self, at: float, name: str, text: str, level: str) -> None:
         colours: dict[str, Colour] = {"ERROR": RED, "WARN": ORANGE, "DEBUG": GREY}
-        where = name if name in DESIGN.channels else OTHER
+        where = name if name in self._channels else OTHER
         self._sheet.add(f"communicates/{where}", words, at, (text, level, colours.get(level, channel(name))))
 
 
 class Sizes:
     """A point for each communicate."""
 
-    def __init__(self, sheet: Sheet) -> None:
+    def __init__(self, sheet: Sheet, design: Design) -> None:
         self._sheet = sheet
-        for name in DESIGN.channels:
+        for name in design.channels:
             look = rr.SeriesPoints(colors=[channel(name)], names=[name], markers=["circle"], marker_sizes=[2.5])
             sheet.static(f"sizes/{name}", look)
 
@@ -94,16 +93,16 @@ class Bins:
 class Bandwidth:
     """A line for each channel, kbit/s; at rest it is drawn where it begins and ends only."""
 
-    def __init__(self, sheet: Sheet) -> None:
-        self._sheet, self._bins = sheet, Bins()
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet, self._channels, self._bins = sheet, design.channels, Bins()
         self._last: dict[str, tuple[float, float]] = {}
-        for name in DESIGN.channels:
+        for name in design.channels:
             sheet.static(f"bandwidth/{name}", rr.SeriesLines(colors=[channel(name)], names=[name], widths=[1.5]))
 
     def pass_time(self, at: float) -> None:
         """Draw the bins that are over."""
         for start, sums in self._bins.close(at):
-            for name in DESIGN.channels:
+            for name in self._channels:
                 self._point(name, start, sums.get(name, 0.0) * 8 / BIN_S / 1000)
 
     def take(self, happening: Happening) -> None:

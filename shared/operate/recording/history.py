@@ -5,18 +5,17 @@ from there; where that happened is a hole in the recording. Must not know: what 
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import msgspec
 
 from agent_runtime.core.effects import Receipt
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
-from companion.telemetry import Picture, RobotState, TrueState
 from fipa_codec.communicate import encode
 from fipa_codec.errors import FipaError
 from operate.judging.judged import of_records
@@ -25,7 +24,6 @@ from operate.recording.records import SETTING, Garbage, House, Origin, Record, R
 from operate.run_folder import FLEET_FILE, Fleet, Judged, ProcessState, ProcessStatus
 from operate.system import System
 
-T = TypeVar("T")
 STEPS = "steps"
 NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
 
@@ -68,7 +66,8 @@ class Setting(msgspec.Struct, frozen=True):
 class History(msgspec.Struct, frozen=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
 
-    `robot`, `pictures` and `truth`: when heard, and what. `judged`: what the judge says of what was recorded.
+    `told`: what came on house keys that the system can read (Additions.telemetry): when it was heard, and what.
+    `judged`: what the judge says of what was recorded.
     `houses`: how many of each kind of what is no communicate. `setting`: as the recorder was told it, None in a
     recording without. `down`: processes that the fleet needs and that died or were given up, as its supervisor told
     last.
@@ -77,9 +76,7 @@ class History(msgspec.Struct, frozen=True):
     said: tuple[Spoken, ...] = ()
     copies: tuple[Spoken, ...] = ()
     receipts: tuple[Told, ...] = ()
-    robot: tuple[tuple[float, RobotState], ...] = ()
-    pictures: tuple[tuple[float, Picture], ...] = ()
-    truth: tuple[tuple[float, TrueState], ...] = ()
+    told: tuple[tuple[float, Any], ...] = ()
     entered: tuple[Entered, ...] = ()
     garbage: tuple[Garbage, ...] = ()
     houses: dict[str, int] = {}
@@ -91,15 +88,8 @@ class History(msgspec.Struct, frozen=True):
     @property
     def begin(self) -> float:
         """When the first communicate was heard; without one the first record [unix s]."""
-        times = [self.said[0].received] if self.said else [at for at, _ in self.robot[:1]]
+        times = [self.said[0].received] if self.said else [at for at, _ in self.told[:1]]
         return min(times, default=0.0)
-
-    @property
-    def paced(self) -> bool | None:
-        """Whether the loop kept a clock (speed 1); None where nobody tells. Without one there is no lateness at all."""
-        if self.setting is not None:
-            return self.setting.speed != "max"
-        return self.robot[-1][1].lateness_us.max > 0 if self.robot else None
 
 
 class _Beat(msgspec.Struct, frozen=True):
@@ -140,9 +130,7 @@ def merged(
         said=said,
         copies=copies,
         receipts=tuple(_receipts(houses)),
-        robot=tuple(_decoded(houses, "telemetry", RobotState)),
-        pictures=tuple(_decoded(houses, "telemetry", Picture)),
-        truth=tuple(_decoded(houses, "truth", TrueState)),
+        told=tuple(_decoded(houses, system.addition("telemetry") or {})),
         entered=tuple(_entered(records)),
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
@@ -240,14 +228,12 @@ def _receipts(houses: list[House]) -> Iterator[Told]:
             yield Told(house.received, house.owner, house.peer, receipt)
 
 
-def _decoded(houses: list[House], kind: str, wanted: type[T]) -> Iterator[tuple[float, T]]:
-    decoder = msgspec.msgpack.Decoder(wanted)
+def _decoded(houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]) -> Iterator[tuple[float, Any]]:
     for house in houses:
-        if house.kind == kind:
-            try:
-                yield house.received, decoder.decode(house.data)
-            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
-                continue
+        decode = decoders.get(house.kind)
+        if decode is not None:
+            with suppress(msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+                yield house.received, decode(house.data)
 
 
 def _entered(records: tuple[Record, ...]) -> Iterator[Entered]:

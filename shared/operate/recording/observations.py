@@ -5,7 +5,6 @@ from pathlib import Path
 
 import msgspec
 
-from companion.tools.report import events
 from operate.recording import history
 from operate.recording.records import Spoken
 from operate.system import of_run
@@ -14,10 +13,11 @@ from topdown.check.observe import Observation, Observed
 
 def observed(run: Path) -> Observed:
     """Everything said in a run, each once, and the names of its events; of a folder without a recording nothing."""
-    found = history.load(run, of_run(run))
+    system = of_run(run)
+    found, events = history.load(run, system), system.addition("events")
     return Observed(
         communicates=tuple(_observation(one) for one in found.said),
-        events=tuple(event.name for event in events.events(found)),
+        events=tuple(event.name for event in events(found)) if events is not None else (),
     )
 
 

@@ -9,17 +9,12 @@ from collections.abc import Callable, Iterable
 import msgspec
 import numpy as np
 
-from companion.design import DESIGN
 from fipa_codec.performatives import Performative
 from operate.recording.history import History, Told
 from operate.recording.records import Spoken
+from topdown.model.design import Design
 
-_TABLE_8 = ("co", "hi", "km", "pl", "ta", "ex")
-AGENTS = tuple(sorted(DESIGN.agents, key=lambda agent: _TABLE_8.index(agent) if agent in _TABLE_8 else len(_TABLE_8)))
-"""In the order of the paper's Table 8."""
 OPENING = (Performative.REQUEST, Performative.QUERY_REF, Performative.SUBSCRIBE)
-RESULT = tuple(use.name for use in DESIGN.file.protocol if use.answer)
-"""Uses whose budget in the design is that of the result; elsewhere it is that of the first word, an agree."""
 SMALL_BYTES = 500
 """The paper: 86 % of its communicates are smaller (section 5.7)."""
 
@@ -72,14 +67,14 @@ class Latency(msgspec.Struct, frozen=True):
     receipt: Spans | None
 
 
-def communicates(history: History) -> Communicates:
-    """Count a history."""
-    said = history.said
-    matrix: dict[str, dict[str, int]] = {a: dict.fromkeys(AGENTS, 0) for a in AGENTS}
+def communicates(history: History, design: Design, order: tuple[str, ...] = ()) -> Communicates:
+    """Count a history. `order`: of the agents in the matrix; else the design's."""
+    said, agents = history.said, order or tuple(design.agents)
+    matrix: dict[str, dict[str, int]] = {a: dict.fromkeys(agents, 0) for a in agents}
     for one in said:
         matrix[one.sender][one.receiver] += 1
-    per_channel = {channel: _sizes([o.size for o in said if o.channel == channel]) for channel in DESIGN.channels}
-    over = Counter(one.channel for one in said if one.size > DESIGN.rule(one.communicate).bytes)
+    per_channel = {channel: _sizes([o.size for o in said if o.channel == channel]) for channel in design.channels}
+    over = Counter(one.channel for one in said if one.size > design.rule(one.communicate).bytes)
     return Communicates(
         total=len(said),
         matrix=matrix,
@@ -92,10 +87,10 @@ def communicates(history: History) -> Communicates:
     )
 
 
-def latencies(history: History) -> tuple[Latency, ...]:
+def latencies(history: History, design: Design) -> tuple[Latency, ...]:
     """Of each use of a protocol in which something was asked, in the order of the design."""
-    answers = _by_use(history.said, _answers(history.said))
-    receipts = _by_use(history.said, _receipted(history))
+    answers = _by_use(history.said, _answers(history.said, design), design)
+    receipts = _by_use(history.said, _receipted(history, design), design)
     return tuple(
         Latency(
             channel=use.channel,
@@ -104,7 +99,7 @@ def latencies(history: History) -> tuple[Latency, ...]:
             answer=_spans(answers[use.name]),
             receipt=_spans(receipts[use.name]),
         )
-        for use in DESIGN.file.protocol
+        for use in design.file.protocol
         if answers[use.name] or receipts[use.name]
     )
 
@@ -132,20 +127,26 @@ def _spans(seconds: list[float]) -> Spans | None:
     return Spans(len(ms), float(p50), float(p99), float(ms.max()))
 
 
-def _by_use(said: Iterable[Spoken], measure: Callable[[Spoken], float | None]) -> dict[str, list[float]]:
+def _by_use(
+    said: Iterable[Spoken], measure: Callable[[Spoken], float | None], design: Design
+) -> dict[str, list[float]]:
     found: dict[str, list[float]] = defaultdict(list)
     for one in said:
         seconds = measure(one)
         if seconds is not None:
-            found[DESIGN.rule(one.communicate).use].append(seconds)
+            found[design.rule(one.communicate).use].append(seconds)
     return found
 
 
-def _answers(said: tuple[Spoken, ...]) -> Callable[[Spoken], float | None]:
-    """For an opening: time to the first word (or the result) in the same conversation; None for all else."""
+def _answers(said: tuple[Spoken, ...], design: Design) -> Callable[[Spoken], float | None]:
+    """For an opening: time to the first word (or the result) in the same conversation; None for all else.
+
+    The result counts in uses whose budget in the design is that of the result; elsewhere the first word does, an agree.
+    """
+    result = {use.name for use in design.file.protocol if use.answer}
     first: dict[tuple[str, str], float] = {}
     for one in said:
-        if one.performative != Performative.AGREE or DESIGN.rule(one.communicate).use not in RESULT:
+        if one.performative != Performative.AGREE or design.rule(one.communicate).use not in result:
             first.setdefault((one.conversation, one.sender), one.received)
 
     def measure(one: Spoken) -> float | None:
@@ -157,14 +158,14 @@ def _answers(said: tuple[Spoken, ...]) -> Callable[[Spoken], float | None]:
     return measure
 
 
-def _receipted(history: History) -> Callable[[Spoken], float | None]:
+def _receipted(history: History, design: Design) -> Callable[[Spoken], float | None]:
     """For a durable communicate: time to the first receipt that covers its number; None for all else."""
     told: dict[tuple[str, str], list[Told]] = defaultdict(list)
     for receipt in history.receipts:
         told[receipt.owner, receipt.peer].append(receipt)
 
     def measure(one: Spoken) -> float | None:
-        if not (DESIGN.rule(one.communicate).durable and one.id.isascii() and one.id.isdigit()):
+        if not (design.rule(one.communicate).durable and one.id.isascii() and one.id.isdigit()):
             return None
         covering = (t.at for t in told[one.receiver, one.sender] if t.receipt.taken >= int(one.id))
         at = next(covering, None)

@@ -5,7 +5,7 @@ Light ground, one accent for what a figure is about, grey for the rest, channels
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,28 +13,17 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.design import DESIGN
-from companion.tools.report.paper import PAPER
-from companion.tools.report.plans import Made
 from operate.recording.history import History
-from operate.reports.counts import Latency, bandwidth
-from operate.reports.report import Plan, Report
+from operate.reports.counts import Latency
+from topdown.model.design import Design
 
 ACCENT, INK, FAINT, GRID = "#0e7490", "#1f2937", "#6b7280", "#e5e7eb"
 BAND = "#ecfeff"
-MARKS = {
-    "C1": ("s", "#d97706"),
-    "C2": ("D", "#be185d"),
-    "C3": ("^", "#6d28d9"),
-    "C4": ("o", ACCENT),
-    "C5": ("v", "#475569"),
-    "C6": ("P", "#15803d"),
-}
+MARKS = (("s", "#d97706"), ("D", "#be185d"), ("^", "#6d28d9"), ("o", ACCENT), ("v", "#475569"), ("P", "#15803d"))
+"""Of channels, in the order of the design; a seventh one looks like the first."""
+CROWDED = 1 / 3
+"""A channel with more than this share of all communicates is drawn half transparent; estimate."""
 WIDTH_IN = 9.2
-BINS = 48
-"""Bars of a bandwidth figure; estimate: fine enough for a peak, coarse enough to be read."""
-LONG_WAIT = 0.15
-"""Share of the planning time; estimate: room for the words that say so."""
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
@@ -55,16 +44,24 @@ STYLE: dict[str, Any] = {
 }
 
 
-def sizes(history: History, report: Report) -> str:
-    """Size of each communicate over time, a mark per channel; planning is shaded. "" without communicates."""
+def mark_of(channel: str, design: Design) -> tuple[str, str]:
+    """Return the mark of a channel and its colour."""
+    return MARKS[list(design.channels).index(channel) % len(MARKS)]
+
+
+def sizes(history: History, design: Design, stretches: Iterable[tuple[float, float, str]] = ()) -> str:
+    """Size of each communicate over time, a mark per channel; "" without communicates.
+
+    `stretches`: shaded, each with its begin, its end [s after the first communicate] and its name.
+    """
     if not history.said:
         return ""
     with drawing("sizes", 3.6, "Size of each communicate over time, by channel") as (axes, svg):
-        _shade(axes, report.plans)
-        for channel, ends in ((c, "-".join(entry.ends)) for c, entry in DESIGN.channels.items()):
+        _shade(axes, stretches)
+        for channel, ends in ((c, "-".join(entry.ends)) for c, entry in design.channels.items()):
             said = [one for one in history.said if one.channel == channel]
             if said:
-                mark, colour = MARKS.get(channel, ("o", FAINT))
+                mark, colour = mark_of(channel, design)
                 at = [one.received - history.begin for one in said]
                 axes.scatter(
                     at,
@@ -73,7 +70,7 @@ def sizes(history: History, report: Report) -> str:
                     c=colour,
                     label=f"{channel} {ends}",
                     s=15,
-                    alpha=0.5 if channel == "C4" else 0.9,
+                    alpha=0.5 if len(said) > CROWDED * len(history.said) else 0.9,
                     linewidths=0,
                     zorder=3,
                 )
@@ -86,44 +83,6 @@ def sizes(history: History, report: Report) -> str:
             loc="lower left", bbox_to_anchor=(0, 1.01), ncols=6, frameon=False, handletextpad=0.1, columnspacing=1.4
         )
     return svg[0]
-
-
-def planning(history: History, plan: Plan, made: Made) -> str:
-    """Bandwidth of C4 while a plan is made; "" where nothing was said on it or the plan never came."""
-    said = [one for one in history.said if one.channel == "C4"]
-    if plan.wall_s is None or not plan.communicates:
-        return ""
-    start, step = history.begin + plan.t, _step(plan.wall_s)
-    edges, bits = bandwidth(said, start, start + plan.wall_s, step)
-    kilobits, mean = bits / 1000, 8 * plan.bytes / plan.wall_s / 1000
-    with drawing(f"plan{plan.number}", 2.5, f"Bandwidth of C4 while plan {plan.number} is made") as (axes, svg):
-        axes.stairs(kilobits, edges, fill=True, color=ACCENT, alpha=0.85, zorder=3)
-        axes.axhline(mean, color=INK, linewidth=1, linestyle=(0, (4, 3)), zorder=4)
-        _waits(axes, made, start, plan.wall_s)
-        label = f"plan {plan.number}, in steps of {step:g} s: mean {_kilobits(mean)}, peak {_kilobits(kilobits.max())}"
-        axes.set_title(f"{label}{_theirs(plan.number)}", loc="left", fontsize=9, color=FAINT)
-        axes.set_xlabel(f"time after the request for plan {plan.number} [s]")
-        axes.set_ylabel("kbit/s")
-        axes.set_xlim(0, plan.wall_s)
-        axes.set_ylim(bottom=0)
-    return svg[0]
-
-
-def _step(wall_s: float) -> float:
-    """A round width of bars, so that there are not more than BINS."""
-    return next((step for step in (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if wall_s / step <= BINS), wall_s / BINS)
-
-
-def _waits(axes: Axes, made: Made, start: float, wall_s: float) -> None:
-    """Shade where pl waits for one answer of km for longer than can be overlooked."""
-    for asked, answered in made.waits:
-        if answered - asked > LONG_WAIT * wall_s:
-            axes.axvspan(asked - start, answered - start, color=BAND, zorder=0, linewidth=0)
-            text = f"one answer of km takes {answered - asked:.1f} s"
-            middle = (asked + answered) / 2 - start
-            axes.text(
-                middle, 0.9, text, transform=axes.get_xaxis_transform(), ha="center", va="top", color=ACCENT, fontsize=8
-            )
 
 
 def latencies(rows: tuple[Latency, ...]) -> str:
@@ -153,6 +112,25 @@ def latencies(rows: tuple[Latency, ...]) -> str:
     return svg[0]
 
 
+def busy(stretches: Iterable[tuple[str, str, float, float]], design: Design) -> str:
+    """States of the agents over time: (agent, state, start, end [s]); "" without any."""
+    found = [one for one in stretches if one[0] in design.agents]
+    if not found:
+        return ""
+    lanes = list(design.agents)
+    with drawing("busy", 0.8 + 0.36 * len(lanes), "The state of each agent over time") as (axes, svg):
+        for agent, state, start, end in found:
+            names = [one.name for one in design.agents[agent].state]
+            rests = state in (design.agents[agent].rest or (design.agents[agent].initial,))
+            colour = GRID if rests or state not in names else MARKS[names.index(state) % len(MARKS)][1]
+            axes.barh(lanes[::-1].index(agent), max(end - start, 0.0), 0.62, left=start, color=colour, zorder=3)
+        axes.set_yticks(range(len(lanes)), lanes[::-1])
+        axes.set_xlabel("time after the first communicate [s]")
+        axes.grid(visible=False, axis="y")
+        axes.margins(x=0.01)
+    return svg[0]
+
+
 @contextmanager
 def drawing(name: str, height_in: float, text: str) -> Iterator[tuple[Axes, list[str]]]:
     """A figure with one pair of axes; when the block ends, the list holds its SVG. `text`: what it shows, in words."""
@@ -177,30 +155,11 @@ def _inline(svg: str, name: str, text: str) -> str:
     )
 
 
-def _shade(axes: Axes, plans: tuple[Plan, ...]) -> None:
-    for plan in plans:
-        if plan.wall_s is not None:
-            axes.axvspan(plan.t, plan.t + plan.wall_s, color=BAND, zorder=0, linewidth=0)
-            axes.text(
-                plan.t,
-                0.985,
-                f" plan {plan.number}",
-                transform=axes.get_xaxis_transform(),
-                va="top",
-                color=ACCENT,
-                fontsize=8,
-            )
-
-
-def _theirs(number: int) -> str:
-    plan = PAPER.made(number)
-    if plan is None or plan.mean_kbit_s is None or plan.peak_kbit_s is None:
-        return ""
-    return f"   (paper: mean {plan.mean_kbit_s:.0f}, peak {plan.peak_kbit_s:.0f} kbit/s)"
-
-
-def _kilobits(value: float) -> str:
-    return f"{value:,.0f} kbit/s".replace(",", " ")
+def _shade(axes: Axes, stretches: Iterable[tuple[float, float, str]]) -> None:
+    for start, end, name in stretches:
+        axes.axvspan(start, end, color=BAND, zorder=0, linewidth=0)
+        place = axes.get_xaxis_transform()
+        axes.text(start, 0.985, f" {name}", transform=place, va="top", color=ACCENT, fontsize=8)
 
 
 def _in_bytes(value: float, _: float) -> str:

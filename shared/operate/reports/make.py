@@ -3,6 +3,7 @@
 import traceback
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from operate.recording import history
 from operate.reports import report
@@ -17,14 +18,16 @@ def everything(run: Path, system: System, say: Say) -> bool:
     """Make all three; `say(event, level, **fields)` is told what was made and what was not. True: all of it."""
     try:
         past = history.load(run, system)
-        figures = report.build(past)
+        build = system.addition("report")
+        figures = build(past) if build is not None else report.build(past, system)
         report.write(run, figures)
     except Exception:  # the recording stays: the report can be made again by a later version
         say("no report", level="error", why=traceback.format_exc())
         return False
-    say("report", success=figures.success, failure=figures.failure or "", file=str(run / REPORT_FILE))
-    page = _try(PAGE_FILE, lambda: _page(run, past, figures), say)
-    pictures = _try(RRD_FILE, lambda: _pictures(run, past), say)
+    outcome = {name: getattr(figures, name) or "" for name in ("success", "failure") if hasattr(figures, name)}
+    say("report", **outcome, file=str(run / REPORT_FILE))
+    page = _try(PAGE_FILE, lambda: _page(run, system, past, figures), say)
+    pictures = _try(RRD_FILE, lambda: _pictures(run, system, past), say)
     return page and pictures
 
 
@@ -38,13 +41,15 @@ def _try(name: str, make: Callable[[], None], say: Say) -> bool:
     return True
 
 
-def _page(run: Path, past: history.History, figures: report.Report) -> None:
+def _page(run: Path, system: System, past: history.History, figures: Any) -> None:
     from operate.reports import page
 
-    (run / PAGE_FILE).write_text(page.rendered(past, figures, run.name), encoding="utf-8")
+    own = system.addition("page")
+    text = own(past, figures, run.name) if own is not None else page.rendered(past, figures, run.name, system)
+    (run / PAGE_FILE).write_text(text, encoding="utf-8")
 
 
-def _pictures(run: Path, past: history.History) -> None:
+def _pictures(run: Path, system: System, past: history.History) -> None:
     from operate.pictures import file
 
-    file.write(run / RRD_FILE, past)
+    file.write(run / RRD_FILE, past, system)

@@ -1,71 +1,56 @@
-"""report.html: one file that needs nothing else - verdict, the paper's tables beside ours, figures, what is missing."""
+"""report.html of any system: one file that needs nothing else. A system may have a page of its own."""
 
 from datetime import datetime
 from pathlib import Path
 
 import jinja2
 
-from companion.design import DESIGN
-from companion.tools.report import plans, story
-from companion.tools.report.paper import PAPER, Paper
 from operate.recording.history import History
-from operate.reports import counts, figures
+from operate.reports import figures
+from operate.reports.counts import Communicates
 from operate.reports.report import Report
+from operate.system import System
 from topdown.judge.verdicts import VIOLATIONS
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
+STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 ABSENT = "–"
 MOST_VIOLATIONS = 50
-"""So many are shown on the page; beyond that nobody reads on (estimate)."""
+"""Shown on the page; beyond that nobody reads on (estimate)."""
 
 
-def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -> str:
-    """The page of a run."""
+def rendered(history: History, report: Report, run: str, system: System) -> str:
+    """Return the page of a run."""
+    design = system.design
+    return template(TEMPLATE).render(
+        run=run,
+        began=datetime.fromtimestamp(report.began).strftime("%Y-%m-%d %H:%M:%S") if report.began else ABSENT,
+        report=report,
+        agents=tuple(design.agents),
+        channels={name: "-".join(channel.ends) for name, channel in design.channels.items()},
+        busy=figures.busy([(one.agent, one.state, one.start, one.end) for one in report.busy], design),
+        sizes=figures.sizes(history, design),
+        latencies=figures.latencies(report.latency),
+        heat=heat(report.communicates),
+        houses=history.houses,
+        against=VIOLATIONS,
+        most_violations=MOST_VIOLATIONS,
+        style=STYLE,
+    )
+
+
+def template(file: Path) -> jinja2.Template:
+    """Return a page's template, with the filters for numbers."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {"number": number, "size": size, "ms": milliseconds, "share": share}
-    template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
-    return template.render(
-        run=run,
-        began=datetime.fromtimestamp(report.began).strftime("%Y-%m-%d %H:%M:%S") if report.began else ABSENT,
-        report=report,
-        paper=paper,
-        times=_times(report, paper),
-        agents=counts.AGENTS,
-        channels={name: "-".join(channel.ends) for name, channel in DESIGN.channels.items()},
-        story=story.story(history),
-        sizes=figures.sizes(history, report),
-        plans=[
-            (plan, paper.made(plan.number), figures.planning(history, plan, made))
-            for plan, made in zip(report.plans, plans.made(history), strict=True)
-        ],
-        latencies=figures.latencies(report.latency),
-        heat=_heat(report),
-        theirs_received={a: sum(row.get(a, 0) for row in paper.matrix.values()) for a in counts.AGENTS},
-        houses=history.houses,
-        against=VIOLATIONS,
-        most_violations=MOST_VIOLATIONS,
-    )
+    return environment.from_string(file.read_text(encoding="utf-8"))
 
 
-Row = tuple[float | None, float | None, str, str, str, float | None]
-
-
-def _times(report: Report, paper: Paper) -> list[Row]:
-    """Rows of Table 7: ours, simulated, event, why, channels, the paper's; its rows that we lack stay, empty."""
-    rows: list[Row] = [
-        (event.t, event.sim_s, event.name, event.text, ", ".join(event.channels), paper.times.get(event.name))
-        for event in report.events
-    ]
-    ours = {event.name for event in report.events}
-    rows += [(None, None, name, "", "", at) for name, at in paper.times.items() if name not in ours]
-    return rows
-
-
-def _heat(report: Report) -> dict[tuple[str, str], float]:
+def heat(communicates: Communicates) -> dict[tuple[str, str], float]:
     """How strongly a cell of the count matrix is shaded: by the root, so that small counts show beside large ones."""
-    counts = {(s, r): n for s, row in report.communicates.matrix.items() for r, n in row.items()}
+    counts = {(s, r): n for s, row in communicates.matrix.items() for r, n in row.items()}
     most = max(counts.values(), default=0) or 1
     return {pair: (n / most) ** 0.5 for pair, n in counts.items()}
 

@@ -1,7 +1,7 @@
-"""report.json: what a run came to, in figures. Built from a History alone, so it can be made again at any time.
+"""report.json: the figures of a run. Built from a History alone, so it can be made again at any time.
 
-A figure that was not recorded is null, and `missing` says why; nothing is guessed. Times `t` count from the first
-communicate [s of wall time].
+This is the part that every system has; a system may build a larger one (operate.system.Additions). A figure that was
+not recorded is null; nothing is guessed. Times `t` count from the first communicate [s of wall time].
 """
 
 from collections import Counter
@@ -9,72 +9,11 @@ from pathlib import Path
 
 import msgspec
 
-from companion.telemetry import Lateness
-from companion.tools.report import events, plans, verdict
-from operate.recording.clock import Clock
 from operate.recording.history import History
 from operate.reports import counts
 from operate.run_folder import REPORT_FILE
+from operate.system import System
 from topdown.judge.verdicts import Verdict
-
-
-class Happened(msgspec.Struct, frozen=True):
-    """An event: `t` s after the first communicate; `sim_s`: the simulation's clock then, null where nobody said."""
-
-    t: float
-    name: str
-    channels: tuple[str, ...]
-    sim_s: float | None
-    text: str = ""
-
-
-class Plan(msgspec.Struct, frozen=True):
-    """How a plan was made, and how it ended when it was carried out (null: it was not, or did not end).
-
-    `wall_s`: from co's request to pl's answer; `km_s`: in which pl waited for km, `km_longest_s` for one answer alone.
-    """
-
-    number: int
-    task: str
-    t: float
-    queries: int
-    km_s: float
-    km_longest_s: float
-    communicates: int
-    bytes: int
-    wall_s: float | None
-    outcome: str | None
-    reason: str
-    expected_s: float | None
-    ended: str | None
-
-
-class Us(msgspec.Struct, frozen=True):
-    """Durations [us]; null: not counted."""
-
-    p50: float | None = None
-    p99: float | None = None
-    p999: float | None = None
-    max: float | None = None
-
-
-class Loop(msgspec.Struct, frozen=True):
-    """The control loop's figures, as it told them last.
-
-    `paced`: it kept a clock (speed 1); else no cycle has a deadline, and what counts against one is null. `realtime`:
-    with the kernel's real-time priority. `compute_us`: how long a cycle takes. `saturated`: cycles whose torque was cut
-    to what the robot accepts.
-    """
-
-    paced: bool
-    realtime: bool
-    cycles: int
-    missed: int | None
-    skipped: int | None
-    lateness_us: Us
-    compute_us: Us
-    faults: int
-    saturated: int
 
 
 class HoleAt(msgspec.Struct, frozen=True):
@@ -111,64 +50,47 @@ class Judged(msgspec.Struct, frozen=True):
     violations: tuple[NotAsDesigned, ...]
 
 
-class Report(msgspec.Struct, frozen=True):
-    """report.json. `wall_time_s`: from the person's command to its end; `sim_time_s`: of all acts; `energy_J`: work of
-    the body's joints.
-    """
+class Busy(msgspec.Struct, frozen=True):
+    """An agent was in a state from `start` to `end` [s after the first communicate]; `state` "": it was gone."""
 
-    success: bool
-    failure: str | None
-    poured_fraction: float | None
-    bowl_tilt_deg: float | None
-    sim_time_s: float | None
-    wall_time_s: float | None
-    energy_J: float | None
+    agent: str
+    state: str
+    start: float
+    end: float
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What is told of a run of any system. `busy`: who was in which state when."""
+
+    system: str
     communicates: counts.Communicates
     judged: Judged | None
-    plans: tuple[Plan, ...]
-    events: tuple[Happened, ...]
     latency: tuple[counts.Latency, ...]
-    loop: Loop | None
+    busy: tuple[Busy, ...]
     seed: int | None
     speed: str | None
     scene: str | None
     began: float
     holes: tuple[HoleAt, ...]
-    missing: tuple[str, ...]
 
 
-def build(history: History) -> Report:
-    """The figures of a run."""
-    clock, state = Clock(history), verdict.poured(history)
-    failure = verdict.failure(history)
-    report = Report(
-        success=failure is None,
-        failure=failure,
-        poured_fraction=state.fraction,
-        bowl_tilt_deg=state.bowl_tilt_deg,
-        sim_time_s=_sim_time(history, clock),
-        wall_time_s=_wall_time(history),
-        energy_J=_energy(history),
-        communicates=counts.communicates(history),
-        judged=_judged(history),
-        plans=_plans(history),
-        events=_events(history, clock),
-        latency=counts.latencies(history),
-        loop=_loop(history),
+def build(history: History, system: System) -> Report:
+    """Return the figures of a run."""
+    return Report(
+        system=system.name,
+        communicates=counts.communicates(history, system.design),
+        judged=judged(history),
+        latency=counts.latencies(history, system.design),
+        busy=busy(history),
         seed=history.setting.seed if history.setting else None,
         speed=history.setting.speed if history.setting else None,
         scene=history.setting.scene if history.setting else None,
         began=history.begin,
-        holes=tuple(
-            HoleAt(hole.start - history.begin, hole.end - history.begin, hole.communicates, hole.text)
-            for hole in history.holes
-        ),
-        missing=(),
+        holes=holes(history),
     )
-    return msgspec.structs.replace(report, missing=_missing(report, history))
 
 
-def write(run: Path, report: Report) -> Path:
+def write(run: Path, report: msgspec.Struct) -> Path:
     """Write report.json into the run folder, so that a reader sees the old one or the new one."""
     path = run / REPORT_FILE
     beside = path.with_name(f".{path.name}")
@@ -177,7 +99,8 @@ def write(run: Path, report: Report) -> Path:
     return path
 
 
-def _judged(history: History) -> Judged | None:
+def judged(history: History) -> Judged | None:
+    """Return the judge's verdicts; None where nothing was recorded that could be judged."""
     if not history.judged:
         return None
     against = tuple(
@@ -204,88 +127,21 @@ def _judged(history: History) -> Judged | None:
     )
 
 
-def _sim_time(history: History, clock: Clock) -> float | None:
-    """Simulated time in which an act was under way: at speed 1 from ex's agreement on, for time also passes while ex
-    prepares; without a clock it stands still then, and the request is the surer beginning.
-    """
-    asked = [act for act in plans.acts(history) if act.end is not None and act.agreed is not None]
-    spans = [((act.agreed if history.paced else act.start) or act.start, act.end or act.start) for act in asked]
-    return clock.spent(spans) if spans else None
+def holes(history: History) -> tuple[HoleAt, ...]:
+    """Return what was not recorded."""
+    begin = history.begin
+    return tuple(HoleAt(hole.start - begin, hole.end - begin, hole.communicates, hole.text) for hole in history.holes)
 
 
-def _wall_time(history: History) -> float | None:
-    command = plans.task_command(history)
-    end = None if command is None else plans.task_end(history, command)
-    return None if command is None or end is None else end.received - command.received
-
-
-def _energy(history: History) -> float | None:
-    work = [state.work_J for _, state in history.robot[-1:]] or [truth.work_J for _, truth in history.truth[-1:]]
-    return work[0] if work else None
-
-
-def _plans(history: History) -> tuple[Plan, ...]:
-    """Plans in the order they were asked for; the n-th found is the n-th carried out."""
-    ran = {run.plan: run for run in plans.ran(history)}
-    return tuple(
-        Plan(
-            number=made.number,
-            task=made.task,
-            t=made.start - history.begin,
-            queries=made.queries,
-            km_s=sum(end - start for start, end in made.waits),
-            km_longest_s=max((end - start for start, end in made.waits), default=0.0),
-            communicates=made.communicates,
-            bytes=made.bytes,
-            wall_s=made.wall_s,
-            outcome=made.outcome,
-            reason=made.reason,
-            expected_s=made.expected_s,
-            ended=ran[made.plan].outcome if made.plan in ran else None,
-        )
-        for made in plans.made(history)
-    )
-
-
-def _events(history: History, clock: Clock) -> tuple[Happened, ...]:
-    return tuple(
-        Happened(event.at - history.begin, event.name, event.channels, clock.sim(event.at), event.text)
-        for event in events.events(history)
-    )
-
-
-def _loop(history: History) -> Loop | None:
-    if not history.robot:
-        return None
-    last, paced = history.robot[-1][1], bool(history.paced)
-    return Loop(
-        paced=paced,
-        realtime=last.realtime,
-        cycles=last.cycles,
-        missed=last.missed if paced else None,
-        skipped=last.skipped if paced else None,
-        lateness_us=_us(last.lateness_us) if paced else Us(),
-        compute_us=_us(last.compute_us) if last.compute_us.max else Us(),
-        faults=last.faults,
-        saturated=last.saturated,
-    )
-
-
-def _us(told: Lateness) -> Us:
-    return Us(told.p50, told.p99, told.p999, told.max)
-
-
-def _missing(report: Report, history: History) -> tuple[str, ...]:
-    """A sentence for each figure that is null."""
-    no_telemetry = "the robot's telemetry was not recorded" if not history.robot else "the task did not come so far"
-    no_truth = "the truth was not recorded" if not history.truth else "the scene has no such thing"
-    reasons = {
-        "poured_fraction": no_truth,
-        "bowl_tilt_deg": no_truth,
-        "sim_time_s": no_telemetry,
-        "wall_time_s": "the command or its end was not heard",
-        "energy_J": "neither telemetry nor truth was recorded",
-        "loop": no_telemetry,
-        "judged": "the recorder heard nothing",
-    }
-    return tuple(f"{name}: {why}" for name, why in reasons.items() if getattr(report, name) is None)
+def busy(history: History) -> tuple[Busy, ...]:
+    """Return the states of the agents over time, each until the next one; the last until the last communicate."""
+    end = max((one.received for one in history.said[-1:]), default=history.begin)
+    found: list[Busy] = []
+    for agent in dict.fromkeys(one.agent for one in history.entered):
+        own = [one for one in history.entered if one.agent == agent]
+        until = [*(one.at for one in own[1:]), max(end, own[-1].at)]
+        found += [
+            Busy(agent, one.state if one.alive else "", one.at - history.begin, last - history.begin)
+            for one, last in zip(own, until, strict=True)
+        ]
+    return tuple(found)

@@ -14,6 +14,7 @@ from companion.languages.values import Pose
 from companion.telemetry import TrueState
 from companion.tools.report import events, plans, story, verdict
 from companion.tools.system import SYSTEM
+from companion.tools.telemetry import truth
 from fipa_codec.performatives import Performative as P
 from operate.recording import history
 from operate.recording.records import Spoken, understood
@@ -46,28 +47,28 @@ TRUTHS = [
 ]
 
 
-@pytest.mark.parametrize(("truth", "reason"), [case[1:] for case in TRUTHS], ids=[case[0] for case in TRUTHS])
-def test_success_by_the_truth(pouring: Run, truth: Change, reason: str | None) -> None:
+@pytest.mark.parametrize(("change", "reason"), [case[1:] for case in TRUTHS], ids=[case[0] for case in TRUTHS])
+def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) -> None:
     """Success is no reason against it; a failure names what was wrong."""
     past = _past(pouring)
-    at, last = past.truth[-1]
-    past = msgspec.structs.replace(past, truth=(*past.truth[:-1], (at, truth(last))))
+    at, last = truth(past)[-1]
+    past = synthetic.with_truth(past, (*truth(past)[:-1], (at, change(last))))
     found = verdict.failure(past)
     assert found is None if reason is None else found is not None and reason in found
 
 
 def test_without_the_truth_there_is_no_success(pouring: Run) -> None:
     """Nothing is assumed."""
-    past = msgspec.structs.replace(_past(pouring), truth=())
+    past = synthetic.with_truth(_past(pouring), ())
     assert verdict.failure(past) == "the true state of the simulation was not recorded"
 
 
 def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) -> None:
     """A truth without poses is judged by observed tables."""
     past = _past(pouring)
-    at, last = past.truth[-1]
+    at, last = truth(past)[-1]
     bare = msgspec.structs.replace(last, poses={}, models={})
-    assert verdict.failure(msgspec.structs.replace(past, truth=((at, bare),))) is None
+    assert verdict.failure(synthetic.with_truth(past, ((at, bare),))) is None
 
 
 @pytest.mark.parametrize(
@@ -178,7 +179,7 @@ def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
     dead = (ProcessStatus("km", ProcessState.BACKING_OFF, note="killed by signal 9"),)
     past = msgspec.structs.replace(_past(pouring), down=dead)
     assert verdict.failure(past) is None
-    past = msgspec.structs.replace(past, truth=())
+    past = synthetic.with_truth(past, ())
     assert str(verdict.failure(past)).startswith("km did not run (backing-off: killed by signal 9); ")
 
 

@@ -8,6 +8,7 @@ from planted import runs, said, written
 from pyarrow import csv, parquet
 
 from companion.tools.report.paper import PAPER
+from companion.tools.telemetry import robot
 from operate.experiments import make, page, pictures, results, summary, tables
 from operate.experiments.results import NothingHere, Result
 
@@ -128,11 +129,11 @@ def test_a_recording_is_exported_as_tables(tmp_path: Path) -> None:
     past = results.of_recording(POUR / "traffic.mcap")
     made = tables.of_history(past)
     assert {name: table.num_rows for name, table in made.items()} == {
-        "communicates": len(past.said), "events": 19, "telemetry": len(past.robot),
+        "communicates": len(past.said), "events": 19, "telemetry": len(robot(past)),
     }  # fmt: skip
     assert sum(made["communicates"]["size"].to_pylist()) == sum(one.size for one in past.said)
-    assert made["telemetry"]["work_J"].to_pylist()[-1] == past.robot[-1][1].work_J
-    assert made["telemetry"]["torso_0_joint"].to_pylist()[0] == past.robot[0][1].body[0]
+    assert made["telemetry"]["work_J"].to_pylist()[-1] == robot(past)[-1][1].work_J
+    assert made["telemetry"]["torso_0_joint"].to_pylist()[0] == robot(past)[0][1].body[0]
     for to in tables.FORMATS:
         files = tables.write(made, tmp_path, to)
         assert [file.name for file in files] == [f"{name}.{to}" for name in made]

@@ -8,9 +8,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from companion.tools.report import report
 from companion.tools.system import SYSTEM
 from operate.recording import history
-from operate.reports import report
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 MATRIX = {

@@ -8,6 +8,7 @@ import pytest
 from planting import POUR, Traffic, answer_to_nothing, no_communicate, query_too_large
 
 from agent_runtime.io.tap import Sample
+from companion.tools.report import report
 from companion.tools.system import SYSTEM
 from operate.judging import rejudge
 from operate.judging.judged import of_live
@@ -15,7 +16,7 @@ from operate.recording import history
 from operate.recording.history import Setting
 from operate.recording.recorder import Recorder
 from operate.recording.records import understood
-from operate.reports import make, report
+from operate.reports import make
 from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged, LiveLine, Sent
 from operate.system import NoSystemError, languages_at, of_design
 from topdown.judge.verdicts import Verdict
@@ -99,7 +100,7 @@ def test_the_report_tells_what_was_against_the_design() -> None:
 
 def test_the_page_shows_it(tmp_path: Path) -> None:
     """The section says that all is as designed, or lists what is not."""
-    from operate.reports import page
+    from companion.tools.report import page
 
     past = history.load(POUR.parent, SYSTEM)
     assert "All 424 communicates as designed." in page.rendered(past, report.build(past), "clean")

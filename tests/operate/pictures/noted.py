@@ -41,7 +41,12 @@ class Noted(Sheet):
         return [(at, value) for name, at, value in self.drawn if name == entity]
 
 
-def afterwards(past: history.History, drawers: Callable[[Sheet], Drawer] = Stage) -> Noted:
+def staged(sheet: Sheet) -> Stage:
+    """All drawers."""
+    return Stage(sheet, SYSTEM)
+
+
+def afterwards(past: history.History, drawers: Callable[[Sheet], Drawer] = staged) -> Noted:
     """Everything of a history, or what some of its drawers make of it."""
     sheet = Noted(past.begin)
     stage = drawers(sheet)
@@ -55,8 +60,8 @@ def afterwards(past: history.History, drawers: Callable[[Sheet], Drawer] = Stage
 
 def live(records: list[Record], begin: float, end: float) -> Noted:
     """Everything as it goes by, verdicts when they come."""
-    sheet, reader, judging = Noted(begin), Reader(), Judging(SYSTEM)
-    stage = Stage(sheet)
+    sheet, reader, judging = Noted(begin), Reader(SYSTEM), Judging(SYSTEM)
+    stage = Stage(sheet, SYSTEM)
     for number, record in enumerate(records):
         for happening in reader.read(record):
             stage.take(happening)

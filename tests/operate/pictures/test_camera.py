@@ -9,6 +9,7 @@ from noted import Noted, afterwards
 from companion.telemetry import Picture, RobotState, picture
 from companion.tools.pictures.camera import CAMERA
 from companion.tools.system import SYSTEM
+from companion.tools.telemetry import pictures, robot
 from operate.pictures.file import write
 from operate.pictures.happenings import Reader
 from operate.pictures.sheet import images
@@ -35,8 +36,8 @@ def seen() -> list[Record]:
 
 def test_pictures_are_drawn_live_and_afterwards(seen: list[Record]) -> None:
     """Each at its time; one that cannot be unpacked is left out."""
-    sheet, reader = Noted(100.0), Reader()
-    stage = Stage(sheet)
+    sheet, reader = Noted(100.0), Reader(SYSTEM)
+    stage = Stage(sheet, SYSTEM)
     for record in seen:
         for happening in reader.read(record):
             stage.take(happening)
@@ -48,8 +49,8 @@ def test_pictures_are_drawn_live_and_afterwards(seen: list[Record]) -> None:
 def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:
     """A picture is no state of the robot."""
     past = history.merged(seen, {}, SYSTEM)
-    assert [at for at, _ in past.robot] == [100.0]
-    assert [at for at, _ in past.pictures] == [101.0, 102.0, 103.0]
+    assert [at for at, _ in robot(past)] == [100.0]
+    assert [at for at, _ in pictures(past)] == [101.0, 102.0, 103.0]
 
 
 def test_pictures_of_another_size_may_follow() -> None:
@@ -67,8 +68,8 @@ def test_pictures_go_through_a_recording(seen: list[Record], tmp_path: Path) -> 
         file.add(record)
     file.finish()
     past = history.load(tmp_path, SYSTEM)
-    assert [one for _, one in past.pictures[:2]] == PICTURES
-    assert write(tmp_path / "run.rrd", past)[CAMERA] == 2
+    assert [one for _, one in pictures(past)[:2]] == PICTURES
+    assert write(tmp_path / "run.rrd", past, SYSTEM)[CAMERA] == 2
 
 
 def test_a_recording_without_pictures_has_no_row_of_them(true_sheet: Noted) -> None:

@@ -3,17 +3,18 @@
 import msgspec
 import pytest
 from noted import Noted, afterwards
-from synthetic import POSES, Run
+from synthetic import POSES, Run, with_truth
 
 from companion.telemetry import Contact
 from companion.tools.pictures.scene import CONTACTS, M_PER_N, THINGS, Contacts, Scene
+from companion.tools.telemetry import truth
 from operate.recording import history
 
 
-def changed(past: history.History, **truth: object) -> history.History:
+def changed(past: history.History, **fields: object) -> history.History:
     """The run's history with other fields in each true state."""
-    states = tuple((at, msgspec.structs.replace(state, **truth)) for at, state in past.truth)
-    return msgspec.structs.replace(past, truth=states)
+    states = tuple((at, msgspec.structs.replace(state, **fields)) for at, state in truth(past))
+    return with_truth(past, states)
 
 
 def poses(sheet: Noted, name: str) -> list[tuple[object, object]]:
@@ -25,7 +26,7 @@ def test_true_poses_come_first(past: history.History, sheet: Noted) -> None:
     """Furniture stands still and is drawn once, vessels move, and all of it as the truth says."""
     assert poses(sheet, "cabinet_2") == [(POSES["cabinet_2"].xyz, POSES["cabinet_2"].quat_wxyz)]
     for name in ("jar_1", "bowl_1"):
-        true = {(truth.poses[name].xyz, truth.poses[name].quat_wxyz) for _, truth in past.truth}
+        true = {(now.poses[name].xyz, now.poses[name].quat_wxyz) for _, now in truth(past)}
         drawn = poses(sheet, name)
         assert len(drawn) > 1
         assert set(drawn[1:]) <= true  # before the first truth there is what was seen
@@ -40,7 +41,7 @@ def test_without_true_poses_things_are_where_they_were_seen(past: history.Histor
 
 def test_with_no_truth_at_all_observations_are_enough(past: history.History) -> None:
     """Every thing that was seen is drawn, with a look of its own."""
-    sheet = afterwards(msgspec.structs.replace(past, truth=()), Scene)
+    sheet = afterwards(with_truth(past, ()), Scene)
     for name in (*POSES, "jar_1", "bowl_1"):
         assert poses(sheet, name)
         assert any(entity.startswith(f"{THINGS}/{name}/") for entity in sheet.looks)
@@ -49,7 +50,7 @@ def test_with_no_truth_at_all_observations_are_enough(past: history.History) -> 
 def test_forces_are_arrows_and_their_end_is_drawn_once(past: history.History) -> None:
     """An arrow as long as the force, and nothing where the last one ended."""
     touched = Contact((0.1, 0.2, 0.3), (0.0, 0.0, 5.0))
-    (first, truth), (second, free), (third, still) = past.truth[:3]
-    truths = ((first, msgspec.structs.replace(truth, contacts=(touched,))), (second, free), (third, still))
-    drawn = afterwards(msgspec.structs.replace(past, truth=truths), Contacts).of(CONTACTS)
+    (first, now), (second, free), (third, still) = truth(past)[:3]
+    truths = ((first, msgspec.structs.replace(now, contacts=(touched,))), (second, free), (third, still))
+    drawn = afterwards(with_truth(past, truths), Contacts).of(CONTACTS)
     assert [value for _, value in drawn] == [([touched.at], [(0.0, 0.0, pytest.approx(5.0 * M_PER_N))]), ([], [])]

@@ -10,15 +10,18 @@ from noted import Noted, live
 
 from companion.design import DESIGN
 from companion.languages import hfsm, rc, sw
+from companion.tools import telemetry
 from companion.tools.pictures import robot
 from companion.tools.pictures.acts import DONE, PLANNED
+from companion.tools.pictures.lanes import ACT, LOOP
 from companion.tools.pictures.plan import PLAN
 from companion.tools.pictures.velma import VELMA
+from companion.tools.system import SYSTEM
 from companion.wording import plain
 from operate.pictures.file import end_s
 from operate.pictures.graph import GRAPH, positions
 from operate.pictures.happenings import Happening
-from operate.pictures.lanes import ACT, LOOP, REST
+from operate.pictures.lanes import REST
 from operate.pictures.stage import Stage
 from operate.recording import history
 from operate.recording.records import Record
@@ -69,7 +72,7 @@ def test_a_line_has_its_level_by_the_verdict(verdict: str, level: str) -> None:
     said = Judged(
         101.0, verdict, 9, "C1", "co", "ta", "coordinate", "inform", why="because", violation=level == "ERROR"
     )
-    Stage(sheet).take(Happening(said.t, said))
+    Stage(sheet, SYSTEM).take(Happening(said.t, said))
     ((at, (text, found, _)),) = sheet.of("communicates/C1")
     assert (at, found, "because" in text) == (1.0, level, level in ("WARN", "ERROR"))
 
@@ -121,7 +124,7 @@ def test_a_planned_path_ends_where_the_plan_says(true_past: history.History, tru
 
 def test_the_way_taken_ends_at_the_hand(true_past: history.History, true_sheet: Noted) -> None:
     """Within the trail's step, at the last telemetry."""
-    q = robot.joints(true_past.robot[-1][1])
+    q = robot.joints(telemetry.robot(true_past)[-1][1])
     frames = robot.world_frames(robot.links(), q)
     for side, name in GRIP_BODY.items():
         trail = true_sheet.of(f"{DONE}/{side}")[-1][1][0]
@@ -130,7 +133,7 @@ def test_the_way_taken_ends_at_the_hand(true_past: history.History, true_sheet: 
 
 def test_every_joint_is_drawn_as_it_was_measured_last(true_past: history.History, true_sheet: Noted) -> None:
     """Each moving link's turn is that of its joint."""
-    q = robot.joints(true_past.robot[-1][1])
+    q = robot.joints(telemetry.robot(true_past)[-1][1])
     for link in robot.links():
         if link.joint:
             (_, (at, turn)) = true_sheet.of("/".join((VELMA, *link.path)))[-1]
@@ -140,7 +143,7 @@ def test_every_joint_is_drawn_as_it_was_measured_last(true_past: history.History
 
 def test_channels_of_the_graph_light_up_and_fade(true_past: history.History, true_sheet: Noted) -> None:
     """Each node stands between its agents; a channel is brightest while it carries, and dark at the end."""
-    places = positions()
+    places = positions(SYSTEM.design)
     for name, channel in DESIGN.channels.items():
         ends = np.array([places[agent] for agent in channel.ends])
         assert places[name] == pytest.approx(tuple(ends.mean(axis=0)))

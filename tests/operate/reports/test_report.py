@@ -14,13 +14,13 @@ from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
-from companion.tools.report import plans
+from companion.tools.report import plans, report
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
 from operate.recording import history, mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, Record, Spoken, understood
-from operate.reports import make, report
+from operate.reports import make
 
 
 def records(samples: list[Sample]) -> list[Record]:

@@ -36,3 +36,5 @@ class Paper(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 PAPER = msgspec.toml.decode(Path(__file__).with_name("paper.toml").read_bytes(), type=Paper)
+TABLE_8 = ("co", "hi", "km", "pl", "ta", "ex")
+"""The agents in the order of the paper's Table 8."""

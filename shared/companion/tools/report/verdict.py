@@ -14,6 +14,7 @@ from companion.models import MODELS
 from companion.telemetry import TrueState
 from companion.tools.pictures.known_names import KNOWN_AS
 from companion.tools.report.plans import asked, made, others_plans, outcome, ran, reason, task_command, task_end
+from companion.tools.telemetry import truth
 from operate.recording.history import History
 from operate.recording.records import Spoken
 
@@ -39,16 +40,16 @@ class Poured(msgspec.Struct, frozen=True):
 
 def poured(history: History) -> Poured:
     """The true state at the end of the recording."""
-    if not history.truth:
+    if not truth(history):
         return Poured()
-    truth = history.truth[-1][1]
-    jar, bowl = _vessel(truth, "jar"), _vessel(truth, "bowl")
+    now = truth(history)[-1][1]
+    jar, bowl = _vessel(now, "jar"), _vessel(now, "bowl")
     return Poured(
-        fraction=truth.grains_in.get(bowl, 0) / truth.grains if bowl and truth.grains else None,
-        bowl_tilt_deg=truth.tilt_deg.get(bowl),
-        jar_links=truth.fingers_on[jar].get("left", 0) if jar in truth.fingers_on else None,
-        bowl_links=sum(truth.fingers_on[bowl].values()) if bowl in truth.fingers_on else None,
-        bowl_on_table=_on_table(history, truth, bowl) if bowl else None,
+        fraction=now.grains_in.get(bowl, 0) / now.grains if bowl and now.grains else None,
+        bowl_tilt_deg=now.tilt_deg.get(bowl),
+        jar_links=now.fingers_on[jar].get("left", 0) if jar in now.fingers_on else None,
+        bowl_links=sum(now.fingers_on[bowl].values()) if bowl in now.fingers_on else None,
+        bowl_on_table=_on_table(history, now, bowl) if bowl else None,
     )
 
 
@@ -60,7 +61,7 @@ def failure(history: History) -> str | None:
     if command is None:
         return "; ".join(_not_whole(history)) or "no command of a person was heard"
     # What plans say comes first: where one failed, an empty bowl follows from that and needs no words.
-    reasons = list(_of_plans(history, command)) or list(_of_truth(poured(history), bool(history.truth)))
+    reasons = list(_of_plans(history, command)) or list(_of_truth(poured(history), bool(truth(history))))
     return "; ".join((*_not_whole(history), *reasons)) if reasons else None
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from companion.tools.telemetry import robot, truth
 from operate.recording.history import History
 
 LOOSE_S = 1.0
@@ -12,7 +13,7 @@ class Clock:
     """Simulated seconds by unix seconds."""
 
     def __init__(self, history: History) -> None:
-        pairs = [(at, state.sim_time_s) for at, state in history.robot] or [(at, t.time_s) for at, t in history.truth]
+        pairs = [(at, state.sim_time_s) for at, state in robot(history)] or [(at, t.time_s) for at, t in truth(history)]
         self._wall = np.array([at for at, _ in pairs])
         self._sim = np.array([sim for _, sim in pairs])
 

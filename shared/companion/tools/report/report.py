@@ -1,0 +1,217 @@
+"""The figures of a pour, for report.json. Built from a History alone, so it can be made again at any time.
+
+A figure that was not recorded is null, and `missing` says why; nothing is guessed. Times `t` count from the first
+communicate [s of wall time].
+"""
+
+import msgspec
+
+from companion.design import DESIGN
+from companion.telemetry import Lateness
+from companion.tools.report import events, plans, verdict
+from companion.tools.report.clock import Clock
+from companion.tools.report.paper import TABLE_8
+from companion.tools.telemetry import paced, robot, truth
+from operate.recording.history import History
+from operate.reports import counts
+from operate.reports.report import HoleAt, Judged, holes, judged
+
+
+class Happened(msgspec.Struct, frozen=True):
+    """An event: `t` s after the first communicate; `sim_s`: the simulation's clock then, null where nobody said."""
+
+    t: float
+    name: str
+    channels: tuple[str, ...]
+    sim_s: float | None
+    text: str = ""
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """How a plan was made, and how it ended when it was carried out (null: it was not, or did not end).
+
+    `wall_s`: from co's request to pl's answer; `km_s`: in which pl waited for km, `km_longest_s` for one answer alone.
+    """
+
+    number: int
+    task: str
+    t: float
+    queries: int
+    km_s: float
+    km_longest_s: float
+    communicates: int
+    bytes: int
+    wall_s: float | None
+    outcome: str | None
+    reason: str
+    expected_s: float | None
+    ended: str | None
+
+
+class Us(msgspec.Struct, frozen=True):
+    """Durations [us]; null: not counted."""
+
+    p50: float | None = None
+    p99: float | None = None
+    p999: float | None = None
+    max: float | None = None
+
+
+class Loop(msgspec.Struct, frozen=True):
+    """The control loop's figures, as it told them last.
+
+    `paced`: it kept a clock (speed 1); else no cycle has a deadline, and what counts against one is null. `realtime`:
+    with the kernel's real-time priority. `compute_us`: how long a cycle takes. `saturated`: cycles whose torque was cut
+    to what the robot accepts.
+    """
+
+    paced: bool
+    realtime: bool
+    cycles: int
+    missed: int | None
+    skipped: int | None
+    lateness_us: Us
+    compute_us: Us
+    faults: int
+    saturated: int
+
+
+class Report(msgspec.Struct, frozen=True):
+    """report.json. `wall_time_s`: from the person's command to its end; `sim_time_s`: of all acts; `energy_J`: work of
+    the body's joints.
+    """
+
+    success: bool
+    failure: str | None
+    poured_fraction: float | None
+    bowl_tilt_deg: float | None
+    sim_time_s: float | None
+    wall_time_s: float | None
+    energy_J: float | None
+    communicates: counts.Communicates
+    judged: Judged | None
+    plans: tuple[Plan, ...]
+    events: tuple[Happened, ...]
+    latency: tuple[counts.Latency, ...]
+    loop: Loop | None
+    seed: int | None
+    speed: str | None
+    scene: str | None
+    began: float
+    holes: tuple[HoleAt, ...]
+    missing: tuple[str, ...]
+
+
+def build(history: History) -> Report:
+    """The figures of a run."""
+    clock, state = Clock(history), verdict.poured(history)
+    failure = verdict.failure(history)
+    report = Report(
+        success=failure is None,
+        failure=failure,
+        poured_fraction=state.fraction,
+        bowl_tilt_deg=state.bowl_tilt_deg,
+        sim_time_s=_sim_time(history, clock),
+        wall_time_s=_wall_time(history),
+        energy_J=_energy(history),
+        communicates=counts.communicates(history, DESIGN, TABLE_8),
+        judged=judged(history),
+        plans=_plans(history),
+        events=_events(history, clock),
+        latency=counts.latencies(history, DESIGN),
+        loop=_loop(history),
+        seed=history.setting.seed if history.setting else None,
+        speed=history.setting.speed if history.setting else None,
+        scene=history.setting.scene if history.setting else None,
+        began=history.begin,
+        holes=holes(history),
+        missing=(),
+    )
+    return msgspec.structs.replace(report, missing=_missing(report, history))
+
+
+def _sim_time(history: History, clock: Clock) -> float | None:
+    """Simulated time in which an act was under way: at speed 1 from ex's agreement on, for time also passes while ex
+    prepares; without a clock it stands still then, and the request is the surer beginning.
+    """
+    asked = [act for act in plans.acts(history) if act.end is not None and act.agreed is not None]
+    spans = [((act.agreed if paced(history) else act.start) or act.start, act.end or act.start) for act in asked]
+    return clock.spent(spans) if spans else None
+
+
+def _wall_time(history: History) -> float | None:
+    command = plans.task_command(history)
+    end = None if command is None else plans.task_end(history, command)
+    return None if command is None or end is None else end.received - command.received
+
+
+def _energy(history: History) -> float | None:
+    work = [state.work_J for _, state in robot(history)[-1:]] or [truth.work_J for _, truth in truth(history)[-1:]]
+    return work[0] if work else None
+
+
+def _plans(history: History) -> tuple[Plan, ...]:
+    """Plans in the order they were asked for; the n-th found is the n-th carried out."""
+    ran = {run.plan: run for run in plans.ran(history)}
+    return tuple(
+        Plan(
+            number=made.number,
+            task=made.task,
+            t=made.start - history.begin,
+            queries=made.queries,
+            km_s=sum(end - start for start, end in made.waits),
+            km_longest_s=max((end - start for start, end in made.waits), default=0.0),
+            communicates=made.communicates,
+            bytes=made.bytes,
+            wall_s=made.wall_s,
+            outcome=made.outcome,
+            reason=made.reason,
+            expected_s=made.expected_s,
+            ended=ran[made.plan].outcome if made.plan in ran else None,
+        )
+        for made in plans.made(history)
+    )
+
+
+def _events(history: History, clock: Clock) -> tuple[Happened, ...]:
+    return tuple(
+        Happened(event.at - history.begin, event.name, event.channels, clock.sim(event.at), event.text)
+        for event in events.events(history)
+    )
+
+
+def _loop(history: History) -> Loop | None:
+    if not robot(history):
+        return None
+    last, has_clock = robot(history)[-1][1], bool(paced(history))
+    return Loop(
+        paced=has_clock,
+        realtime=last.realtime,
+        cycles=last.cycles,
+        missed=last.missed if has_clock else None,
+        skipped=last.skipped if has_clock else None,
+        lateness_us=_us(last.lateness_us) if has_clock else Us(),
+        compute_us=_us(last.compute_us) if last.compute_us.max else Us(),
+        faults=last.faults,
+        saturated=last.saturated,
+    )
+
+
+def _us(told: Lateness) -> Us:
+    return Us(told.p50, told.p99, told.p999, told.max)
+
+
+def _missing(report: Report, history: History) -> tuple[str, ...]:
+    """A sentence for each figure that is null."""
+    no_telemetry = "the robot's telemetry was not recorded" if not robot(history) else "the task did not come so far"
+    no_truth = "the truth was not recorded" if not truth(history) else "the scene has no such thing"
+    reasons = {
+        "poured_fraction": no_truth,
+        "bowl_tilt_deg": no_truth,
+        "sim_time_s": no_telemetry,
+        "wall_time_s": "the command or its end was not heard",
+        "energy_J": "neither telemetry nor truth was recorded",
+        "loop": no_telemetry,
+        "judged": "the recorder heard nothing",
+    }
+    return tuple(f"{name}: {why}" for name, why in reasons.items() if getattr(report, name) is None)
