@@ -67,6 +67,14 @@ def test_other_stores_are_not_asked(text: str) -> None:
     assert "network" in asked.refusal(asked.unescaped(text))
 
 
+@pytest.mark.parametrize("text", [text for text in (*UPDATES, *SERVICES) if "\\u" in text])
+def test_escaped_words_are_refused_by_the_process_itself(text: str) -> None:
+    """It looks at the words that the parser sees."""
+    answer = told(question(text))
+    assert isinstance(answer, Refused)
+    assert "roco ask" in answer.why
+
+
 @pytest.mark.parametrize("text", ["CONSTRUCT WHERE { ?a ?b ?c }", "DESCRIBE thing:jar_1"])
 def test_graphs_are_refused(text: str) -> None:
     """Rows are what can be bounded and printed."""
