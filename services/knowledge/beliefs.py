@@ -19,8 +19,6 @@ from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
 from services.knowledge.store import Subject, subjects
 
-KM = "km"
-
 
 class Source(msgspec.Struct, frozen=True):
     """Who told km of an observation or a hypothetical state, and when [unix s]; `name`: subject with version, or state.

@@ -19,6 +19,8 @@ from agent_runtime.io import steplog
 from companion.asking import PREFIXES, Heard
 from companion.tools import asking
 from fipa_codec.communicate import decode
+from operate.recording import mcap_file
+from operate.recording.records import Spoken, Token
 from services.knowledge.beliefs import Beliefs, believed
 from services.knowledge.dataset import dataset
 from services.knowledge.store import Store
@@ -185,6 +187,22 @@ def test_another_life_of_km_has_no_states() -> None:
     assert with_states.states
     assert not without.states
     assert without.scene == with_states.scene
+
+
+def test_what_is_asked_of_another_life_again_is_there_again(tmp_path: Path) -> None:
+    """The same question with the same id, recorded once more after the life began, and km's answer to it."""
+    records = list(mcap_file.Reading(POUR / "traffic.mcap"))
+    until = _asked("HypotheticalState")[0][1].t
+    first = [one for one in records if one.received <= until]
+    talk = next(one.conversation for one in ALL if one.content and one.content["type"] == "HypotheticalState")
+    again = [one for one in first if isinstance(one, Spoken) and one.conversation == talk]
+    recording = mcap_file.Recording(tmp_path / "traffic.mcap")
+    later = [Token("km", 2, True, until + 1.0), *(msgspec.structs.replace(one, received=until + 2.0) for one in again)]
+    for one in (*first, *later):
+        recording.add(one)
+    recording.finish()
+    states = [believed(asking.known(tmp_path, at).heard).states for at in (until - BEGIN, until - BEGIN + 1.5, None)]
+    assert states[0].keys() == states[2].keys() != states[1].keys() == set()
 
 
 def test_facts_are_those_of_kms_own_store() -> None:

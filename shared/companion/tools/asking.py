@@ -4,12 +4,16 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from companion.asking import ANSWERER, PREFIXES, Answer, Heard, Question, Term
 from companion.tools.system import SYSTEM
 from operate.cli.errors import ConsoleError, NoRunError
+
+if TYPE_CHECKING:
+    from operate.recording.records import Spoken
 
 KM = "km"
 READING_S = 60.0
@@ -31,28 +35,36 @@ class Known(msgspec.Struct, frozen=True):
 def known(file: Path, at: float | None = None) -> Known:
     """What km knows by a run folder or a recording, or knew `at` seconds after its first communicate."""
     try:
-        from operate.recording import history, mcap_file
-        from operate.recording.records import Spoken, Token
+        spoken, lives = _recorded(file)
     except ModuleNotFoundError as error:
         raise _missing("monitor", error.name or "") from error
-    tape = file / mcap_file.FILE if file.is_dir() else file
-    records = mcap_file.read(tape).records
-    logs = sorted((file / history.STEPS).glob(f"*.{history.STEPS}")) if file.is_dir() else ()
-    tapped = [one for one in records if isinstance(one, Spoken)]
-    identities = {one.identity for one in tapped}
-    logged = {one.identity: one for path in logs for one in history.arrivals(path, SYSTEM)}
-    spoken = sorted((*tapped, *(logged[name] for name in logged.keys() - identities)), key=lambda one: one.received)
     if not spoken:
         raise NoRunError(str(file), f"{file} has no communicate; give a run folder, or a recording of `roco record`")
     begin, end = spoken[0].received, spoken[-1].received
     until = end if at is None else begin + at
-    lives = [one for one in records if isinstance(one, Token) and one.agent == KM and one.alive]
-    later = {one.incarnation: one.received for one in reversed(lives)}
     heard = [Heard(one.received, one.wire) for one in spoken if KM in (one.sender, one.receiver)]
-    heard += [Heard(when) for when in later.values()]
+    heard += [Heard(when) for when in lives]
     kept = tuple(sorted((one for one in heard if one.at <= until), key=lambda one: one.at))
     when = f"{end - begin:.1f} s, the last communicate" if at is None else f"{at:g} of {end - begin:.1f} s"
     return Known(kept, begin, f"as km knew it at {when}")
+
+
+def _recorded(file: Path) -> "tuple[list[Spoken], list[float]]":
+    """All communicates in the order of time, those the recorder missed from step logs; when each life of km began."""
+    from operate.recording import history, mcap_file
+    from operate.recording.records import Spoken, Token
+
+    tape = file / mcap_file.FILE if file.is_dir() else file
+    tapped, lives = list[Spoken](), dict[int, float]()
+    for one in mcap_file.Reading(tape):
+        if isinstance(one, Spoken):
+            tapped.append(one)
+        elif isinstance(one, Token) and one.agent == KM and one.alive:
+            lives.setdefault(one.incarnation, one.received)
+    names = {one.identity for one in tapped}  # of the recorder's all are kept: another life of km is asked again
+    logs = (history.arrivals(path, SYSTEM) for path in sorted(file.glob(f"{history.STEPS}/*.{history.STEPS}")))
+    tapped += [one for log in logs for one in log if one.identity not in names]
+    return sorted(tapped, key=lambda one: one.received), list(lives.values())
 
 
 def answered(question: Question) -> Answer:
