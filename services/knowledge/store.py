@@ -66,7 +66,7 @@ class Store:
 
     def write(self, scene: Scene) -> None:
         """Replace the observed scene: all that differs, in one transaction."""
-        old, new = _subjects(self._scene), _subjects(scene)
+        old, new = subjects(self._scene), subjects(scene)
         gone = [quad for key, subject in old.items() if new.get(key) != subject for quad in self._about(subject.node)]
         come = [quad for key, subject in new.items() if old.get(key) != subject for quad in subject.quads()]
         if gone or come:
@@ -86,7 +86,7 @@ class Store:
 _KEPT = frozenset({str(ROCO.isPartOf), str(ROCO.atSide)})
 
 
-class _Subject(msgspec.Struct, frozen=True):
+class Subject(msgspec.Struct, frozen=True):
     """All that is written on one node."""
 
     node_iri: str
@@ -112,9 +112,9 @@ class _Subject(msgspec.Struct, frozen=True):
             yield ox.Quad(self.node, ox.NamedNode(predicate), ox.Literal(number))
 
 
-def _subjects(scene: Scene) -> dict[str, _Subject]:
+def subjects(scene: Scene) -> dict[str, Subject]:
     """Return the contents of a scene by subject. Reserved space belongs to a plan and is never observed."""
-    found: dict[str, _Subject] = {}
+    found: dict[str, Subject] = {}
     for thing in scene.things.values():
         found[thing.id] = _thing(scene, thing)
     for side, held in scene.hands.items():
@@ -127,7 +127,7 @@ def _subjects(scene: Scene) -> dict[str, _Subject]:
     return found
 
 
-def _thing(scene: Scene, thing: Thing) -> _Subject:
+def _thing(scene: Scene, thing: Thing) -> Subject:
     key = f"object:{thing.id}"
     facts = [(str(RDF.type), str(ROCO[thing.kind])), (str(ROCO.isInstanceOf), iri(MODEL, thing.model))]
     facts += [(str(ROCO.isOn), iri(THING, thing.on))] if thing.on else []
@@ -141,19 +141,19 @@ def _thing(scene: Scene, thing: Thing) -> _Subject:
         (str(ROCO.relatedAt), thing.related_at),
     )
     stored = Stored(key, thing=thing)
-    return _Subject(iri(THING, thing.id), stored, scene.versions.get(key), scene.times.get(key), tuple(facts), values)
+    return Subject(iri(THING, thing.id), stored, scene.versions.get(key), scene.times.get(key), tuple(facts), values)
 
 
-def _part(scene: Scene, name: str, stored: Stored, key: str = "") -> _Subject:
+def _part(scene: Scene, name: str, stored: Stored, key: str = "") -> Subject:
     key = key or stored.subject
-    return _Subject(str(ROCO[name]), stored, scene.versions.get(key), scene.times.get(key))
+    return Subject(str(ROCO[name]), stored, scene.versions.get(key), scene.times.get(key))
 
 
-def _content(scene: Scene, source: str, destination: str) -> _Subject:
+def _content(scene: Scene, source: str, destination: str) -> Subject:
     key = f"content:{source}"
     facts = ((str(RDF.type), str(ROCO.Substance)), (str(ROCO.isIn), iri(THING, destination)))
     stored = Stored(key, content=destination)
-    return _Subject(iri(CONTENT, source), stored, scene.versions.get(key), scene.times.get(key), facts)
+    return Subject(iri(CONTENT, source), stored, scene.versions.get(key), scene.times.get(key), facts)
 
 
 def iri(space: str, name: str) -> str:

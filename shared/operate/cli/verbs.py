@@ -42,6 +42,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "stop": ("companion.tools.verbs.talk:stop", "Stop the robot at once."),
         "release": ("companion.tools.verbs.talk:release", "Let the robot move again after `roco stop`."),
+        "ask": ("companion.tools.verbs.ask:ask", "Ask what the robot knows, in SPARQL."),
     },
     "What is said": {
         "traffic": (GROUP, "The traffic of a run."),

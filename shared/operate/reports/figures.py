@@ -12,6 +12,7 @@ from typing import Any
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from operate.recording.history import History
 from operate.reports.counts import Latency
@@ -24,6 +25,8 @@ MARKS = (("s", "#d97706"), ("D", "#be185d"), ("^", "#6d28d9"), ("o", ACCENT), ("
 CROWDED = 1 / 3
 """A channel with more than this share of all communicates is drawn half transparent; estimate."""
 WIDTH_IN = 9.2
+LETTER = 0.012
+"""Width of a letter in a bar, as a share of the axis; estimate, on the safe side."""
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
@@ -76,6 +79,7 @@ def sizes(history: History, design: Design, stretches: Iterable[tuple[float, flo
                 )
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(_in_bytes)
+        axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("time after the first communicate [s]")
         axes.set_ylabel("size")
         axes.margins(x=0.01)
@@ -117,13 +121,17 @@ def busy(stretches: Iterable[tuple[str, str, float, float]], design: Design) -> 
     found = [one for one in stretches if one[0] in design.agents]
     if not found:
         return ""
-    lanes = list(design.agents)
+    lanes, last = list(design.agents), max(one[3] for one in found)
     with drawing("busy", 0.8 + 0.36 * len(lanes), "The state of each agent over time") as (axes, svg):
         for agent, state, start, end in found:
             names = [one.name for one in design.agents[agent].state]
             rests = state in (design.agents[agent].rest or (design.agents[agent].initial,))
             colour = GRID if rests or state not in names else MARKS[names.index(state) % len(MARKS)][1]
-            axes.barh(lanes[::-1].index(agent), max(end - start, 0.0), 0.62, left=start, color=colour, zorder=3)
+            lane = lanes[::-1].index(agent)
+            axes.barh(lane, max(end - start, 0.0), 0.62, left=start, color=colour, zorder=3)
+            if end - start > LETTER * len(state) * last:
+                ink = INK if rests else "white"
+                axes.text((start + end) / 2, lane, state, ha="center", va="center", color=ink, fontsize=7, zorder=4)
         axes.set_yticks(range(len(lanes)), lanes[::-1])
         axes.set_xlabel("time after the first communicate [s]")
         axes.grid(visible=False, axis="y")

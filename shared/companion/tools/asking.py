@@ -1,0 +1,113 @@
+"""What km heard in a run, and a question about it answered by a process that can be ended."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from companion.asking import ANSWERER, PREFIXES, Answer, Heard, Question, Term
+from companion.tools.system import SYSTEM
+from operate.cli.errors import ConsoleError, NoRunError
+
+if TYPE_CHECKING:
+    from operate.recording.records import Spoken
+
+KM = "km"
+READING_S = 60.0
+"""For the start of the process and the making of the triples, beside the query's own time; estimate, with room."""
+
+
+class AskError(ConsoleError):
+    """A question was not answered: it took too long or too much memory, or what answers is not installed."""
+
+
+class Known(msgspec.Struct, frozen=True):
+    """What km heard and said until a time. `begin`: of the run [unix s]; `words`: what was asked, for people."""
+
+    heard: tuple[Heard, ...]
+    begin: float
+    words: str
+
+
+def known(file: Path, at: float | None = None) -> Known:
+    """What km knows by a run folder or a recording, or knew `at` seconds after its first communicate."""
+    try:
+        spoken, lives = _recorded(file)
+    except ModuleNotFoundError as error:
+        raise _missing("monitor", error.name or "") from error
+    if not spoken:
+        raise NoRunError(str(file), f"{file} has no communicate; give a run folder, or a recording of `roco record`")
+    begin, end = spoken[0].received, spoken[-1].received
+    until = end if at is None else begin + at
+    heard = [Heard(one.received, one.wire) for one in spoken if KM in (one.sender, one.receiver)]
+    heard += [Heard(when) for when in lives]
+    kept = tuple(sorted((one for one in heard if one.at <= until), key=lambda one: one.at))
+    when = f"{end - begin:.1f} s, the last communicate" if at is None else f"{at:g} of {end - begin:.1f} s"
+    return Known(kept, begin, f"as km knew it at {when}")
+
+
+def _recorded(file: Path) -> "tuple[list[Spoken], list[float]]":
+    """All communicates in the order of time, those the recorder missed from step logs; when each life of km began."""
+    from operate.recording import history, mcap_file
+    from operate.recording.records import Spoken, Token
+
+    tape = file / mcap_file.FILE if file.is_dir() else file
+    tapped, lives = list[Spoken](), dict[int, float]()
+    for one in mcap_file.Reading(tape):
+        if isinstance(one, Spoken):
+            tapped.append(one)
+        elif isinstance(one, Token) and one.agent == KM and one.alive:
+            lives.setdefault(one.incarnation, one.received)
+    names = {one.identity for one in tapped}  # of the recorder's all are kept: another life of km is asked again
+    logs = (history.arrivals(path, SYSTEM) for path in sorted(file.glob(f"{history.STEPS}/*.{history.STEPS}")))
+    tapped += [one for log in logs for one in log if one.identity not in names]
+    return sorted(tapped, key=lambda one: one.received), list(lives.values())
+
+
+def answered(question: Question) -> Answer:
+    """The answer. Raise AskError where there is none in time."""
+    command = [sys.executable, "-m", ANSWERER]
+    try:
+        done = subprocess.run(
+            command,
+            input=msgspec.msgpack.encode(question),
+            capture_output=True,
+            timeout=question.seconds + READING_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise AskError(f"reading what km was told took more than {READING_S:.0f} s; ask of an earlier --at") from error
+    if done.returncode == -signal.SIGALRM:
+        raise AskError(
+            f"the query was ended after {question.seconds:g} s; bind more of its variables, or give --seconds more"
+        )
+    if done.returncode:
+        raise _ended(done.returncode, done.stderr.decode(errors="replace").strip())
+    told: Answer = msgspec.msgpack.decode(done.stdout, type=Answer)
+    return told
+
+
+def _ended(code: int, said: str) -> AskError:
+    last = said.splitlines()[-1] if said else f"it ended with {code}"
+    if "ModuleNotFoundError" in last:
+        return _missing("knowledge", last.rpartition("'")[0].rpartition("'")[2])
+    if code == -signal.SIGABRT or "MemoryError" in last:
+        return AskError("the query needs too much memory; bind more of its variables, or sort and group less")
+    return AskError(f"the process that answers has died: {last}")
+
+
+def _missing(extra: str, module: str) -> AskError:
+    return AskError(f"{module} is not installed; `pip install 'robot-companion[{extra}]'` installs it")
+
+
+def short(term: Term) -> str:
+    """A value for people: an IRI with its prefix, as it may be written in a question."""
+    if term.type != "uri":
+        return term.value if term.type == "literal" else f"_:{term.value}"
+    for prefix, space in PREFIXES.items():
+        if term.value.startswith(space):
+            return f"{prefix}:{term.value.removeprefix(space).replace('/', chr(92) + '/')}"
+    return f"<{term.value}>"
