@@ -81,7 +81,7 @@ def main(run: Path, success: bool, mode: str) -> None:
     (run / run_files.HI_FILE).write_bytes(encode(HiAddress(server.server_port, TOKEN)))
     (run / run_folder.LIVE_FILE).write_bytes(b"".join(encode(line) + b"\n" for line in STORY))
     state = run_folder.ProcessState.READY if mode == "ready" else run_folder.ProcessState.STARTING
-    processes = (ProcessStatus("ta", state, os.getpid()),)
+    processes = (ProcessStatus("ta", state, os.getpid(), module="services.supervisor"),)
     whole = run / "beside"
     whole.write_bytes(encode(Fleet("test", "", os.getpid(), time.time(), processes)))
     whole.replace(run / run_folder.FLEET_FILE)

@@ -18,7 +18,7 @@ def test_a_folder_is_enough(tmp_path: Path) -> None:
     """The smallest system gets the folder's name, and every file is told."""
     done = new(tmp_path / "shop")
     assert done.exit_code == 0
-    assert "25 files written" in done.stdout
+    assert "26 files written" in done.stdout
     assert (tmp_path / "shop" / "shop" / "doer" / "behaviours.py").exists()
 
 
@@ -39,7 +39,7 @@ def test_for_programs_it_is_json(tmp_path: Path) -> None:
     """All lists, none shortened."""
     told = json.loads(new(tmp_path / "shop", "--format", "json").stdout)
     assert set(told) == {"folder", "written", "same", "kept", "left"}
-    assert len(told["written"]) == 25
+    assert len(told["written"]) == 26
 
 
 def test_what_cannot_be_is_said_and_exits_with_1(tmp_path: Path) -> None:

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import msgspec
 
-from operate.run_folder import REPORT_FILE
+from operate.cli.errors import UsageError
 from operate.cli.fleet import starting
 from operate.cli.runs import machine
-from operate.cli.errors import UsageError
+from operate.run_folder import REPORT_FILE
 
 SETTING_FILE = "experiment.json"
 RESULTS_FILE = "results.jsonl"
