@@ -18,9 +18,10 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.tap import Sample, open_tap
 from companion.telemetry import RobotState, told
-from companion.tools.verbs.demo import SENTENCE
-from companion.tools.verbs.hi import Hi
+from companion.tools.verbs.hi import Hi, address
+from companion.tools.verbs.main_job import SENTENCE
 from operate.cli.fleet import starting
+from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.run_folder import ProcessState
 
@@ -76,7 +77,7 @@ def main(
                     tap = open_tap(options, motion.heard, lambda: False)
                 if told and "all" not in ready and all(s.name in ready or s.optional for s in told.processes):
                     ready["all"] = now
-                    Hi(folders.hi_address(run)).say(SENTENCE)
+                    Hi(address(Local(run))).say(SENTENCE)
                     ready["said"] = time.time() - began
                 time.sleep(0.02)
         finally:

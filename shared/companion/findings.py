@@ -18,6 +18,11 @@ QUERY_INTERFACES = ("knowledge", "hypotheses")
 
 def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
     """Whatever is inconsistent in the design or between it and the languages; nothing, if all is well."""
+    return (*check.check(design), *agreement_findings(design))
+
+
+def agreement_findings(design: Design) -> tuple[Finding, ...]:
+    """Whatever is inconsistent between the design and the languages."""
     classes = {
         entry.name: [kind.__name__ for kind in LANGUAGES.named(entry.name).classes]
         for entry in design.file.language
@@ -25,7 +30,6 @@ def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
     }
     queries = [kind.__name__ for kind in get_args(wm.AnyQuery)]
     return (
-        *check.check(design),
         *agreement.check_languages(design, classes),
         *agreement.check_queries(design, QUERY_INTERFACES, "WM", queries),
     )

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import msgspec
 
-from companion.design import DESIGN
 from fipa_codec.performatives import Performative
+from topdown.model.design import Design
 
 
 class Said(Protocol):
@@ -66,12 +66,12 @@ class Filter(msgspec.Struct, frozen=True, omit_defaults=True):
         )
 
 
-def checked(wanted: Filter) -> Filter:
+def checked(wanted: Filter, design: Design) -> Filter:
     """The same filter. Raises UnknownNameError for a name that nothing of the design can have."""
     known = {
-        "channel": (wanted.channels, sorted({use.channel for use in DESIGN.file.protocol})),
-        "agent": (wanted.agents, list(DESIGN.agents)),
-        "protocol": (wanted.protocols, sorted({use.follows for use in DESIGN.file.protocol})),
+        "channel": (wanted.channels, sorted({use.channel for use in design.file.protocol})),
+        "agent": (wanted.agents, list(design.agents)),
+        "protocol": (wanted.protocols, sorted({use.follows for use in design.file.protocol})),
         "performative": (wanted.performatives, sorted(map(str, Performative))),
     }
     for kind, (names, there) in known.items():

@@ -146,7 +146,7 @@ class ProcessState(StrEnum):
 class ProcessStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     """One process: its pid (0: none), how often it was restarted, why it ended last.
 
-    `optional`: the others do not need it.
+    `optional`: the others do not need it. `module`: what Python runs.
     """
 
     name: str
@@ -155,6 +155,7 @@ class ProcessStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     restarts: int = 0
     note: str = ""
     optional: bool = False
+    module: str = ""
 
 
 class Fleet(msgspec.Struct, frozen=True):

@@ -43,12 +43,13 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     `verbs`: rows for the table of `roco` (operate.cli.verbs.VERBS has the form). `options`: a function of names of
     processes, scene file and seed, called before anything is started; it raises ValueError. `findings`: a function of a
     Design that gives further findings of `roco design check`. `live`: a class without arguments with `lines(record)`,
-    which gives further lines of live.jsonl. `events`: a function of a History
-    that gives what happened, each with a `name`. `report`: a function of a History that gives the
-    figures of report.json, `page`: one of History, figures and the run's name that gives report.html.
-    `drawers`: a function of a Sheet that gives further operate.pictures.stage.Drawer, `blueprint`: one of the
-    length of the run that gives the layout of the viewer. `telemetry`: kind of a house key
-    -> decoder, a mapping. `tasks`: a function of a Target that gives lines about tasks for `roco status`.
+    which gives further lines of live.jsonl. `events`: a function of a History that gives what happened, each with a
+    `name`. `report`: a function of a History that gives the figures of report.json, `page`: one of History, figures and
+    the run's name that gives report.html. `drawers`: a function of a Sheet that gives further
+    operate.pictures.stage.Drawer, `blueprint`: one of the length of the run that gives the layout of the viewer.
+    `telemetry`: kind of a house key -> decoder, a mapping. `tasks`: a function of a Target that gives what people asked
+    for, as lines of operate.cli.fleet.tasks.Task; it raises ConsoleError. `checks`: an operate.cli.fleet.checkup.Checks
+    for `roco doctor`.
     """
 
     verbs: str = ""
@@ -62,12 +63,15 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     blueprint: str = ""
     telemetry: str = ""
     tasks: str = ""
+    checks: str = ""
 
 
 class System(msgspec.Struct, frozen=True, kw_only=True):
     """A system: its design, its languages, the processes that make it up, and what it adds to the tools.
 
-    `name`: prefix of its keys where none is given. `words`: a content of one of its languages in a few words.
+    `name`: prefix of its keys where none is given. `words`: a content of one of its languages in a few words. `plain`:
+    a text with its ids as people say them. `says`: process that is no agent -> state -> what it does, in words; of an
+    agent the design has them. `unreplaced`: agent -> why `roco replay --replace` cannot run it alone.
     `variables`: what its processes get in their environment, `{run}` standing for the run folder. `entry`: where this
     object is, `project`: the folder that Python imports it from, "" where it is installed.
     """
@@ -77,6 +81,9 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     languages: Languages | None
     processes: tuple[Process, ...] = ()
     words: Callable[[object], str] = words
+    plain: Callable[[str], str] = str
+    says: dict[str, dict[str, str]] = {}
+    unreplaced: dict[str, str] = {}
     additions: Additions = Additions()
     variables: dict[str, str] = {}
     entry: str = ""

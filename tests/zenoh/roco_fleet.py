@@ -22,9 +22,10 @@ from agent_runtime.io.zenoh_wire import client_config
 from companion.languages import rc
 from companion.run_files import SLOTS_FILE, TaskLine
 from companion.tools.system import SYSTEM
-from companion.tools.verbs.hi import Hi
+from companion.tools.verbs.hi import Hi, address
 from operate.cli.fleet import starting
 from operate.cli.fleet.identity import tls
+from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
@@ -66,7 +67,7 @@ class RocoFleet:
         self.run = run
         self.roco("up", "--out", str(run), "--speed", "max", "--seed", str(seed),
                   *(["--scene", str(scene)] if scene else []), timeout=120.0, inside=False)  # fmt: skip
-        self.hi = Hi(folders.hi_address(run))
+        self.hi = Hi(address(Local(run)))
         self._link: AgentLink | None = None
 
     # --- as a person ------------------------------------------------------------------------------------------------

@@ -24,10 +24,11 @@ from agent_runtime.testing.stand_in import StandIn
 from companion.binding import wiring
 from companion.design import DESIGN
 from companion.languages import LANGUAGES, cmd
-from companion.tools.verbs.hi import Hi
+from companion.tools.verbs.hi import Hi, address
 from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
 from fipa_codec.performatives import Performative
 from operate.cli.fleet.identity import tls
+from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.run_folder import LIVE_FILE
 
@@ -137,7 +138,7 @@ def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.
         for file in ("hi.json", "hi.heartbeat.json"):
             wait_for((made.run / file).exists, f"hi listens\n{made.logs()}", 40.0)
         wait_for(lambda: "co" in made.beat("hi").peers, "hi knows of co", 40.0)
-        assert Hi(folders.hi_address(made.run)).say("look around").task
+        assert Hi(address(Local(made.run))).say("look around").task
         wait_for(lambda: made.beat("co").unheard, f"co notices\n{made.logs()}", 40.0)
         (one,) = made.beat("co").unheard
         assert (one.peer, one.channel, one.what) == ("hi", "C2", "said")

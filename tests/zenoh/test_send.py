@@ -11,8 +11,8 @@ from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 from typer.testing import CliRunner
 
-from companion.tools.verbs.hi import Hi
-from operate.cli.runs import folders
+from companion.tools.verbs.hi import Hi, address
+from operate.cli.fleet.local import Local
 from operate.cli.traffic.send import send
 from operate.cli.traffic.speak import Sending
 
@@ -61,7 +61,7 @@ def test_a_person_is_hi_and_then_hi_is_itself(fleet: Processes) -> None:
     serve(fleet, "hi", "services.human_interface")
     fleet.ready("hi")
     assert fleet.beat("hi").incarnation == 3
-    hi = Hi(folders.hi_address(fleet.run))
+    hi = Hi(address(Local(fleet.run)))
     task = hi.say("look around").task
     wait_for(lambda: _state(hi, task) != "asked", f"co answered\n{fleet.logs()}")
     wait_for(lambda: fleet.beat("hi").unreceipted == {}, "co receipted number 3")

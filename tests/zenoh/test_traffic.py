@@ -184,7 +184,7 @@ def test_a_recorder_ends_with_its_command(router: Router) -> None:
 
 def _recorder(file: Path) -> int:
     """The pid of the process that writes a recording; 0: nobody does."""
-    wanted = ["services.monitor", "record", str(file)]
+    wanted = ["operate.recording", "record", str(file)]
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
             if path.read_text().split("\0")[2:5] == wanted:

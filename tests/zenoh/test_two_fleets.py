@@ -18,8 +18,9 @@ from agent_runtime.io.zenoh_wire import free_endpoint
 from companion.run_files import TaskLine
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
-from companion.tools.verbs.hi import Hi
+from companion.tools.verbs.hi import Hi, address
 from operate.cli.fleet import starting
+from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.recording import history
 
@@ -92,19 +93,19 @@ def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
 def done(site: Site, told: dict[str, str]) -> None:
     """Tell each robot its sentence, all at once; whoever failed (a loaded machine is enough) is told again."""
     for _ in range(TRIES):
-        tasks = {name: Hi(folders.hi_address(site.folder / name)).say(words).task for name, words in told.items()}
+        tasks = {name: Hi(address(Local(site.folder / name))).say(words).task for name, words in told.items()}
         for name, task in tasks.items():
             wait_for(lambda n=name, t=task: line(site, n, t).state in ENDED, f"{name} has ended its task", TASK_S)
         told = {name: told[name] for name, task in tasks.items() if line(site, name, task).state != "done"}
         if not told:
             return
         time.sleep(PAUSE_S)
-    raise AssertionError({name: Hi(folders.hi_address(site.folder / name)).tasks() for name in told})
+    raise AssertionError({name: Hi(address(Local(site.folder / name))).tasks() for name in told})
 
 
 def line(site: Site, name: str, task: str) -> TaskLine:
     """A task of a robot as it stands."""
-    return next(one for one in Hi(folders.hi_address(site.folder / name)).tasks() if one.task == task)
+    return next(one for one in Hi(address(Local(site.folder / name))).tasks() if one.task == task)
 
 
 def test_each_robot_does_what_it_was_told(site: Site) -> None:

@@ -3,7 +3,7 @@
 from companion.design import DESIGN
 from companion.languages import LANGUAGES
 from companion.run_files import SLOTS_FILE
-from companion.wording import words
+from companion.wording import plain, words
 from operate.supervisor.processes import FIRST, Process, around
 from operate.system import Additions, System
 
@@ -19,12 +19,35 @@ PROCESSES = (
     Process("hi", "services.human_interface", after=FIRST),
 )
 
+SAYS = {
+    "loop": {
+        "": "holds still",
+        "motion": "holds still",
+        "damping": "damps the joints",
+        "hold": "holds the joints",
+        "stopped": "stopped by a person",
+        "MoveJoint": "moves an arm",
+        "MoveCartesian": "pulls straight",
+        "Grasp": "grasps",
+        "Release": "puts down",
+        "Look": "looks",
+        "Pour": "pours",
+        "Home": "moves an arm home",
+    },
+}
+
 SYSTEM = System(
     name="roco",
     design=DESIGN,
     languages=LANGUAGES,
     processes=PROCESSES,
     words=words,
+    plain=plain,
+    says=SAYS,
+    unreplaced={
+        "hi": "its words are those of people, which no recording has",
+        "ex": "it acts by the robot's control loop, which does not run in a replay",
+    },
     additions=Additions(
         options="companion.tools.scenes:possible",
         findings="companion.findings:agreement_findings",
@@ -35,6 +58,9 @@ SYSTEM = System(
         drawers="companion.tools.pictures.drawers:drawers",
         blueprint="companion.tools.pictures.blueprint:blueprint",
         telemetry="companion.tools.telemetry:DECODERS",
+        verbs="companion.tools.verbs.table:VERBS",
+        tasks="companion.tools.verbs.hi:tasks",
+        checks="companion.tools.verbs.checkup:CHECKS",
     ),
     variables={"ROCO_SLOTS": f"{{run}}/{SLOTS_FILE}"},
     entry="companion.tools.system:SYSTEM",

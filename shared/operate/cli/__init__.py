@@ -1,1 +1,1 @@
-"""`roco`, the operator's command line. It imports no agent: it knows the run folder's files and a_hi over HTTP."""
+"""`roco`, the operator's command line. It imports no agent: it knows the run folder's files, and what a system adds."""

@@ -1,4 +1,4 @@
-"""`roco`: bring the fleet up and down, talk to the robot, watch it, ask what was said. `roco --help` lists it all.
+"""`roco`: bring a fleet of agents up and down, watch it, ask what was said. `roco --help` lists it all.
 
 The verbs are in operate.cli.verbs; docs/roco.md has the exit codes, which are the same for all.
 """
@@ -9,8 +9,12 @@ import typer
 
 from operate.cli.lazy import Verbs
 
+TEXT = "The operator's command line: a fleet of agents brought up, watched, asked, recorded."
 app = typer.Typer(
-    cls=Verbs, no_args_is_help=True, help="The operator's command line of the Robot Companion.", name="roco"
+    cls=Verbs,
+    no_args_is_help=True,
+    help=TEXT,
+    name="roco",
 )
 
 
@@ -29,7 +33,7 @@ def roco(
         bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Show the version, and end.")
     ] = False,
 ) -> None:
-    """The operator's command line of the Robot Companion."""
+    """A fleet of agents brought up, watched, asked, recorded."""
 
 
 def main() -> None:

@@ -1,11 +1,14 @@
-"""What the monitor's own tools make of recordings and results: processes, for recordings are the monitor's business."""
+"""What the recorder's own tools make of recordings and results: processes, for recordings are its business."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 from operate.cli.errors import NO, WRONG_USE, ConsoleError
+from operate.system import System, here, of_run
 
-MONITOR = "services.monitor"
+RECORDING = "operate.recording"
 TIMEOUT_S = 600.0
 """Thirty recordings are read in a minute on a loaded machine; estimate, with room."""
 
@@ -18,11 +21,24 @@ class AnalysisError(ConsoleError):
         super().__init__(text)
 
 
-def analysed(verb: str, *words: str) -> bytes:
-    """What `python -m services.monitor VERB WORDS` prints. Raises AnalysisError with what it said."""
-    command = [sys.executable, "-m", MONITOR, verb, *words]
+def command(*words: str) -> list[str]:
+    """Return how the recorder's tool `words` is called."""
+    return [sys.executable, "-m", RECORDING, *words]
+
+
+def environment(system: System) -> dict[str, str]:
+    """Return the environment by which a process finds the same system."""
+    return os.environ | system.environment(Path())
+
+
+def analysed(verb: str, *words: str, about: Path | None = None) -> bytes:
+    """What `python -m operate.recording VERB WORDS` prints. Raises AnalysisError with what it said.
+
+    `about`: the run or recording whose system is meant; else the one of this folder.
+    """
+    shared = environment(here() if about is None else of_run(about))
     try:
-        done = subprocess.run(command, capture_output=True, timeout=TIMEOUT_S, check=False)
+        done = subprocess.run(command(verb, *words), env=shared, capture_output=True, timeout=TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired as error:
         raise AnalysisError(
             f"{verb} has not ended after {TIMEOUT_S:.0f} s; give fewer or shorter recordings"

@@ -1,6 +1,11 @@
 """Names for the shell to complete: runs, agents, processes, channels. Imports are made only when a shell asks."""
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from topdown.model.design import Design
 
 RUNS = Path("runs")
 
@@ -13,23 +18,17 @@ def runs(incomplete: str) -> list[str]:
 
 def agents(incomplete: str) -> list[str]:
     """The agents of the design."""
-    from companion.design import DESIGN
-
-    return [name for name in DESIGN.agents if name.startswith(incomplete)]
+    return _begun(incomplete, (design.agents for design in _designs()))
 
 
 def channels(incomplete: str) -> list[str]:
     """The channels of the design."""
-    from companion.design import DESIGN
-
-    return [name for name in DESIGN.channels if name.startswith(incomplete)]
+    return _begun(incomplete, (design.channels for design in _designs()))
 
 
 def protocols(incomplete: str) -> list[str]:
     """The protocols of the design, as it names what it follows."""
-    from companion.design import DESIGN
-
-    return [name for name in DESIGN.tables if name.startswith(incomplete)]
+    return _begun(incomplete, (design.tables for design in _designs()))
 
 
 def performatives(incomplete: str) -> list[str]:
@@ -56,3 +55,18 @@ def processes(incomplete: str) -> list[str]:
     except ConsoleError:
         return agents(incomplete)
     return [name for name in found if name.startswith(incomplete)]
+
+
+def _designs() -> "Iterable[Design]":
+    """The design of the system here; none where there is no system, or its design cannot be read."""
+    from operate.system import NoSystemError, here
+    from topdown.model.errors import TopdownError
+
+    try:
+        return (here().design,)
+    except (NoSystemError, TopdownError):
+        return ()
+
+
+def _begun(incomplete: str, found: Iterable[Iterable[str]]) -> list[str]:
+    return [name for names in found for name in names if name.startswith(incomplete)]

@@ -3,7 +3,6 @@
 ConsoleError
     UsageError      what was named is not there, or makes no sense
     NoRunError      there is no run to talk about
-    HiError         a_hi does not answer, or says no
     FleetError      the fleet did not come up, or not go down
     NotWaitedError  Ctrl-C while the fleet ends: it goes on ending
     DockerError     docker is not there, or did not do what was asked
@@ -15,7 +14,7 @@ NO = 1
 WRONG_USE = 2
 """An option, a name or a file is not as it must be; calling it again the same way cannot help."""
 NOTHING_RUNS = 3
-"""There is nothing to ask: no run, no fleet, no human interface."""
+"""There is nothing to ask: no run, no fleet, nobody who listens to people."""
 INTERRUPTED = 130
 """Ctrl-C, as shells count it: 128 and the signal's number; for SIGTERM and SIGHUP, which end a command alike, too."""
 
@@ -40,16 +39,6 @@ class NoRunError(ConsoleError):
     def __init__(self, where: str, words: str = "") -> None:
         self.where = where
         super().__init__(words or f"no run at {where}; start one with `roco up`, or name it with --run-dir")
-
-
-class HiError(ConsoleError):
-    """The human interface does not answer (status 0), or answered with another status than 200."""
-
-    def __init__(self, status: int, reason: str) -> None:
-        self.status = status
-        self.reason = reason
-        self.code = NO if status else NOTHING_RUNS
-        super().__init__(f"the human interface said no ({status}): {reason}" if status else reason)
 
 
 class FleetError(ConsoleError):

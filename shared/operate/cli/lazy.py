@@ -10,7 +10,7 @@ from typing import Any, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from operate.cli.verbs import VERBS
+from operate.cli.verbs import VERBS, Table, merged
 
 ROOM = "operate.cli"
 EXAMPLES = "\nExamples:\n"
@@ -19,11 +19,25 @@ WrongUse = cast(type[typer.BadParameter], typer.BadParameter.__mro__[1])
 
 
 class Verbs(TyperGroup):
-    """The verbs that begin with `words`. What it lists are summaries; whoever calls one gets the verb itself."""
+    """The verbs that begin with `words`. What it lists are summaries; whoever calls one gets the verb itself.
+
+    Those that a system adds are looked up where they are listed, or where the others have none of that name.
+    """
 
     def __init__(self, *, words: str = "", commands: object = None, **settings: Any) -> None:
         self.words = words
-        super().__init__(commands=dict(_listed(words)), **settings)
+        super().__init__(commands=dict(_listed(words, VERBS)), **settings)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of all verbs, in the order of the tables."""
+        self.commands = dict(_listed(self.words, merged(VERBS, added())))
+        return list(self.commands)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The verb, or the summary of one; None where there is none."""
+        if cmd_name not in self.commands:
+            self.list_commands(ctx)
+        return self.commands.get(cmd_name)
 
     def main(
         self,
@@ -48,7 +62,9 @@ class Verbs(TyperGroup):
             sys.exit(error.exit_code)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """As click does, and a summary becomes the verb."""
+        """As click does, and a summary becomes the verb. Where there is none it says what there is."""
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
+            ctx.fail(unknown(" ".join(filter(None, (self.words, args[0]))), self.list_commands(ctx)))
         name, command, rest = super().resolve_command(ctx, args)
         return name, command.load() if isinstance(command, Summary) else command, rest
 
@@ -62,6 +78,29 @@ class Summary(TyperCommand):
         """The verb itself. Raises ImportError or AttributeError where the table is wrong."""
         module, name = self.place.split(":")
         return made(cast(str, self.name), getattr(import_module(module, ROOM), name))
+
+
+def added() -> Table:
+    """The verbs that the system here adds; none where there is no system, or it cannot be read."""
+    from operate.system import NoSystemError, here
+    from topdown.model.errors import TopdownError
+
+    try:
+        return here().addition("verbs") or {}
+    except (NoSystemError, TopdownError):
+        return {}
+
+
+def unknown(words: str, there: list[str]) -> str:
+    """Why there is no such verb: it is not there at all, or not of the system here."""
+    from operate.system import NoSystemError, here
+    from topdown.model.errors import TopdownError
+
+    try:
+        where = f"the system here, {here().name}, has no verb {words!r}"
+    except (NoSystemError, TopdownError) as error:
+        where = f"there is no verb {words!r}, and no system here that could add one ({error})"
+    return f"{where}; there are {', '.join(there)}"
 
 
 def wants_json(words: Sequence[str]) -> bool:
@@ -94,9 +133,9 @@ def _lines(examples: str) -> list[str]:
     return [line.strip() for line in examples.splitlines() if line.strip()]
 
 
-def _listed(words: str) -> Iterator[tuple[str, TyperCommand | TyperGroup]]:
+def _listed(words: str, table: Table) -> Iterator[tuple[str, TyperCommand | TyperGroup]]:
     """The rows one word below `words`."""
-    for panel, rows in VERBS.items():
+    for panel, rows in table.items():
         for called, (place, line) in rows.items():
             before, _, name = called.rpartition(" ")
             if before != words:

@@ -14,7 +14,9 @@ import msgspec
 import typer
 
 from operate.cli import completion
-from operate.cli.errors import INTERRUPTED, ConsoleError
+from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError
+from operate.system import NoSystemError
+from topdown.model.errors import TopdownError
 
 
 class Format(StrEnum):
@@ -67,6 +69,9 @@ def problems(form: Format) -> Iterator[None]:
     except ConsoleError as error:
         tell_problem(error, form)
         raise typer.Exit(error.code) from error
+    except (NoSystemError, TopdownError) as error:  # no system here, or its design cannot be read
+        tell_problem(error, form)
+        raise typer.Exit(WRONG_USE) from error
     except KeyboardInterrupt as error:
         tell_problem("interrupted", form)
         raise typer.Exit(INTERRUPTED) from error

@@ -1,14 +1,17 @@
-"""All verbs of `roco` in one table: the words that call it, where its function is, what it does in a line.
+"""The verbs of `roco` that serve any system, in one table: words that call it, where its function is, what it does.
 
 A verb is a plain function with typer's annotations; what it prints it prints in both forms (operate.cli.output).
 Nothing is imported before it is called (operate.cli.lazy): the line below is what `roco --help` shows, and the
 function's docstring begins with the same words. A docstring ends in `Examples:` with one call of roco a line.
+
+A system adds rows of its own (operate.system.Additions), of the same form; a place without a dot before it is absolute.
 """
 
 GROUP = ""
 """In place of a function: the row only says what the verbs below it have in common."""
 
-VERBS: dict[str, dict[str, tuple[str, str]]] = {
+Table = dict[str, dict[str, tuple[str, str]]]
+VERBS: Table = {
     "The fleet": {
         "up": (".fleet.up:up", "Bring the fleet up in the background."),
         "down": (".fleet.up:down", "Bring the fleet down in order; works with a dead supervisor, too."),
@@ -27,22 +30,14 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
             ".terminal.graph:graph",
             "Draw agents and channels with their states and what goes over each channel now.",
         ),
-        "top": (".terminal.top:top", "Show agents, channels, the task and the plan's present state on a live screen."),
+        "top": (
+            ".terminal.top:top",
+            "Show agents and channels, and the task and the plan's present state, on a live screen.",
+        ),
         "doctor": (
             ".fleet.doctor:doctor",
             "Check machine, installation and fleet: what is wrong, why, and what to do.",
         ),
-        "demo": (".fleet.up:demo", "Run the main job from start to end, watched: up, say, report, down."),
-    },
-    "The robot": {
-        "say": ("companion.tools.verbs.talk:say", 'Say a sentence to the robot, such as "pour the jar into the bowl".'),
-        "cancel": (
-            "companion.tools.verbs.talk:cancel",
-            "Cancel a task: what is held is put down safely, then the next command is served.",
-        ),
-        "stop": ("companion.tools.verbs.talk:stop", "Stop the robot at once."),
-        "release": ("companion.tools.verbs.talk:release", "Let the robot move again after `roco stop`."),
-        "ask": ("companion.tools.verbs.ask:ask", "Ask what the robot knows, in SPARQL."),
     },
     "What is said": {
         "traffic": (GROUP, "The traffic of a run."),
@@ -77,11 +72,6 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
             "Write what a recording holds as tables: communicates, events, telemetry of the loop.",
         ),
         "compare": (".runs.compare:compare", "Compare two sets of runs: success, latency, energy, traffic."),
-        "experiment": (GROUP, "The main job repeated, and what it comes to."),
-        "experiment pour": (
-            ".runs.experiment:pour",
-            "Repeat the main job, a fresh fleet each time; report.html, .json and .md set it beside the paper.",
-        ),
     },
     "The design": {
         "design": (GROUP, "The design: checked, shown, proven."),
@@ -119,3 +109,13 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
         ),
     },
 }
+
+
+def merged(general: Table, own: Table) -> Table:
+    """Return both tables: rows of a panel that both have side by side, an own panel behind the own panel before it."""
+    order, after = list(general), len(general)
+    for panel in own:
+        if panel not in order:
+            order.insert(after, panel)
+        after = order.index(panel) + 1
+    return {panel: general.get(panel, {}) | own.get(panel, {}) for panel in order}

@@ -68,6 +68,7 @@ class Fleet(msgspec.Struct, frozen=True):
                 known.restarts,
                 known.note,
                 known.process.optional,
+                known.process.module,
             )
             for name, known in self.known.items()
         )

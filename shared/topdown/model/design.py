@@ -89,6 +89,12 @@ class Design(msgspec.Struct, frozen=True, dict=True):
     file: elements.DesignFile
     path: str = ""
     text: str = ""
+    folder: str = ""
+
+    @property
+    def place(self) -> Path:
+        """The file it was loaded from."""
+        return Path(self.folder, self.path)
 
     @cached_property
     def decomposition(self) -> Decomposition:
@@ -281,7 +287,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
 def load(path: Path) -> Design:
     """The design in the file at `path`. Raises DesignError."""
     text = path.read_text(encoding="utf-8")
-    return Design(loading.read(text, str(path)), path.name, text)
+    return Design(loading.read(text, str(path)), path.name, text, str(path.resolve().parent))
 
 
 def _joined(one: Rule, other: Rule) -> Rule:

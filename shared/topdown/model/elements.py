@@ -156,7 +156,10 @@ class Protocol(Entry, frozen=True):
 
 
 class State(Entry, frozen=True):
-    """A state: its behaviour, the names of its terminal and error conditions, the protocols it acts in."""
+    """A state: its behaviour, the names of its terminal and error conditions, the protocols it acts in.
+
+    `says`: what the agent does in it, in words for people who watch it run, as in "waits for a task".
+    """
 
     name: str
     behaviour: str
@@ -164,6 +167,7 @@ class State(Entry, frozen=True):
     error: str = ""
     talks: tuple[str, ...] = ()
     text: str = ""
+    says: str = ""
 
 
 class Arc(Entry, frozen=True):

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED
+from companion import run_files
 from companion.run_files import HiAddress, TaskLine
 from operate import run_folder
 from operate.run_folder import AgentIn, Fleet, Happened, PlanAt, PlanSeen, ProcessStatus, Sent
@@ -39,13 +41,13 @@ class Answers(http.server.BaseHTTPRequestHandler):
         """Take a sentence, or a cancel."""
         body = self.rfile.read(int(self.headers["Content-Length"]))
         if self.path == "/say":
-            said = msgspec.json.decode(body, type=run_folder.Say).text
+            said = msgspec.json.decode(body, type=run_files.Say).text
             known = "pour" in said
             answer = TaskLine("hi-1-1" if known else "", "waiting" if known else "refused", "I can pour", said)
             Answers.task = answer if known else None
             self.reply(answer)
         elif Answers.task is None:
-            self.reply(run_folder.Problem("no task has not ended"), 404)
+            self.reply(run_files.Problem("no task has not ended"), 404)
         else:
             self.reply(Answers.task)
 
@@ -55,14 +57,14 @@ class Answers(http.server.BaseHTTPRequestHandler):
         task = Answers.task
         if task is not None and Answers.looks > 1:
             Answers.task = task = msgspec.structs.replace(task, state="done")
-        self.reply(run_folder.Tasks((task,) if task else ()))
+        self.reply(run_files.Tasks((task,) if task else ()))
 
     def reply(self, what: msgspec.Struct, code: int = 200) -> None:
         """Answer, to those with the token."""
         allowed = self.headers["Authorization"] == f"Bearer {TOKEN}"
         self.send_response(code if allowed else 401)
         self.end_headers()
-        self.wfile.write(msgspec.json.encode(what if allowed else run_folder.Problem("wrong token")))
+        self.wfile.write(msgspec.json.encode(what if allowed else run_files.Problem("wrong token")))
 
     def log_message(self, *words: object) -> None:
         """Say nothing."""
@@ -75,11 +77,11 @@ def main(run: Path, success: bool, mode: str) -> None:
     end = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: end.set())
     encode = msgspec.json.encode
-    (run / run_folder.STOP_FILE).write_bytes(run_folder.STOP_RELEASED)
-    (run / run_folder.HI_FILE).write_bytes(encode(HiAddress(server.server_port, TOKEN)))
+    (run / STOP_FILE).write_bytes(STOP_RELEASED)
+    (run / run_files.HI_FILE).write_bytes(encode(HiAddress(server.server_port, TOKEN)))
     (run / run_folder.LIVE_FILE).write_bytes(b"".join(encode(line) + b"\n" for line in STORY))
     state = run_folder.ProcessState.READY if mode == "ready" else run_folder.ProcessState.STARTING
-    processes = (ProcessStatus("ta", state, os.getpid()),)
+    processes = (ProcessStatus("ta", state, os.getpid(), module="services.supervisor"),)
     whole = run / "beside"
     whole.write_bytes(encode(Fleet("test", "", os.getpid(), time.time(), processes)))
     whole.replace(run / run_folder.FLEET_FILE)

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from companion.run_files import HiAddress
+from companion.tools.verbs.hi import address
 from operate.cli.__main__ import app
 from operate.cli.errors import DockerError, UsageError
 from operate.cli.fleet import targets
@@ -58,7 +59,7 @@ def test_containers_are_found_out_where_nothing_runs_here(world: Path) -> None:
     hi = found.seen[-1]
     assert hi.beat is not None
     assert (hi.beat.incarnation, hi.home, hi.status.pid) == (2, "hi", os.getpid())
-    assert targets.find().hi() == HiAddress(1, "t")
+    assert address(targets.find()) == HiAddress(1, "t")
 
 
 def test_a_service_is_stopped_and_started_by_docker(world: Path) -> None:
@@ -153,7 +154,7 @@ def test_of_several_robots_one_is_meant(world: Path) -> None:
     (world / "one.monitor" / "velma2" / "verdicts.jsonl").write_text(judged)
     second = targets.find("one/velma2")
     assert [one.home for one in second.look().seen] == ["router", "monitor", "ex2", "hi2"]
-    second.hold(True)
+    second.hold("ex", True)
     assert (world / "one.ex2" / "stop").read_bytes() == b"\x01"
     assert (world / "one.ex" / "stop").read_bytes() == b"\x00"
     assert [one.conversation for one in second.verdicts()] == ["hi-1-1"]

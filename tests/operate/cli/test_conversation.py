@@ -7,6 +7,7 @@ import pytest
 from rich.cells import cell_len
 from typer.testing import CliRunner
 
+from companion.design import DESIGN
 from operate.cli.__main__ import app
 from operate.cli.terminal import sequence
 from operate.cli.traffic import conversation
@@ -92,7 +93,7 @@ def test_a_conversation_is_drawn(run_dir: Path) -> None:
 @pytest.mark.parametrize("name", ["hi-1-1", "km-1-1", "co-1-2"])
 def test_a_drawing_fits_the_terminal(run_dir: Path, name: str, columns: int) -> None:
     """No line is wider, and both lifelines stand in the same columns throughout."""
-    [one] = [one for one in conversation.conversations(told(run_dir)) if one.id == name]
+    [one] = [one for one in conversation.conversations(told(run_dir), DESIGN) if one.id == name]
     lines = sequence.drawn(one.said, one.initiator, one.participant, columns).plain.splitlines()
     assert max(map(cell_len, lines)) <= columns
     assert len({(line.index("│"), line.rindex("│")) for line in lines[1:]}) == 1

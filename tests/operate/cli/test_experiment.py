@@ -12,11 +12,12 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from companion.tools.verbs import experiment, trials
 from operate.cli.__main__ import app
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import starting
 from operate.cli.output import Format
-from operate.cli.runs import experiment, machine, trials
+from operate.cli.runs import machine
 from operate.run_folder import REPORT_FILE
 
 pytestmark = pytest.mark.process

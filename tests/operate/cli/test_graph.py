@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.design import DESIGN
+from companion.tools.system import SYSTEM
 from operate.cli.fleet.process_status import Beat, Seen
 from operate.cli.terminal import arcs, graph
 from operate.run_folder import ProcessState, ProcessStatus, Sent
@@ -71,7 +72,7 @@ SEEN = (
     Seen(ProcessStatus("km", ProcessState.READY, 5), Beat(pid=5, incarnation=1, state="idle"), 0.1),
     Seen(ProcessStatus("pl", ProcessState.BACKING_OFF, note="killed by signal 9")),
 )
-FOUND = graph.told("here", SEEN, LINES, at=100.0, window_s=10.0)
+FOUND = graph.told(DESIGN, "here", SEEN, LINES, at=100.0, window_s=10.0)
 
 
 def test_rates_are_those_of_the_last_seconds() -> None:
@@ -83,7 +84,7 @@ def test_rates_are_those_of_the_last_seconds() -> None:
 
 def test_the_drawing_fits_a_terminal_and_says_what_is_wrong() -> None:
     """80 columns; all agents, all channels; in words what an agent does."""
-    text = graph.drawn(FOUND).plain
+    text = graph.drawn(FOUND, SYSTEM).plain
     assert max(map(len, text.splitlines())) <= 80
     for name in (*DESIGN.agents, *DESIGN.channels):
         assert name in text

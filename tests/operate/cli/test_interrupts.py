@@ -56,7 +56,7 @@ def roco(tmp_path: Path) -> Iterator[Roco]:
                 pipe.close()
     for file in tmp_path.glob("runs/*/fleet.json"):
         told = folders.fleet(file.parent)
-        if told is not None and folders.is_service(told.supervisor):
+        if told is not None and folders.is_service(told.supervisor, *folders.SUPERVISORS):
             os.kill(told.supervisor, signal.SIGKILL)
 
 
@@ -91,7 +91,7 @@ def test_an_interrupted_start_leaves_no_fleet(roco: Roco, tmp_path: Path, words:
     process.send_signal(number)
     _, said = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
-    assert not folders.is_service(supervisor)
+    assert not folders.is_service(supervisor, *folders.SUPERVISORS)
     assert list(tmp_path.glob("runs/*/report.json"))
     if words == ("up",):
         assert "what was started is brought down" in said
@@ -108,7 +108,7 @@ def test_a_terminal_that_is_gone_leaves_no_fleet(roco: Roco, tmp_path: Path, ver
     process.stderr.close()
     process.send_signal(signal.SIGHUP)
     process.wait(PATIENCE_S)
-    until(lambda: not folders.is_service(supervisor))
+    until(lambda: not folders.is_service(supervisor, *folders.SUPERVISORS))
 
 
 def test_signals_that_come_twice_are_one(roco: Roco, tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_signals_that_come_twice_are_one(roco: Roco, tmp_path: Path) -> None:
     _, said = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert said == "roco: interrupted\n"
-    assert not folders.is_service(supervisor)
+    assert not folders.is_service(supervisor, *folders.SUPERVISORS)
 
 
 @pytest.mark.parametrize("verb", ["up", "demo"])
@@ -142,9 +142,9 @@ def test_a_second_ctrl_c_does_not_wait_and_says_what_is_left(roco: Roco, tmp_pat
     assert process.returncode == 130
     assert "not waited for: the end of ta goes on" in said
     assert "roco down --run-dir runs/" in said
-    assert folders.is_service(supervisor)
+    assert folders.is_service(supervisor, *folders.SUPERVISORS)
     (next(tmp_path.glob("runs/*")) / "may-end").touch()
-    until(lambda: not folders.is_service(supervisor))
+    until(lambda: not folders.is_service(supervisor, *folders.SUPERVISORS))
 
 
 @pytest.mark.parametrize("number", ENDINGS)

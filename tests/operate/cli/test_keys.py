@@ -48,13 +48,13 @@ def test_another_design_has_other_identities(tmp_path: Path) -> None:
     file = str(ROOT / "shared/topdown/scaffold/smallest.toml")
     done = RUN.invoke(app, ["keys", "make", str(tmp_path), "--design", file])
     assert done.exit_code == 0, done.output
-    assert {one.stem for one in tmp_path.glob("*.key")} == {"asker", "doer", "router"}
+    assert {one.stem for one in tmp_path.glob("*.key")} == {"asker", "doer", "monitor", "console", "router"}
 
 
 @pytest.mark.parametrize("design", ["nowhere.toml", "README.md"])
 def test_what_is_no_design_is_told(tmp_path: Path, design: str) -> None:
-    """One line, exit code 1, nothing written."""
+    """One line, exit code 2, nothing written."""
     done = RUN.invoke(app, ["keys", "make", str(tmp_path / "keys"), "--design", str(ROOT / design)])
-    assert done.exit_code == 1
+    assert done.exit_code == 2
     assert "Traceback" not in done.output
     assert not (tmp_path / "keys").exists()

@@ -11,7 +11,9 @@ from rich.console import Console
 
 from companion.design import DESIGN
 from companion.run_files import TaskLine
-from companion.tools.verbs import demo
+from companion.tools.system import SYSTEM
+from companion.tools.verbs import main_job
+from companion.wording import plain
 from operate.cli.fleet import state_words
 from operate.cli.terminal import draw, run_state
 from operate.run_folder import (
@@ -58,7 +60,9 @@ def scene(view: run_state.View) -> draw.Scene:
         ProcessStatus("pl", ProcessState.GIVEN_UP, note="no program"),
     )
     fleet = Fleet("test", "tcp/127.0.0.1:1", 9, 0.0, processes)
-    return draw.Scene("a run", 0.0, fleet, (TaskLine("hi-1-1", "running", "on my way", "pour"),), view, stop_held=True)
+    return draw.Scene(
+        "a run", 0.0, SYSTEM, fleet, (TaskLine("hi-1-1", "running", "on my way", "pour"),), view, stop_held=True
+    )
 
 
 def drawn(view: run_state.View, width: int = 110) -> str:
@@ -116,7 +120,7 @@ def test_the_picture_fits_the_terminal(told: list[LiveLine], height: int, width:
     reason = " ".join(["a long reason"] * 24) if height > 30 else "plan 1"  # five lines instead of one
     task = TaskLine("hi-1-1", "planning", reason, "pour")
     many = (Happened(t=float(n), name="event", text=str(n)) for n in range(run_state.LATEST_EVENTS))
-    whole = draw.Scene("a run", 0.0, fleet, (task,), folded(*told, *many))
+    whole = draw.Scene("a run", 0.0, SYSTEM, fleet, (task,), folded(*told, *many))
     assert len(console.render_lines(draw.picture(whole, 12.0, height, width))) < height
 
 
@@ -126,13 +130,13 @@ REASON = "the task failed: " + " ".join(f"reason-{number}" for number in range(3
 def test_a_reason_can_be_read_whole() -> None:
     """Longer than a line at 80 columns: of an event, of a task, and of the verdict; no word is broken."""
     view = folded(Happened(t=1.0, name="ended, failed", text=REASON))
-    told = draw.Scene("a run", 0.0, None, (TaskLine("hi-1-1", "failed", REASON, "pour"),), view)
+    told = draw.Scene("a run", 0.0, SYSTEM, None, (TaskLine("hi-1-1", "failed", REASON, "pour"),), view)
     console = Console(width=80, height=40, record=True, force_terminal=True, file=io.StringIO())
     console.print(draw.picture(told, 12.0, console.height, console.width))
     text = console.export_text()
     assert " ".join(text.split()).count(REASON) == 2
     assert len(text.splitlines()) < console.height
-    said = demo.verdict(demo.Report(success=False, failure=REASON), Path("run"), 80).splitlines()
+    said = main_job.verdict(main_job.Report(success=False, failure=REASON), Path("run"), 80).splitlines()
     assert max(map(len, said)) <= 80
     assert " ".join(" ".join(said[:-1]).split()) == f"no success: {REASON}"
 
@@ -149,15 +153,15 @@ def test_an_event_longer_than_the_picture_is_cut_where_it_ends() -> None:
 def test_the_start_says_whom_it_waits_for() -> None:
     """Before there is a task, the second line tells how far the fleet is."""
     processes = (ProcessStatus("router", ProcessState.READY, 7), ProcessStatus("km", ProcessState.STARTING, 8))
-    starting = draw.Scene("a run", 0.0, Fleet("t", "", 9, 0.0, processes))
+    starting = draw.Scene("a run", 0.0, SYSTEM, Fleet("t", "", 9, 0.0, processes))
     assert "starting: 1 of 2 ready, waiting for km" in draw.header(starting, 3.0).plain
-    assert "starting the supervisor" in draw.header(draw.Scene("a run", 0.0), 0.0).plain
+    assert "starting the supervisor" in draw.header(draw.Scene("a run", 0.0, SYSTEM), 0.0).plain
 
 
 def test_states_of_all_agents_have_words() -> None:
     """No state of the design is shown as an id."""
     for agent, entry in DESIGN.agents.items():
-        assert {state.name for state in entry.state} == set(state_words.WORDS[agent])
+        assert [state.name for state in entry.state if not state_words.said(SYSTEM, agent, state.name)] == []
 
 
 def test_a_machine_left_behind_is_ticked() -> None:
@@ -225,4 +229,4 @@ def test_what_is_not_as_designed_is_an_event() -> None:
 )
 def test_a_line_in_words(line: LiveLine, said: str) -> None:
     """What a log shows; what is merely counted shows nothing."""
-    assert run_state.in_words(line) == said
+    assert run_state.in_words(line, plain) == said

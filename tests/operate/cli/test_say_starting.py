@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from companion.run_files import HI_FILE, HiAddress, Problem
-from companion.tools.verbs import talk
+from companion.tools.verbs import awaited, talk
 from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
@@ -65,7 +65,7 @@ def called() -> Iterator[Callable[..., int]]:
         idle = [sys.executable, "-c", "import time; time.sleep(300)", *(str(word) for word in words)]
         processes.append(subprocess.Popen(idle))
         pid, until = processes[-1].pid, time.monotonic() + 20.0
-        while not folders.is_service(pid):  # for a moment it still bears the words of this process
+        while not folders.is_service(pid, str(words[0])):  # for a moment it still bears the words of this process
             assert time.monotonic() < until, f"{words} did not start"
         return pid
 
@@ -90,7 +90,7 @@ def heard(done: Result) -> None:
 def told(run: Path, state: ProcessState, supervisor: int) -> None:
     """What a supervisor says of a_hi."""
     run.mkdir(parents=True, exist_ok=True)
-    processes = (ProcessStatus("hi", state, supervisor),)
+    processes = (ProcessStatus("hi", state, supervisor, module="services.supervisor"),)
     (run / FLEET_FILE).write_bytes(msgspec.json.encode(Fleet("test", "", supervisor, time.time(), processes)))
 
 
@@ -111,7 +111,7 @@ def listening(pretend: Callable[[bool], None], run: Path) -> Act:
 def test_before_anything_is_in_the_run_folder(clock, called, pretend, tmp_path: Path) -> None:
     """The supervisor lives, and has told nothing."""
     run = tmp_path / "run"
-    called(folders.SUPERVISOR, "--run-dir", run)
+    called(folders.SUPERVISORS[0], "--run-dir", run)
     clock.acts = [lambda: None, listening(pretend, run)]
     heard(say("--run-dir", run))
     assert clock.pauses == 2
@@ -124,7 +124,7 @@ def test_the_run_that_will_be_the_latest(clock, called, pretend, tmp_path: Path)
     (old / HI_FILE).write_bytes(msgspec.json.encode(HiAddress(1, "t")))
     (tmp_path / "runs" / "latest").symlink_to(old)
     new = tmp_path / "runs" / "new"
-    called(folders.SUPERVISOR, "--run-dir", new)
+    called(folders.SUPERVISORS[0], "--run-dir", new)
 
     def linked() -> None:
         listening(pretend, new)()
@@ -184,12 +184,12 @@ def test_the_wait_ends(clock, called, tmp_path: Path) -> None:
 def test_in_a_container_a_hi_itself_is_looked_for(clock, called, pretend, tmp_path: Path, monkeypatch) -> None:
     """There is no supervisor, and no run folder until a_hi makes it."""
     run = tmp_path / "run"
-    monkeypatch.setattr(folders, "HUMAN_INTERFACE", "services.a_hi_of_this_test")  # others may have a fleet here
+    monkeypatch.setattr(awaited, "HUMAN_INTERFACE", "services.a_hi_of_this_test")  # others may have a fleet here
     monkeypatch.setenv("ROCO_CONNECT", "tls/router:7447")
     monkeypatch.setenv("ROCO_RUN_DIR", str(run))
     assert say().exit_code == 3
     assert clock.pauses == 0, "it is no container of a_hi"
-    called(folders.HUMAN_INTERFACE)
+    called(awaited.HUMAN_INTERFACE)
     clock.acts = [listening(pretend, run)]
     heard(say())
 
@@ -224,7 +224,7 @@ def test_a_hi_without_a_coordinator_is_asked_again(clock, tmp_path: Path) -> Non
 def test_programs_read_nothing_but_the_answer(clock, called, pretend, tmp_path: Path) -> None:
     """Nothing on standard error, as where other verbs wait."""
     run = tmp_path / "run"
-    called(folders.SUPERVISOR, "--run-dir", run)
+    called(folders.SUPERVISORS[0], "--run-dir", run)
     clock.acts = [listening(pretend, run)]
     done = say("--run-dir", run, "--format", "json")
     assert (done.exit_code, done.stderr) == (0, "")

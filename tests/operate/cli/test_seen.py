@@ -38,7 +38,7 @@ def idle() -> Iterator[int]:
 @pytest.fixture
 def run(tmp_path: Path, idle: int) -> Path:
     """A run folder of that process, with a heartbeat as an agent writes it."""
-    fleet = Fleet("test", "", idle, 0.0, (ProcessStatus("km", ProcessState.READY, idle),))
+    fleet = Fleet("test", "", idle, 0.0, (ProcessStatus("km", ProcessState.READY, idle, module="services.pretended"),))
     (tmp_path / "fleet.json").write_bytes(msgspec.json.encode(fleet))
     beat = {"agent": "km", "pid": idle, "incarnation": 3, "step": 5, "state": "idle", "ready": True, "up": True}
     beat |= {"peers": {"pl": 1}, "unreceipted": {"pl": 2}, "due": {"ta": 1}, "counts": {}, "at": 0.0}

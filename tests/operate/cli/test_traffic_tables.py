@@ -9,6 +9,7 @@ import pytest
 from rich.cells import cell_len
 from typer.testing import CliRunner
 
+from companion.design import DESIGN
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.cli.__main__ import app
@@ -124,7 +125,7 @@ def test_a_name_the_design_has_not_is_named(option: str) -> None:
     """Exit code 2, with those there are."""
     assert "it has" in roco("hz", option, "nonsense", code=2)
     with pytest.raises(UnknownNameError, match="C1, C2"):
-        checked(Filter(channels=("C9",)))
+        checked(Filter(channels=("C9",)), DESIGN)
 
 
 def test_nothing_recorded_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,9 +155,9 @@ def test_a_line_of_echo_is_as_wide_as_the_terminal(width: int) -> None:
         t=1.0, verdict=Verdict.LEGAL, bytes=852_000, channel="C4", sender="km", receiver="pl", protocol="query",
         performative="inform-ref", text="x" * 80,
     )  # fmt: skip
-    assert cell_len(echo.drawn(fine, width).plain) == width
+    assert cell_len(echo.drawn(fine, width, 5).plain) == width
     wrong = msgspec.structs.replace(fine, verdict=Verdict.OUT_OF_SEQUENCE, violation=True, why="it may say nothing")
-    first, second = echo.drawn(wrong, width).plain.splitlines()
+    first, second = echo.drawn(wrong, width, 5).plain.splitlines()
     assert (cell_len(first), second.strip()) == (width, "it may say nothing")
 
 

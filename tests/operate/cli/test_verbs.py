@@ -12,11 +12,12 @@ from typing import Any
 import pytest
 import typer
 
+from companion.tools.verbs.table import VERBS as OWN
 from operate.cli import lazy
 from operate.cli.__main__ import app
-from operate.cli.verbs import GROUP, VERBS
+from operate.cli.verbs import GROUP, VERBS, merged
 
-ROWS = {words: row for rows in VERBS.values() for words, row in rows.items()}
+ROWS = {words: row for rows in merged(VERBS, OWN).values() for words, row in rows.items()}
 CALLED = [words for words, (place, _) in ROWS.items() if place is not GROUP]
 
 

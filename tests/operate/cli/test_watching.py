@@ -8,13 +8,14 @@ import subprocess
 import sys
 import termios
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner, Result
 
-from companion.tools.verbs import pace
+from companion.tools.verbs import checkup, pace
 from operate.cli.__main__ import app
 from operate.cli.fleet import checkup_machine
 from operate.cli.fleet.local import Local
@@ -100,7 +101,7 @@ def test_top_ends_at_q_and_leaves_the_terminal_as_it_was(run: Path) -> None:
 
 def test_doctor_finds_nothing_wrong_with_a_fleet_that_is_well(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And a note where it is held."""
-    monkeypatch.setattr(checkup_machine, "IMPORTS", ("msgspec",))
+    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(checkup_machine.imports, ("msgspec",)))
     roco("stop", "--run-dir", run)
     done = roco("doctor", "--run-dir", run, "--format", "json")
     checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
@@ -113,7 +114,7 @@ def test_doctor_names_what_died_and_what_was_left_behind(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each with its remedy; exit code 1."""
-    monkeypatch.setattr(checkup_machine, "IMPORTS", ("msgspec",))
+    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(checkup_machine.imports, ("msgspec",)))
     fleet = json.loads((run / "fleet.json").read_bytes())
     left = tmp_path / "runs" / "before"
     left.mkdir(parents=True)
@@ -141,7 +142,7 @@ def test_doctor_says_whether_real_time_can_be_held(
     """By a second of the loop, and what to do where it cannot."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(pace, "measure", lambda: pace.Pace(500, late, held=late < 50))
-    check = next(iter(checkup_machine.real_time()))
+    check = next(iter(checkup.real_time()))
     assert check.level == level
     assert ("real time cannot be held" in check.what) == (level == "wrong")
     assert ("--speed max" in check.remedy) == (level == "wrong")
@@ -153,7 +154,7 @@ def test_doctor_times_no_loop_beside_a_fleet(run: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(run.parent)
     monkeypatch.setattr(folders, "RUNS", run.parent)
     monkeypatch.setattr(pace, "measure", lambda: pytest.fail("a loop was timed"))
-    assert [check.what for check in checkup_machine.real_time() if "late" in check.what] == []
+    assert [check.what for check in checkup.real_time() if "late" in check.what] == []
 
 
 def test_the_load_of_a_fleet_of_ones_own_is_only_told(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,10 +169,9 @@ def test_doctor_names_libraries_that_are_missing(monkeypatch: pytest.MonkeyPatch
     """With the extra that brings them; those of development are nobody's business."""
     wanted = ["nowhere-to-be>=1; extra == 'executor'", "not-this>=2; extra == 'dev'", "msgspec>=0.20"]
     monkeypatch.setattr("importlib.metadata.requires", lambda _: wanted)
-    (check,) = checkup_machine.libraries()
+    (check,) = checkup.CHECKS.machine["libraries"]()
     assert check.what == "not installed: nowhere-to-be"
     assert "[executor]" in check.remedy
-    monkeypatch.setattr(checkup_machine, "IMPORTS", ("nowhere_to_be",))
-    (check,) = checkup_machine.imports()
+    (check,) = checkup_machine.imports(("nowhere_to_be",))
     assert check.level == "wrong"
     assert "nowhere_to_be" in check.what

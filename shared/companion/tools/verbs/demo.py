@@ -1,193 +1,70 @@
-"""The main job from start to end, watched: up, say, follow, down, and what the report says."""
+"""`roco demo`: the main job from start to end."""
 
-import json
-import subprocess
-import sys
-import textwrap
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from datetime import datetime
+from typing import Annotated
 
 import msgspec
-from rich.console import Console, RenderableType
-from rich.live import Live
+import typer
+from rich.console import Console
 
-from companion.languages.cmd import TaskState
-from companion.run_files import TaskLine
-from companion.tools.verbs.hi import Hi
-from companion.wording import plain
+from companion.tools.verbs import main_job, pace
 from operate.cli import interrupts
-from operate.cli.errors import ConsoleError
-from operate.cli.fleet import starting
-from operate.cli.runs import folders
-from operate.cli.terminal import draw, run_state
-from operate.run_folder import LIVE_FILE, REPORT_FILE, Fleet, LiveLine, ProcessState
+from operate.cli.fleet import running_fleets, starting, up, view
+from operate.cli.fleet.up import Speed
+from operate.cli.output import Form, Format, problems, waiting
+from operate.cli.terminal.watch import Watch
+from operate.system import here
 
-SENTENCE = "pour the content of the jar into the bowl"
-ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED, "refused")
-QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, ProcessState.STOPPED)
-PICTURES = "run.rrd"
-RERUN = Path(sys.executable).with_name("rerun")  # the viewer comes with the library
-PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
-FIRST_LOOK_S = 120.0  # it takes 3 s and some of preparation; 30 s at a load of 36 on two cores (measured 2026-11-22)
-LAST_LOOKS = 5  # estimate: five times what the recorder holds back
-
-
-class Report(msgspec.Struct, frozen=True):
-    """What the command line needs of report.json, which has much more."""
-
-    success: bool
-    failure: str | None = None
-    poured_fraction: float | None = None
-    sim_time_s: float | None = None
-    wall_time_s: float | None = None
+DemoRate = Annotated[
+    Speed | None, typer.Option(help="1: real time; max: as fast as it can; else real time where the machine holds it.")
+]
+Headless = Annotated[
+    bool | None,
+    typer.Option("--headless/--window", help="At the end open run.rrd in Rerun, or not; not where no display is."),
+]
 
 
-class Watch:
-    """Shows a run while it goes: a picture in a terminal, lines elsewhere; with `json_lines` one JSON object a line."""
+def demo(
+    seed: up.Seed = 1,
+    out: up.Out = None,
+    another: up.Another = "",
+    speed: DemoRate = None,
+    scene: up.SceneFile = None,
+    headless: Headless = None,
+    insecure: up.Insecure = False,
+    form: Form = Format.TEXT,
+) -> None:
+    """Run the main job from start to end, watched: up, say, report, down. Exits with 1 on a failed pour.
 
-    def __init__(self, run: Path, title: str, console: Console, json_lines: bool = False) -> None:
-        self.scene = draw.Scene(title, time.time())
-        self.run = run
-        self.console = console
-        self.json_lines = json_lines
-        self.pictures = console.is_terminal and not json_lines
-        self._follow = run_state.Follow(run_state.of_file(run / LIVE_FILE))
-        self._live: Live | None = None
-        self._told: dict[str, str] = {}
-        if not self.pictures and not json_lines:
-            console.out(f"{title}; everything is written to {folders.near(run)}", highlight=False)
-
-    @contextmanager
-    def showing(self) -> Iterator["Watch"]:
-        """Show it as long as this lasts."""
-        if not self.pictures:
-            yield self
-            return
-        with Live(console=self.console, refresh_per_second=8, get_renderable=self._picture) as self._live:
-            yield self
-
-    def ending(self) -> None:
-        """Say that the rest takes some seconds more."""
-        if not self.json_lines:
-            self.console.print("stopping the fleet, writing the report …", style="dim" if self.pictures else "")
-
-    def look(self, fleet_now: Fleet | None = None, tasks: tuple[TaskLine, ...] | None = None) -> None:
-        """Take in what is new: lines of the monitor, the fleet, the tasks."""
-        view = self.scene.view
-        for line in self._follow.new():
-            view = run_state.fold(view, line)
-            self._say(line.t, run_state.in_words(line), line)
-        self.scene = msgspec.structs.replace(
-            self.scene,
-            view=view,
-            fleet=fleet_now or folders.fleet(self.run) or self.scene.fleet,
-            tasks=self.scene.tasks if tasks is None else tasks,
-            stop_held=folders.stop_held(self.run),
-        )
-        for status in self.scene.fleet.processes if self.scene.fleet else ():
-            self._tell_once(status.name, starting.describe(status), status, status.state not in QUIET)
-        for task in self.scene.tasks:
-            words = f"{task.said or task.task}: {task.state}{', ' + plain(task.text) if task.text else ''}"
-            self._tell_once(f"task {task.task}", words, task, task.state in ENDED)
-
-    def _tell_once(self, key: str, words: str, what: msgspec.Struct, aloud: bool) -> None:
-        """Say something that lasts, when it is new or changed; to people only what other lines do not say."""
-        if self._told.get(key) != words:
-            self._told[key] = words
-            self._say(time.time(), words if aloud else "", what)
-
-    def _say(self, t: float, words: str, what: msgspec.Struct | LiveLine) -> None:
-        """Write a line, where no picture is drawn."""
-        if self.json_lines:
-            self.console.out(msgspec.json.encode(what).decode(), highlight=False)
-        elif words and not self.pictures:
-            self.console.out(f"{max(0.0, t - self.scene.began):7.1f} s  {words}", highlight=False)
-
-    def _picture(self) -> RenderableType:
-        return draw.picture(self.scene, lines=self.console.height, width=self.console.width)
-
-
-def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
-    """Bring the fleet up, say the sentence, follow it to its end, bring the fleet down; what the report says.
-
-    The fleet is brought down whatever happens. ConsoleError: it did not come up, or there is no report.
+    Examples:
+      roco demo
+      roco demo --speed max --seed 7 --headless
+      roco demo --format json
     """
-    with interrupts.held() as let_go:
-        supervisor = starting.start(run, supervisor_arguments)
-        try:
-            let_go()
-            with watch.showing():
-                starting.wait_ready(run, supervisor, watch.look)
-                first_look(watch, lambda: supervisor.poll() is None)
-                follow(Hi(folders.hi_address(run)), SENTENCE, watch, lambda: supervisor.poll() is None)
-        finally:
-            try:
-                watch.ending()
-            finally:  # a closed terminal takes no words
-                starting.bring_down(run, supervisor)
-    report = folders.read(run / REPORT_FILE, Report)
-    if report is None:
-        raise ConsoleError(f"the run ended without a report ({run / REPORT_FILE} is not there); see {run}/monitor.log")
-    return report
+    with problems(form), interrupts.heard():
+        run, latest = running_fleets.place(out, another, datetime.now())
+        starting.check(up.options(seed, Speed.REAL, scene, insecure))
+        console = Console()
+        words = up.options(seed, speed or _held(console, form), scene, insecure)
+        watch = Watch(here(), run, "The Robot Companion pours", console, form is Format.JSON)
+        report = main_job.play(run, [*words, *([] if latest else ["--no-latest"])], watch)
+        if form is Format.JSON:
+            said = main_job.verdict_json(report, run)
+        else:
+            said = main_job.verdict(report, run, console.width if console.is_terminal else None)
+        console.out(said, highlight=False)
+        if view.has_display() if headless is None else not headless:
+            main_job.show(run)
+        if not report.success:
+            raise typer.Exit(1)
 
 
-def first_look(watch: Watch, alive: Callable[[], bool], within_s: float = FIRST_LOOK_S) -> None:
-    """Wait until ta has looked around for km, as in the paper's seconds 0 to 37, but not for ever.
-
-    A sentence said before would be taken too: pl's questions then wait for the look.
-    """
-    end, looking = time.monotonic() + within_s, False
-    while alive() and time.monotonic() < end:
-        watch.look()
-        ta = watch.scene.view.agents.get("ta")
-        state = ta.state if ta is not None else ""
-        if state and (looking or state != "idle") and state != "surveying":
-            return
-        looking = looking or state == "surveying"
-        time.sleep(PERIOD_S)
-
-
-def follow(hi: Hi, sentence: str, watch: Watch, alive: Callable[[], bool]) -> TaskLine:
-    """Say a sentence and watch its task to the end. ConsoleError where the fleet ends before."""
-    task = hi.say(sentence)
-    while task.state not in ENDED:
-        if not alive():
-            raise ConsoleError("the fleet ended in the middle of the task; see its logs")
-        time.sleep(PERIOD_S)
-        tasks = hi.tasks()
-        watch.look(tasks=tasks)
-        task = next((line for line in tasks if line.task == task.task), task)
-    for _ in range(LAST_LOOKS):  # the recorder writes down what it heard a moment later
-        watch.look(tasks=(*(line for line in watch.scene.tasks if line.task != task.task), task))
-        time.sleep(PERIOD_S)
-    return task
-
-
-def verdict(report: Report, run: Path, width: int | None = None) -> str:
-    """The end of it, in lines for a person; `width`: of a terminal, so that no word of a reason is broken there."""
-    said = "success" if report.success else f"no success: {report.failure or 'see the report'}"
-    lines = [textwrap.fill(said, width, break_long_words=False, break_on_hyphens=False)] if width else [said]
-    if report.poured_fraction is not None:
-        lines.append(f"{100 * report.poured_fraction:.0f} % of the content is in the bowl")
-    if report.sim_time_s is not None and report.wall_time_s is not None:
-        acts = f"{report.sim_time_s:.0f} s of simulated acts"
-        lines.append(f"{acts}; {report.wall_time_s:.0f} s of wall time from the command to its end")
-    lines.append(f"report: {folders.near(run / 'report.html')}")
-    if (run / PICTURES).exists():
-        lines.append(f"to look at it again: {folders.near(RERUN)} {folders.near(run / PICTURES)}")
-    return "\n".join(lines)
-
-
-def show(run: Path) -> None:
-    """Open the pictures of a run in a window of their own, if there are any; it stays when this command has ended."""
-    if RERUN.exists() and (run / PICTURES).exists():
-        quiet = subprocess.DEVNULL
-        command = [str(RERUN), str(run / PICTURES)]
-        subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
-
-
-def verdict_json(report: Report, run: Path) -> str:
-    """The same as one JSON object."""
-    return json.dumps({**msgspec.to_builtins(report), "run": str(run)})
+def _held(console: Console, form: Format) -> Speed:
+    """The speed that this machine holds now; where that is not real time, it is said in a line."""
+    with waiting("a second of the control loop is timed", form):
+        measured = pace.measure()
+    if measured is None or measured.held:
+        return Speed.REAL
+    words = f"{measured.words}: --speed max is taken, --speed 1 insists on real time"
+    console.out(msgspec.json.encode(measured).decode() if form is Format.JSON else words, highlight=False)
+    return Speed.MAX

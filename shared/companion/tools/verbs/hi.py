@@ -6,11 +6,23 @@ from urllib.parse import urlencode
 
 import msgspec
 
-from companion.run_files import Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
-from operate.cli.errors import HiError
+from companion.run_files import HI_FILE, Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
+from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError
+from operate.cli.fleet.targets import Target
 
 ANSWER_S = 10.0  # estimate: a_hi answers without asking anybody, in milliseconds
+HI = "hi"
 T = TypeVar("T")
+
+
+class HiError(ConsoleError):
+    """The human interface does not answer (status 0), or answered with another status than 200."""
+
+    def __init__(self, status: int, reason: str) -> None:
+        self.status = status
+        self.reason = reason
+        self.code = NO if status else NOTHING_RUNS
+        super().__init__(f"the human interface said no ({status}): {reason}" if status else reason)
 
 
 class Hi:
@@ -64,3 +76,19 @@ def _reason(data: bytes) -> str:
         return msgspec.json.decode(data, type=Problem).error
     except msgspec.DecodeError:
         return data[:200].decode(errors="replace") or "no reason given"
+
+
+def address(fleet: Target) -> HiAddress:
+    """Where the human interface of a fleet listens. Raise HiError where it never said."""
+    try:
+        told = fleet.read(HI, HI_FILE)
+        return msgspec.json.decode(told, type=HiAddress)
+    except (ConsoleError, msgspec.DecodeError) as error:
+        why = error if isinstance(error, ConsoleError) else f"no {HI_FILE}"
+        words = f"the human interface of {fleet.where} does not listen ({why}); see `roco status`"
+        raise HiError(0, words) from error
+
+
+def tasks(fleet: Target) -> tuple[TaskLine, ...]:
+    """The tasks of a fleet, oldest first. Raise HiError where nobody tells them."""
+    return Hi(address(fleet)).tasks()

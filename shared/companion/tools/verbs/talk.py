@@ -9,13 +9,16 @@ from typing import Annotated
 import typer
 
 from companion.run_files import TaskLine
-from companion.tools.verbs.hi import Hi
-from operate.cli.errors import ConsoleError, HiError
+from companion.tools.verbs.awaited import starting
+from companion.tools.verbs.hi import Hi, HiError, address
+from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json
 
 STARTING_S = 90.0  # as long as `roco up` waits
 PERIOD_S = 0.2  # estimate: nobody notices
+EXECUTOR = "ex"
+"""In its run folder the control loop has the stop flag mapped."""
 
 
 def say(
@@ -47,7 +50,7 @@ def _said_when_started(text: str, target: str, run_dir: Path | None, form: Forma
         said = _said(text, target, run_dir)
         if isinstance(said, TaskLine):
             return said
-        if not (_without_coordinator(said) or targets.starting(target, run_dir)):
+        if not (_without_coordinator(said) or starting(target, run_dir)):
             raise said
         if not until:
             until = time.monotonic() + STARTING_S
@@ -62,7 +65,7 @@ def _said_when_started(text: str, target: str, run_dir: Path | None, form: Forma
 def _said(text: str, target: str, run_dir: Path | None) -> TaskLine | ConsoleError:
     """The task, or why nobody heard the sentence. What may have been heard is never said again."""
     try:
-        hi = Hi(targets.find(target, run_dir).hi())
+        hi = Hi(address(targets.find(target, run_dir)))
         hi.tasks()
     except ConsoleError as nobody:
         return nobody
@@ -92,7 +95,7 @@ def cancel(
       roco cancel hi-1-3
     """
     with problems(form):
-        tell_task(Hi(targets.find(target, run_dir).hi()).cancel(task), form)
+        tell_task(Hi(address(targets.find(target, run_dir))).cancel(task), form)
 
 
 def stop(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
@@ -118,7 +121,7 @@ def flag(target: str, run_dir: Path | None, held: bool, words: str, form: Format
     """Write the stop flag and say so."""
     with problems(form):
         fleet = targets.find(target, run_dir)
-        fleet.hold(held)
+        fleet.hold(EXECUTOR, held)
         tell(Reply(words, fleet.where), form)
 
 

@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from companion.design import FILE
 from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.check import recorded
@@ -19,7 +18,7 @@ from topdown.model.rulings import Ruling, rulings
 
 
 def check(
-    file: files.File = FILE,
+    file: files.File = None,
     run: files.Recording = None,
     ruled: Annotated[bool, typer.Option("--rulings", help="Also what the design rules, entry by entry.")] = False,
     form: Form = Format.TEXT,
@@ -28,20 +27,21 @@ def check(
 
     Examples:
       roco design check
-      roco design check shared/companion/design.toml --rulings
+      roco design check design.toml --rulings
       roco design check --recording runs/latest
     """
     with files.problems(form):
-        design, heard = load(file), files.observed(run)
-        found = files.findings(design, file)
+        place = files.meant(file)
+        design, heard = load(place), files.observed(run)
+        found = files.findings(design, place)
         if heard is not None:
             found += recorded.findings(design, heard)
         told = rulings(design) if ruled else ()
     if form is Format.JSON:
-        files.tell_json({"file": str(file), "findings": found, "rulings": told})
+        files.tell_json({"file": str(place), "findings": found, "rulings": told})
     else:
-        print("".join(f"{line}\n" for one in told for line in _ruling(one, files.shown(file), files.width())), end="")
-        print(written(found, files.shown(file), design, files.width()))
+        print("".join(f"{line}\n" for one in told for line in _ruling(one, files.shown(place), files.width())), end="")
+        print(written(found, files.shown(place), design, files.width()))
     if found:
         raise typer.Exit(1)
 

@@ -10,7 +10,6 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.design import FILE
 from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.check.estimate import Estimate, UseEstimate, estimate
@@ -31,7 +30,7 @@ class Told(msgspec.Struct, frozen=True):
 
 
 def estimate_(
-    file: files.File = FILE,
+    file: files.File = None,
     run: files.Recording = None,
     within: Annotated[float, typer.Option(help="Beside a recording: the error that is wanted, as a share.")] = WITHIN,
     form: Form = Format.TEXT,
@@ -43,7 +42,8 @@ def estimate_(
       roco design estimate --recording runs/latest
     """
     with files.problems(form):
-        design, heard = load(file), files.observed(run)
+        place = files.meant(file)
+        design, heard = load(place), files.observed(run)
         found = estimate(design)
         compared = measure(design, found, heard) if heard is not None else ()
     if form is Format.JSON:

@@ -10,7 +10,6 @@ from typing import Annotated
 import msgspec
 import typer
 
-from companion.design import FILE
 from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.model.design import Design, load
@@ -46,7 +45,7 @@ class Written(msgspec.Struct, frozen=True):
 
 
 def export(
-    file: files.File = FILE,
+    file: files.File = None,
     promela: Promela = None,
     pnml: Pnml = None,
     use: Use = None,
@@ -62,9 +61,10 @@ def export(
       roco design export --pnml nets --pair co-ta
     """
     with files.problems(form):
+        place = files.meant(file)
         if promela is None and pnml is None:
             raise ValueError("nothing to write; name a file or a folder with --promela or --pnml")
-        design = load(file)
+        design = load(place)
         names = _uses(design, use or [], pair)
         written = [*_promela(design, names, promela, faults, ideal), *_pnml(design, names, pnml, faults)]
     if form is Format.JSON:

@@ -1,7 +1,7 @@
 """What the verbs of `roco design` share: the file argument, the forms of output, words instead of tracebacks."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -9,11 +9,10 @@ from typing import Annotated
 import msgspec
 import typer
 
-from companion.design import FILE
-from companion.findings import findings as companion_findings
 from operate.cli.errors import ConsoleError
 from operate.cli.output import Format, tell_problem
 from operate.cli.traffic.observed import recording
+from operate.system import NoSystemError, here
 from topdown import check
 from topdown.check.observe import Observed
 from topdown.model.design import Design
@@ -25,8 +24,13 @@ WRONG_FILE = 2
 NARROW, WIDE = 60, 160
 
 
-File = Annotated[Path, typer.Argument(help="A design file; else the Robot Companion's.", show_default=False)]
+File = Annotated[Path | None, typer.Argument(help="A design file; else that of the system here.", show_default=False)]
 Recording = Annotated[Path | None, typer.Option("--recording", help="A run's folder, or a .json of observations.")]
+
+
+def meant(file: Path | None) -> Path:
+    """The file named, else that of the system here. Raise NoSystemError where there is none."""
+    return here().design.place if file is None else file
 
 
 def width() -> int:
@@ -46,9 +50,14 @@ def observed(run: Path | None) -> Observed | None:
 
 
 def findings(design: Design, file: Path) -> tuple[Finding, ...]:
-    """Of the file itself; of the Robot Companion's also what differs from its code."""
-    same = file.resolve() == FILE.resolve()
-    return companion_findings(design) if same else check.check(design)
+    """Of the file itself; of that of the system here also what else its system looks at, as its code."""
+    found = check.check(design)
+    try:
+        system = here()
+        own: Callable[[Design], tuple[Finding, ...]] | None = system.addition("findings")
+    except (NoSystemError, TopdownError):
+        return found
+    return (*found, *own(design)) if own is not None and system.design.place == file.resolve() else found
 
 
 def tell_json(what: object) -> None:
@@ -61,6 +70,6 @@ def problems(form: Format) -> Iterator[None]:
     """Turn what goes wrong into words on standard error and exit code 2."""
     try:
         yield
-    except (TopdownError, ConsoleError, OSError, ValueError) as error:
+    except (TopdownError, NoSystemError, ConsoleError, OSError, ValueError) as error:
         tell_problem(error, form)
         raise typer.Exit(WRONG_FILE) from error

@@ -9,19 +9,19 @@ from typing import Annotated
 import typer
 
 from agent_runtime.io.steplog import deeds
-from companion.design import FILE
 from operate.cli.design import files
 from operate.cli.output import Form, Format
+from operate.system import of_run
 from topdown.model.design import load
 from topdown.prove.paths import Deviation, Follower
 
 STEPS = "steps"
 
 Run = Annotated[Path, typer.Argument(help="A run's folder; its agents' steps are in RUN/steps.", exists=True)]
-Design = Annotated[Path, typer.Option("--design", help="A design file; else the Robot Companion's.")]
+Design = Annotated[Path | None, typer.Option("--design", help="A design file; else that of the run's system.")]
 
 
-def follow(run: Run, design: Design = FILE, form: Form = Format.TEXT) -> None:
+def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:
     """Follow a run through the composed model of its design: every step of every agent must be a move of it.
 
     Examples:
@@ -33,7 +33,7 @@ def follow(run: Run, design: Design = FILE, form: Form = Format.TEXT) -> None:
             raise ValueError(
                 f"{run / STEPS} has no steps; name the folder of a run, as `roco up` or `roco demo` wrote it"
             )
-        follower = Follower(load(design))
+        follower = Follower(of_run(run).design if design is None else load(design))
         found = follower.follow(done)
     if form is Format.JSON:
         files.tell_json({"steps": follower.count, "deviation": found and found._asdict()})

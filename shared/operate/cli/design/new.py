@@ -26,7 +26,7 @@ def new(
 
     Examples:
       roco design new lamp
-      roco design new robot --from shared/companion/design.toml
+      roco design new robot --from design.toml
     """
     try:
         outcome = _made(folder, name, source)

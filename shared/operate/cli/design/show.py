@@ -9,8 +9,9 @@ from typing import Annotated
 import msgspec
 import typer
 
-from companion.design import FILE
+from operate.cli.design import files
 from operate.cli.output import Form, Format, tell_problem
+from operate.system import NoSystemError
 from topdown.draw import book, text
 from topdown.draw.parts import Figure, Section
 from topdown.model.design import load
@@ -18,7 +19,7 @@ from topdown.model.errors import TopdownError
 
 
 def show(
-    file: Annotated[Path, typer.Argument(help="A design file; else the Robot Companion's.")] = FILE,
+    file: files.File = None,
     what: Annotated[list[book.What] | None, typer.Option(help="What to show; may be repeated.")] = None,
     step: Annotated[
         int | None, typer.Option(help="Of steps and tree: after which step; else all, and the last.")
@@ -40,14 +41,14 @@ def show(
     with problems(form):
         chosen = chosen_of(what or [], step, agent, protocol)
         width = shutil.get_terminal_size((text.WIDTH, 0)).columns
-        design = load(file)
+        design = load(files.meant(file))
         choice = book.Choice(chosen, step, agent, protocol, max(40, width))
         sections = book.sections(design, choice)
-        files = write(book.page_of(design, sections), html) + write_all(book.figures(sections), svg)
+        made = write(book.page_of(design, sections), html) + write_all(book.figures(sections), svg)
         if form is Format.JSON:
             print(msgspec.json.encode([plain(section) for section in sections]).decode())
-        elif files:
-            print("\n".join(f"wrote {path}" for path in files))
+        elif made:
+            print("\n".join(f"wrote {path}" for path in made))
         else:
             print(text.written(sections, max(40, width), long), end="")
 
@@ -97,6 +98,6 @@ def problems(form: Format) -> Iterator[None]:
     """Turn what goes wrong into words on standard error and exit code 1."""
     try:
         yield
-    except (TopdownError, OSError) as error:
+    except (TopdownError, NoSystemError, OSError) as error:
         tell_problem(error, form)
         raise typer.Exit(1) from error

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import typer
 
-from companion.design import FILE
 from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.check.trace import Evidence, Shown, Traced, trace
@@ -17,7 +16,7 @@ from topdown.model.design import load
 MARKS = {Shown.SEEN: "+", Shown.NAMED: " ", Shown.MISSING: "-"}
 
 
-def trace_(file: files.File = FILE, run: files.Recording = None, form: Form = Format.TEXT) -> None:
+def trace_(file: files.File = None, run: files.Recording = None, form: Form = Format.TEXT) -> None:
     """Trace every leaf requirement to what shows that it is met. Exits with 1 where something is missing.
 
     Examples:
@@ -25,9 +24,10 @@ def trace_(file: files.File = FILE, run: files.Recording = None, form: Form = Fo
       roco design trace --format json
     """
     with files.problems(form):
-        found = trace(load(file), files.observed(run), Tests(file))
+        place = files.meant(file)
+        found = trace(load(place), files.observed(run), Tests(place))
     if form is Format.JSON:
-        files.tell_json({"file": str(file), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]})
+        files.tell_json({"file": str(place), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]})
     else:
         print(written(found, files.width(), looked=run is not None))
     if any(leaf.bare or missing(leaf) for leaf in found):

@@ -10,7 +10,6 @@ import msgspec
 import typer
 from rich.console import Console
 
-from companion.design import FILE
 from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.model.design import load
@@ -35,7 +34,7 @@ Long = Annotated[bool, typer.Option("--long", help="Also what the model leaves o
 
 
 def verify(
-    file: files.File = FILE,
+    file: files.File = None,
     faults: Faults = "1",
     layer: Layers = None,
     step: Step = None,
@@ -51,9 +50,10 @@ def verify(
       roco design verify --format json
     """
     with files.problems(form):
+        place = files.meant(file)
         most, wanted = _most(faults), tuple(layer or LAYERS)
         try:
-            work = tuple(tasks(load(file), faults=most, layers=wanted, step=step, gone=gone or (), seconds=seconds))
+            work = tuple(tasks(load(place), faults=most, layers=wanted, step=step, gone=gone or (), seconds=seconds))
         except IndexError as error:
             raise ValueError(str(error)) from error
         if not work:

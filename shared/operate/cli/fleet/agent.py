@@ -9,7 +9,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from companion.design import DESIGN
 from operate.cli import completion
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import targets
@@ -57,7 +56,8 @@ def info(name: Process, target: targets.Name = "", run_dir: RunDir = None, form:
         fleet = targets.find(target, run_dir)
         before = named(fleet, name)
         row = next(row for row in measured(fleet) if row.name == name)
-        channels = dict(DESIGN.peers(name)) if name in DESIGN.agents else {}
+        design = fleet.system.design
+        channels = dict(design.peers(name)) if name in design.agents else {}
         told = Info(fleet.where, row, before.beat, channels, fleet.log(name, LOG_LINES))
         if form is Format.JSON:
             tell_json(told)

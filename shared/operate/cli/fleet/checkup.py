@@ -1,8 +1,14 @@
 """The form of a check of `roco doctor`."""
 
+from collections.abc import Callable, Iterator
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import msgspec
+
+if TYPE_CHECKING:
+    from operate.cli.fleet.process_status import Look
+    from operate.cli.fleet.targets import Target
 
 
 class Level(StrEnum):
@@ -20,3 +26,10 @@ class Check(msgspec.Struct, frozen=True):
     level: Level
     what: str
     remedy: str = ""
+
+
+class Checks(msgspec.Struct, frozen=True):
+    """What a system looks at besides, or instead where the name is the same: of the machine, and of its fleet."""
+
+    machine: dict[str, Callable[[], Iterator[Check]]] = {}
+    fleet: dict[str, Callable[["Target", "Look"], Iterator[Check]]] = {}

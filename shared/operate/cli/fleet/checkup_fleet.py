@@ -1,4 +1,4 @@
-"""What `roco doctor` looks at of a fleet: its processes, router, human interface, keys, and what earlier runs left."""
+"""What `roco doctor` looks at of a fleet: its processes, router, keys, and what earlier runs left."""
 
 import datetime as dt
 import re
@@ -7,8 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 
 from agent_runtime.io.run_files import KEYS_FOLDER
-from companion.tools.verbs.hi import Hi
-from operate.cli.errors import ConsoleError
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.local import Local
@@ -88,17 +86,6 @@ def router(fleet: Target, now: Look) -> Iterator[Check]:
         yield Check("router", Level.WRONG, f"{told.connect} does not answer ({error})", remedy)
 
 
-def person(fleet: Target, now: Look) -> Iterator[Check]:
-    """Whether a_hi answers."""
-    if not any(one.name == "hi" and one.status.pid for one in now.seen):
-        return
-    try:
-        count = len(Hi(fleet.hi()).tasks())
-        yield Check("hi", Level.FINE, f"answers; {count} task{'s' * (count != 1)} so far")
-    except ConsoleError as error:
-        yield Check("hi", Level.WRONG, str(error), "`roco agent restart hi`")
-
-
 def held(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether the robot may move."""
     if now.stop_held:
@@ -152,7 +139,6 @@ FLEET: dict[str, Callable[[Target, Look], Iterator[Check]]] = {
     "processes": processes,
     "supervisor": supervisor,
     "router": router,
-    "hi": person,
     "stop": held,
     "keys": certificates,
     "clock": clock,

@@ -3,17 +3,14 @@
 import importlib.metadata
 import os
 import re
-import resource
 import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
-from companion.tools.verbs import pace
 from operate.cli.errors import DockerError
-from operate.cli.fleet import running_fleets
 from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.docker import docker
 
@@ -21,15 +18,15 @@ PROJECT = "robot-companion"
 PYTHON = (3, 11)
 LEAST_DISK, SMALL_DISK = 1 << 30, 5 << 30
 """Bytes; estimates: a run of an hour with pictures takes some hundred MB."""
-FLEET_MEMORY = 1 << 30
-"""Bytes that a fleet uses: 975 MiB resident before its first task (measured 2026-11-21)."""
+FLEET_MEMORY = 1 << 29
+"""Bytes that a small fleet uses: 493 MiB resident of router, monitor and five agents (depot, measured 2026-11-23)."""
 BUSY = 1.5
 """Runnable processes for each processor; above it a start takes several times longer (estimate)."""
-IMPORTS = ("zenoh", "pinocchio", "coal", "ompl", "mujoco")
+IMPORTS = ("zenoh",)
 """Libraries with parts that are not Python: installed is not yet loadable."""
 IMPORT_S = 60.0
-NEEDED = ("", "knowledge", "planner", "executor", "monitor")
-"""The extras that a whole fleet on one machine needs; "" is what everybody does."""
+NEEDED = ("", "monitor")
+"""The extras that any fleet on one machine needs; "" is what everybody does."""
 CLOCK_S = 5.0
 PROCESSORS = Path("/sys/devices/system/cpu")
 
@@ -45,9 +42,9 @@ def python() -> Iterator[Check]:
         yield Check("python", Level.FINE, f"Python {version} in {sys.prefix}")
 
 
-def libraries() -> Iterator[Check]:
-    """Whether all distributions that the project names are there."""
-    missing = missing_libraries()
+def libraries(needed: Collection[str] = NEEDED) -> Iterator[Check]:
+    """Whether all distributions that the project names for these extras are there."""
+    missing = missing_libraries(needed)
     if missing:
         extras = ",".join(sorted({extra for extra, _ in missing if extra}))
         named = ", ".join(sorted(name for _, name in missing))
@@ -57,7 +54,7 @@ def libraries() -> Iterator[Check]:
         yield Check("libraries", Level.FINE, "all that the fleet needs are installed")
 
 
-def missing_libraries() -> list[tuple[str, str]]:
+def missing_libraries(needed: Collection[str]) -> list[tuple[str, str]]:
     """Extra and name of each distribution that the fleet needs and that is not there."""
     missing = []
     for wanted in importlib.metadata.requires(PROJECT) or []:
@@ -67,30 +64,28 @@ def missing_libraries() -> list[tuple[str, str]]:
         try:
             importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            if kind in NEEDED:
+            if kind in needed:
                 missing.append((kind, name))
     return missing
 
 
-def imports() -> Iterator[Check]:
+def imports(wanted: Collection[str] = IMPORTS) -> Iterator[Check]:
     """Whether libraries with machine code load: they need others of the system."""
     code = "import importlib, sys\nfor name in sys.argv[1:]:\n  try: importlib.import_module(name)\n"
     code += "  except Exception as error: print(name, '-', error)"
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", code, *IMPORTS], capture_output=True, timeout=IMPORT_S, check=False
-        )
+        done = subprocess.run([sys.executable, "-c", code, *wanted], capture_output=True, timeout=IMPORT_S, check=False)
     except subprocess.TimeoutExpired:
         yield Check("imports", Level.NOTE, f"not loaded within {IMPORT_S:.0f} s", "try again later")
         return
     told = done.stdout.decode(errors="replace").strip().splitlines()
     if done.returncode:
-        told.append(f"ended with {done.returncode}: {', '.join(IMPORTS)}")
+        told.append(f"ended with {done.returncode}: {', '.join(wanted)}")
     if told:
         remedy = "of the system: apt install libgomp1 libstdc++6; of Python: as for libraries"
         yield Check("imports", Level.WRONG, "; ".join(told), remedy)
     else:
-        yield Check("imports", Level.FINE, f"{', '.join(IMPORTS)} load")
+        yield Check("imports", Level.FINE, f"{', '.join(wanted)} load")
 
 
 def loopback() -> Iterator[Check]:
@@ -114,13 +109,18 @@ def disk() -> Iterator[Check]:
         yield Check("disk", level, words, "remove old folders of runs/" if level is Level.NOTE else "")
 
 
-def memory() -> Iterator[Check]:
-    """Room for a fleet."""
+def memory(needed: int = FLEET_MEMORY) -> Iterator[Check]:
+    """Room for a fleet that takes so many bytes."""
     told = re.search(r"MemAvailable:\s+(\d+)", Path("/proc/meminfo").read_text())
     available = int(told[1]) * 1024 if told else 0
     words = f"{available / 2**30:.1f} GiB of memory available"
-    if available < FLEET_MEMORY:
-        yield Check("memory", Level.WRONG, f"{words}; a fleet takes 1 GiB", "end other programs, or other fleets")
+    if available < needed:
+        yield Check(
+            "memory",
+            Level.WRONG,
+            f"{words}; a fleet takes {needed / 2**30:.2g} GiB",
+            "end other programs, or other fleets",
+        )
     else:
         yield Check("memory", Level.FINE, words)
 
@@ -141,25 +141,6 @@ def processors() -> Iterator[Check]:
         yield Check(
             "governor", Level.NOTE, what, "where the loop must be on time: cpupower frequency-set -g performance"
         )
-
-
-def real_time() -> Iterator[Check]:
-    """Whether the loop holds 500 Hz with what runs now, and whether it may ask for SCHED_FIFO.
-
-    Timed only where no fleet runs here: its own loop would be in the way, and tells its timing in the report.
-    """
-    measured = None if running_fleets.here() else pace.measure()
-    if measured is not None and measured.held:
-        yield Check("real time", Level.FINE, f"{measured.words}: real time is held")
-    elif measured is not None:
-        remedy = "end other programs, or start with `--speed max`, which needs no real time"
-        yield Check("real time", Level.WRONG, f"{measured.words}: real time cannot be held", remedy)
-    _, most = resource.getrlimit(resource.RLIMIT_RTPRIO)
-    if most > 0 or most == resource.RLIM_INFINITY or os.geteuid() == 0:
-        yield Check("real time", Level.FINE, "the loop may ask for a real-time priority")
-    else:
-        remedy = "only for a real robot: rtprio and memlock in /etc/security/limits.conf, or deploy/compose.rt.yaml"
-        yield Check("real time", Level.NOTE, "no right to a real-time priority: the loop runs without", remedy)
 
 
 def clock() -> Iterator[Check]:
@@ -197,7 +178,6 @@ MACHINE: dict[str, Callable[[], Iterator[Check]]] = {
     "disk": disk,
     "memory": memory,
     "processor": processors,
-    "real time": real_time,
     "clock": clock,
     "docker": containers,
 }

@@ -6,20 +6,19 @@ its fleet.json; of the others docker knows whether they run.
 
 import string
 import time
-
-import msgspec
+from functools import cached_property
 
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE
-from companion.run_files import HI_FILE, HiAddress
-from operate.cli.errors import DockerError, HiError, NoRunError, UsageError
+from operate.cli.errors import DockerError, NoRunError, UsageError
 from operate.cli.fleet import process_status
 from operate.cli.fleet.container_snapshot import SHEET, Sheet, sheet
 from operate.cli.fleet.docker import Container, command, docker, executed, inspected, ours
 from operate.cli.fleet.process_status import Look, Seen
 from operate.cli.traffic import verdicts
 from operate.run_folder import LIVE_FILE, OFF_SUFFIX, VERDICTS_FILE, Fleet, Judged, ProcessState, ProcessStatus
+from operate.system import System, here
 
-HI, MONITOR, LOOP = "hi", "monitor", "ex"
+MONITOR = "monitor"
 END_S = 90.0
 """Docker waits up to a minute for the monitor's report (compose.yaml: stop_grace_period), and for the rest seconds."""
 GUARDED = ("--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-new-privileges:true", "--pids-limit=64")
@@ -49,6 +48,11 @@ class Compose:
         self.where = f"compose project {project}" + (f", robot {robot}" if robot else "")
         self._ids: list[str] = []
 
+    @cached_property
+    def system(self) -> System:
+        """What runs there: the system here. NoSystemError where it cannot be told."""
+        return here()
+
     def look(self) -> Look:
         """The fleet now."""
         containers = self._containers()
@@ -75,9 +79,9 @@ class Compose:
 
     def hearing(self) -> list[str]:
         """The command that prints what goes by as samples, a JSON object a line, until its standard input ends."""
-        monitor, system = self._running(MONITOR).id, self._system()
-        words = ["python", "-m", "services.monitor", "hear", "--systems", system]
-        return command("exec", "--interactive", monitor, *words)
+        monitor, name = self._running(MONITOR).id, self._name()
+        module = next(process.module for process in self.system.processes if process.name == MONITOR)
+        return command("exec", "--interactive", monitor, "python", "-m", module, "hear", "--systems", name)
 
     def beside(self, service: str, words: list[str]) -> list[str]:
         """The command that runs a module of ours beside a service: with its volumes, keys and network, as guarded."""
@@ -89,17 +93,13 @@ class Compose:
         options += [f"--volumes-from={found.id}", *GUARDED]
         return command("run", "--rm", *options, found.config.image, *words)
 
-    def hi(self) -> HiAddress:
-        """Where a_hi listens: its port is published under the same number."""
-        try:
-            return msgspec.json.decode(self._shell(HI, f'cat "${RUN_FOLDER_VARIABLE}/{HI_FILE}"'), type=HiAddress)
-        except (DockerError, msgspec.DecodeError) as error:
-            words = f"the human interface of {self.where} does not listen ({error}); see `roco status`"
-            raise HiError(0, words) from error
+    def read(self, name: str, file: str) -> bytes:
+        """What a file in the run folder of a process has."""
+        return self._shell(name, f'cat "${RUN_FOLDER_VARIABLE}/{file}"')
 
-    def hold(self, held: bool) -> None:
-        """Stop the robot, or release it: one byte, written in place, since the loop has the file mapped."""
-        self._shell(LOOP, f"printf '\\{int(held):03o}' 1<> \"${RUN_FOLDER_VARIABLE}/{STOP_FILE}\"")
+    def hold(self, name: str, held: bool) -> None:
+        """Set the stop flag of a process, or clear it: one byte, written in place, since the file may be mapped."""
+        self._shell(name, f"printf '\\{int(held):03o}' 1<> \"${RUN_FOLDER_VARIABLE}/{STOP_FILE}\"")
 
     def switch(self, name: str, on: bool) -> None:
         """Start a process, or end it and keep it down; where it shares its container, its supervisor does it."""
@@ -168,13 +168,14 @@ class Compose:
         """What a file of the monitor has; of several robots each has a folder there. b"" where it is not there yet."""
         run = f"${RUN_FOLDER_VARIABLE}"
         script = (
-            f'for f in "{run}/{self._system()}/{file}" "{run}/{file}"; do [ -e "$f" ] && exec {reading} "$f"; done; :'
+            f'for f in "{run}/{self._name()}/{file}" "{run}/{file}"; do [ -e "$f" ] && exec {reading} "$f"; done; :'
         )
         return self._shell(MONITOR, script)
 
-    def _system(self) -> str:
-        """The robot's name in all keys: that of the interface which people talk to."""
-        return self._robot or self._running(HI).variable("ROCO_SYSTEM")
+    def _name(self) -> str:
+        """The system's name in all keys: that of its agents. DockerError: none of them runs."""
+        agents = (one for one in map(self._find, self.system.design.agents) if one is not None and one.runs)
+        return self._robot or next((one.variable("ROCO_SYSTEM") for one in agents), "") or self.system.name
 
     def _running(self, service: str) -> Container:
         """The running container of a service. DockerError: none runs."""

@@ -11,11 +11,12 @@ from rich.text import Text
 
 from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
-from operate.cli.fleet.checkup import Check, Level
+from operate.cli.fleet.checkup import Check, Checks, Level
 from operate.cli.fleet.checkup_fleet import FLEET
 from operate.cli.fleet.checkup_machine import MACHINE
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.system import NoSystemError, here
 
 MARKS = {Level.FINE: ("✓", "green"), Level.NOTE: ("i", "yellow"), Level.WRONG: ("✗", "bold red")}
 
@@ -61,16 +62,26 @@ def found(target: str, run_dir: Path | None) -> tuple[Target | None, str]:
 
 def examined(fleet: Target | None, reason: str, say: Callable[[str], None]) -> Iterator[Check]:
     """The checks one after the other."""
-    for name, check in MACHINE.items():
+    own = _own(fleet)
+    for name, check in (MACHINE | own.machine).items():
         say(f"checking {name}")
         yield from check()
     if fleet is None:
         yield Check("fleet", Level.NOTE, reason)
         return
     now = fleet.look()
-    for name, of_fleet in FLEET.items():
+    for name, of_fleet in (FLEET | own.fleet).items():
         say(f"checking {name}")
         yield from of_fleet(fleet, now)
+
+
+def _own(fleet: Target | None) -> Checks:
+    """What the system of a fleet, or else of this folder, looks at besides; nothing where there is no system."""
+    try:
+        found: Checks | None = (fleet.system if fleet is not None else here()).addition("checks")
+    except NoSystemError:
+        return Checks()
+    return found or Checks()
 
 
 def show(checks: tuple[Check, ...], console: Console) -> None:

@@ -1,21 +1,15 @@
 """`roco keys make`: certificates for every identity of a design, and the router's rules; all expires in a week."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
 import typer
 
 from agent_runtime.io import issuing, keys
 from agent_runtime.io.secured import RIGHTS
-from companion.design import DESIGN
-from operate.cli.output import Form, Format
-from topdown.model.design import load
-from topdown.model.errors import DesignError
-
-SYSTEM = "roco"
-"""As everywhere where none is named."""
+from operate.cli.errors import ConsoleError
+from operate.cli.output import Form, Format, problems, tell_json
+from operate.system import here, of_design
 
 
 def make(
@@ -23,10 +17,13 @@ def make(
     days: Annotated[float, typer.Option(min=0.01, help="How long they hold.")] = keys.DAYS,
     system: Annotated[
         list[str] | None,
-        typer.Option(envvar=["ROCO_SYSTEMS", "ROCO_SYSTEM"], help="Prefix of every key; several behind one router."),
+        typer.Option(
+            envvar=["ROCO_SYSTEMS", "ROCO_SYSTEM"],
+            help="Prefix of every key; several behind one router; else the system's own.",
+        ),
     ] = None,
     host: Annotated[list[str] | None, typer.Option(help="One more name or address of the router's host.")] = None,
-    design: Annotated[Path | None, typer.Option(help="Another system's design file.")] = None,
+    design: Annotated[Path | None, typer.Option(help="A design file; else that of the system here.")] = None,
     apart: Annotated[bool, typer.Option(help="A folder for each identity: each process sees its own alone.")] = False,
     keep: Annotated[
         float | None, typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more.")
@@ -37,22 +34,27 @@ def make(
     """Make an authority, a certificate per identity and the router's rules, all anew.
 
     A process needs authority.pem and its own two files; the router rights.json, too. The authority's private key is
-    forgotten. Exits with 1 where they cannot be written, or there is no such design.
+    forgotten. Exits with 1 where they cannot be written, with 2 where there is no such design.
 
     Examples:
       roco keys make keys
       roco keys make keys --apart --keep 3.5
       roco keys make keys --system velma1 --system velma2 --host robots.lan
     """
-    systems = [name.strip() for names in system or [SYSTEM] for name in names.split(",") if name.strip()]
     hosts = (*keys.HOSTS, *(host or ()))
-    try:
-        drawn = DESIGN if design is None else load(design)
-        made = issuing.issue(folder, drawn, systems, days=days, hosts=hosts, apart=apart, linked=linked, keep_days=keep)
-    except (OSError, DesignError, UnicodeError) as error:
-        print(f"roco: {error}", file=sys.stderr)
-        raise typer.Exit(1) from error
-    print(msgspec.json.encode(made).decode() if form is Format.JSON else words(made, apart=apart))
+    with problems(form):
+        found = here() if design is None else of_design(design)
+        names = [name.strip() for given in system or [found.name] for name in given.split(",") if name.strip()]
+        try:
+            made = issuing.issue(
+                folder, found.design, names, days=days, hosts=hosts, apart=apart, linked=linked, keep_days=keep
+            )
+        except (OSError, UnicodeError) as error:
+            raise ConsoleError(str(error)) from error
+        if form is Format.JSON:
+            tell_json(made)
+        else:
+            print(words(made, apart=apart))
 
 
 def words(made: issuing.Issued, *, apart: bool) -> str:

@@ -1,9 +1,9 @@
 """A fleet of processes on this machine, kept by a supervisor: seen through its run folder and /proc."""
 
 import time
+from functools import cached_property
 from pathlib import Path
 
-from companion.run_files import HiAddress
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import process_status, starting
 from operate.cli.fleet.process_status import Look, Seen
@@ -11,6 +11,7 @@ from operate.cli.runs import folders
 from operate.cli.terminal.run_state import of_file
 from operate.cli.traffic import verdicts
 from operate.run_folder import LIVE_FILE, OFF_SUFFIX, Fleet, Judged, ProcessStatus
+from operate.system import System, of_run
 
 PROC = Path("/proc")
 
@@ -21,6 +22,11 @@ class Local:
     def __init__(self, run: Path) -> None:
         self.run = run
         self.where = str(run)
+
+    @cached_property
+    def system(self) -> System:
+        """What runs there. NoSystemError where it cannot be told."""
+        return of_run(self.run)
 
     def look(self) -> Look:
         """The fleet now."""
@@ -36,12 +42,15 @@ class Local:
         """What the monitor judged so far, in the order of time; of a run without a monitor its recording, now."""
         return verdicts.told(self.run)
 
-    def hi(self) -> HiAddress:
-        """Where a_hi listens. HiError where it does not."""
-        return folders.hi_address(self.run)
+    def read(self, name: str, file: str) -> bytes:
+        """What a file in the run folder of a process has; b"" where it is not there."""
+        try:
+            return (self.run / file).read_bytes()
+        except OSError:
+            return b""
 
-    def hold(self, held: bool) -> None:
-        """Stop the robot, or release it."""
+    def hold(self, name: str, held: bool) -> None:
+        """Set the stop flag in the run folder of a process, or clear it."""
         folders.set_stop(self.run, held)
 
     def switch(self, name: str, on: bool) -> None:

@@ -12,8 +12,9 @@ from pathlib import Path
 from operate.cli.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
 from operate.cli.runs import folders
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
+from operate.system import here
 
-SUPERVISOR = "services.supervisor"
+SUPERVISOR = "operate.supervisor"
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, doubled; to be measured
 CHECK_S = 60.0  # estimate: it takes half a second
@@ -28,21 +29,24 @@ def check(arguments: list[str]) -> None:
     if not {"--scene", "--only"} & set(arguments):
         return
     command = [sys.executable, "-m", SUPERVISOR, "--run-dir", ".", *arguments, "--check"]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=CHECK_S, check=False)
+    shared, quiet = os.environ | here().environment(Path()), subprocess.DEVNULL
+    done = subprocess.run(command, env=shared, stdin=quiet, capture_output=True, timeout=CHECK_S, check=False)
     if done.returncode == WRONG_USE:
         raise UsageError(done.stderr.decode(errors="replace").strip().removeprefix("supervisor: "))
 
 
 def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
-    """Start the supervisor of a run in the background; its words go to <run>/supervisor.log."""
+    """Start the supervisor of a run of the system here in the background; its words go to <run>/supervisor.log."""
     other = folders.fleet(run)
-    if other is not None and folders.is_service(other.supervisor, SUPERVISOR):
+    if other is not None and folders.is_service(other.supervisor, *folders.SUPERVISORS):
         raise FleetError(f"the fleet of {run} runs already (supervisor {other.supervisor}); `roco down` ends it")
+    shared = os.environ | here().environment(run)
     run.mkdir(parents=True, exist_ok=True)
     (run / "fleet.json").unlink(missing_ok=True)
     with (run / "supervisor.log").open("ab") as log:
         return subprocess.Popen(
             [sys.executable, "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
+            env=shared,
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,
@@ -82,16 +86,17 @@ def wait_ready(
 def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
     """End the fleet of a run in order; the names of what was ended. Works with the supervisor dead, too."""
     fleet = folders.fleet(run)
-    names = tuple(status.name for status in fleet.processes if folders.is_service(status.pid)) if fleet else ()
-    if fleet is not None and folders.is_service(fleet.supervisor, SUPERVISOR):
+    modules = {status.name: status.module for status in fleet.processes} if fleet else {}
+    living = [status for status in fleet.processes if folders.is_service(status.pid, status.module)] if fleet else []
+    if fleet is not None and folders.is_service(fleet.supervisor, *folders.SUPERVISORS):
         os.kill(fleet.supervisor, signal.SIGTERM)
         _wait_gone([fleet.supervisor], patience_s)
-    orphans = [pid for pid in _pids(run) if folders.is_service(pid)]
+    orphans = _orphans(run, modules)
     for number in (signal.SIGTERM, signal.SIGKILL):
         for pid in orphans:
             _signal(pid, number)
         orphans = _wait_gone(orphans, 10.0)
-    return names
+    return tuple(status.name for status in living)
 
 
 def bring_down(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
@@ -129,10 +134,12 @@ def describe(status: ProcessStatus) -> str:
     return f"{status.name}: {status.state}{again}{': ' + status.note if status.note else ''}"
 
 
-def _pids(run: Path) -> list[int]:
-    """What the pid files of a run say."""
-    texts = [path.read_text().strip() for path in run.glob("*.pid")]
-    return [int(text) for text in texts if text.isdigit()]
+def _orphans(run: Path, modules: dict[str, str]) -> list[int]:
+    """The pids in the pid files of a run that live still: a supervisor, or the process of `modules` of that name."""
+    texts = {path.stem: path.read_text().strip() for path in run.glob("*.pid")}
+    pids = {name: int(text) for name, text in texts.items() if text.isdigit()}
+    own = {name: (modules[name],) if name in modules else folders.SUPERVISORS for name in pids}
+    return [pid for name, pid in pids.items() if folders.is_service(pid, *own[name])]
 
 
 def _signal(pid: int, number: signal.Signals) -> None:
@@ -144,9 +151,17 @@ def _wait_gone(pids: list[int], patience_s: float) -> list[int]:
     """Wait until these processes are gone; those that are not in time."""
     deadline = time.monotonic() + patience_s
     while pids and time.monotonic() < deadline:
-        pids = [pid for pid in pids if folders.is_service(pid)]
+        pids = [pid for pid in pids if _lives(pid)]
         time.sleep(0.02 if pids else 0.0)
     return pids
+
+
+def _lives(pid: int) -> bool:
+    """Whether there is such a process, not merely what is left of one whose parent has not looked."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes() != b""
+    except OSError:
+        return False
 
 
 def _last_words(run: Path) -> tuple[str, ...]:

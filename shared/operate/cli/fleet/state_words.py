@@ -1,58 +1,11 @@
-"""What each process does, in words for people: its state of design.toml, the loop's act, or how far its start is."""
+"""What each process does, in words for people: as the design or the system says it, or how far its start is."""
 
 from operate.cli.terminal.run_state import View
 from operate.run_folder import ProcessState, ProcessStatus
+from operate.system import System
 
-WORDS = {
-    "hi": {"listening": "listens", "interpreting": "makes sense of a sentence", "telling": "tells the person"},
-    "co": {
-        "trigger": "waits for news",
-        "procReq": "takes a task",
-        "compSP": "asks for a plan",
-        "schedule": "decides what is next",
-        "switch": "hands over a plan",
-    },
-    "pl": {
-        "idle": "waits for a task",
-        "initialize": "asks what is there",
-        "search": "searches a plan",
-        "finalize": "writes the plan",
-    },
-    "km": {"idle": "knows", "questionAnswering": "answers", "knowledgeSaving": "learns"},
-    "ta": {
-        "idle": "waits for a plan",
-        "surveying": "has ex look around",
-        "running": "carries out the plan",
-        "stopping": "stops",
-        "securing": "has things put down",
-        "closing": "ends the plan",
-        "finished": "waits for co's word",
-    },
-    "ex": {
-        "recovering": "sees where it stands",
-        "idle": "waits for an act",
-        "preparing": "works out an act",
-        "acting": "acts",
-        "stopping": "stops",
-        "reporting": "reports",
-    },
-    "loop": {
-        "": "holds still",
-        "motion": "holds still",
-        "damping": "damps the joints",
-        "hold": "holds the joints",
-        "stopped": "stopped by a person",
-        "MoveJoint": "moves an arm",
-        "MoveCartesian": "pulls straight",
-        "Grasp": "grasps",
-        "Release": "puts down",
-        "Look": "looks",
-        "Pour": "pours",
-        "Home": "moves an arm home",
-    },
-    "router": {"": "carries the words"},
-    "monitor": {"": "records"},
-}
+AROUND = {"router": {"": "carries the words"}, "monitor": {"": "records"}}
+"""Of the processes that every system has."""
 COLOURS = {
     "ready": "green",
     "done": "green",
@@ -69,7 +22,15 @@ COLOURS = {
 AT_REST = {"waits", "holds", "knows", "listens", "carries", "records"}
 
 
-def doing(status: ProcessStatus, view: View) -> tuple[str, str]:
+def said(system: System, name: str, state: str) -> str:
+    """Return what a process does in a state, in words; "" where nobody says it."""
+    agent = system.design.agents.get(name)
+    if agent is not None:
+        return next((one.says for one in agent.state if one.name == state), "")
+    return (AROUND | system.says).get(name, {}).get(state, "")
+
+
+def doing(status: ProcessStatus, view: View, system: System) -> tuple[str, str]:
     """Words and style of what a process does; as the supervisor sees it while it does not serve."""
     seen = view.agents.get(status.name)
     if status.state is not ProcessState.READY:
@@ -77,7 +38,7 @@ def doing(status: ProcessStatus, view: View) -> tuple[str, str]:
     if seen is not None and not seen.alive:
         return "not reachable", "bold red"
     state = seen.state if seen is not None else ""
-    words = WORDS.get(status.name, {}).get(state) or state or "ready"
+    words = said(system, status.name, state) or state or "ready"
     return words, "dim" if words.split()[0] in AT_REST and state not in ("hold", "stopped") else "cyan"
 
 

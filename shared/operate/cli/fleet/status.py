@@ -1,4 +1,4 @@
-"""`roco status`: what runs, and what the robot is at."""
+"""`roco status`: what runs, and what it is at."""
 
 import time
 from collections.abc import Iterator
@@ -9,13 +9,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from companion.run_files import TaskLine
-from companion.tools.verbs.hi import Hi
-from operate.cli.errors import AS_WANTED, NO, NOTHING_RUNS, ConsoleError
-from operate.cli.fleet import targets
+from operate.cli.errors import AS_WANTED, NO, NOTHING_RUNS
+from operate.cli.fleet import targets, tasks
 from operate.cli.fleet.process_status import Look, trouble
 from operate.cli.fleet.state_words import COLOURS
 from operate.cli.fleet.targets import Target
+from operate.cli.fleet.tasks import Task
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
@@ -28,7 +27,7 @@ class Status(msgspec.Struct, frozen=True):
 
     run: str
     fleet: Fleet | None
-    tasks: tuple[TaskLine, ...]
+    tasks: tuple[Task, ...]
     stop_held: bool
     problem: str = ""
     troubles: dict[str, str] = {}
@@ -63,14 +62,11 @@ def verdict(now: Status) -> int:
 
 
 def state_of(fleet: Target) -> Status:
-    """What can be learnt of a run; a silent human interface is told, not raised."""
-    try:
-        tasks, problem = Hi(fleet.hi()).tasks(), ""
-    except ConsoleError as error:
-        tasks, problem = (), str(error)
+    """What can be learnt of a run; that nobody tells of tasks is told, not raised."""
+    told, problem = tasks.of(fleet)
     now = fleet.look()
     troubles = {one.name: words for one in now.seen if one.status.pid and (words := trouble(one))}
-    return Status(fleet.where, now.fleet, tasks, now.stop_held, problem, troubles, tuple(unheard(now)))
+    return Status(fleet.where, now.fleet, told, now.stop_held, problem, troubles, tuple(unheard(now)))
 
 
 def unheard(now: Look) -> Iterator[str]:

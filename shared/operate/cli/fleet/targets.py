@@ -5,7 +5,6 @@ it lives, else the only other one of runs/ that lives, else the containers of a 
 was left.
 """
 
-import contextlib
 import os
 from pathlib import Path
 from typing import Annotated, Protocol
@@ -13,18 +12,16 @@ from typing import Annotated, Protocol
 import typer
 
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
-from companion.run_files import HiAddress
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look
 from operate.cli.runs import folders
-from operate.run_folder import LATEST, Judged, ProcessState
+from operate.run_folder import LATEST, Judged
+from operate.system import System, here
 
 LOCAL, COMPOSE = "local", "compose"
-HI = "hi"
-ON_ITS_WAY = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF)
 Name = Annotated[
     str,
     typer.Option(
@@ -37,9 +34,12 @@ Name = Annotated[
 
 
 class Target(Protocol):
-    """A fleet, wherever it runs. `where`: for people."""
+    """A fleet, wherever it runs. `where`: for people; `system`: what runs there; may raise NoSystemError."""
 
     where: str
+
+    @property
+    def system(self) -> System: ...
 
     def look(self) -> Look:
         """The fleet now: each process with heartbeat, processor time, memory."""
@@ -50,11 +50,13 @@ class Target(Protocol):
     def verdicts(self) -> list[Judged]:
         """What the monitor judged so far, in the order of time."""
 
-    def hi(self) -> HiAddress:
-        """Where a_hi listens. HiError where it does not."""
+    def read(self, name: str, file: str) -> bytes:
+        """What a file in the run folder of a process has; b"" where it is not there. DockerError: that process has no
+        container that runs.
+        """
 
-    def hold(self, held: bool) -> None:
-        """Stop the robot, or release it."""
+    def hold(self, name: str, held: bool) -> None:
+        """Set the stop flag in the run folder of a process, or clear it."""
 
     def switch(self, name: str, on: bool) -> None:
         """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError: no such name."""
@@ -77,15 +79,15 @@ def find(name: str = "", run_dir: Path | None = None) -> Target:
     return _other() or _compose("") or Local(folders.find(None))
 
 
-def starting(name: str = "", run_dir: Path | None = None) -> bool:
-    """Whether the human interface that is meant is on its way, so that it is worth waiting for."""
-    with contextlib.suppress(ConsoleError):
-        look = find(name, run_dir).look()
-        if any(one.name == HI and one.status.state in ON_ITS_WAY for one in look.seen):
-            return True
-        if look.fleet is not None and look.fleet.supervisor:
-            return False
-    return name in ("", LOCAL) and folders.begins(run_dir or folders.RUNS / LATEST)
+def about(name: str = "", run_dir: Path | None = None) -> System:
+    """The system of the fleet that is meant; where none is named and none is there, that of this folder."""
+    if name or run_dir is not None:
+        return find(name, run_dir).system
+    try:
+        fleet = find()
+    except ConsoleError:
+        return here()
+    return fleet.system
 
 
 def _named(name: str) -> Target:

@@ -42,7 +42,7 @@ def export(
       roco export runs/latest/traffic.mcap --to csv --out tables --format json
     """
     with problems(form):
-        told = analysed("export", str(recording), "--out", str(out), "--to", to.value)
+        told = analysed("export", str(recording), "--out", str(out), "--to", to.value, about=recording)
         written = msgspec.json.decode(told, type=list[Written])
         if form is Format.JSON:
             tell_json(written)

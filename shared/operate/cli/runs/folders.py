@@ -9,12 +9,12 @@ import msgspec
 
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD, STOP_RELEASED
-from companion.run_files import HI_FILE, HiAddress
-from operate.cli.errors import HiError, NoRunError
+from operate.cli.errors import NoRunError
 from operate.run_folder import FLEET_FILE, LATEST, Fleet, ProcessState, ProcessStatus
 
 RUNS = Path("runs")
-SUPERVISOR, HUMAN_INTERFACE = "services.supervisor", "services.human_interface"
+SUPERVISORS = ("operate.supervisor", "services.supervisor")
+"""Modules that keep a fleet: that of any system, and the one that containers of the Robot Companion run."""
 T = TypeVar("T")
 
 
@@ -53,9 +53,9 @@ def fleet(run: Path) -> Fleet | None:
 def living(run: Path) -> Fleet | None:
     """The fleet as the supervisor told it; where the supervisor is gone, each process is looked for by its pid."""
     told = fleet(run)
-    if told is None or is_service(told.supervisor):
+    if told is None or is_service(told.supervisor, *SUPERVISORS):
         return told
-    processes = tuple(status if is_service(status.pid) else _ended(status) for status in told.processes)
+    processes = tuple(status if is_service(status.pid, status.module) else _ended(status) for status in told.processes)
     return msgspec.structs.replace(told, supervisor=0, processes=processes)
 
 
@@ -65,19 +65,7 @@ def around() -> Fleet | None:
     return Fleet(os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, ()) if connect else None
 
 
-def begins(run: Path) -> bool:
-    """Whether a supervisor lives that keeps this run, or the run that is to be the latest where this is the latest one.
-
-    It says so before anything of it is in a run folder. In a container a_hi itself is looked for.
-    """
-    if around() is not None:
-        return any(HUMAN_INTERFACE in words for words in _called())
-    mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}
-    kept = [Path(words[words.index("--run-dir") + 1]) for words in _called() if {SUPERVISOR, "--run-dir"} <= {*words}]
-    return any(folder in mine or folder.parent in mine for folder in kept)
-
-
-def _called() -> list[list[str]]:
+def called() -> list[list[str]]:
     """The words with which each process of this machine was called; one that ends meanwhile is left out."""
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
@@ -95,21 +83,15 @@ def _ended(status: ProcessStatus) -> ProcessStatus:
     return msgspec.structs.replace(status, state=state, pid=0, note=note)
 
 
-def hi_address(run: Path) -> HiAddress:
-    """Where a_hi listens. HiError where it never said."""
-    address = read(run / HI_FILE, HiAddress)
-    if address is None:
-        raise HiError(0, f"the human interface of {run} does not listen (no {HI_FILE}); see `roco status`")
-    return address
-
-
-def is_service(pid: int, module: str = "services.") -> bool:
-    """Tell whether this pid is a living process of ours; a number used again by somebody else is not."""
+def is_service(pid: int, *modules: str) -> bool:
+    """Tell whether this pid is a living process that runs one of these modules; a number used again by somebody else is
+    not.
+    """
     try:
         words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         return False
-    return any(word.startswith(module) for word in words)
+    return any(module in words for module in modules if module)
 
 
 def set_stop(run: Path, held: bool) -> None:

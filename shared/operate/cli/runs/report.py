@@ -13,8 +13,13 @@ from operate.cli.analysis import analysed
 from operate.cli.output import Form, Format, problems, tell_json
 
 ABSENT = "-"
-COUNTED = ("co", "hi", "km", "pl", "ta", "ex")
-"""The agents in the order of the paper's Table 8."""
+FIGURES = {
+    "poured_fraction": ("in the bowl", "%", 100.0),
+    "wall_time_s": ("command to end", "s", 1.0),
+    "sim_time_s": ("simulated acts", "s", 1.0),
+    "energy_J": ("energy of the body's joints", "J", 1.0),
+}
+"""Figures that a report may have: words, unit, factor."""
 
 
 def report(
@@ -37,12 +42,12 @@ def report(
     """
     with problems(form):
         words = ["--out", str(out)] if out else []
-        told = msgspec.json.decode(analysed("again", str(recording), *words))
+        told = msgspec.json.decode(analysed("again", str(recording), *words, about=recording))
         if form is Format.JSON:
             tell_json(told["report"])
         else:
             show(told["report"], told["folder"], Console())
-        if not told["report"]["success"]:
+        if told["report"].get("success") is False:
             raise typer.Exit(1)
 
 
@@ -62,7 +67,10 @@ def show(told: dict[str, Any], folder: str | None, console: Console) -> None:
 
 def headline(told: dict[str, Any]) -> str:
     """Success, or why not."""
-    verdict = "success" if told["success"] else f"no success: {told['failure']}"
+    if told.get("success") is None:
+        verdict = "a run without a verdict of its own"
+    else:
+        verdict = "success" if told["success"] else f"no success: {told['failure']}"
     return f"{verdict}; seed {told['seed']}, speed {told['speed']}" if told["speed"] else verdict
 
 
@@ -70,15 +78,13 @@ def figures(told: dict[str, Any]) -> RenderableType:
     """Figures of the whole run, and of each plan."""
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     said = told["communicates"]
-    poured = told["poured_fraction"]
     rows = [
-        ("in the bowl", ABSENT if poured is None else f"{100 * poured:.0f} %"),
-        ("command to end", _number(told["wall_time_s"], "s")),
-        ("simulated acts", _number(told["sim_time_s"], "s")),
-        ("energy of the body's joints", _number(told["energy_J"], "J")),
+        (words, _number(told[name], unit, factor)) for name, (words, unit, factor) in FIGURES.items() if name in told
+    ]
+    rows += [
         ("communicates", f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']} sent again"),
     ]
-    for plan in told["plans"]:
+    for plan in told.get("plans", ()):
         words = f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}, {plan['queries']} queries"
         rows.append((f"plan {plan['number']}", f"{words}; {plan['ended'] or 'not carried out to its end'}"))
     for name, text in rows:
@@ -99,7 +105,7 @@ def events(told: dict[str, Any]) -> RenderableType:
 def matrix(told: dict[str, Any]) -> RenderableType:
     """Who told whom how often: rows receive, columns send."""
     counts: dict[str, dict[str, int]] = told["communicates"]["matrix"]
-    agents = [*(one for one in COUNTED if one in counts), *(one for one in counts if one not in COUNTED)]
+    agents = list(counts)
     table = Table("to \\ from", box=None, padding=(0, 2, 0, 0), header_style="bold")
     for sender in (*agents, "received"):
         table.add_column(sender, justify="right")
@@ -111,5 +117,8 @@ def matrix(told: dict[str, Any]) -> RenderableType:
     return table
 
 
-def _number(value: float | None, unit: str = "") -> str:
-    return ABSENT if value is None else f"{value:.1f}{' ' + unit if unit else ''}"
+def _number(value: float | None, unit: str = "", factor: float = 1.0) -> str:
+    if value is None:
+        return ABSENT
+    number = f"{factor * value:.{0 if unit == '%' else 1}f}"
+    return f"{number} {unit}" if unit else number

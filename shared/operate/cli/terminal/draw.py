@@ -8,12 +8,12 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from companion.design import DESIGN
-from companion.run_files import TaskLine
-from companion.wording import plain
 from operate.cli.fleet.state_words import COLOURS, doing, waited_for
-from operate.cli.terminal.run_state import Event, Plan, View, leaves
+from operate.cli.fleet.tasks import Task
+from operate.cli.terminal.run_state import Event, Plain, Plan, View, leaves
 from operate.run_folder import Fleet
+from operate.system import System
+from topdown.model.design import Design
 
 PLAN_LINES = 17  # as high as the panels beside it
 LEAST_COLUMN = 20  # in a narrower terminal lines are folded again
@@ -22,31 +22,36 @@ ENDED = {"replan": "a new plan is wanted"}
 
 
 class Scene(msgspec.Struct, frozen=True):
-    """All that is drawn: title, the fleet, the tasks, the view; `began`: unix time [s]."""
+    """All that is drawn: title, the fleet of a system, the tasks, the view; `began`: unix time [s]."""
 
     title: str
     began: float
+    system: System
     fleet: Fleet | None = None
-    tasks: tuple[TaskLine, ...] = ()
+    tasks: tuple[Task, ...] = ()
     view: View = View()
     stop_held: bool = False
 
 
 def picture(scene: Scene, now: float | None = None, lines: int = 40, width: int = 80) -> RenderableType:
     """Draw it all, as many events as fit into `lines` of a terminal so wide; `now`: unix time [s]."""
+    design, plain = scene.system.design, scene.system.plain
     upper = Table.grid(expand=True, padding=(0, 1))
     upper.add_column(ratio=6)
-    upper.add_column(ratio=5)
     left = Group(
         Panel(agents(scene), title="who does what", title_align="left", border_style="dim"),
-        Panel(channels(scene.view), title="communicates", title_align="left", border_style="dim"),
+        Panel(channels(scene.view, design), title="communicates", title_align="left", border_style="dim"),
     )
-    title = plan_title(scene.view)
-    upper.add_row(left, Panel(plan_tree(scene.view), title=title, title_align="left", border_style="dim"))
+    if scene.system.additions.live:  # who adds lines tells of plans
+        upper.add_column(ratio=5)
+        plan = plan_tree(scene.view, plain)
+        upper.add_row(left, Panel(plan, title=plan_title(scene.view), title_align="left", border_style="dim"))
+    else:
+        upper.add_row(left)
     top = header(scene, time.time() if now is None else now)
     processes = len(scene.fleet.processes) if scene.fleet else 1
-    height = len(wrapped(top, width)) + processes + len(DESIGN.channels) + 4  # four lines of frames
-    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width))
+    height = len(wrapped(top, width)) + processes + len(design.channels) + 4  # four lines of frames
+    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width, plain))
 
 
 def header(scene: Scene, now: float) -> Text:
@@ -58,7 +63,7 @@ def header(scene: Scene, now: float) -> Text:
         text.append(f"\n“{task.said or task.task}”  ", "italic")
         text.append(task.state, COLOURS.get(task.state, ""))
         if task.text and task.state != "running":  # while it runs, the plan beside shows more
-            text.append(f": {plain(task.text)}", "dim")
+            text.append(f": {scene.system.plain(task.text)}", "dim")
     if not scene.tasks:
         waiting = waited_for(scene.fleet.processes) if scene.fleet else "starting the supervisor"
         text.append(f"\n{waiting or 'all ready'}", "yellow" if waiting else "green")
@@ -74,7 +79,7 @@ def agents(scene: Scene) -> Table:
     if scene.fleet is None:
         table.add_row(Text("supervisor", "bold"), Text("starting", "yellow"), "")
     for status in scene.fleet.processes if scene.fleet else ():
-        words, style = doing(status, scene.view)
+        words, style = doing(status, scene.view, scene.system)
         text = Text(words, style)
         if status.restarts:
             text.append(f"  restarted {status.restarts}×", "yellow")
@@ -83,7 +88,7 @@ def agents(scene: Scene) -> Table:
     return table
 
 
-def channels(view: View) -> Table:
+def channels(view: View, design: Design) -> Table:
     """Counts and bytes of each channel of the design, and its last communicate."""
     table = Table.grid(padding=(0, 1), expand=True)
     table.add_column(no_wrap=True)
@@ -91,7 +96,7 @@ def channels(view: View) -> Table:
     table.add_column(no_wrap=True, justify="right")
     table.add_column(no_wrap=True, justify="right", min_width=9)
     table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
-    for name, channel in DESIGN.channels.items():
+    for name, channel in design.channels.items():
         counted = view.channels.get(name)
         row = (str(counted.count), f"{counted.bytes / 1000:.1f} kB", counted.last) if counted else ("-", "", "")
         table.add_row(Text(name, "bold"), f"{channel.ends[0]}-{channel.ends[1]}", *row[:2], Text(row[2], "dim"))
@@ -109,7 +114,7 @@ def plan_title(view: View) -> str:
     return f"plan {view.plans}, step {steps.index(plan.at) + 1} of {len(steps)}"
 
 
-def plan_tree(view: View) -> Text:
+def plan_tree(view: View, plain: Plain = str) -> Text:
     """The plan as an indented tree; machines without the present state are folded when it is long."""
     plan = view.plan
     if plan is None:
@@ -141,18 +146,18 @@ def shown(plan: Plan, lines: int) -> tuple[str, ...]:
     return tuple(paths[first : first + lines])
 
 
-def events(view: View, began: float, lines: int, width: int = 80) -> Text:
+def events(view: View, began: float, lines: int, width: int = 80, plain: Plain = str) -> Text:
     """The latest events that fit, each whole, in seconds after `began` [unix s]; of the last one what fits."""
     shown: list[Text] = []
     for event in reversed(view.events):
-        told = _event(event, began, width)
+        told = _event(event, began, width, plain)
         if shown and len(shown) + len(told) > lines:
             break
         shown = [*told, *shown]
     return Text("\n").join(shown[:lines])
 
 
-def _event(event: Event, began: float, width: int) -> list[Text]:
+def _event(event: Event, began: float, width: int, plain: Plain) -> list[Text]:
     """An event in lines: what it says stands in a column beside its time."""
     at = Text(f"{max(0.0, event.t - began):5.0f} s  ", "dim")
     words = Text.assemble(event.who, (f": {plain(event.text)}" if event.text else "", "dim"))

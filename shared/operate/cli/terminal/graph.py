@@ -10,20 +10,25 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from companion.design import DESIGN
 from operate.cli.errors import NoRunError
 from operate.cli.fleet import targets
 from operate.cli.fleet.process_status import Seen, trouble
-from operate.cli.fleet.state_words import COLOURS, WORDS
+from operate.cli.fleet.state_words import COLOURS, said
 from operate.cli.output import Format, RunDir, problems, tell_json
 from operate.cli.terminal import arcs
 from operate.cli.terminal.run_state import Follow
 from operate.run_folder import LiveLine, ProcessState, Sent
+from operate.system import System
+from topdown.model.design import Design
 
 WINDOW_S = 10.0
 """Rates are means over so long: a pour has a communicate every second or two, not more (estimate)."""
 JUST_NOW_S = 2.0
 """A channel is bright so long after a communicate (estimate: as long as a look lasts)."""
+
+
+WORDS = 22
+"""Columns of what an agent does."""
 
 
 class Drawing(StrEnum):
@@ -82,34 +87,36 @@ def graph(
         now = fleet.look()
         if now.fleet is None:
             raise NoRunError(fleet.where)
-        found = told(fleet.where, now.seen, Follow(fleet.live).new(), time.time(), window)
+        found = told(fleet.system.design, fleet.where, now.seen, Follow(fleet.live).new(), time.time(), window)
         if form is Drawing.JSON:
             tell_json(found)
         elif form is Drawing.DOT:
             print(dot(found))
         else:
-            Console().print(drawn(found))
+            Console().print(drawn(found, fleet.system))
 
 
-def told(where: str, seen: Iterable[Seen], lines: Iterable[LiveLine], at: float, window_s: float) -> Graph:
-    """The graph of the design with what is known of it at a time [unix s]."""
+def told(
+    design: Design, where: str, seen: Iterable[Seen], lines: Iterable[LiveLine], at: float, window_s: float
+) -> Graph:
+    """The graph of a design with what is known of it at a time [unix s]."""
     by_name = {one.name: one for one in seen}
     return Graph(
         where,
         at,
         window_s,
-        tuple(_node(name, by_name.get(name)) for name in DESIGN.agents),
-        edges(lines, at, window_s),
+        tuple(_node(name, by_name.get(name)) for name in design.agents),
+        edges(design, lines, at, window_s),
     )
 
 
-def edges(lines: Iterable[LiveLine], at: float, window_s: float) -> tuple[Edge, ...]:
-    """The channels of the design with what the monitor heard on each."""
-    heard: dict[str, list[Sent]] = {name: [] for name in DESIGN.channels}
+def edges(design: Design, lines: Iterable[LiveLine], at: float, window_s: float) -> tuple[Edge, ...]:
+    """The channels of a design with what the monitor heard on each."""
+    heard: dict[str, list[Sent]] = {name: [] for name in design.channels}
     for line in lines:
         if isinstance(line, Sent) and line.channel in heard:
             heard[line.channel].append(line)
-    return tuple(_edge(name, channel.ends, heard[name], at, window_s) for name, channel in DESIGN.channels.items())
+    return tuple(_edge(name, channel.ends, heard[name], at, window_s) for name, channel in design.channels.items())
 
 
 def _edge(name: str, ends: tuple[str, str], heard: list[Sent], at: float, window_s: float) -> Edge:
@@ -126,15 +133,16 @@ def _node(name: str, one: Seen | None) -> Node:
     return Node(name, one.status.state, state, trouble(one))
 
 
-def drawn(found: Graph) -> Text:
+def drawn(found: Graph, system: System) -> Text:
     """Agents one below the other, channels as arcs beside them; bright is what is in use."""
+    names = max(len(node.name) for node in found.agents) + 2
     ends = {edge.name: edge.ends for edge in found.channels}
     rows = arcs.rows(arcs.ordered(sorted((node.name for node in found.agents), reverse=True), ends), ends)
     nodes, channels = {node.name: node for node in found.agents}, {edge.name: edge for edge in found.channels}
     text = Text(no_wrap=True, overflow="ellipsis")
     for row in rows:
         node = nodes[row.node] if row.node else None
-        text.append_text(_label(node)).append(" ")
+        text.append_text(_label(node, names, system)).append(" ")
         for mark, channel in row.marks:
             text.append(mark, _light(channels[channel], found.at) if channel else "dim")
         if row.ends:
@@ -143,13 +151,14 @@ def drawn(found: Graph) -> Text:
     return text.append(f"rates over {found.window_s:g} s; {found.where}", "dim")
 
 
-def _label(node: Node | None) -> Text:
+def _label(node: Node | None, names: int, system: System) -> Text:
+    """An agent and what it does; `names`: columns of its name."""
     if node is None:
-        return Text(" " * 26)
-    words = node.trouble or WORDS.get(node.name, {}).get(node.state, node.state)
+        return Text(" " * (names + WORDS))
+    words = node.trouble or said(system, node.name, node.state) or node.state
     style = "red" if node.trouble else COLOURS.get(node.process or "", "") if node.process != "ready" else ""
-    label = Text.assemble((f"{node.name:4}", "bold"), (words, style))
-    label.truncate(26, overflow="ellipsis", pad=True)
+    label = Text.assemble((f"{node.name:{names}}", "bold"), (words, style))
+    label.truncate(names + WORDS, overflow="ellipsis", pad=True)
     return label
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import msgspec
 
-from companion.wording import plain
 from operate.run_folder import Against, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent
 
+Plain = Callable[[str], str]
 LATEST_EVENTS = 20  # the picture shows as many of them as there is room for
 _decoder: msgspec.json.Decoder[LiveLine] = msgspec.json.Decoder(LiveLine)
 
@@ -92,18 +92,18 @@ def leaves(states: tuple[str, ...]) -> list[str]:
     return [path for path in states if not any(other.startswith(path + "/") for other in states)]
 
 
-def step(at: str) -> str:
+def step(at: str, plain: Plain = str) -> str:
     """Where a plan is, for people: the machine, then the state in it."""
     return plain(at).replace("/", ": ")
 
 
-def in_words(line: LiveLine) -> str:
-    """The line for a log without pictures; "" for what is only counted, or told by another line."""
+def in_words(line: LiveLine, plain: Plain = str) -> str:
+    """The line for a log without pictures, ids as `plain` says them; "" for what is only counted or told elsewhere."""
     match line:
         case PlanSeen(task=task, states=states):
             return f"plan received: {plain(task)}, in {len(leaves(states))} steps"
         case PlanAt(at=at, outcome="") if at:
-            return f"  {step(at)}"
+            return f"  {step(at, plain)}"
         case Happened(name=name, text=text) if not (_begins(name) or _told_elsewhere(name)):
             return f"{name}: {text}" if text else name
         case AgentIn(agent=agent, alive=False):

@@ -30,7 +30,7 @@ def heading(channel: str, protocol: str, conversation: str, states: tuple[str, s
 def drawn(said: Iterable[Judged], initiator: str, participant: str, width: int) -> Text:
     """The diagram. Above an arrow the act and its size, below it what it says; why, where it is not as designed."""
     said = tuple(said)
-    side = max([4, *(cell_len(one.initiator) for one in said)])
+    side = max([4, *map(cell_len, (initiator, participant)), *(cell_len(one.initiator) for one in said)])
     side = min(STATES, side)
     gap = max(LEAST, min(MOST, width - TIME - 2 * side - 6))
     diagram = Text(no_wrap=True)

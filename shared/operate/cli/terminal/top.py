@@ -1,4 +1,4 @@
-"""`roco top`: agents, channels, task and plan on one live screen, until q or Ctrl-C."""
+"""`roco top`: agents and channels, and task and plan where there are such, on one live screen, until q or Ctrl-C."""
 
 import time
 from collections.abc import Callable
@@ -11,15 +11,13 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from companion.run_files import TaskLine
-from companion.tools.verbs.hi import Hi
-from companion.wording import plain
-from operate.cli.errors import ConsoleError, NoRunError
-from operate.cli.fleet import targets
+from operate.cli.errors import NoRunError
+from operate.cli.fleet import targets, tasks
 from operate.cli.fleet.agents import COLUMNS, cells
 from operate.cli.fleet.process_status import Look, Row, rows
 from operate.cli.fleet.state_words import COLOURS, doing
 from operate.cli.fleet.targets import Target
+from operate.cli.fleet.tasks import ENDED, Task
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal import run_state
 from operate.cli.terminal.draw import events
@@ -27,12 +25,12 @@ from operate.cli.terminal.graph import WINDOW_S, Edge, edges, sized
 from operate.cli.terminal.keyboard import Keyboard
 from operate.cli.terminal.run_state import View
 from operate.run_folder import LiveLine, Sent
+from operate.system import System
 
 PERIOD_S = 1.0
 """Between two pictures: people look once a second."""
 QUIT = "q"
 SHOWN = ("beat", "cpu", "memory", "again", "waits")
-ENDED = ("done", "failed", "cancelled", "refused")
 
 
 class Screen(msgspec.Struct, frozen=True):
@@ -42,7 +40,7 @@ class Screen(msgspec.Struct, frozen=True):
     at: float
     agents: tuple[Row, ...]
     channels: tuple[Edge, ...]
-    task: TaskLine | None
+    task: Task | None
     plan: str
     step: str
     stop_held: bool
@@ -55,7 +53,7 @@ def top(
     count: Annotated[int, typer.Option("-n", "--count", min=0, help="End after so many pictures; 0: at q.")] = 0,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show agents, channels, the task and the plan's present state on a live screen; q or Ctrl-C ends it.
+    """Show agents and channels, and the task and the plan's present state, on a live screen; q or Ctrl-C ends it.
 
     Where no terminal is, pictures follow one another; as JSON it is an object a line.
 
@@ -82,7 +80,7 @@ class Watched:
     """A fleet, looked at again and again. Raises NoRunError where there is none."""
 
     def __init__(self, fleet: Target) -> None:
-        self.fleet = fleet
+        self.fleet, self.system = fleet, fleet.system
         self.view = View()
         self._heard: list[LiveLine] = []
         self._follow = run_state.Follow(fleet.live)
@@ -104,9 +102,9 @@ class Watched:
                 self._heard.append(line)
                 self._counts[line.channel] = self._counts.get(line.channel, 0) + 1
         self._heard = [line for line in self._heard if line.t > at - WINDOW_S]
-        channels = edges(self._heard, at, WINDOW_S)
+        channels = edges(self.system.design, self._heard, at, WINDOW_S)
         channels = tuple(msgspec.structs.replace(one, count=self._counts.get(one.name, 0)) for one in channels)
-        plan = self.view.plan
+        plan, plain = self.view.plan, self.system.plain
         self.screen = Screen(
             self.fleet.where,
             at,
@@ -114,7 +112,7 @@ class Watched:
             channels,
             self._task(),
             f"plan {self.view.plans}: {plain(plan.task)}{', ' + plan.outcome if plan.outcome else ''}" if plan else "",
-            run_state.step(plan.at) if plan else "",
+            run_state.step(plan.at, plain) if plan else "",
             now.stop_held,
         )
         self._now, self._before = now, now
@@ -124,29 +122,28 @@ class Watched:
         screen = self.screen
         used = 7 + len(screen.agents) + len(screen.channels)
         return Group(
-            header(screen),
-            agents(screen, self._now, self.view),
+            header(screen, self.system),
+            agents(screen, self._now, self.view, self.system),
             Text(),
             channels(screen, self.view),
             Text(),
-            events(self.view, self._began, max(0, height - used - 1), width),
+            events(self.view, self._began, max(0, height - used - 1), width, self.system.plain),
         )
 
-    def _task(self) -> TaskLine | None:
+    def _task(self) -> Task | None:
         """The oldest that goes on, else the latest."""
-        try:
-            tasks = Hi(self.fleet.hi()).tasks()
-        except ConsoleError:
-            return None
-        return next((task for task in tasks if task.state not in ENDED), tasks[-1] if tasks else None)
+        told, _ = tasks.of(self.fleet)
+        return next((task for task in told if task.state not in ENDED), told[-1] if told else None)
 
 
-def header(screen: Screen) -> Text:
-    """Where, the task, the plan with its present state; three lines."""
+def header(screen: Screen, system: System) -> Text:
+    """Where; of a system that tells of tasks the task, and the plan with its present state: three lines."""
     text = Text(no_wrap=True, overflow="ellipsis")
     text.append("roco top", "bold").append(f"  {screen.where}  ").append("q: quit", "dim")
     if screen.stop_held:
         text.append("  STOPPED: `roco release`", "bold white on red")
+    if not system.additions.tasks:
+        return text
     task = screen.task
     text.append("\ntask  ", "dim")
     if task is None:
@@ -158,7 +155,7 @@ def header(screen: Screen) -> Text:
     return text.append(f"  ▶ {screen.step}" if screen.step else "", "bold green")
 
 
-def agents(screen: Screen, now: Look, view: View) -> Table:
+def agents(screen: Screen, now: Look, view: View, system: System) -> Table:
     """What each does, in words, with heartbeat, processor and memory."""
     drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", expand=True)
     drawn.add_column("agent", no_wrap=True)
@@ -166,7 +163,7 @@ def agents(screen: Screen, now: Look, view: View) -> Table:
     for name in (*SHOWN, "sent"):
         drawn.add_column(name, no_wrap=True, justify="right")
     for row, one in zip(screen.agents, now.seen, strict=True):
-        words, style = (row.trouble, "red") if row.trouble else doing(one.status, view)
+        words, style = (row.trouble, "red") if row.trouble else doing(one.status, view, system)
         cell = dict(zip(COLUMNS, cells(row), strict=True))
         sent = Text(str(view.sent.get(row.name, "")), "dim")
         drawn.add_row(cell["agent"], Text(words, style), *(cell[name] for name in SHOWN), sent)

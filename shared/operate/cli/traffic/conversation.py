@@ -9,16 +9,17 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from companion.design import DESIGN
-from fipa_codec.tables import NOT_UNDERSTOOD, Role
+from fipa_codec.tables import NOT_UNDERSTOOD, Protocol, Role
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal import sequence
 from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, Recorded, wanted
+from operate.cli.traffic.listen import about
 from operate.cli.traffic.verdicts import judged, told
 from operate.run_folder import Judged
 from topdown.judge.verdicts import Verdict
+from topdown.model.design import Design
 
 
 class Conversation(msgspec.Struct, frozen=True):
@@ -60,10 +61,11 @@ def list_(
       roco conversation list --run recording.mcap --format json
     """
     with problems(form):
-        which = wanted(channel, agent, protocol, performative)
+        design = about(run, run_dir, target).design
+        which = wanted(design, channel, agent, protocol, performative)
         kept = [
             one
-            for one in _conversations(run, run_dir, target)
+            for one in conversations(_lines(run, run_dir, target), design)
             if any(map(which.keeps, one.said)) and open_ in (None, not one.ended) and (one.violations or not wrong)
         ]
         if form is Format.JSON:
@@ -88,7 +90,8 @@ def show(
       roco conversation show pl-1-3 --run recording.mcap --format json
     """
     with problems(form):
-        found = [one for one in _conversations(run, run_dir, target) if one.id == id]
+        design = about(run, run_dir, target).design
+        found = [one for one in conversations(_lines(run, run_dir, target), design) if one.id == id]
         if not found:
             raise ConsoleError(f"no conversation {id!r} in this run; `roco conversation list` shows them")
         if form is Format.JSON:
@@ -100,13 +103,13 @@ def show(
             console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
 
 
-def conversations(lines: list[Judged]) -> list[Conversation]:
+def conversations(lines: list[Judged], design: Design) -> list[Conversation]:
     """What was said, by conversation and pair of agents, oldest first."""
     grouped: dict[tuple[str, str, frozenset[str]], list[Judged]] = {}
     for one in lines:
         if one.sender and one.verdict != Verdict.NOT_ENTITLED:
             grouped.setdefault((one.conversation, one.protocol, frozenset((one.sender, one.receiver))), []).append(one)
-    return sorted((_made(said) for said in grouped.values()), key=lambda one: one.since)
+    return sorted((_made(said, design) for said in grouped.values()), key=lambda one: one.since)
 
 
 def table(found: list[Conversation]) -> Table:
@@ -129,9 +132,9 @@ def table(found: list[Conversation]) -> Table:
     return drawn
 
 
-def _made(said: list[Judged]) -> Conversation:
+def _made(said: list[Judged], design: Design) -> Conversation:
     first = said[0]
-    pair = {(use.initiator, use.participant) for use in DESIGN.file.protocol if use.follows == first.protocol}
+    pair = {(use.initiator, use.participant) for use in design.file.protocol if use.follows == first.protocol}
     forth = (first.sender, first.receiver) in pair or (first.receiver, first.sender) not in pair
     initiator, participant = (first.sender, first.receiver) if forth else (first.receiver, first.sender)
     states = next(((one.initiator, one.participant) for one in reversed(said) if one.initiator), ("", ""))
@@ -143,16 +146,15 @@ def _made(said: list[Judged]) -> Conversation:
         participant=participant,
         since=first.t,
         until=said[-1].t,
-        ended=_ended(first.protocol, states),
+        ended=_ended(design.tables.get(first.protocol), states),
         states=states,
         violations=sum(one.violation for one in said),
         said=tuple(said),
     )
 
 
-def _ended(protocol: str, states: tuple[str, str]) -> bool:
+def _ended(tables: Protocol | None, states: tuple[str, str]) -> bool:
     """Whether both roles stand at an end of their tables."""
-    tables = DESIGN.tables.get(protocol)
     if tables is None or not all(states):
         return False
     roles = (Role.INITIATOR, Role.PARTICIPANT)
@@ -160,7 +162,7 @@ def _ended(protocol: str, states: tuple[str, str]) -> bool:
     return all(set(words.split("|")) <= end for words, end in zip(states, ends, strict=True))
 
 
-def _conversations(run: Path | None, run_dir: Path | None, target: str) -> list[Conversation]:
+def _lines(run: Path | None, run_dir: Path | None, target: str) -> list[Judged]:
     if run is None:
-        return conversations(targets.find(target, run_dir).verdicts())
-    return conversations(told(run) if run.is_dir() else judged(run))
+        return targets.find(target, run_dir).verdicts()
+    return told(run) if run.is_dir() else judged(run)

@@ -13,9 +13,6 @@ from rich.console import Console
 from rich.text import Text
 
 from agent_runtime.io.tap import Sample
-from companion.design import DESIGN
-from companion.languages import LANGUAGES
-from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
@@ -30,9 +27,10 @@ from operate.cli.traffic.filter_options import (
     Seconds,
     wanted,
 )
-from operate.cli.traffic.listen import Source, said, source
+from operate.cli.traffic.listen import Source, about, said, source
 from operate.filters import Filter
 from operate.run_folder import Judged
+from operate.system import System
 from operate.verdict_lines import line
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict
@@ -69,7 +67,7 @@ def echo(
       roco traffic echo --run runs/latest --performative request --format json
     """
     with problems(form):
-        which = wanted(channel, agent, protocol, performative)
+        which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
         with source(run, run_dir, target) as heard:
             _print(heard, which, form, count=count, seconds=for_, wrong=wrong)
 
@@ -77,7 +75,7 @@ def echo(
 def _print(heard: Source, which: Filter, form: Form, *, count: int, seconds: float, wrong: bool) -> None:
     console = Console(highlight=False)
     width = console.width if console.is_terminal else ENDLESS
-    printed = 0
+    printed, names = 0, _widest(heard.system)
     try:
         for one, communicate in echoed(heard, seconds):
             if not which.keeps(one) or (wrong and not one.violation):
@@ -86,7 +84,7 @@ def _print(heard: Source, which: Filter, form: Form, *, count: int, seconds: flo
                 tell_json(fields(one, communicate))
                 sys.stdout.flush()
             else:
-                console.print(drawn(one, width), soft_wrap=True)
+                console.print(drawn(one, width, names), soft_wrap=True)
             printed += 1
             if printed == count:
                 break
@@ -98,11 +96,12 @@ def _print(heard: Source, which: Filter, form: Form, *, count: int, seconds: flo
 
 def echoed(heard: Source, seconds: float = 0.0) -> Iterator[Echoed]:
     """What is said, with what the judge says of it; those that wait for their verdict come later."""
-    judge, last = Judge(DESIGN, LANGUAGES), 0.0
+    system, last = heard.system, 0.0
+    judge = Judge(system.design, system.languages)
     for sample in heard.samples(seconds):
         last = time.time() if sample is None else sample.at
-        yield from map(_line, _judged(judge, sample, last))
-    yield from map(_line, judge.finish(last))
+        yield from (_line(found, system) for found in _judged(judge, sample, last))
+    yield from (_line(found, system) for found in judge.finish(last))
 
 
 def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgement]:
@@ -117,8 +116,13 @@ def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgemen
     return judge.pass_time(at) if said(sample) is None else judge.hear(sample.key, sample.data, at)
 
 
-def _line(judgement: Judgement) -> Echoed:
-    return line(judgement, SYSTEM), judgement.heard.communicate
+def _line(judgement: Judgement, system: System) -> Echoed:
+    return line(judgement, system), judgement.heard.communicate
+
+
+def _widest(system: System) -> int:
+    """Columns of the longest "sender>receiver" of a design."""
+    return max((len(">".join(channel.ends)) for channel in system.design.channels.values()), default=0)
 
 
 def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
@@ -132,13 +136,16 @@ def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
     return {name: value for name, value in told.items() if value not in ("", None)}
 
 
-def drawn(one: Judged, width: int) -> Text:
-    """The line for people, no wider than that but for the reason of a violation, which stands below."""
+def drawn(one: Judged, width: int, names: int) -> Text:
+    """The line for people, no wider than `width` but for the reason of a violation, which stands below.
+
+    `names`: columns of who speaks to whom.
+    """
     style = "bold red" if one.violation else STYLES.get(Verdict(one.verdict), "dim")
     clock = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
     who = f"{one.sender}>{one.receiver}" if one.sender else "?"
     text = Text(no_wrap=True)
-    text.append(f"{clock} ", "dim").append(f"{one.channel:2} ").append(f"{who:5} ", "bold")
+    text.append(f"{clock} ", "dim").append(f"{one.channel:2} ").append(f"{who:{names}} ", "bold")
     text.append(f"{one.performative:11} ", "cyan").append(f"{one.protocol:10} ", "dim")
     text.append(f"{rate_tables.size(one.bytes):>7}  ")
     room = width - cell_len(text.plain) - len(one.verdict) - 1

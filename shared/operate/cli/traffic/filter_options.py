@@ -8,6 +8,7 @@ import typer
 from operate.cli import completion
 from operate.cli.errors import UsageError
 from operate.filters import Filter, UnknownNameError, checked
+from topdown.model.design import Design
 
 Channels = Annotated[
     list[str] | None,
@@ -33,12 +34,15 @@ Seconds = Annotated[float, typer.Option("--for", min=0.0, help="End after so man
 
 
 def wanted(
-    channels: list[str] | None, agents: list[str] | None, protocols: list[str] | None, performatives: list[str] | None
+    design: Design,
+    channels: list[str] | None,
+    agents: list[str] | None,
+    protocols: list[str] | None,
+    performatives: list[str] | None,
 ) -> Filter:
     """The filter. Raises UsageError for a name that the design does not have."""
+    one = Filter(tuple(channels or ()), tuple(agents or ()), tuple(protocols or ()), tuple(performatives or ()))
     try:
-        return checked(
-            Filter(tuple(channels or ()), tuple(agents or ()), tuple(protocols or ()), tuple(performatives or ()))
-        )
+        return checked(one, design)
     except UnknownNameError as error:
         raise UsageError(str(error)) from error

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from operate.cli.output import Form, Format, tell_problem
+from operate.cli.output import Form, Format, problems
 from operate.cli.traffic.verdicts import JudgeError, judged
 from operate.run_folder import Judged
 from topdown.judge.verdicts import VIOLATIONS, Verdict
@@ -39,17 +39,18 @@ def judge(
     ] = "",
     form: Form = Format.TEXT,
 ) -> None:
-    """Judge every communicate of a recording by the design. Exits with 1 where something is against it.
+    """Judge every communicate of a recording by the design. Exits with 1 where something is against it, with 2 where
+    there is nothing to judge.
 
     Examples:
       roco traffic judge runs/latest
       roco traffic judge runs/latest/traffic.mcap --format json
     """
-    try:
-        found = summary(judged(file, design, languages))
-    except JudgeError as error:
-        tell_problem(error, form)
-        raise typer.Exit(2 if error.usage else 1) from error
+    with problems(form):
+        lines = judged(file, design, languages)
+        if not lines:
+            raise JudgeError(f"{file} has no communicates to judge; give a recording in which agents spoke", usage=True)
+    found = summary(lines)
     if form is Format.JSON:
         print(msgspec.json.encode(found).decode())
     else:

@@ -1,12 +1,11 @@
 """The traffic that the verbs of `roco traffic` look at: what goes by in a running fleet, or what a recording holds.
 
 Both are samples of a tap, so that whatever looks at the one looks at the other. A recording is read by a process of the
-monitor, whose business recordings are.
+recorder, whose business recordings are.
 """
 
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,10 +21,12 @@ from agent_runtime.io.tap import RECORDER, Sample, open_tap
 from agent_runtime.io.waiting import Waiting
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
+from operate.cli.analysis import command, environment
 from operate.cli.errors import NOTHING_RUNS, ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import identity, in_container, targets
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
+from operate.system import System, of_run
 
 if TYPE_CHECKING:
     from operate.cli.fleet.compose import Compose
@@ -36,7 +37,6 @@ ROUTER_S = 5.0
 """How long a router is waited for (estimate: it answers in milliseconds)."""
 HOUSE = "_"
 KEY_CHUNKS = 7
-MONITOR = "services.monitor"
 _decoder = msgspec.json.Decoder(Sample)
 
 
@@ -115,10 +115,10 @@ def at_run(run_dir: Path | None) -> Options:
 
 
 class Source:
-    """Where samples come from: `live`, since `began` [unix s], or a recording."""
+    """Where samples of a `system` come from: `live`, since `began` [unix s], or a recording."""
 
-    def __init__(self, samples: Samples, waiting: Waiting | None) -> None:
-        self._samples, self._waiting = samples, waiting
+    def __init__(self, system: System, samples: Samples, waiting: Waiting | None) -> None:
+        self.system, self._samples, self._waiting = system, samples, waiting
         self.live, self.began = waiting is not None, time.time()
 
     def samples(self, seconds: float = 0.0) -> Samples:
@@ -151,11 +151,16 @@ def meant(target: str, run_dir: Path | None) -> "Options | Compose":
     return at_run(fleet.run) if isinstance(fleet, Local) else cast("Compose", fleet)
 
 
+def about(file: Path | None, run_dir: Path | None, target: str = "") -> System:
+    """The system of what `source` gives."""
+    return targets.about(target, run_dir) if file is None else of_run(file)
+
+
 @contextmanager
 def source(file: Path | None, run_dir: Path | None, target: str = "") -> Iterator[Source]:
     """A recording where one is named, else the running fleet. Raises ConsoleError where there is none."""
     if file is not None:
-        yield Source(recorded(file), None)
+        yield Source(of_run(file), recorded(file), None)
         return
     fleet = meant(target, run_dir)
     with _tapped(fleet) if isinstance(fleet, Options) else _piped(fleet) as heard:
@@ -169,7 +174,7 @@ def _tapped(options: Options) -> Iterator[Source]:
     if tap is None:
         raise NothingHeardError(options)
     try:
-        yield Source(_without_end(waiting), waiting)
+        yield Source(of_run(options.run_dir), _without_end(waiting), waiting)
     finally:
         tap.close()
 
@@ -178,7 +183,7 @@ def _tapped(options: Options) -> Iterator[Source]:
 def _piped(fleet: "Compose") -> Iterator[Source]:
     waiting = Waiting()
     with in_container.hearing(fleet.hearing()) as process:
-        yield Source(in_container.samples(process, waiting), waiting)
+        yield Source(fleet.system, in_container.samples(process, waiting), waiting)
 
 
 def _without_end(waiting: Waiting) -> Samples:
@@ -191,8 +196,8 @@ def recorded(file: Path, *, everything: bool = False) -> Samples:
 
     Raises UsageError where there is no recording.
     """
-    command = [sys.executable, "-m", MONITOR, "said", str(file), *(["--everything"] if everything else [])]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    asked, pipe = command("said", str(file), *(["--everything"] if everything else [])), subprocess.PIPE
+    with subprocess.Popen(asked, env=environment(of_run(file)), stdout=pipe, stderr=pipe) as process:
         assert process.stdout is not None
         assert process.stderr is not None
         try:

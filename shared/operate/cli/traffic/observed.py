@@ -1,12 +1,13 @@
 """What was heard in a run, for comparing it with a design. The recorder's own process reads its recordings."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
 
+from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, NoRunError
+from operate.system import of_run
 from topdown.check.observe import Observed
 
 TIMEOUT_S = 120.0
@@ -22,8 +23,8 @@ def recording(run: Path) -> Observed:
     folder = run.parent if run.is_file() else run
     if not folder.is_dir():
         raise NoRunError(str(run))
-    command = [sys.executable, "-m", "services.monitor", "observations", str(folder)]
-    done = subprocess.run(command, capture_output=True, timeout=TIMEOUT_S, check=False)
+    told = command("observations", str(folder))
+    done = subprocess.run(told, env=environment(of_run(folder)), capture_output=True, timeout=TIMEOUT_S, check=False)
     if done.returncode:
         last = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["no reason given"]
         raise ConsoleError(f"the recording in {folder} cannot be read ({last[0]}); install the extra `monitor`")

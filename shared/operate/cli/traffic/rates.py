@@ -22,7 +22,7 @@ from operate.cli.traffic.filter_options import (
     Seconds,
     wanted,
 )
-from operate.cli.traffic.listen import Source, said, source
+from operate.cli.traffic.listen import Source, about, said, source
 from operate.cli.traffic.tally import Tally
 from operate.filters import Filter
 
@@ -56,7 +56,7 @@ def _verb(kind: str, text: str) -> Callable[..., None]:
         form: Form = Format.TEXT,
     ) -> None:
         with problems(form):
-            which = wanted(channel, agent, protocol, performative)
+            which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
             watch(_Asked(kind, which, count, for_, form), run, run_dir, target)
 
     verb.__doc__, verb.__name__ = text, kind

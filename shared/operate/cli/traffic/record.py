@@ -6,7 +6,6 @@ A process of the monitor writes it, as recordings are its business; it ends when
 import contextlib
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -18,14 +17,14 @@ from rich.console import Console
 
 from agent_runtime.io.options import Options
 from operate.cli import interrupts
+from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import in_container, targets
 from operate.cli.fleet.in_container import LostError
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.traffic import rate_tables
 from operate.cli.traffic.filter_options import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
-from operate.cli.traffic.listen import MONITOR, NothingHeardError, meant, whose
-from operate.filters import Filter
+from operate.cli.traffic.listen import NothingHeardError, about, meant, whose
 
 if TYPE_CHECKING:
     from operate.cli.fleet.compose import Compose
@@ -67,13 +66,16 @@ def record(
       roco record --out c4.mcap --channel C4 --for 60
     """
     with problems(form), interrupts.heard():
-        which = wanted(channel, agent, protocol, performative)
+        system = about(None, run_dir, target)
+        which = wanted(system.design, channel, agent, protocol, performative)
         file = (out or Path(f"recording-{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap")).resolve()
         if file.exists():
             raise UsageError(f"{file} is there already; name another --out, or remove it")
         if not file.parent.is_dir():
             raise UsageError(f"{file.parent} is no folder; make it, or name another --out")
-        last = _recorded(meant(target, run_dir), file, which, count, for_, form)
+        asked = [msgspec.json.encode(which).decode(), "--count", str(count), "--seconds", str(for_)]
+        words = command("record", str(file), "--which", *asked)
+        last = _recorded(meant(target, run_dir), file, words, environment(system), form)
         done = msgspec.structs.replace(last, file=str(file))
         if form is Format.JSON:
             tell_json(done)
@@ -88,16 +90,14 @@ def sentence(done: Recorded) -> str:
     return what + (f"; {done.dropped} more came faster than they could be kept" if done.dropped else "")
 
 
-def _recorded(
-    fleet: "Options | Compose", file: Path, which: Filter, count: int, seconds: float, form: Form
-) -> Recorded:
-    """Have it recorded, watched by who waits; what was recorded in the end. Raises ConsoleError."""
-    asked = [msgspec.json.encode(which).decode(), "--count", str(count), "--seconds", str(seconds)]
-    command = [sys.executable, "-m", MONITOR, "record", str(file), "--which", *asked]
+def _recorded(fleet: "Options | Compose", file: Path, words: list[str], shared: dict[str, str], form: Form) -> Recorded:
+    """Have it recorded by the process `words` with the environment `shared`, watched by who waits; what was recorded in
+    the end. Raises ConsoleError.
+    """
     if isinstance(fleet, Options):
-        return _watched([*command, *_at(fleet)], form, at=fleet)
+        return _watched([*words, *_at(fleet)], shared, form, at=fleet)
     with in_container.hearing(fleet.hearing()) as heard:
-        last = _watched([*command, "--heard"], form, heard=heard.stdout)
+        last = _watched([*words, "--heard"], shared, form, heard=heard.stdout)
         if heard.poll() is not None:
             raise ConsoleError(f"{LostError(heard)}; {file} has what was heard before")
     return last
@@ -109,20 +109,22 @@ def _at(options: Options) -> list[str]:
     return [*words, "--identity", whose(options), *(["--keys", str(options.keys)] if options.keys else [])]
 
 
-def _watched(command: list[str], form: Form, at: Options | None = None, heard: IO[bytes] | None = None) -> Recorded:
+def _watched(
+    words: list[str], shared: dict[str, str], form: Form, at: Options | None = None, heard: IO[bytes] | None = None
+) -> Recorded:
     """Run a recorder that reaches the router `at`, or is given what was `heard`, telling how far it is."""
-    console, last = Console(stderr=True), Recorded(0, 0, 0, 0.0, 0)
-    with subprocess.Popen(command, stdin=heard, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    console, last, pipe = Console(stderr=True), Recorded(0, 0, 0, 0.0, 0), subprocess.PIPE
+    with subprocess.Popen(words, env=shared, stdin=heard, stdout=pipe, stderr=pipe) as process:
         with console.status("recording; Ctrl-C ends it") if form is Format.TEXT else contextlib.nullcontext() as line:
             for last in _told(process):
                 if line is not None:
                     line.update(f"recording: {sentence(last)}; Ctrl-C ends it")
-        words = process.stderr.read().decode(errors="replace").strip() if process.stderr else ""
+        said = process.stderr.read().decode(errors="replace").strip() if process.stderr else ""
     if process.returncode == NO_ROUTER and at is not None:
         raise NothingHeardError(at)
     if process.returncode:
         raise ConsoleError(
-            f"the recorder ended with {process.returncode}; what was heard before is in its file. {words}"
+            f"the recorder ended with {process.returncode}; what was heard before is in its file. {said}"
         )
     return last
 

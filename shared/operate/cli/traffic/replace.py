@@ -19,23 +19,20 @@ import msgspec
 import typer
 from rich.console import Console
 
+from agent_runtime.core.binding import wiring
 from agent_runtime.testing.scripted_peers import Cast, Stage
-from companion.binding import wiring
 from fipa_codec.communicate import Communicate
+from fipa_codec.languages import Languages
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import moved
 from operate.cli.traffic.script import Difference, Part, Script, before, parts, plain
+from operate.system import System, of_run
 
 SYSTEM = "replay"
 SETTING = "setting"
 """Under this kind a recording holds what its fleet was started with."""
-MODULES = {"co": "services.coordinator", "pl": "services.planner", "km": "services.knowledge", "ta": "services.task"}
-CANNOT = {
-    "hi": "its words are those of people, which no recording has",
-    "ex": "it acts by the robot's control loop, which does not run in a replay",
-}
 READY_S = 60.0
 """Until the agent is ready; estimate: seconds on a busy machine."""
 PATIENCE_S = 20.0
@@ -62,13 +59,12 @@ class Compared(msgspec.Struct, frozen=True):
 
 def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form: Form) -> None:
     """Do it and tell how it went. Exits with 1 where the words differ. Raises ConsoleError."""
-    if agent in CANNOT:
-        raise UsageError(f"{agent} cannot be replaced: {CANNOT[agent]}; {', '.join(MODULES)} can")
-    if agent not in MODULES:
-        raise UsageError(f"the design has no agent {agent!r}; {', '.join(MODULES)} can be replaced")
+    system = of_run(file)
+    module = _module(system, agent)
     part, recorded_seed = _part(file, agent)
+    seed = recorded_seed if seed is None else seed
     console = Console(stderr=True, quiet=form is Format.JSON)
-    with console.status(f"starting {agent}") as line, _running(agent, recorded_seed if seed is None else seed) as cast:
+    with console.status(f"starting {agent}") as line, _running(system, agent, module, seed) as cast:
         script, begun = Script(part), time.monotonic()
         found = _play(script, cast, part, fast, lambda n: line.update(f"{agent} speaks: {n} of {len(part)} entries"))
     done = _compared(agent, part, script, found, time.monotonic() - begun)
@@ -78,6 +74,18 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
         print(sentence(done, part))
     if found is not None:
         raise typer.Exit(1)
+
+
+def _module(system: System, agent: str) -> str:
+    """The module of an agent that can be run alone. Raises UsageError."""
+    there = [one for one in system.processes if one.name in system.design.agents and one.name not in system.unreplaced]
+    can = ", ".join(sorted(one.name for one in there))
+    if agent in system.unreplaced:
+        raise UsageError(f"{agent} cannot be replaced: {system.unreplaced[agent]}; {can} can")
+    for one in there:
+        if one.name == agent:
+            return one.module
+    raise UsageError(f"the design has no agent {agent!r}; {can} can be replaced")
 
 
 def sentence(done: Compared, part: tuple[Part, ...]) -> str:
@@ -183,14 +191,15 @@ def _compared(agent: str, part: tuple[Part, ...], script: Script, found: _Stop |
 
 
 @contextmanager
-def _running(agent: str, seed: int) -> Iterator[Cast]:
+def _running(system: System, agent: str, module: str, seed: int) -> Iterator[Cast]:
     """The agent as a process on a router of its own, ready, and its peers. Raises ConsoleError."""
     stage = Stage(SYSTEM)
     with tempfile.TemporaryDirectory(prefix="roco-replay-") as folder:
         run = Path(folder)
-        process, cast = None, Cast(wiring(agent, SYSTEM), stage.endpoint)
+        links = wiring(agent, SYSTEM, design=system.design, languages=system.languages or Languages())
+        process, cast = None, Cast(links, stage.endpoint)
         try:
-            process = _started(agent, run, stage.endpoint, seed)
+            process = _started(system, agent, module, run, stage.endpoint, seed)
             yield cast
         finally:
             if process is not None:
@@ -200,7 +209,7 @@ def _running(agent: str, seed: int) -> Iterator[Cast]:
             stage.close()
 
 
-def _started(agent: str, run: Path, endpoint: str, seed: int) -> "subprocess.Popen[bytes]":
+def _started(system: System, agent: str, module: str, run: Path, endpoint: str, seed: int) -> "subprocess.Popen[bytes]":
     told = {
         "CONNECT": endpoint,
         "RUN_DIR": str(run),
@@ -209,9 +218,9 @@ def _started(agent: str, run: Path, endpoint: str, seed: int) -> "subprocess.Pop
         "LOG_LEVEL": "error",
         "TLS_DIR": "",
     }
-    environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
+    environment = os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
     with (run / f"{agent}.log").open("wb") as log:
-        process = subprocess.Popen([sys.executable, "-m", MODULES[agent]], env=environment, stdout=log, stderr=log)
+        process = subprocess.Popen([sys.executable, "-m", module], env=environment, stdout=log, stderr=log)
     until = time.monotonic() + READY_S
     while not (run / f"{agent}.ready").exists():
         if process.poll() is not None or time.monotonic() > until:

@@ -26,6 +26,7 @@ from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import Player, Replayed, sentence
 from operate.filters import Filter
 from operate.run_folder import FLEET_FILE, Fleet
+from operate.system import System, of_run
 
 SYSTEM = "replay"
 PUBLISHED = ("telemetry", "truth", "state")
@@ -68,7 +69,7 @@ def replay(
         if replace_:
             replace.replaced(file, replace_, fast, seed, form)
             return
-        which = wanted(*narrowed(only or [], channel, agent, protocol, performative))
+        which = wanted(of_run(file).design, *narrowed(only or [], channel, agent, protocol, performative))
         try:
             done = _played(file, which, fast, after, form, loop=loop, telemetry=telemetry, where=(system, connect))
         except RuntimeFault as error:
@@ -115,7 +116,7 @@ def _played(
     player = Player(stage, samples, fast)
     console = Console(stderr=True, quiet=form is Format.JSON)
     try:
-        with _told(stage), console.status("replaying") as line:
+        with _told(stage, of_run(file)), console.status("replaying") as line:
             where_to = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
             console.print(f"system {stage.system} at {stage.endpoint}; {where_to}", highlight=False, soft_wrap=True)
             player.wait(time.monotonic() + after)
@@ -148,11 +149,12 @@ def _folder(stage: Stage) -> Path:
 
 
 @contextlib.contextmanager
-def _told(stage: Stage) -> Iterator[None]:
-    """While it goes on, a folder says where, so that `--run-dir` finds it."""
+def _told(stage: Stage, system: System) -> Iterator[None]:
+    """While it goes on, a folder says where, and of which system it is, so that `--run-dir` finds it."""
     folder = _folder(stage)
     folder.mkdir(parents=True, exist_ok=True)
-    fleet = Fleet(stage.system, stage.endpoint, 0, datetime.now().timestamp(), ())
+    now = datetime.now().timestamp()
+    fleet = Fleet(stage.system, stage.endpoint, 0, now, (), entry=system.entry, project=system.project)
     (folder / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
     try:
         yield

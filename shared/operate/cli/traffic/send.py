@@ -14,18 +14,17 @@ from rich.console import Console
 from rich.table import Table
 
 from agent_runtime.core.errors import RuntimeFault
-from companion.design import DESIGN
-from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, encode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.performatives import Performative
 from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
-from operate.cli.output import Form, Format, RunDir, tell_problem
+from operate.cli.output import Form, Format, RunDir, problems, tell_problem
 from operate.cli.traffic import speak
+from operate.system import System
 from topdown.judge.admission import Admission
-from topdown.model.design import Rule
+from topdown.model.design import Design, Rule
 
 if TYPE_CHECKING:
     from operate.cli.fleet.compose import Compose
@@ -70,11 +69,13 @@ def send(
       roco send --as hi --to co --protocol request --list
     """
     chosen = (sender, receiver, protocol, performative)
+    with problems(form):
+        system = targets.about(target, run_dir)
     if choices or not all(chosen):
-        _list(chosen, form, missing=not choices)
+        _list(system.design, chosen, form, missing=not choices)
         return
     try:
-        draft = _draft(chosen, language, ontology, content, force=force)
+        draft = _draft(system, chosen, language, ontology, content, force=force)
         fleet = targets.find(target, run_dir)
         if not isinstance(fleet, Local):
             told: dict[str, object] = dict(zip(CHOICES, chosen, strict=True))
@@ -90,7 +91,7 @@ def send(
             reply_by=None if reply_by is None else time.time() + reply_by,
             id=id,
         )
-        done = speak.say(fleet.run, draft, wait, _print if form is Format.TEXT else _hush, force=force)
+        done = speak.say(system, fleet.run, draft, wait, _print if form is Format.TEXT else _hush, force=force)
     except Usage as error:
         _stop(str(error), form, 2)
     except (ConsoleError, RuntimeFault, FipaError) as error:
@@ -108,11 +109,11 @@ def _beside(fleet: "Compose", sender: str, told: dict[str, object], *, force: bo
 # --- what may be said -------------------------------------------------------------------------------------------------
 
 
-def rules(chosen: tuple[str, ...]) -> list[Rule]:
+def rules(design: Design, chosen: tuple[str, ...]) -> list[Rule]:
     """The messages of the design that fit what is chosen so far; "" fits all."""
     return [
         rule
-        for rule in DESIGN.rules.values()
+        for rule in design.rules.values()
         if all(
             want in ("", have)
             for want, have in zip(chosen, (rule.sender, rule.receiver, rule.protocol, rule.performative), strict=True)
@@ -135,35 +136,37 @@ def table(found: list[Rule]) -> Table:
     return drawn
 
 
-def _list(chosen: tuple[str, ...], form: Format, *, missing: bool) -> None:
-    found = rules(chosen)
+def _list(design: Design, chosen: tuple[str, ...], form: Format, *, missing: bool) -> None:
+    found = rules(design, chosen)
     names = [name for name, value in zip(CHOICES, chosen, strict=True) if not value]
     if form is Format.JSON:
         print(msgspec.json.encode(found).decode())
     elif found:
         Console().print(table(found))
     if not found:
-        _stop(_unknown(chosen), form, 2)
+        _stop(_unknown(design, chosen), form, 2)
     if missing:
         _stop(f"choose --{', --'.join(names)} from what the design has (above)", form, 2)
 
 
-def _unknown(chosen: tuple[str, ...]) -> str:
+def _unknown(design: Design, chosen: tuple[str, ...]) -> str:
     """The first choice that leaves nothing, and what would be left."""
     for count in range(1, len(chosen) + 1):
-        if not rules((*chosen[:count], *("",) * (len(chosen) - count))):
-            before = rules((*chosen[: count - 1], *("",) * (len(chosen) - count + 1)))
+        if not rules(design, (*chosen[:count], *("",) * (len(chosen) - count))):
+            before = rules(design, (*chosen[: count - 1], *("",) * (len(chosen) - count + 1)))
             have = sorted({(r.sender, r.receiver, r.protocol, str(r.performative))[count - 1] for r in before})
             return f"the design has no --{CHOICES[count - 1]} {chosen[count - 1]!r} here; it has {', '.join(have)}"
     return "the design has no such message"
 
 
-def _draft(chosen: tuple[str, ...], language: str, ontology: str | None, content: str, *, force: bool) -> Communicate:
+def _draft(
+    system: System, chosen: tuple[str, ...], language: str, ontology: str | None, content: str, *, force: bool
+) -> Communicate:
     """The communicate as far as it is known before it is numbered. Raises Usage."""
     sender, receiver, protocol, act = chosen
-    found = rules(chosen)
+    design, found = system.design, rules(system.design, chosen)
     if not found and not force:
-        raise Usage(_unknown(chosen))
+        raise Usage(_unknown(design, chosen))
     rule = found[0] if found else None
     if act not in list(Performative):
         raise Usage(f"{act!r} is no performative; there are {', '.join(Performative)}")
@@ -183,7 +186,7 @@ def _draft(chosen: tuple[str, ...], language: str, ontology: str | None, content
         raise Usage(f"--content is no JSON: {error}") from error
     if rule is not None and not force:
         size = len(encode_strictly(draft))
-        faults = Admission(DESIGN, LANGUAGES).check(DESIGN.key("any", draft), draft, size).faults
+        faults = Admission(design, system.languages).check(design.key("any", draft), draft, size).faults
         if faults:
             raise Usage("; ".join(fault.why for fault in faults) + "; --force says it all the same")
     return draft

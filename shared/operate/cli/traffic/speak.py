@@ -10,20 +10,19 @@ from typing import Any
 
 import msgspec
 
+from agent_runtime.core.binding import wiring
 from agent_runtime.core.errors import JournalError, RuntimeFault
 from agent_runtime.testing.stand_in import StandIn, StandInError, Voice
-from companion.binding import wiring
-from companion.design import DESIGN
-from companion.languages import LANGUAGES
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.errors import FipaError
-from fipa_codec.languages import Kind
+from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 from operate.cli.errors import ConsoleError, NoRunError
 from operate.cli.fleet import identity
 from operate.cli.runs import folders
 from operate.run_folder import Fleet
+from operate.system import System
 from topdown.judge.follow import Followed
 
 RECEIPT_S = 2.0
@@ -46,7 +45,7 @@ class Sending(msgspec.Struct, frozen=True):
     heard: tuple[dict[str, Any], ...]
 
 
-def say(run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool) -> Sending:
+def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool) -> Sending:
     """Say it, and listen until its conversation has ended or `wait_s` is over.
 
     Raises ConsoleError where no fleet runs, or the agent does and nothing is forced.
@@ -54,18 +53,20 @@ def say(run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool
     fleet = folders.living(run) or folders.around()
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
-    if (draft.sender, draft.receiver, draft.protocol, draft.performative) not in DESIGN.rules:
-        return _voiced(run, fleet, draft, wait_s, tell)
+    if (draft.sender, draft.receiver, draft.protocol, draft.performative) not in system.design.rules:
+        return _voiced(system, run, fleet, draft, wait_s, tell)
     try:
-        first = DESIGN.agent(draft.sender).initial
+        first = system.design.agent(draft.sender).initial
         tls = identity.tls(run, fleet, draft.sender)
-        life = StandIn(wiring(draft.sender, fleet.system), first, run, fleet.connect, tls=tls)
+        languages = system.languages or Languages()
+        links = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
+        life = StandIn(links, first, run, fleet.connect, tls=tls)
     except (StandInError, JournalError) as error:
         if force:
-            return _voiced(run, fleet, draft, wait_s, tell)
+            return _voiced(system, run, fleet, draft, wait_s, tell)
         raise ConsoleError(_refusal(draft.sender, error)) from error
     try:
-        return _lived(life, draft, wait_s, tell)
+        return _lived(system, life, draft, wait_s, tell)
     finally:
         life.close()
 
@@ -90,14 +91,14 @@ def _refusal(agent: str, error: RuntimeFault) -> str:
     )
 
 
-def _lived(life: StandIn, draft: Communicate, wait_s: float, tell: Tell) -> Sending:
+def _lived(system: System, life: StandIn, draft: Communicate, wait_s: float, tell: Tell) -> Sending:
     """As the agent itself would."""
-    table, rule = DESIGN.tables[draft.protocol], DESIGN.rule(draft)
+    table, rule = system.design.tables[draft.protocol], system.design.rule(draft)
     labelled = draft.performative in table.openings | table.confirmed | {Performative.CANCEL}
     named = draft.conversation or life.name()
     one = life.say(msgspec.structs.replace(draft, conversation=named, id=""), labelled=labelled)
     tell("said", one, len(encode(one)))
-    talk = Watched(one, new=not draft.conversation and draft.performative in table.openings)
+    talk = Watched(system, one, new=not draft.conversation and draft.performative in table.openings)
     heard: list[Communicate] = []
     until = time.time() + wait_s
     for answer in life.hear(until):
@@ -111,23 +112,23 @@ def _lived(life: StandIn, draft: Communicate, wait_s: float, tell: Tell) -> Send
     return _sending(one, receipted, talk.ended, heard)
 
 
-def _voiced(run: Path, fleet: Fleet, draft: Communicate, wait_s: float, tell: Tell) -> Sending:
+def _voiced(system: System, run: Path, fleet: Fleet, draft: Communicate, wait_s: float, tell: Tell) -> Sending:
     """In the name of an agent that lives, or as no agent could: on its key, without number, token or receipt.
 
     Where there are keys the router lets only through what the design lets the sender say.
     """
-    system = fleet.system
-    template = DESIGN.file.system.key
+    design = system.design
+    template = design.file.system.key
     ears = template.format(
-        system=system, channel="*", sender="*", receiver=draft.sender, protocol="*", performative="*"
+        system=fleet.system, channel="*", sender="*", receiver=draft.sender, protocol="*", performative="*"
     )
     stamp = f"forced-{time.time_ns() // 1_000_000:x}"
     id = draft.id or stamp
     label, named = draft.reply_with or id, draft.conversation or stamp
     one = msgspec.structs.replace(draft, id=id, conversation=named, reply_with=label, sent=time.time())
-    channels = DESIGN.peers(draft.sender) if draft.sender in DESIGN.agents else {}
+    channels = design.peers(draft.sender) if draft.sender in design.agents else {}
     key = template.format(
-        system=system,
+        system=fleet.system,
         channel=channels.get(draft.receiver, NO_CHANNEL),
         sender=one.sender,
         receiver=one.receiver,
@@ -150,10 +151,11 @@ def _voiced(run: Path, fleet: Fleet, draft: Communicate, wait_s: float, tell: Te
 class Watched:
     """Whether the conversation that a message opened has come to its end; of others nobody here knows."""
 
-    def __init__(self, opening: Communicate, *, new: bool) -> None:
+    def __init__(self, system: System, opening: Communicate, *, new: bool) -> None:
         self.ended = False
+        self._languages = system.languages or Languages()
         self._opening = opening
-        self._followed = Followed(DESIGN.tables[opening.protocol], durable=True) if new else None
+        self._followed = Followed(system.design.tables[opening.protocol], durable=True) if new else None
         self._take(Role.INITIATOR, opening)
 
     def ended_by(self, one: Communicate) -> bool:
@@ -166,7 +168,7 @@ class Watched:
         if self._followed is None:
             return
         try:
-            kind = LANGUAGES.read(one)[1]
+            kind = self._languages.read(one)[1]
         except FipaError:
             kind = Kind.PLAIN
         said = self._followed.read(role, one.performative, one.reply_with, one.in_reply_to, (kind,))

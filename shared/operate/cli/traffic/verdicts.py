@@ -1,20 +1,20 @@
 """The verdicts about a run for `roco traffic` and `roco conversation`: read, or made again by the monitor's own judge.
 
-The judge afterwards is a process (`python -m services.monitor judge`): recordings are the monitor's business.
+The judge afterwards is a process (`python -m operate.recording judge`): recordings are the recorder's business.
 """
 
+import os
 import subprocess
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
 
-from operate.cli.errors import ConsoleError
+from operate.cli.analysis import command, environment
+from operate.cli.errors import WRONG_USE, ConsoleError
 from operate.run_folder import VERDICTS_FILE, Judged
+from operate.system import of_run
 
-MONITOR = "services.monitor"
-NOTHING_TO_JUDGE = 2
 _decoder = msgspec.json.Decoder(Judged)
 
 
@@ -22,19 +22,20 @@ class JudgeError(ConsoleError):
     """There is nothing to judge (`usage`: the caller named the wrong thing), or the judge died."""
 
     def __init__(self, text: str, *, usage: bool = False) -> None:
-        self.usage = usage
+        if usage:
+            self.code = WRONG_USE
         super().__init__(text)
 
 
 def judged(file: Path, design: Path | None = None, languages: str = "") -> list[Judged]:
     """The verdicts about a recording, made now. Raises JudgeError."""
-    command = [sys.executable, "-m", MONITOR, "judge", str(file)]
-    command += [] if design is None else ["--design", str(design)]
-    command += ["--languages", languages] if languages else []
-    done = subprocess.run(command, capture_output=True, check=False)
+    asked = [str(file), *(["--design", str(design)] if design else [])]
+    asked += ["--languages", languages] if languages else []
+    shared = dict(os.environ) if design else environment(of_run(file))
+    done = subprocess.run(command("judge", *asked), env=shared, capture_output=True, check=False)
     if done.returncode:
         words = done.stderr.decode(errors="replace").strip()
-        raise JudgeError(words or f"the judge ended with {done.returncode}", usage=done.returncode == NOTHING_TO_JUDGE)
+        raise JudgeError(words or f"the judge ended with {done.returncode}", usage=done.returncode == WRONG_USE)
     return read(done.stdout.splitlines())
 
 

@@ -15,13 +15,14 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from companion.tools.verbs import trials
 from operate.cli import interrupts
 from operate.cli.analysis import analysed
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, SceneFile, Speed
 from operate.cli.output import Form, Format, problems, tell_problem
-from operate.cli.runs import machine, trials
+from operate.cli.runs import machine
 
 FIRST_S = 75.0  # a run before any was timed: measured 2026-11-21 at --speed max on two idle cores
 DONE = "done"

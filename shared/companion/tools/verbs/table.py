@@ -1,0 +1,27 @@
+"""The verbs of `roco` that only this robot has: rows beside those of operate.cli.verbs."""
+
+from operate.cli.verbs import GROUP, Table
+
+ROOM = "companion.tools.verbs"
+VERBS: Table = {
+    "The fleet": {
+        "demo": (f"{ROOM}.demo:demo", "Run the main job from start to end, watched: up, say, report, down."),
+    },
+    "The robot": {
+        "say": (f"{ROOM}.talk:say", 'Say a sentence to the robot, such as "pour the jar into the bowl".'),
+        "cancel": (
+            f"{ROOM}.talk:cancel",
+            "Cancel a task: what is held is put down safely, then the next command is served.",
+        ),
+        "stop": (f"{ROOM}.talk:stop", "Stop the robot at once."),
+        "release": (f"{ROOM}.talk:release", "Let the robot move again after `roco stop`."),
+        "ask": (f"{ROOM}.ask:ask", "Ask what the robot knows, in SPARQL."),
+    },
+    "Runs reported, repeated, compared": {
+        "experiment": (GROUP, "The main job repeated, and what it comes to."),
+        "experiment pour": (
+            f"{ROOM}.experiment:pour",
+            "Repeat the main job, a fresh fleet each time; report.html, .json and .md set it beside the paper.",
+        ),
+    },
+}

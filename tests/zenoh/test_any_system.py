@@ -1,0 +1,185 @@
+"""Every verb of `roco` on systems that are not the robot: the depot, from `roco up` to `roco down`, and a new project.
+
+A copy outside the clone, so that only its pyproject.toml says which system it is. The table below has a row for every
+verb that serves any system.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from toy_fleet import wait_for
+
+from operate.cli.verbs import GROUP, VERBS
+from operate.run_folder import LATEST, VERDICTS_FILE
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
+EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
+RUN = f"runs/{LATEST}"
+AGENTS = ("desk", "dispatcher", "traffic", "mule", "ox")
+CHANNELS = ("C2", "C4", "C5", "C6", "C7")
+FOREIGN = re.compile(r"\b(hi|co|pl|km|ta|ex|loop|velma|jar|bowl)\b", re.IGNORECASE)
+"""Names of the robot's agents and things: where they are told of another system, a tool knows the robot."""
+DELIVERED = 3
+"""Orders that were carried out before anything is asked."""
+ORDER = '{"type":"Carry","item":"crate","source":"store","target":"press"}'
+ACL = "(inform :sender (agent-identifier :name ox) :content full)"
+
+
+class Row(NamedTuple):
+    """A call of a verb: its words after the verb, the exit code, and what its output has."""
+
+    words: tuple[str, ...] = ()
+    code: int = 0
+    has: tuple[str, ...] = ()
+
+
+CALLS: dict[str, Row] = {
+    "status": Row(has=("router", "monitor", *AGENTS, "ready")),
+    "agents": Row(has=("router", "monitor", *AGENTS, "MiB")),
+    "agent info": Row(("ox",), has=("dispatcher on C5", "traffic on C7")),
+    "agent restart": Row(("ox",), has=("ox: ready, pid",)),
+    "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
+    "agent start": Row(("traffic",), has=("traffic: ready, pid",)),
+    "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
+    "graph": Row(has=(*AGENTS, *CHANNELS)),
+    "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),
+    "doctor": Row(("--target", RUN, "--format", "json"), has=("7 processes of", '"supervisor"', '"router"')),
+    "traffic echo": Row(("--run", RUN, "--count", "8"), has=("desk>dispatcher", "request", "carry", "legal")),
+    "traffic hz": Row(("--run", RUN), has=CHANNELS),
+    "traffic bw": Row(("--run", RUN), has=CHANNELS),
+    "traffic size": Row(("--run", RUN), has=CHANNELS),
+    "traffic stats": Row(("--run", RUN), has=(*CHANNELS, "propose")),
+    "traffic judge": Row((RUN,), has=(*CHANNELS, "communicates as designed")),
+    "record": Row(("--for", "0.5", "--out", "empty.mcap"), has=("communicates", "records", "empty.mcap")),
+    "conversation list": Row(("--channel", "C2"), has=("desk > dispatcher", "request")),
+    "conversation show": Row(("desk-1-1",), has=("desk-1-1  request on C2  ended", "dispatcher", "agreed", "inform")),
+    "send": Row(("--list", "--as", "ox"), has=("JOB.Offer", "traffic", "C7")),
+    "acl show": Row((ACL,), has=("inform", "ox")),
+    "down": Row(has=("ended router, monitor, desk, dispatcher, traffic, mule, ox",)),
+    # What is asked of a run that has ended.
+    "replay": Row((RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",)),
+    "report": Row((RUN,), has=(*AGENTS, "report.json")),
+    "export": Row((RUN, "--to", "csv", "--out", "tables"), has=("communicates.csv",)),
+    "compare": Row((RUN, RUN), has=("no regression",)),
+    "design check": Row(has=("depot/design.toml: no findings", "5 agents")),
+    "design diff": Row(("depot/design.toml", "depot/design.toml"), has=("the designs are the same",)),
+    "design estimate": Row(has=CHANNELS),
+    "design export": Row(("--promela", "models"), has=("models",)),
+    "design follow": Row((RUN,), has=("each a move of the model",)),
+    "design new": Row(("shop",), has=("shop/asker/behaviours.py",)),
+    "design show": Row(("--what", "system"), has=("desk", "dispatcher")),
+    "design trace": Row(code=1, has=("R3", "delivered")),  # its tests are in the clone
+    "design verify": Row(("--layer", "2"), has=("holds",)),
+    "keys make": Row(("keys",), has=(*AGENTS, "monitor", "console", "'depot'")),
+}
+TO_COME = {"report": "reports are still the robot's", "compare": "reports are still the robot's"}
+STARTED = ("up",)
+"""Verbs that the fixture calls."""
+
+
+class Project:
+    """A project in a folder of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._environment = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+
+    def roco(self, *words: str) -> "subprocess.CompletedProcess[str]":
+        """Call a verb here, as a shell does; wide enough that nothing is cut."""
+        command = [sys.executable, "-P", "-m", "operate.cli", *words]
+        wide = self._environment | {"COLUMNS": "200"}
+        return subprocess.run(command, cwd=self.folder, env=wide, capture_output=True, text=True, timeout=110)
+
+    def told(self, text: str) -> int:
+        """How many verdicts of the monitor have a text."""
+        file = self.folder / RUN / VERDICTS_FILE
+        return file.read_text().count(text) if file.exists() else 0
+
+
+@pytest.fixture(scope="module")
+def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Project]:
+    """The depot, brought up in the background, with some orders carried out."""
+    folder = tmp_path_factory.mktemp("any") / "depot"
+    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
+    project = Project(folder)
+    done = project.roco("up")
+    try:
+        assert done.returncode == 0, done.stderr
+        assert f"ready; everything is written to {folder}/runs" in done.stdout
+        wait_for(lambda: project.told('"delivered ') >= DELIVERED, "orders are delivered", 60.0)
+        yield project
+    finally:
+        project.roco("down")
+
+
+def test_every_verb_has_a_row() -> None:
+    """Who adds a verb says here what it tells of the depot."""
+    verbs = {words for rows in VERBS.values() for words, (place, _) in rows.items() if place is not GROUP}
+    assert verbs == {*CALLS, *STARTED}
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [pytest.param(one, marks=pytest.mark.xfail(reason=TO_COME[one])) if one in TO_COME else one for one in CALLS],
+)
+def test_a_verb_tells_of_the_system_that_runs(depot: Project, verb: str) -> None:
+    """Its agents and channels, and nothing of the robot."""
+    row = CALLS[verb]
+    done = depot.roco(*verb.split(), *row.words)
+    said = done.stdout + done.stderr
+    assert done.returncode == row.code, said
+    assert [words for words in row.has if words not in said] == [], said
+    assert FOREIGN.findall(said.replace(str(depot.folder), "")) == []
+
+
+def test_what_only_the_robot_can_do_is_no_verb_here(depot: Project) -> None:
+    """Neither listed nor called: wrong use, which names what there is."""
+    listed = depot.roco("--help").stdout
+    assert "conversation" in listed
+    assert not re.search(r"^│ (say|stop|demo|experiment) ", listed, re.MULTILINE)
+    done = depot.roco("say", "pour", "--format", "json")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "depot, has no verb 'say'; there are up, down, status" in json.loads(done.stderr)["error"]
+
+
+def test_a_filter_knows_the_names_of_that_design(depot: Project) -> None:
+    """Of a recording by its folder's fleet.json, so that it can be asked anywhere."""
+    run = str(depot.folder / RUN)
+    away = Project(depot.folder.parent)
+    done = away.roco("traffic", "echo", "--run", run, "--agent", "km")
+    assert done.returncode == 2
+    assert "the design has no agent 'km'; it has desk, dispatcher, traffic, mule, ox" in done.stderr
+    assert "ox>traffic" in away.roco("traffic", "echo", "--run", run, "--agent", "ox").stdout
+
+
+def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
+    """`roco design new`, then the verbs in its folder, with nothing written by hand."""
+    assert Project(tmp_path).roco("design", "new", "shop").returncode == 0
+    shop = Project(tmp_path / "shop")
+    expected = {
+        "design check": Row(has=("no findings", "2 agents")),
+        "up": Row(has=("ready; everything is written to",)),
+        "status": Row(has=("asker", "doer", "ready")),
+        "graph": Row(has=("asker", "doer", "C1")),
+        "agents": Row(has=("asker", "doer", "MiB")),
+        "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),  # its stubs say nothing yet
+        "send": Row(("--list",), has=("asker", "doer")),
+        "down": Row(has=("ended router, monitor, asker, doer",)),
+    }
+    try:
+        for verb, row in expected.items():
+            done = shop.roco(*verb.split(), *row.words)
+            said = done.stdout + done.stderr
+            assert done.returncode == row.code, (verb, said)
+            assert [words for words in row.has if words not in said] == [], (verb, said)
+            assert FOREIGN.findall(said.replace(str(tmp_path), "")) == [], verb
+    finally:
+        shop.roco("down")
