@@ -17,12 +17,12 @@ def every(command: Any = None, path: tuple[str, ...] = ()) -> Iterator[str]:
         from operate.cli.__main__ import app
 
         command = typer.main.get_command(app)
-    commands = getattr(command, "commands", None)
-    if commands is None:
+    if not hasattr(command, "list_commands"):
         yield " ".join(path)
         return
-    for name, inner in commands.items():
-        yield from every(inner, (*path, name))
+    context = typer.Context(command)
+    for name in command.list_commands(context):
+        yield from every(command.get_command(context, name), (*path, name))
 
 
 def not_shown(blocks: list[shown.Block]) -> list[str]:

@@ -150,6 +150,15 @@ def test_what_only_the_robot_can_do_is_no_verb_here(depot: Project) -> None:
     assert "depot, has no verb 'say'; there are up, down, status" in json.loads(done.stderr)["error"]
 
 
+@pytest.mark.parametrize("verb", [*STARTED, *CALLS])
+def test_help_has_examples_of_that_system(depot: Project, verb: str) -> None:
+    """With names of its design, none of the robot's."""
+    said = depot.roco(*verb.split(), "--help").stdout
+    assert f"roco {verb}" in said
+    assert FOREIGN.findall(said.replace("--loop", "")) == []
+    assert not re.search("AGENT|PEER|CHANNEL", said.partition("Examples:")[2])
+
+
 def test_a_filter_knows_the_names_of_that_design(depot: Project) -> None:
     """Of a recording by its folder's fleet.json, so that it can be asked anywhere."""
     run = str(depot.folder / RUN)

@@ -1,6 +1,7 @@
 """A group of verbs whose modules are imported when they are called: `roco status` does not pay for `roco design`."""
 
 import inspect
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
@@ -80,6 +81,28 @@ class Summary(TyperCommand):
         return made(cast(str, self.name), getattr(import_module(module, ROOM), name))
 
 
+class Verb(TyperCommand):
+    """A verb. Its help has examples with names of the system here in place of AGENT, PEER and CHANNEL."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        self.epilog = named(self.epilog or "")
+        super().format_help(ctx, formatter)
+
+
+def named(examples: str) -> str:
+    """Return examples with a channel of the system here and its agents; as they are where there is no system."""
+    from operate.system import NoSystemError, here
+    from topdown.model.errors import TopdownError
+
+    try:
+        channel = next(iter(here().design.channels.values()), None)
+    except (NoSystemError, TopdownError):
+        return examples
+    names = {"AGENT": channel.ends[0], "PEER": channel.ends[1], "CHANNEL": channel.id} if channel else {}
+    return re.sub("|".join(names) or "$^", lambda found: names[found[0]], examples)
+
+
 def added() -> Table:
     """The verbs that the system here adds; none where there is no system, or it cannot be read."""
     from operate.system import NoSystemError, here
@@ -112,7 +135,7 @@ def made(name: str, function: Callable[..., None]) -> TyperCommand:
     """A function as a command; its docstring is the help, the examples at its end stand below the options."""
     text, _, examples = (inspect.getdoc(function) or "").partition(EXAMPLES)
     only = typer.Typer(add_completion=False)
-    only.command(name, help=text.strip(), epilog=_paragraphs(examples))(function)
+    only.command(name, cls=Verb, help=text.strip(), epilog=_paragraphs(examples))(function)
     return cast(TyperCommand, typer.main.get_command(only))
 
 

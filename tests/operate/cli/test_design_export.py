@@ -52,7 +52,7 @@ def test_another_design_is_exported_whole(tmp_path: Path) -> None:
     [
         ([], "nothing to write; name a file or a folder with --promela or --pnml"),
         (["--promela", "x.pml", "--use", "dance"], "execute_plan"),
-        (["--promela", "x.pml", "--pair", "co"], "write two agents, as co-ta"),
+        (["--promela", "x.pml", "--pair", "co"], "write two agents with - between"),
         (["--promela", "x.pml", "--pair", "hi-ex"], "hi-co"),
         (["--pnml", "x.pnml", "--use", "watch_robot", "--faults", "2"], "is the most"),
     ],

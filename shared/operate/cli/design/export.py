@@ -28,7 +28,7 @@ Pnml = Annotated[
     typer.Option("--pnml", help="Write a place/transition net here, durable uses over ideal queues; as --promela."),
 ]
 Use = Annotated[list[str] | None, typer.Option("--use", help="A use of a protocol by name; may be given again.")]
-Pair = Annotated[str | None, typer.Option("--pair", help="Two agents, as co-ta: all uses between them.")]
+Pair = Annotated[str | None, typer.Option("--pair", help="Two agents with - between: all uses between them.")]
 Faults = Annotated[int, typer.Option(min=0, help="How many faults at most.")]
 Ideal = Annotated[bool, typer.Option("--ideal", help="Durable uses over ideal queues, without copies and receipts.")]
 
@@ -58,7 +58,7 @@ def export(
 
     Examples:
       roco design export --promela plan.pml --use execute_plan
-      roco design export --pnml nets --pair co-ta
+      roco design export --pnml nets --pair AGENT-PEER
     """
     with files.problems(form):
         place = files.meant(file)
@@ -83,7 +83,7 @@ def _uses(design: Design, named: list[str], pair: str | None) -> list[str]:
     if pair is not None:
         ends = set(pair.split("-"))
         if len(ends) != 2:
-            raise ValueError(f"--pair {pair!r} is no pair; write two agents, as co-ta")
+            raise ValueError(f"--pair {pair!r} is no pair; write two agents with - between")
         found = [use.name for use in design.file.protocol if {use.initiator, use.participant} == ends]
         if not found:
             pairs = (f"{use.initiator}-{use.participant}" for use in design.file.protocol)

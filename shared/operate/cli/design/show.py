@@ -35,7 +35,7 @@ def show(
 
     Examples:
       roco design show
-      roco design show --agent co
+      roco design show --agent AGENT
       roco design show --what system
     """
     with problems(form):

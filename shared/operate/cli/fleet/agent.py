@@ -49,8 +49,8 @@ def info(name: Process, target: targets.Name = "", run_dir: RunDir = None, form:
     """Show all that is known of a process: its row, its peers, what waits, what it counts, its last lines.
 
     Examples:
-      roco agent info ta
-      roco agent info loop --format json
+      roco agent info AGENT
+      roco agent info router --format json
     """
     with problems(form):
         fleet = targets.find(target, run_dir)
@@ -69,7 +69,7 @@ def stop(name: Process, target: targets.Name = "", run_dir: RunDir = None, form:
     """Stop a process in order; it stays down until `roco agent start`, and `roco status` says so.
 
     Examples:
-      roco agent stop km
+      roco agent stop AGENT
       roco agent stop monitor --target compose
     """
     with problems(form):
@@ -82,7 +82,7 @@ def start(name: Process, target: targets.Name = "", run_dir: RunDir = None, form
     """Start a process that was stopped or given up, and wait until it is ready.
 
     Examples:
-      roco agent start km
+      roco agent start AGENT
     """
     with problems(form):
         fleet = targets.find(target, run_dir)
@@ -94,8 +94,8 @@ def restart(name: Process, target: targets.Name = "", run_dir: RunDir = None, fo
     """Restart a process, and wait until it is ready. An agent goes on from its journal.
 
     Examples:
-      roco agent restart pl
-      roco agent restart loop --format json
+      roco agent restart AGENT
+      roco agent restart monitor --format json
     """
     with problems(form):
         fleet = targets.find(target, run_dir)

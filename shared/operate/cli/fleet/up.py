@@ -57,7 +57,7 @@ def up(
       roco up
       roco up --speed max --seed 7
       roco up --insecure --out runs/today
-      roco up --only router,monitor,km,pl
+      roco up --only router,monitor,AGENT,PEER
       roco up --another second
     """
     with problems(form), interrupts.heard():

@@ -35,7 +35,7 @@ def export(
     to: Annotated[To, typer.Option("--to", help="parquet for tools, csv for all else.")] = To.PARQUET,
     form: Form = Format.TEXT,
 ) -> None:
-    """Write what a recording holds as tables: communicates, events, telemetry of the loop.
+    """Write what a recording holds as tables: communicates, events, telemetry.
 
     Examples:
       roco export runs/latest --to parquet --out tables

@@ -22,7 +22,7 @@ from operate.system import System
 from topdown.model.design import Design
 
 WINDOW_S = 10.0
-"""Rates are means over so long: a pour has a communicate every second or two, not more (estimate)."""
+"""Rates are means over so long: a slow system has a communicate every second or two (estimate)."""
 JUST_NOW_S = 2.0
 """A channel is bright so long after a communicate (estimate: as long as a look lasts)."""
 

@@ -27,7 +27,7 @@ def show(
 
     Examples:
       roco acl show message.acl
-      roco acl show '(inform :sender (agent-identifier :name km))'
+      roco acl show '(inform :sender (agent-identifier :name AGENT))'
     """
     try:
         message = parse(read(source))

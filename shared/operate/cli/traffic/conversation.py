@@ -57,7 +57,7 @@ def list_(
 
     Examples:
       roco conversation list --open
-      roco conversation list --channel C5 --performative failure
+      roco conversation list --channel CHANNEL --performative failure
       roco conversation list --run recording.mcap --format json
     """
     with problems(form):
@@ -86,8 +86,8 @@ def show(
     """Show a conversation as a sequence diagram: what was said when, the states after it, and what the judge says.
 
     Examples:
-      roco conversation show hi-1-1
-      roco conversation show pl-1-3 --run recording.mcap --format json
+      roco conversation show AGENT-1-1
+      roco conversation show AGENT-1-3 --run recording.mcap --format json
     """
     with problems(form):
         design = about(run, run_dir, target).design

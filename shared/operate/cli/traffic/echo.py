@@ -62,7 +62,7 @@ def echo(
 
     Examples:
       roco traffic echo
-      roco traffic echo --channel C4 --agent pl --count 10
+      roco traffic echo --channel CHANNEL --agent AGENT --count 10
       roco traffic echo --target compose --wrong
       roco traffic echo --run runs/latest --performative request --format json
     """

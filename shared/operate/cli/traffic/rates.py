@@ -72,7 +72,7 @@ hz = _verb(
 
     Examples:
       roco traffic hz
-      roco traffic hz --channel C4 --for 10
+      roco traffic hz --channel CHANNEL --for 10
       roco traffic hz --run runs/latest --format json
     """,
 )
@@ -84,7 +84,7 @@ bw = _verb(
 
     Examples:
       roco traffic bw
-      roco traffic bw --agent pl --for 10
+      roco traffic bw --agent AGENT --for 10
       roco traffic bw --run runs/latest
     """,
 )

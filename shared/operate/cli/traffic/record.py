@@ -63,7 +63,7 @@ def record(
 
     Examples:
       roco record
-      roco record --out c4.mcap --channel C4 --for 60
+      roco record --out part.mcap --channel CHANNEL --for 60
     """
     with problems(form), interrupts.heard():
         system = about(None, run_dir, target)

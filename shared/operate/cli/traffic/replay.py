@@ -40,7 +40,9 @@ def replay(
     file: Annotated[Path, typer.Argument(help="A recording, or the folder of a run that has one.")],
     speed: Annotated[str, typer.Option(help="So many times as fast as it was recorded, or max.")] = "1",
     loop: Annotated[bool, typer.Option("--loop", help="Again and again until Ctrl-C.")] = False,
-    only: Annotated[list[str] | None, typer.Option(help="Only KIND=NAME[,NAME]: channel=C4, agent=pl, ...")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...")
+    ] = None,
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
@@ -61,8 +63,8 @@ def replay(
 
     Examples:
       roco replay runs/latest --speed 4
-      roco replay recording.mcap --loop --only channel=C4 --only performative=query-ref,inform-ref
-      roco replay runs/latest --replace pl --speed max
+      roco replay recording.mcap --loop --only channel=CHANNEL --only performative=query-ref,inform-ref
+      roco replay runs/latest --replace AGENT --speed max
     """
     with problems(form):
         fast = factor(speed)

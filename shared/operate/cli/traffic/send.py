@@ -43,7 +43,7 @@ def send(
     performative: Annotated[str, typer.Option(help="The act.")] = "",
     language: Annotated[str, typer.Option(help="The content's language; else the design's.")] = "",
     ontology: Annotated[str | None, typer.Option(help="The ontology; else the design's.")] = None,
-    content: Annotated[str, typer.Option(help="""The content as JSON, such as '{"type":"LookAround"}'.""")] = "",
+    content: Annotated[str, typer.Option(help="""The content as JSON, such as '{"type":"Done"}'.""")] = "",
     conversation: Annotated[str, typer.Option(help="The conversation to go on with; else a new one.")] = "",
     in_reply_to: Annotated[str, typer.Option(help="The m_w of what this answers.")] = "",
     reply_with: Annotated[str, typer.Option(help="The m_w of this one; else the id, where an answer names it.")] = "",
@@ -65,8 +65,8 @@ def send(
 
     Examples:
       roco send --list
-      roco send --list --as co --to ta
-      roco send --as hi --to co --protocol request --list
+      roco send --list --as AGENT --to PEER
+      roco send --as AGENT --to PEER --protocol request --list
     """
     chosen = (sender, receiver, protocol, performative)
     with problems(form):
