@@ -364,7 +364,7 @@ def test_what_is_just_possible_is_no_fault(core, way):
 def test_a_reading_that_is_no_number_is_told_so(core, name):
     """Of either kind; and cycles are counted whatever happens in them."""
     getattr(core.state, name)[3] = np.nan
-    assert impossible(core.state) == "a joint measurement is no number"
+    assert impossible(core.state) == "a joint measurement is not a finite number"
     count = core.cycles
     core.backend.broken["reading"] = {name: np.nan}
     cycles(core, 3)

@@ -54,12 +54,12 @@ def report(
 def show(told: dict[str, Any], folder: str | None, console: Console) -> None:
     """For people: the verdict, the figures, what happened when, who told whom."""
     console.print(headline(told), highlight=False)
-    for part in (figures(told), events(told), matrix(told)):
+    for part in (figures(told), *([events(told)] if "events" in told else []), matrix(told)):
         console.print()
         console.print(part)
     for hole in told["holes"]:
         console.print(f"not recorded: {hole['text']}", style="yellow", highlight=False)
-    for name in told["missing"]:
+    for name in told.get("missing", ()):
         console.print(f"no {name}", style="dim", highlight=False)
     if folder is not None:
         console.print(f"\nwritten: {folder}/report.json, report.html, run.rrd", highlight=False, soft_wrap=True)
