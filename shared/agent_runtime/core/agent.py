@@ -38,7 +38,7 @@ def everything(memory: Any, event: Taken) -> bool:
 
 @dataclass(frozen=True)
 class Behaviour(Generic[M]):
-    """What the agent does in a state.
+    """The transition, the end conditions and the accepted events of one state.
 
     `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is entered (at a start
     of the process with Started instead), then once per event. It must not change the memory it is given.
@@ -91,7 +91,7 @@ class Agent(Generic[M]):
     rows: Rows | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a table with a hole in it."""
+        """Raise AgentTableError where a state has no behaviour or a condition is not bound."""
         states = ", ".join(sorted(self.behaviours))
         if self.start not in self.behaviours:
             raise AgentTableError(self.name, f"start state {self.start!r} has no behaviour", f"states are {states}")

@@ -38,7 +38,7 @@ def decline(turn: Turn, why: str) -> P | None:
 
 
 def _said(turn: Turn, conversation: str, act: P, why: str, kind: Kind) -> bool:
-    """Say it with the reason, or without where the design has no reason there; False where it has no such act."""
+    """Say `act` with the reason, or without content where the design has none there. Return whether it was said."""
     for content in (Reason(why), None):
         try:
             turn.say(conversation, act, content, kind=kind)
@@ -49,7 +49,7 @@ def _said(turn: Turn, conversation: str, act: P, why: str, kind: Kind) -> bool:
 
 
 def unfilled(memory: M, turn: Turn, behaviour: str) -> M:
-    """Stand-in for the behaviour of this name: declines what is asked, changes nothing, so its state never ends."""
+    """Decline the request of this turn and change nothing; stands in for the named behaviour, whose state stays."""
     why = f"behaviour {behaviour} of {turn.me} is not filled in"
     act = decline(turn, why)
     if act is not None:

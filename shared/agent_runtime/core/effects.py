@@ -13,7 +13,7 @@ from fipa_codec.performatives import Performative
 
 
 class Receipt(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
-    """To a peer: all its stream messages up to `taken` are journalled, or (taken 0) this version of the subject is."""
+    """A receipt for a peer: all stream messages up to `taken`, or (taken 0) this version of the subject, are kept."""
 
     peer: str
     taken: int = 0
@@ -49,7 +49,7 @@ class Deed(msgspec.Struct, frozen=True):
 
 
 class Effects(msgspec.Struct, frozen=True):
-    """Of one step. `record` None: nothing durable happened. `more`: a waiting message can be taken, step with Next().
+    """Effects of a step. `record` None: nothing durable happened. `more`: a waiting message can be taken by Next().
 
     `wake_at`: unix seconds at which a Tick is wanted (None: never). `handled`: the event the behaviour saw, None if
     none.

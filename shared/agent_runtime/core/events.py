@@ -110,7 +110,7 @@ class Garbled(Event, frozen=True):
 
 
 class LinkChanged(Event, frozen=True):
-    """The own way to the router is there (`up`) or lost; nothing is sent while lost, and no peer is dead for it."""
+    """The agent's connection to the router is up or lost; while lost, nothing is sent and no peer counts as dead."""
 
     up: bool
 

@@ -87,7 +87,7 @@ class Waiting(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct):
-    """What a death takes. `up`: the router is there; `full`: the peer whose outbox stops the agent at present."""
+    """The part lost by a death. `up`: the router is connected; `full`: the peer whose outbox blocks the agent."""
 
     step: int = 0
     up: bool = True
@@ -185,7 +185,7 @@ def anybodys(conversation: str) -> str:
 
 
 def age(name: str) -> Version | None:
-    """(incarnation, counter) in an id of `CoreState.name`: of one agent's the greater is newer. None for other ids."""
+    """Return (incarnation, counter) from an id of `CoreState.name`, None for other ids; greater is newer."""
     parts = name.rsplit("-", 2)
     if len(parts) != 3 or not all(part.isascii() and part.isdigit() for part in parts[1:]):
         return None
@@ -247,7 +247,7 @@ def fresh(agent: Start) -> CoreState:
 
 
 def restored(agent: Start, record: bytes) -> CoreState:
-    """The state a journal record tells of, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
+    """Return the state in a journal record, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
     stored = _decoder.decode(record)
     memory = msgspec.msgpack.decode(stored.memory, type=type(agent.memory))
     parts = {name: getattr(stored, name) for name in Record.__struct_fields__}

@@ -100,7 +100,7 @@ class Core(Generic[M]):
         return encode_record(state)
 
     def step(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Effects]:
-        """One step; the given state stays as it was. Bugs of the agent raise BehaviourError or LocalProtocolError."""
+        """Return state and effects; the given state is not changed. Raises BehaviourError, LocalProtocolError."""
         after, out = self.begin(state, event, now)
         return after, self.end(state, after, out, now)
 
@@ -209,7 +209,7 @@ class Core(Generic[M]):
         )
 
     def _find_waiting(self, state: CoreState) -> tuple[Waiting, Verdict | None] | None:
-        """The first entry of the inbox that can be taken; streams in order, so a number behind one not taken is not."""
+        """Return the first inbox entry that can be taken. Streams keep order: an entry not taken blocks the rest."""
         passed: set[str] = set()
         takes = self.agent.behaviours[state.state].takes
         for waiting in state.soft.inbox:
@@ -275,7 +275,7 @@ class Core(Generic[M]):
     # --- the behaviour ------------------------------------------------------------------------------------------------
 
     def _run(self, state: CoreState, out: Out, event: Seen, now: float) -> None:
-        """One elementary action, then the arcs it opens; entering a state runs its behaviour once without an event."""
+        """Run one elementary action, then the arcs it opens; on entry a behaviour runs once without an event."""
         out.handled = event
         if isinstance(event, PeerChanged):
             out.about = event.agent if event.incarnation is not None else ""

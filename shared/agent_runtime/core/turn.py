@@ -70,7 +70,7 @@ class Turn(msgspec.Struct, eq=False):
         *,
         reply_by_s: float | None = None,
     ) -> Multicast:
-        """Open one conversation-id with several participants: a state machine each, of which the Multicast keeps track.
+        """Open one conversation-id with several participants, each with a state machine; the Multicast tracks them.
 
         Name the participant (`to`) wherever you say something in it later, and note in the Multicast what became of
         it: `group.noted(event.talk, turn.now)`, `group.noted(turn.say(...), turn.now)`. Late and Broken come for each
@@ -87,9 +87,9 @@ class Turn(msgspec.Struct, eq=False):
     def join(self, talk: Conversation) -> None:
         """Take part in a conversation that was opened for this agent by another (recruiting: fipa_codec.proxying).
 
-        A target joins what it has taken up; who wants the answers joins what it awaits, best before it asks, with peer
-        "": then whoever answers has a conversation of its own, till `leave`, and no Late comes. LocalProtocolError
-        where the design has no durable link for it, in that role.
+        A target joins a conversation it has accepted; a client joins one whose answers it awaits, best before it asks,
+        with peer "": then each agent that answers has its own conversation, until `leave`, and no Late comes. Raises
+        LocalProtocolError where the design has no durable link for it in that role.
         """
         link = self._wiring.required(talk.peer, talk.protocol) if talk.peer else None
         if link and (link.role is not talk.role or link.delivery is not _DURABLE):
@@ -156,7 +156,7 @@ class Turn(msgspec.Struct, eq=False):
     # --- observations -------------------------------------------------------------------------------------------------
 
     def observe(self, to: str, subject: str, content: Any, *, last: bool = False) -> None:
-        """Owe `to` this newest observation of `subject` until it is receipted, whether subscribed at present or not.
+        """Queue this newest observation of `subject` for `to` until it is receipted, subscribed at present or not.
 
         `to` is the subscriber, not the conversation: a renewed subscription gets what is due. `last`: it is sent when
         every other one due is receipted, so whoever knows it knows the others, whatever was lost on the way.

@@ -94,8 +94,8 @@ def _outlived(state: CoreState, communicate: Communicate) -> bool:
     """Whether a subscription is a late copy of one that its subscriber has given up for a newer one.
 
     A subscriber asks again until agreed, so copies of its older `subscribe` may come in after the newer one. To take
-    one would send the observations into a conversation that nobody holds, for ever. What is of the life that is there
-    now is newer than all else: a subscriber whose journal was lost counts its lives from 1 again.
+    one would send the observations into a conversation that no agent holds, for ever. A subscription of the present
+    life is newer than all others: a subscriber whose journal was lost counts its lives from 1 again.
     """
     alive = state.soft.peers.get(communicate.sender)
 

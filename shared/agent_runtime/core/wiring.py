@@ -75,7 +75,7 @@ def _misfit(table: dict[Performative, tuple[str, ...]], act: Performative, conte
 
 
 class Wiring(msgspec.Struct, frozen=True, dict=True):
-    """All links of `agent` in `system`, and the languages of the system. LocalProtocolError for names that are none."""
+    """All links of `agent` in `system`, and the system's languages. Raises LocalProtocolError for an invalid name."""
 
     system: str
     agent: str
