@@ -14,7 +14,7 @@ How to write an agent (tests/agent_runtime/toy_agents.py is a whole one):
 4. What a protocol owes at once (confirm, coordinate's Running) must be said in the step that took the message.
 5. `Started(first=False)`: soft things are gone; ask, subscribe or search again. Durable conversations, wake-ups and the
    memory are there.
-6. `Agent` from the design's table and `Wiring` from its channels: whoever knows the design binds them by name.
+6. Build `Agent` from the design's table and `Wiring` from its channels (agent_runtime.core.binding binds by name).
 7. Run it on `wires.Wires` in tests, by `shell.run` in a process: the same core, the same bytes.
 
 A peer's slips (out of sequence, content of no language) are answered not-understood and counted; a conversation that

@@ -1,4 +1,4 @@
-"""What is inconsistent in the design of the Robot Companion, or between it and its languages: asked by tools and tests.
+"""Inconsistencies in the design of the Robot Companion, or between it and its languages, for tools and tests.
 
 Apart from companion.design, so that no agent loads the checks when it starts.
 """

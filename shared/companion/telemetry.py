@@ -1,4 +1,4 @@
-"""What ex tells people about the robot and, from the simulation, about the truth: no communicates, newest wins.
+"""Telemetry of ex for people about the robot and, from the simulation, the truth; not communicates, newest wins.
 
 `RobotState` goes to `DESIGN.house_key("telemetry", owner="ex")`, `TrueState` to the key of kind "truth", both as
 msgpack at `RATE_HZ`. A `Picture` goes to the first key, too, at most once in `PICTURE_S`, told apart by its tag: who
@@ -16,7 +16,7 @@ RATE_HZ = 20.0  # estimate: smooth for eyes; about 1 kB a time
 
 PICTURE_S = 1.0  # estimate: enough to see what the robot looks at; some kilobytes a time
 MOST_PIXELS = 640 * 480
-"""Of a picture; estimate: a larger one is no low rate any more, and is not unpacked."""
+"""Pixels of a picture; estimate: a larger one would exceed a low rate, and is not unpacked."""
 
 
 class Lateness(msgspec.Struct, frozen=True):
@@ -67,7 +67,7 @@ class Contact(msgspec.Struct, frozen=True, array_like=True):
 
 
 class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What is truly so in the simulation; the fields are those of velma.sim.truth.Truth.
+    """True state of the simulation; the fields are those of velma.sim.truth.Truth.
 
     `grains_in`, `tilt_deg`, `at` by vessel id: grains inside, angle between axis and vertical, origin [m].
     `fingers_on`: vessel id -> side -> number of links of that hand that touch it. `poses` of all things by id,
@@ -94,7 +94,7 @@ class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Picture(msgspec.Struct, frozen=True, tag=True):
-    """What the head camera sees, as the simulation has it. `rgb`: rows from the top, 8 bits a colour, under zlib."""
+    """The head camera's view in the simulation. `rgb`: rows from the top, 8 bits a colour, under zlib."""
 
     sim_time_s: float
     width: int
@@ -133,7 +133,7 @@ _told: dict[str, msgspec.msgpack.Decoder[RobotState] | msgspec.msgpack.Decoder[P
 
 
 def told(data: bytes) -> RobotState | Picture:
-    """What stands on the key of telemetry. Raises msgspec.MsgspecError for anything else."""
+    """Return what stands on the key of telemetry. Raises msgspec.MsgspecError for anything else."""
     tag = _tagged.decode(data).type
     if tag not in _told:
         raise msgspec.ValidationError(f"telemetry of type {tag!r}; there are {', '.join(map(repr, _told))}")

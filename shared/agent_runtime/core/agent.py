@@ -38,7 +38,7 @@ def everything(memory: Any, event: Taken) -> bool:
 
 @dataclass(frozen=True)
 class Behaviour(Generic[M]):
-    """What the agent does in a state.
+    """The transition, the end conditions and the accepted events of one state.
 
     `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is entered (at a start
     of the process with Started instead), then once per event. It must not change the memory it is given.
@@ -54,7 +54,7 @@ class Behaviour(Generic[M]):
 
 @dataclass(frozen=True)
 class Arc:
-    """To the next state, when the behaviour of `source` ended and the condition named `when` holds ("" = always)."""
+    """An arc to the next state, taken when the behaviour of `source` ended and condition `when` holds ("" = always)."""
 
     source: str
     target: str
@@ -62,18 +62,18 @@ class Arc:
 
 
 class Rows(Protocol):
-    """What the design says an agent does at which event; topdown.model.machines reads it from the design file."""
+    """The conversational behaviour of an agent in the design; topdown.model.machines reads it from the design file."""
 
     def takes(self, state: str, use: str, act: Performative, kind: Kind) -> bool:
         """Whether a message is taken in this state."""
 
     def why_not(self, deed: Deed) -> str:
-        """Why a step is none of the design's, "" where it is."""
+        """Return why a step does not fit the design, "" where it does."""
 
 
 @dataclass(frozen=True)
 class Agent(Generic[M]):
-    """The table with its bindings; `memory` is the memory of the first start.
+    """The table of an agent with its bindings; `memory` is the memory of the first start.
 
     Memory is a frozen msgspec Struct and is journalled whole whenever it changes, except a field named `soft`, if
     there is one: that one is lost by a death and comes back as `type(soft)()`. `local` is the union of Structs that
@@ -91,7 +91,7 @@ class Agent(Generic[M]):
     rows: Rows | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a table with a hole in it."""
+        """Raise AgentTableError where a state has no behaviour or a condition is not bound."""
         states = ", ".join(sorted(self.behaviours))
         if self.start not in self.behaviours:
             raise AgentTableError(self.name, f"start state {self.start!r} has no behaviour", f"states are {states}")
@@ -104,7 +104,7 @@ class Agent(Generic[M]):
                 raise AgentTableError(self.name, f"arc {arc} has an unbound condition", f"bound are {known}")
 
     def next_state(self, state: str, memory: M) -> str | None:
-        """Where the first arc that may be taken leads; None where none may."""
+        """Return the target of the first arc that may be taken, None if there is none."""
         for arc in self.arcs:
             if arc.source == state and (not arc.when or self.conditions[arc.when](memory)):
                 return arc.target

@@ -45,7 +45,7 @@ def bind(
     takes: Mapping[str, Takes[M]] | None = None,
     local: Any = None,
 ) -> Agent[M]:
-    """The agent `name` of `design`.
+    """Return the agent `name` of `design`.
 
     `behaviours`: behaviour name -> transition, for all of its states. `conditions`: name -> predicate of the memory,
     for all terminal, error and initial conditions. `takes`: behaviour name -> which events it takes; a behaviour
@@ -70,7 +70,7 @@ def bind(
 
 
 def wiring(name: str, system: str, *, design: Design, languages: Languages) -> Wiring:
-    """All links of the agent `name` of `design` in the system called `system` (the prefix of its keys).
+    """Return the wiring of agent `name` of `design` in the system called `system` (the prefix of its keys).
 
     `languages`: those of the design, by name. Raises topdown's NoSuchEntry for an agent that is not in the design.
     """
@@ -81,7 +81,7 @@ def wiring(name: str, system: str, *, design: Design, languages: Languages) -> W
 
 @cache
 def _rows(design: Design, name: str) -> Rows | None:
-    """The agent's rows in the design; None where it has none, so that nothing is said of its steps."""
+    """Return the agent's rows in the design; None where it has none, then its steps are not compared."""
     machine = Steps(design, name)
     return machine if machine.rows else None
 
@@ -131,6 +131,6 @@ def _delivery(use: elements.Protocol) -> Delivery:
 
 
 def _silent(name: str, use: elements.Protocol) -> str:
-    """The language of the agent's acts without content; its first one where every act has some."""
+    """Return the language of the agent's acts without content: its first language where every act has content."""
     mine = [message for message in use.message if message.sender == name]
     return next((message.language for message in (*mine, *use.message) if not message.content), mine[0].language)

@@ -1,7 +1,7 @@
-"""What an agent does where nothing is written yet: it says no at once, with the reason, and stays where it is.
+"""The behaviour of an agent whose behaviours are not written yet: it refuses, with the reason, and keeps its state.
 
-A skeleton made from a design runs with these: every question is answered, nobody waits for a behaviour that is still to
-be written.
+A skeleton made from a design runs with these functions: every question is answered, and no peer waits for a behaviour
+that is still to be written.
 """
 
 from typing import TypeVar
@@ -15,13 +15,13 @@ from fipa_codec.tables import SEND
 
 M = TypeVar("M")
 NOES = (P.REFUSE, P.FAILURE, P.REJECT_PROPOSAL)
-"""How to say no, mildest first; not-understood is left where a protocol or a design has none of them."""
+"""Acts of refusal, mildest first; not-understood remains where a protocol or a design has none of them."""
 
 
 def decline(turn: Turn, why: str) -> P | None:
-    """Answer the message of this turn with the mildest no that its protocol and the design have here; which it was.
+    """Answer the message of this turn with the mildest refusal that protocol and design allow; return its performative.
 
-    None where nothing was taken, or the message wants no answer.
+    None where nothing was taken, or where the message needs no answer.
     """
     event = turn.event
     if not isinstance(event, Received) or not turn.holds(event.conversation):
@@ -38,7 +38,7 @@ def decline(turn: Turn, why: str) -> P | None:
 
 
 def _said(turn: Turn, conversation: str, act: P, why: str, kind: Kind) -> bool:
-    """Say it with the reason, or without where the design has no reason there; False where it has no such act."""
+    """Say `act` with the reason, or without content where the design has none there. Return whether it was said."""
     for content in (Reason(why), None):
         try:
             turn.say(conversation, act, content, kind=kind)
@@ -49,7 +49,7 @@ def _said(turn: Turn, conversation: str, act: P, why: str, kind: Kind) -> bool:
 
 
 def unfilled(memory: M, turn: Turn, behaviour: str) -> M:
-    """Stand-in for the behaviour of this name: declines what is asked, changes nothing, so its state never ends."""
+    """Decline the request of this turn and change nothing; stands in for the named behaviour, whose state stays."""
     why = f"behaviour {behaviour} of {turn.me} is not filled in"
     act = decline(turn, why)
     if act is not None:

@@ -1,6 +1,6 @@
-"""What a step asks the shell (or the pretend wire) to do, in this order: record synced, receipts, sends, tells, logs.
+"""Effects of a step for the shell (or the in-memory wire), in this order: record, receipts, sends, tells, logs.
 
-The order is the promise: nothing leaves the agent before the record that says so is on the disk.
+The order is the guarantee: nothing leaves the agent before the record that covers it is on the disk.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from fipa_codec.performatives import Performative
 
 
 class Receipt(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
-    """To a peer: all its stream messages up to `taken` are journalled, or (taken 0) this version of the subject is."""
+    """A receipt for a peer: all stream messages up to `taken`, or (taken 0) this version of the subject, are kept."""
 
     peer: str
     taken: int = 0
@@ -34,7 +34,7 @@ Act = tuple[str, Performative, Kind]
 
 
 class Deed(msgspec.Struct, frozen=True):
-    """What a step did, in the words of a design: state before and after, the event, what was said.
+    """A step in the words of a design: state before and after, event, messages said.
 
     `took`: the message that was taken, None for another event, whose class then is `event` (an agent's name behind
     PeerChanged, the use behind Late and Broken). `owed`: peers to whom observations are due after it.
@@ -49,7 +49,7 @@ class Deed(msgspec.Struct, frozen=True):
 
 
 class Effects(msgspec.Struct, frozen=True):
-    """Of one step. `record` None: nothing durable happened. `more`: a waiting message can be taken, step with Next().
+    """Effects of a step. `record` None: nothing durable happened. `more`: a waiting message can be taken by Next().
 
     `wake_at`: unix seconds at which a Tick is wanted (None: never). `handled`: the event the behaviour saw, None if
     none.
@@ -81,18 +81,18 @@ class Out(msgspec.Struct, eq=False):
     about: str = ""
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
-        """Add a line."""
+        """Add a log line."""
         self.logs.append(LogLine(event, fields, level))
 
     def deed(self, before: str, after: str, owed: tuple[str, ...]) -> Deed | None:
-        """What was done, None where no event reached the behaviour."""
+        """Return the step in the words of the design, None where no event reached the behaviour."""
         if self.handled is None:
             return None
         event = f"{type(self.handled).__name__} {self.about}".strip()
         return Deed(before, event, self.took, tuple(self.said), after, owed)
 
     def sealed(self, more: bool, wake_at: float | None, deed: Deed | None = None) -> Effects:
-        """The effects, closed."""
+        """Return the collected effects."""
         return Effects(
             self.record,
             tuple(self.receipts),

@@ -2,7 +2,7 @@
 
 RuntimeFault
   AgentTableError     the agent's table of states, arcs and behaviours does not hold together (found when it is built)
-  BehaviourError      a behaviour asked for something that cannot be: a bug of the agent, raised loudly
+  BehaviourError      a behaviour asked for something impossible: a bug of the agent, always raised
   JournalError        the journal cannot be used (held by another process, of another agent, unreadable)
   KeysError           a folder of keys lacks something, or is of another system (secured.py)
   WorkerError         a child process cannot be started or spoken to

@@ -1,4 +1,4 @@
-"""What can happen to an agent: the x of the paper's (c', y) := f(c, x), one event a step (paper, section 3).
+"""Events of an agent: the x of the paper's (c', y) := f(c, x), one event per step (paper, section 3).
 
 The first group reaches behaviours as `turn.event`; the second is the core's own (receipts, time, the state of the
 wire). Events say nothing of sockets or clocks: a shell or a pretend wire makes them and passes the time beside them.
@@ -41,7 +41,7 @@ class Received(Event, frozen=True):
 
 
 class Late(Event, frozen=True):
-    """reply-by of a conversation this agent opened has passed. Once per conversation; a durable one stays open.
+    """The reply-by of a conversation opened by this agent has passed. Once per conversation; a durable one stays open.
 
     `peer`: whose answer is late, where the conversation has several participants.
     """
@@ -51,7 +51,7 @@ class Late(Event, frozen=True):
 
 
 class Broken(Event, frozen=True):
-    """A conversation ended because what the peer said in it could not be taken; the peer was told not-understood.
+    """A conversation ended because a message of the peer could not be accepted; the peer was sent not-understood.
 
     `peer`: with whom it ended, where it has several participants.
     """
@@ -68,13 +68,13 @@ class Settled(Event, frozen=True):
 
 
 class Woken(Event, frozen=True):
-    """The time asked for by `turn.wake(name, at)` has come."""
+    """The time requested by `turn.wake(name, at)` has come."""
 
     name: str
 
 
 class Local(Event, frozen=True):
-    """A word from the agent's own side: a worker process, a person over HTTP, an outcome of the loop."""
+    """A message from the agent's own devices: a worker process, a person over HTTP, an outcome of the loop."""
 
     content: Any
 
@@ -87,7 +87,7 @@ class PeerChanged(Event, frozen=True):
 
 
 class Arrived(Event, frozen=True):
-    """A communicate came off the wire; the core decides what it is worth."""
+    """A communicate came off the wire; the core decides whether it is kept."""
 
     communicate: Communicate
 
@@ -102,7 +102,7 @@ class Receipted(Event, frozen=True):
 
 
 class Garbled(Event, frozen=True):
-    """Bytes on the agent's key that are no communicate, or (`forged`) one that says other than its key."""
+    """Bytes on the agent's key that cannot be decoded, or (`forged`) a communicate that contradicts its key."""
 
     key: str
     reason: str
@@ -110,13 +110,13 @@ class Garbled(Event, frozen=True):
 
 
 class LinkChanged(Event, frozen=True):
-    """The own way to the router is there (`up`) or lost; nothing is sent while lost, and no peer is dead for it."""
+    """The agent's connection to the router is up or lost; while lost, nothing is sent and no peer counts as dead."""
 
     up: bool
 
 
 class Tick(Event, frozen=True):
-    """Time passed: what is due is re-sent, asked again, woken or late."""
+    """Time passed: re-send, ask again, wake, or report as late whatever is due."""
 
 
 class Next(Event, frozen=True):

@@ -1,9 +1,9 @@
-"""What an arriving communicate is worth: kept for its turn, receipted again, or dropped and counted.
+"""Intake of an arriving communicate: keep it for its turn, receipt it again, or drop and count it.
 
 Durable: only the next number of the sender's stream is kept; an older one is receipted again; a gap is dropped without
 receipt, so it comes again. Observations: only a newer version of the subject, and only in a conversation that is held.
-Volatile: whatever is no copy of a waiting one, up to a bound. Nothing is answered here: answers stand in the order of
-the stream.
+Volatile: every communicate but copies of a waiting one, up to a bound. Nothing is answered here: answers follow the
+order of the stream.
 """
 
 from typing import Any
@@ -28,7 +28,7 @@ HELD_VOLATILE = 256
 
 
 def admit(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) -> None:
-    """Put a communicate into the inbox, or do what its place demands instead."""
+    """Put a communicate into the inbox, or receipt or drop it at once."""
     link = wiring.link(communicate.sender, communicate.protocol)
     if communicate.receiver != state.agent or link is None:
         reject(
@@ -43,7 +43,7 @@ def admit(state: CoreState, out: Out, wiring: Wiring, communicate: Communicate) 
 
 
 def reject(state: CoreState, out: Out, communicate: Communicate, what: str, why: str) -> None:
-    """Drop, count and say so."""
+    """Drop, count and log it."""
     state.count(what)
     out.log(
         what,

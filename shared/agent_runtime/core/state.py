@@ -1,4 +1,4 @@
-"""Everything an agent is between two steps: what the journal keeps, and the soft part that a death may take.
+"""The whole state of an agent between two steps: the journalled part, and the soft part that a death may lose.
 
 The journal record is the whole durable state. Soft: the inbox (unreceipted, so it is sent again), questions under way,
 the conversations of queries and subscriptions, who is alive, when to send again.
@@ -54,7 +54,7 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def key(self) -> str:
-        """What it is kept under; an id has no blanks."""
+        """Key under which it is kept; an id has no blanks."""
         talk = self.conversation
         return f"{talk.id} {talk.peer}" if self.several else talk.id
 
@@ -87,7 +87,7 @@ class Waiting(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct):
-    """What a death takes. `up`: the router is there; `full`: the peer whose outbox stops the agent at present."""
+    """The part lost by a death. `up`: the router is connected; `full`: the peer whose outbox blocks the agent."""
 
     step: int = 0
     up: bool = True
@@ -100,7 +100,7 @@ class Soft(msgspec.Struct):
 
 
 class Record(msgspec.Struct, kw_only=True):
-    """What the journal keeps. `taken`, `issued`: last stream number per peer; `counter`: for ids and versions."""
+    """The journalled part. `taken`, `issued`: last stream number per peer; `counter`: for ids and versions."""
 
     agent: str
     incarnation: int
@@ -125,7 +125,7 @@ class CoreState(Record, kw_only=True):
     soft: Soft
 
     def fork(self) -> "CoreState":
-        """A copy that a step may change; dictionaries are copied, what they hold is frozen."""
+        """Return a copy that a step may change; dictionaries are copied, their values are frozen."""
         soft = self.soft
         return msgspec.structs.replace(
             self,
@@ -147,9 +147,9 @@ class CoreState(Record, kw_only=True):
         )
 
     def held(self, conversation: str, peer: str = "") -> Held | None:
-        """The open conversation of that id; of several, which are durable, that with the peer.
+        """Return the open conversation of that id; of several, which are durable, the one with the peer.
 
-        One that waits for anybody becomes, for each who answers, a conversation with that peer.
+        One that waits for any answerer becomes, for each agent that answers, a conversation with that agent.
         """
         one = self.conversations.get(conversation) or self.soft.conversations.get(conversation)
         if one is not None or not self.conversations:
@@ -161,7 +161,7 @@ class CoreState(Record, kw_only=True):
         return msgspec.structs.replace(anybody, conversation=msgspec.structs.replace(anybody.conversation, peer=peer))
 
     def keep(self, held: Held) -> None:
-        """Put a conversation back after it went on; an ended one is forgotten."""
+        """Store a conversation after a step; an ended one is deleted."""
         place = self.conversations if held.delivery is _DURABLE else self.soft.conversations
         name = held.key if held.several else held.conversation.id
         if held.conversation.ended:
@@ -170,22 +170,22 @@ class CoreState(Record, kw_only=True):
             place[name] = held
 
     def count(self, what: str) -> None:
-        """One more of it."""
+        """Add one to a counter."""
         self.counts[what] = self.counts.get(what, 0) + 1
 
     def name(self) -> str:
-        """A fresh id: agent, incarnation, counter; unique over all lives of the agent."""
+        """Return a fresh id: agent, incarnation, counter; unique over all lives of the agent."""
         self.counter += 1
         return f"{self.agent}-{self.incarnation}-{self.counter}"
 
 
 def anybodys(conversation: str) -> str:
-    """What a conversation with whoever answers is kept under (Held.key with no peer)."""
+    """Key of a conversation whose answerer is not known yet (Held.key with no peer)."""
     return f"{conversation} "
 
 
 def age(name: str) -> Version | None:
-    """(incarnation, counter) in an id of `CoreState.name`: of one agent's the greater is newer. None for other ids."""
+    """Return (incarnation, counter) from an id of `CoreState.name`, None for other ids; greater is newer."""
     parts = name.rsplit("-", 2)
     if len(parts) != 3 or not all(part.isascii() and part.isdigit() for part in parts[1:]):
         return None
@@ -197,7 +197,7 @@ _decoder = msgspec.msgpack.Decoder(Record)
 
 
 def encode_memory(memory: Any) -> bytes:
-    """The memory without its soft field."""
+    """Return the memory without its soft field."""
     return _encoder.encode({name: getattr(memory, name) for name in memory.__struct_fields__ if name != "soft"})
 
 
@@ -212,13 +212,13 @@ def same_memory(old: Any, new: Any) -> bool:
 
 
 def encode_record(state: CoreState) -> bytes:
-    """The journal record of a state."""
+    """Return the journal record of a state."""
     parts = {name: getattr(state, name) for name in Record.__struct_fields__}
     return _encoder.encode(Record(**(parts | {"memory": msgspec.Raw(state.kept)})))
 
 
 class Start(Protocol):
-    """What of an agent's table (agent_runtime.core.agent.Agent) its first state is made of."""
+    """The fields of an agent's table (agent_runtime.core.agent.Agent) from which its first state is made."""
 
     @property
     def name(self) -> str:
@@ -234,7 +234,7 @@ class Start(Protocol):
 
 
 def fresh(agent: Start) -> CoreState:
-    """The state before the first start: incarnation 0."""
+    """Return the state before the first start: incarnation 0."""
     return CoreState(
         agent=agent.name,
         incarnation=0,
@@ -247,7 +247,7 @@ def fresh(agent: Start) -> CoreState:
 
 
 def restored(agent: Start, record: bytes) -> CoreState:
-    """The state a journal record tells of, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
+    """Return the state in a journal record, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
     stored = _decoder.decode(record)
     memory = msgspec.msgpack.decode(stored.memory, type=type(agent.memory))
     parts = {name: getattr(stored, name) for name in Record.__struct_fields__}

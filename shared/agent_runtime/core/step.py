@@ -5,9 +5,9 @@ record if anything durable happened: a stream message or an observation was take
 observation issued, the FSM's state or the memory (but for its `soft` field) changed, or the behaviour asked for it by
 `turn.keep()`. Else the record is None.
 
-Whoever drives it: state = core.boot(last record); sync core.record(state) before anything else; step with Started,
-then with what happens; after each step carry the effects out in their order; while `effects.more`, step with Next();
-at `wake_at` with Tick().
+Driver: state = core.boot(last record); sync core.record(state) before anything else; step with Started, then with each
+event; after each step carry the effects out in their order; while `effects.more`, step with Next(); at `wake_at` with
+Tick().
 """
 
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ CHAIN_BOUND = 16
 """States entered in one step; the paper's machines have at most 5, so more is a loop (estimate)."""
 OUTSIDE = "step outside the design"
 KNOWN_DEEDS = 1024
-"""Steps known to be of the design; estimate: an agent of the paper has some hundred different ones."""
+"""Steps known to fit the design; estimate: an agent of the paper has some hundred different ones."""
 LATE_AFTER = 0.001
 """A message at reply-by itself is in time (SC00061G); look a millisecond later."""
 # Before Python 3.12 a member found by its class takes 0.1 us.
@@ -69,7 +69,7 @@ _COMPLAINT, _TAKE = Performative.NOT_UNDERSTOOD, What.TAKE
 
 
 class Core(Generic[M]):
-    """An agent bound to its wiring. Has no state of its own, but what it need not look up again in the design."""
+    """An agent bound to its wiring. It has no state but a cache of look-ups in the design."""
 
     def __init__(self, agent: Agent[M], wiring: Wiring) -> None:
         if agent.name != wiring.agent:
@@ -84,7 +84,7 @@ class Core(Generic[M]):
             raise AgentTableError(agent.name, f"its memory cannot be journalled: {error}", hint) from error
 
     def boot(self, record: bytes | None) -> CoreState:
-        """The state to start from, of the next incarnation: the first memory, or what the journal's record tells."""
+        """Return the start state of the next incarnation: the first memory, or the state in the journal's record."""
         state = fresh(self.agent) if record is None else restored(self.agent, record)
         if state.agent != self.agent.name or state.state not in self.agent.behaviours:
             raise AgentTableError(
@@ -96,16 +96,16 @@ class Core(Generic[M]):
         return state
 
     def record(self, state: CoreState) -> bytes:
-        """The journal record of a state."""
+        """Return the journal record of a state."""
         return encode_record(state)
 
     def step(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Effects]:
-        """One step; the given state stays as it was. Bugs of the agent raise BehaviourError or LocalProtocolError."""
+        """Return state and effects; the given state is not changed. Raises BehaviourError, LocalProtocolError."""
         after, out = self.begin(state, event, now)
         return after, self.end(state, after, out, now)
 
     def begin(self, state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Out]:
-        """The part of a step after which its record is to be written and what it says may leave."""
+        """Run the part of a step after which its record is written and its messages may leave."""
         after, out = state.fork(), Out()
         after.soft.step += 1
         self._note(after, out, event, now)
@@ -116,7 +116,7 @@ class Core(Generic[M]):
         return after, out
 
     def end(self, state: CoreState, after: CoreState, out: Out, now: float) -> Effects:
-        """The rest, which nobody waits for: whether it was a step of the design, and when to step again."""
+        """Run the rest, for which no peer waits: compare the step with the design, find the time of the next step."""
         deed = out.deed(state.state, after.state, tuple(after.due))
         if deed is not None and deed not in self._designed:
             self._compare(after, out, deed)
@@ -124,7 +124,7 @@ class Core(Generic[M]):
         return out.sealed(self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
 
     def _compare(self, state: CoreState, out: Out, deed: Deed) -> None:
-        """Say it where a step is none of the design's: what was proven of the design does not hold for it."""
+        """Log a step that does not fit the design: the proof of the design does not cover it."""
         why = self.agent.rows.why_not(deed) if self.agent.rows is not None else ""
         if why:
             state.count(OUTSIDE)
@@ -209,7 +209,7 @@ class Core(Generic[M]):
         )
 
     def _find_waiting(self, state: CoreState) -> tuple[Waiting, Verdict | None] | None:
-        """The first entry of the inbox that can be taken; streams in order, so a number behind one not taken is not."""
+        """Return the first inbox entry that can be taken. Streams keep order: an entry not taken blocks the rest."""
         passed: set[str] = set()
         takes = self.agent.behaviours[state.state].takes
         for waiting in state.soft.inbox:
@@ -275,7 +275,7 @@ class Core(Generic[M]):
     # --- the behaviour ------------------------------------------------------------------------------------------------
 
     def _run(self, state: CoreState, out: Out, event: Seen, now: float) -> None:
-        """One elementary action, then the arcs it opens; entering a state runs its behaviour once without an event."""
+        """Run one elementary action, then the arcs it opens; on entry a behaviour runs once without an event."""
         out.handled = event
         if isinstance(event, PeerChanged):
             out.about = event.agent if event.incarnation is not None else ""
@@ -306,7 +306,7 @@ class Core(Generic[M]):
         )
 
     def _check_owed(self, before: CoreState, state: CoreState) -> None:
-        """What a protocol wants said in the very step that took something must have been said."""
+        """Raise where a word that the protocol demands in the same step was not said."""
         for was, now in (
             (before.conversations, state.conversations),
             (before.soft.conversations, state.soft.conversations),
@@ -328,7 +328,7 @@ class Core(Generic[M]):
         return out.durable or before.state != after.state
 
     def _wake_at(self, state: CoreState, waits: Sequence[Held] | None, now: float) -> float | None:
-        """When the next Tick is wanted; what is past already waits for a behaviour that takes it, or for room."""
+        """Return the time of the next Tick; times already past wait for a behaviour that takes them, or for room."""
         soft, times = state.soft, []
         if soft.up and soft.resend:
             times += [at for at, _ in soft.resend.values()]
@@ -347,7 +347,7 @@ def _queue(state: CoreState, waiting: Waiting) -> None:
 
 
 def _forget_unanswered(state: CoreState, now: float) -> None:
-    """Questions of peers that this agent left without an answer until their reply-by: nobody waits any more."""
+    """Drop questions of peers left unanswered until their reply-by: no peer waits for them any more."""
     for name, held in list(state.soft.conversations.items()):
         talk = held.conversation
         if held.delivery is _VOLATILE and talk.role is _PARTICIPANT and talk.late(now):
@@ -361,6 +361,6 @@ def _due_wake(state: CoreState, now: float) -> str | None:
 
 
 def _waits(state: CoreState) -> list[Held]:
-    """Conversations in which this agent waits for an end whose time was not told yet."""
+    """Conversations in which this agent waits for an end, and whose Late event was not raised yet."""
     both = (*state.conversations.values(), *state.soft.conversations.values())
     return [held for held in both if not held.late and held.conversation.role is _INITIATOR]

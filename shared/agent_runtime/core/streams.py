@@ -1,5 +1,5 @@
-"""Durable numbered streams, latest-value observations and questions asked again: what is sent, kept, receipted, re-
-sent.
+"""Durable numbered streams, latest-value observations, repeated questions: sending, keeping, receipts, re-
+sending.
 
 One number per stream at the receiver, the unreceipted messages at the sender. Re-sent at once when the peer
 (re)appears, else after RESEND_FIRST, then after twice the wait up to RESEND_LAST, for ever: reply-by ends no re-
@@ -50,14 +50,14 @@ def blocked(state: CoreState) -> str | None:
 
 
 def observed(state: CoreState, out: Out, peer: str, subject: str, due: Due, now: float) -> None:
-    """Make an observation the newest of its subject that `peer` is owed; an older one is forgotten."""
+    """Make an observation the newest of its subject that is due to `peer`; an older one is deleted."""
     state.due[peer] = state.due.get(peer, {}) | {subject: due}
     out.durable = True
     state.soft.resend.setdefault(peer, (now + RESEND_FIRST, RESEND_FIRST))
 
 
 def send_due(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float) -> None:
-    """Send all that `peer` is owed within its live subscription, if it has one."""
+    """Send all observations due to `peer` within its live subscription, if it has one."""
     waits = last_waits(state, peer)
     for subject, due in state.due.get(peer, {}).items():
         if not (due.last and waits):
@@ -65,7 +65,7 @@ def send_due(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float) 
 
 
 def last_waits(state: CoreState, peer: str) -> bool:
-    """Whether an observation that is to be the last one has to wait: others are due."""
+    """Whether the last observation has to wait because others are due."""
     return not all(due.last for due in state.due.get(peer, {}).values())
 
 
@@ -87,7 +87,7 @@ def send_observation(state: CoreState, out: Out, wiring: Wiring, peer: str, subj
 
 
 def live_subscription(state: CoreState, peer: str) -> Held | None:
-    """The conversation in which `peer` is subscribed to this agent's observations."""
+    """Return the conversation in which `peer` is subscribed to this agent's observations."""
     for held in state.soft.conversations.values():
         talk = held.conversation
         if held.delivery is Delivery.LATEST and talk.role is Role.PARTICIPANT and talk.peer == peer:
@@ -96,12 +96,12 @@ def live_subscription(state: CoreState, peer: str) -> Held | None:
 
 
 def observation_id(subject: str, version: Version) -> str:
-    """The id of an observation on the wire: subject@incarnation.counter."""
+    """Return the id of an observation on the wire: subject@incarnation.counter."""
     return f"{subject}@{version[0]}.{version[1]}"
 
 
 def parse_observation(id: str) -> tuple[str, Version] | None:
-    """Subject and version of an observation's id; None where it is no such id."""
+    """Return subject and version from an observation's id; None for other ids."""
     subject, _, version = id.rpartition("@")
     incarnation, _, counter = version.partition(".")
     if not (subject and incarnation.isascii() and incarnation.isdigit() and counter.isascii() and counter.isdigit()):
@@ -115,7 +115,7 @@ def receipt_stream(state: CoreState, out: Out, peer: str) -> None:
 
 
 def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: float) -> bool:
-    """Forget what a receipt covers. True where the last observation due to the peer went with it."""
+    """Delete messages that a receipt covers. Return True where the last observation due to the peer was among them."""
     peer, emptied, waited = event.peer, False, last_waits(state, event.peer)
     sent = state.outbox.get(peer, ())
     rest = tuple(one for one in sent if one.number > event.taken)
@@ -137,7 +137,7 @@ def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: fl
 
 
 def flush(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float, *, force: bool) -> None:
-    """Send everything `peer` has not receipted or answered, in order, and start the waiting anew.
+    """Send everything `peer` has not receipted or answered, in order, and restart the re-send timer.
 
     Without `force`, what was sent less than RESEND_FIRST ago is not sent at once, but when that time is over.
     """
@@ -173,7 +173,7 @@ def ask(state: CoreState, out: Out, communicate: Communicate, now: float) -> Non
 
 
 def on_time(state: CoreState, out: Out, wiring: Wiring, now: float) -> None:
-    """Re-send and ask again whatever is due by now; each wait doubles. Nothing while the router is away."""
+    """Re-send and ask again whatever is due; each wait doubles. Nothing is sent while the router is away."""
     if not state.soft.up:
         return
     for peer, (at, gap) in list(state.soft.resend.items()):

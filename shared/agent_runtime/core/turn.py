@@ -1,6 +1,6 @@
-"""One elementary action as a behaviour sees it: the event and the time that came in, and what may go out.
+"""One elementary action as seen by a behaviour: its event, its time, and the messages it may send.
 
-A turn knows no clock, no socket and no file; what is said here leaves the agent only after the step's record is on the
+A turn has no clock, no socket and no file; a message leaves the agent only after the step's record is on the
 disk.
 """
 
@@ -25,7 +25,7 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
 Seen = Received | Late | Broken | Woken | Local | PeerChanged | Settled | Started
-"""What a behaviour may find in `turn.event`, besides None (the state was just entered)."""
+"""Types of `turn.event`, besides None (the state was just entered)."""
 # Before Python 3.12 a member found by its class takes 0.1 us.
 _DURABLE, _LATEST = Delivery.DURABLE, Delivery.LATEST
 _INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
@@ -34,7 +34,7 @@ _OF_A_TALK = (Received, Late, Broken)
 
 
 class Turn(msgspec.Struct, eq=False):
-    """`event`: what happened, None where the state was just entered; `now`: unix seconds."""
+    """`event`: None where the state was just entered; `now`: unix seconds."""
 
     _state: CoreState
     _wiring: Wiring
@@ -53,7 +53,7 @@ class Turn(msgspec.Struct, eq=False):
         *,
         reply_by_s: float | None = None,
     ) -> str:
-        """Open a conversation with `to` as its initiator; its id.
+        """Open a conversation with `to` as its initiator; return its id.
 
         `reply_by_s`: seconds from now after which Late comes, unless the conversation has ended. A durable one then
         stays open until the peer's last word; a volatile question is given up. LocalProtocolError where the design has
@@ -70,7 +70,7 @@ class Turn(msgspec.Struct, eq=False):
         *,
         reply_by_s: float | None = None,
     ) -> Multicast:
-        """Open one conversation-id with several participants: a state machine each, of which the Multicast keeps track.
+        """Open one conversation-id with several participants, each with a state machine; the Multicast tracks them.
 
         Name the participant (`to`) wherever you say something in it later, and note in the Multicast what became of
         it: `group.noted(event.talk, turn.now)`, `group.noted(turn.say(...), turn.now)`. Late and Broken come for each
@@ -87,9 +87,9 @@ class Turn(msgspec.Struct, eq=False):
     def join(self, talk: Conversation) -> None:
         """Take part in a conversation that was opened for this agent by another (recruiting: fipa_codec.proxying).
 
-        A target joins what it has taken up; who wants the answers joins what it awaits, best before it asks, with peer
-        "": then whoever answers has a conversation of its own, till `leave`, and no Late comes. LocalProtocolError
-        where the design has no durable link for it, in that role.
+        A target joins a conversation it has accepted; a client joins one whose answers it awaits, best before it asks,
+        with peer "": then each agent that answers has its own conversation, until `leave`, and no Late comes. Raises
+        LocalProtocolError where the design has no durable link for it in that role.
         """
         link = self._wiring.required(talk.peer, talk.protocol) if talk.peer else None
         if link and (link.role is not talk.role or link.delivery is not _DURABLE):
@@ -101,7 +101,7 @@ class Turn(msgspec.Struct, eq=False):
         self._out.durable = True
 
     def leave(self, conversation: str) -> None:
-        """Wait no longer for anybody to answer in a conversation that was joined so; those under way go on."""
+        """Accept no more answerers in a conversation that was joined with peer ""; those under way go on."""
         self._state.conversations.pop(anybodys(conversation), None)
         self._out.durable = True
 
@@ -116,10 +116,10 @@ class Turn(msgspec.Struct, eq=False):
         reply_by_s: float | None = None,
         to: str = "",
     ) -> Conversation:
-        """Say something in an open conversation, which is returned; the language is that of the content's class.
+        """Say something in an open conversation and return it; the language is that of the content's class.
 
         `in_reply_to` None: what the protocol says. `kind=Kind.CANCEL`: this answers the peer's cancel. `reply_by_s`
-        sets the time of Late anew. `to`: which participant, where there are several. BehaviourError where the
+        sets a new time for Late. `to`: which participant, where there are several. BehaviourError where the
         conversation is not open, LocalProtocolError where the protocol forbids it.
         """
         held = self._held(conversation, to)
@@ -130,7 +130,7 @@ class Turn(msgspec.Struct, eq=False):
         return self._speak(held, link, performative, content, in_reply_to=in_reply_to, kind=kind, reply_by=reply_by)
 
     def drop(self, conversation: str) -> None:
-        """Give a volatile conversation up without a word: nothing is asked again, later answers are ignored.
+        """Give up a volatile conversation silently: nothing is asked again, later answers are ignored.
 
         Nothing happens where it is over already; BehaviourError for a durable one, which ends by its protocol only.
         """
@@ -156,10 +156,10 @@ class Turn(msgspec.Struct, eq=False):
     # --- observations -------------------------------------------------------------------------------------------------
 
     def observe(self, to: str, subject: str, content: Any, *, last: bool = False) -> None:
-        """Owe `to` this newest observation of `subject` until it is receipted, whether subscribed at present or not.
+        """Queue this newest observation of `subject` for `to` until it is receipted, subscribed at present or not.
 
         `to` is the subscriber, not the conversation: a renewed subscription gets what is due. `last`: it is sent when
-        every other one due is receipted, so whoever knows it knows the others, whatever was lost on the way.
+        every other one due is receipted, so a subscriber that has it has the others, whatever was lost on the way.
         """
         if not subject or not subject.isascii() or not subject.isprintable() or " " in subject:
             raise self._error(f"observed subject {subject!r}", "a subject is printable ASCII without blanks")
@@ -176,7 +176,7 @@ class Turn(msgspec.Struct, eq=False):
 
     @property
     def due(self) -> tuple[tuple[str, str], ...]:
-        """(subscriber, subject) of every observation not receipted yet; the event Settled says when there is none."""
+        """Return (subscriber, subject) of every unreceipted observation; the event Settled reports the last receipt."""
         return tuple((peer, subject) for peer, due in self._state.due.items() for subject in due)
 
     # --- the own side -------------------------------------------------------------------------------------------------
@@ -186,11 +186,11 @@ class Turn(msgspec.Struct, eq=False):
         self._out.tells.append(content)
 
     def wake(self, name: str, at: float) -> None:
-        """Have Woken(name) come at `at` [unix s]; a second call with the name moves it. It survives a death."""
+        """Raise Woken(name) at `at` [unix s]; a second call with the name moves it. It survives a death."""
         self._state.wakes[name] = at
 
     def unwake(self, name: str) -> None:
-        """Want it no longer."""
+        """Cancel a wake-up."""
         self._state.wakes.pop(name, None)
 
     def keep(self) -> None:
@@ -202,7 +202,7 @@ class Turn(msgspec.Struct, eq=False):
         self._out.log(event, level, **({"conversation": conversation_of(self.event)} | fields))
 
     def count(self, what: str) -> None:
-        """One more of it among the agent's counters."""
+        """Add one to a counter of the agent."""
         self._state.count(what)
 
     @property
@@ -217,7 +217,7 @@ class Turn(msgspec.Struct, eq=False):
 
     @property
     def peers(self) -> Mapping[str, int]:
-        """Incarnation of every peer that is known to be alive."""
+        """Return the incarnation of every peer that is known to be alive."""
         return self._state.soft.peers
 
     # ------------------------------------------------------------------------------------------------------------------
@@ -283,7 +283,7 @@ class Turn(msgspec.Struct, eq=False):
 
 
 def conversation_of(event: Seen | None) -> str:
-    """The conversation an event belongs to, "" where it belongs to none."""
+    """Return the conversation an event belongs to, "" where there is none."""
     return event.conversation if isinstance(event, _OF_A_TALK) else ""
 
 

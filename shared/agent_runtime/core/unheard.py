@@ -1,8 +1,8 @@
-"""Who does not receive what this agent says, though both are there: Zenoh tells no sender that the router denied it.
+"""Detects peers that are alive but do not receive this agent: Zenoh reports no denied put to its sender.
 
-The signs are the agent's own: a communicate that nobody receipts, a ping that nobody answers, a question that is asked
-again and again, while the peer's liveliness token is there. A peer that hangs gives the same signs, and is as worth
-telling. Pure: time comes in as an argument; the shell looks once a second.
+The signs are the agent's own: a communicate without a receipt, a ping without a pong, a question that is asked again
+and again, while the peer's liveliness token is there. A peer that hangs gives the same signs, and is reported as
+well. Pure: time comes in as an argument; the shell looks once a second.
 """
 
 from collections.abc import Iterator, Set
@@ -20,7 +20,7 @@ wait with an answer for ex's first look around (estimates)."""
 
 
 class Unheard(msgspec.Struct, frozen=True):
-    """What is said to `peer` on `channel` came to nothing since then [unix s]. `what`: "said", "asked", "pinged"."""
+    """Messages to `peer` on `channel` have had no effect since `since` [unix s]. `what`: "said", "asked", "pinged"."""
 
     peer: str
     channel: str
@@ -37,13 +37,13 @@ WHY = "perhaps the router denies it, or {peer} hangs"
 
 
 def words(agent: str, one: Unheard, now: float) -> str:
-    """For people: who is not heard by whom, for how long, and what it may be."""
+    """Return a sentence for people: sender, receiver, duration, possible cause."""
     said = _WORDS[one.what].format(agent=agent, peer=one.peer, channel=one.channel, s=max(0.0, now - one.since))
     return f"{said}: {WHY.format(peer=one.peer)}"
 
 
 class Watch:
-    """Of one agent. `now`: what is not heard; `look` gives the news of it: (what, whether it is still so)."""
+    """State of one agent. `now`: unheard messages; `look` returns the changes: (what, whether it is still so)."""
 
     def __init__(self, wiring: Wiring) -> None:
         self.now: tuple[Unheard, ...] = ()
@@ -52,13 +52,13 @@ class Watch:
         self._receipts: dict[str, int] = {}
 
     def receipted(self, peer: str) -> None:
-        """A receipt came, whatever it covers: the peer hears us. It may still wait with what it does not take now."""
+        """Note a receipt: the peer hears this agent. The peer may still wait with messages it does not take now."""
         self._receipts[peer] = self._receipts.get(peer, 0) + 1
 
     def look(
         self, state: CoreState, unanswered: Set[tuple[str, bytes]], peers: Peers, now: float
     ) -> list[tuple[Unheard, bool]]:
-        """Look at what waits; what waits for the same since the last looks grows old."""
+        """Compare waiting messages with those of the last look; what still waits is reported when old enough."""
         before = {(one.peer, one.channel, one.what): one for one in self.now}
         waits: dict[tuple[str, str, str], tuple[object, float]] = {}
         for peer, channel, what, mark in self._waiting(state, unanswered) if peers.up else ():
@@ -75,7 +75,7 @@ class Watch:
         return fresh + [(one, False) for place, one in before.items() if place not in still]
 
     def _waiting(self, state: CoreState, unanswered: Set[tuple[str, bytes]]) -> Iterator[tuple[str, str, str, object]]:
-        """Peer, channel, what, and what it is that waits: the oldest of its kind."""
+        """Return peer, channel, what, and the oldest waiting message of its kind."""
         for peer, channel in unanswered:
             yield peer, channel.decode(), "pinged", None
         for peer, sent in state.outbox.items():

@@ -28,7 +28,7 @@ from fipa_codec.tables import Role
 
 
 class What(StrEnum):
-    """What is to be done with it."""
+    """Action for a message."""
 
     TAKE = "take"
     REPEAT = "asked again"
@@ -56,7 +56,7 @@ _CANCEL, _TAKE = Performative.CANCEL, What.TAKE
 
 
 def judge(state: CoreState, waiting: Waiting) -> Verdict:
-    """The verdict; nothing is changed."""
+    """Return the verdict; nothing is changed."""
     communicate: Communicate = waiting.event.communicate
     held = state.held(communicate.conversation, communicate.sender)
     try:
@@ -91,11 +91,11 @@ def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> 
 
 
 def _outlived(state: CoreState, communicate: Communicate) -> bool:
-    """Whether a subscription is a late copy of one that its subscriber has given up for a newer one.
+    """Whether a subscription is a late copy of one that its subscriber replaced by a newer one.
 
     A subscriber asks again until agreed, so copies of its older `subscribe` may come in after the newer one. To take
-    one would send the observations into a conversation that nobody holds, for ever. What is of the life that is there
-    now is newer than all else: a subscriber whose journal was lost counts its lives from 1 again.
+    one would send the observations into a conversation that no agent holds, for ever. A subscription of the present
+    life is newer than all others: a subscriber whose journal was lost counts its lives from 1 again.
     """
     alive = state.soft.peers.get(communicate.sender)
 
@@ -126,7 +126,7 @@ def _asked_again(held: Held, communicate: Communicate) -> bool:
 def carry_out(
     state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
 ) -> Received | Broken | None:
-    """Count the message as taken, do what the verdict says; the event for the behaviour, None where there is none."""
+    """Count the message as taken, carry the verdict out; return the event for the behaviour, None if there is none."""
     communicate: Communicate = waiting.event.communicate
     if waiting.number or waiting.subject:
         _mark_taken(state, out, waiting)
@@ -170,14 +170,14 @@ def _mark_taken(state: CoreState, out: Out, waiting: Waiting) -> None:
 
 
 def _supersede(state: CoreState, held: Held, communicate: Communicate) -> None:
-    """A subscriber's new conversation takes the place of its older one."""
+    """Replace a subscriber's older conversation by its new one."""
     for name, other in list(state.soft.conversations.items()):
         if name != held.conversation.id and _same_subscriber(other, communicate):
             del state.soft.conversations[name]
 
 
 def _answer_late_cancel(state: CoreState, out: Out, wiring: Wiring, held: Held, now: float) -> None:
-    """`request` and `subscribe` owe a failure in reply to the cancel; `coordinate` drops it."""
+    """Answer a late cancel: `request` and `subscribe` demand a failure; `coordinate` drops it."""
     talk = held.conversation
     if not talk.owes:
         return
@@ -197,7 +197,7 @@ def _answer_late_cancel(state: CoreState, out: Out, wiring: Wiring, held: Held, 
 def _refuse(
     state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
 ) -> Broken | None:
-    """Say not-understood with the reason; a conversation it was said in is over, and the behaviour is told."""
+    """Answer not-understood with the reason; end the conversation it was said in, and tell the behaviour."""
     communicate: Communicate = waiting.event.communicate
     error = verdict.error or RemoteProtocolError("", "not understood")
     reject(state, out, communicate, What.REFUSE, str(error))

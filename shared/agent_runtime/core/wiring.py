@@ -1,9 +1,9 @@
-"""How one agent is wired to the others: for each peer and protocol the channel, the role, the delivery and the
+"""Wiring of one agent: for each peer and protocol the channel, the role, the delivery and the
 languages.
 
-The design file of a system knows all this; whoever starts an agent builds its Wiring from there, so the runtime
+The design file of a system has all this; agent_runtime.core.binding builds the Wiring from it, so the runtime
 imports no system. Key expressions: `roco/<system>/<channel>/<sender>/<receiver>/<protocol>/<performative>` for
-communicates, `roco/<system>/_/<kind>/<owner>[/<peer>]` for what is none (receipts, pings, liveliness).
+communicates, `roco/<system>/_/<kind>/<owner>[/<peer>]` for other traffic (receipts, pings, liveliness).
 """
 
 from enum import StrEnum
@@ -20,7 +20,7 @@ from fipa_codec.tables import Role
 
 
 class Delivery(StrEnum):
-    """What is promised for the communicates of a protocol on a channel."""
+    """Delivery guarantee for the communicates of a protocol on a channel."""
 
     DURABLE = "durable"
     """Numbered stream: taken once, in order, whatever dies (requests, cancels, reports)."""
@@ -51,20 +51,20 @@ class Link(msgspec.Struct, frozen=True):
     hears: dict[Performative, tuple[str, ...]] = {}
 
     def require_said(self, performative: Performative, content: str) -> None:
-        """LocalProtocolError where the interface has no such act, or not with this content (LANGUAGE.Class or "")."""
+        """Raise LocalProtocolError if the interface lacks this act, or this content for it (LANGUAGE.Class or "")."""
         wrong = None if content in self.says.get(performative, ()) else _misfit(self.says, performative, content)
         if wrong is not None:
             raise LocalProtocolError(wrong[0], f"{self.protocol} with {self.peer!r} on {self.channel}: {wrong[1]}")
 
     def require_heard(self, performative: Performative, content: str) -> None:
-        """ContentError likewise, for what the peer says."""
+        """Raise ContentError likewise, for messages of the peer."""
         wrong = None if content in self.hears.get(performative, ()) else _misfit(self.hears, performative, content)
         if wrong is not None:
             raise ContentError(wrong[0], f"{self.protocol} of {self.peer!r} on {self.channel}: {wrong[1]}")
 
 
 def _misfit(table: dict[Performative, tuple[str, ...]], act: Performative, content: str) -> tuple[str, str] | None:
-    """Field and reason, None where all is well. What has contents may also come without: the tables decide that."""
+    """Return field and reason, None if it fits. An act with contents may also come without: the tables decide that."""
     if not table:
         return None
     if act not in table:
@@ -75,7 +75,7 @@ def _misfit(table: dict[Performative, tuple[str, ...]], act: Performative, conte
 
 
 class Wiring(msgspec.Struct, frozen=True, dict=True):
-    """All links of `agent` in `system`, and the languages of the system. LocalProtocolError for names that are none."""
+    """All links of `agent` in `system`, and the system's languages. Raises LocalProtocolError for an invalid name."""
 
     system: str
     agent: str
@@ -83,7 +83,7 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
     languages: Languages
 
     def __post_init__(self) -> None:
-        """Refuse names that could not stand in a communicate or an address."""
+        """Raise LocalProtocolError for names that cannot stand in a communicate or an address."""
         links = [("peer", link.peer) for link in self.links] + [("protocol", link.protocol) for link in self.links]
         links += [("ontology", link.ontology) for link in self.links if link.ontology]
         for field, name in [("agent", self.agent), *links]:
@@ -101,15 +101,15 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def peers(self) -> tuple[str, ...]:
-        """Everybody this agent talks to, sorted."""
+        """Return every peer of this agent, sorted."""
         return tuple(sorted({link.peer for link in self.links}))
 
     def link(self, peer: str, protocol: str) -> Link | None:
-        """The link, or None where the design has none."""
+        """Return the link, or None where the design has none."""
         return self._by_peer.get((peer, protocol))
 
     def required(self, peer: str, protocol: str) -> Link:
-        """The link; LocalProtocolError names those there are."""
+        """Return the link. Raises LocalProtocolError, which lists those there are."""
         link = self._by_peer.get((peer, protocol))
         if link is None:
             known = ", ".join(f"{p}:{name}" for p, name in self._by_peer)
@@ -117,30 +117,30 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         return link
 
     def language(self, content: Any) -> Language:
-        """The language a content's class belongs to; LocalProtocolError where there is none."""
+        """Return the language of a content's class. Raises LocalProtocolError if it has none."""
         return self.spoken(content)[0]
 
     def spoken(self, content: Any) -> tuple[Language, str]:
-        """The language, and LANGUAGE.Class, as the interfaces of a design name it."""
+        """Return the language, and LANGUAGE.Class, as the interfaces of a design name it."""
         found = self._by_class.get(type(content))
         if found is None:
             raise LocalProtocolError("content", f"{type(content).__name__} belongs to none of {self.languages.names}")
         return found
 
     def key(self, communicate: Communicate) -> str:
-        """The key expression a communicate of this agent is put on."""
+        """Return the key expression on which this agent puts a communicate."""
         link = self.required(communicate.receiver, communicate.protocol)
         return communicate_key(
             self.system, link.channel, self.agent, link.peer, link.protocol, communicate.performative
         )
 
     def inbox_keys(self) -> tuple[str, ...]:
-        """The key expressions this agent listens on, one a channel and peer."""
+        """Return the key expressions this agent listens on, one per channel and peer."""
         pairs = sorted({(link.channel, link.peer) for link in self.links})
         return tuple(f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs)
 
     def heard_keys(self) -> tuple[str, ...]:
-        """Every key on which the design has this agent hear something."""
+        """Return every key on which the design lets this agent hear something."""
         return tuple(
             communicate_key(self.system, link.channel, link.peer, self.agent, link.protocol, act)
             for link in self.links
@@ -151,10 +151,10 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
 def communicate_key(
     system: str, channel: str, sender: str, receiver: str, protocol: str, performative: Performative
 ) -> str:
-    """Where a communicate is put."""
+    """Return the key of a communicate."""
     return f"roco/{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
 
 
 def service_key(system: str, kind: str, owner: str, *peer: str) -> str:
-    """Where the runtime's own messages are put: `alive`, `receipt`, `ping`, `pong`."""
+    """Return the key of the runtime's own messages: `alive`, `receipt`, `ping`, `pong`."""
     return "/".join(("roco", system, "_", kind, owner, *peer))

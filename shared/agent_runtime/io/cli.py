@@ -91,7 +91,7 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
 
 
 def listed(text: str) -> tuple[str, ...]:
-    """What stands between the commas, each once."""
+    """Return the words between the commas, each once."""
     return tuple(dict.fromkeys(filter(None, (one.strip() for one in text.split(",")))))
 
 

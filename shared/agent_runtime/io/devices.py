@@ -1,4 +1,4 @@
-"""What stands beside an agent on its own side: a worker process, the loop, an HTTP server, or a plain function in
+"""Devices of an agent: a worker process, the loop, an HTTP server, or a plain function in
 tests.
 
 `turn.tell(struct)` reaches the device's `tell`; what the device `post`s reaches the agent as Local(struct). The shell
@@ -38,7 +38,7 @@ DeviceMaker = Callable[[Post], Device]
 
 
 class NoDevice:
-    """For agents without anything on their own side; whatever it is told is a bug of the agent."""
+    """The device of agents without devices; a message to it is a bug of the agent."""
 
     busy = False
 
@@ -71,7 +71,7 @@ class Errand:
     """A worker process as a device: a word of class `begin` starts a new one (the old one is killed), one of class
     `stop` kills it, any other is handed on.
 
-    The worker says one thing for each word it is told; it is busy until it has. `ended(exit code)` makes the word that
+    The worker answers each message with one message; it is busy until then. `ended(exit code)` makes the message that
     is posted when the worker ends by itself, None for none.
     """
 

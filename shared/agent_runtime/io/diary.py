@@ -1,4 +1,4 @@
-"""What an agent did, written down for people and for replaying in the next pause: log lines and the step log.
+"""The record of an agent's steps for people and for replay, written in the next pause: log lines and the step log.
 
 Nobody waits for it, so nothing of it stands between a message and its answer. A kill -9 takes what was not written.
 """

@@ -39,7 +39,7 @@ class Floor:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Have the floor, before whatever else is heard; afterwards `until` is anew."""
+        """Take the floor before anything else is heard; return with `until` renewed."""
         self._wanted = True
         with self._lock:
             self._wanted = False

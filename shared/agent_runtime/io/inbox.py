@@ -13,7 +13,7 @@ from typing import Any
 
 
 class Class(StrEnum):
-    """What an entry is; each has its bound."""
+    """Classes of entries; each has its bound."""
 
     CONTROL = "control"
     """Receipts, life and death, the own side, the signal to stop: never dropped."""

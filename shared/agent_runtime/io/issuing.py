@@ -3,8 +3,8 @@
 All in one folder where everybody runs as one user; `apart`, a folder for each identity, where each process sees only
 its own (containers). Several systems may stand behind one router: then each system has a folder, and the certificates
 in it name the system; `linked`, each has a router of its own, which is a client of the others, too. What is there and
-still holds for `keep_days` may be kept: an authority that is made anew parts those who have its keys from those who
-have the old ones.
+still holds for `keep_days` may be kept: a new authority separates agents with its keys from those with
+the old ones.
 """
 
 import datetime as dt
@@ -33,7 +33,7 @@ class Seat(msgspec.Struct, frozen=True):
 
 
 class Issued(msgspec.Struct, frozen=True):
-    """What is where, and until when it holds; `anew`: it was made now."""
+    """A folder of keys and until when they hold; `anew`: they were made now."""
 
     folder: str
     systems: tuple[str, ...]

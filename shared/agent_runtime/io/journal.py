@@ -45,7 +45,7 @@ class Journal:
     """The open journal file of one agent; the process that holds it is the only one (flock)."""
 
     def __init__(self, path: Path) -> None:
-        """Open or create; raises JournalError where another process holds it or the file is no journal."""
+        """Open or create. Raises JournalError where another process holds it or the file has another format."""
         self.path = path
         path.parent.mkdir(parents=True, exist_ok=True)
         self._lock = os.open(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)

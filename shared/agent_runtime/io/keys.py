@@ -1,4 +1,4 @@
-"""Certificates of a fleet: an authority and one certificate per identity, short-lived, made anew rather than revoked.
+"""Certificates of a fleet: an authority and one certificate per identity, short-lived, renewed rather than revoked.
 
 The common name (CN) of a certificate is the identity that the router's rights name; only the router's certificate names
 hosts. The authority's private key is never written: who needs one more certificate makes all of them again. Elliptic
@@ -39,7 +39,7 @@ class Issuer(msgspec.Struct, frozen=True):
 
 
 def publish(folder: Path, issuer: Issuer, rights: Rights | None) -> None:
-    """Write what is no secret: the authority's certificate and, where the router is, its rights."""
+    """Write the public parts: the authority's certificate and, where the router is, its rights."""
     _write(folder / AUTHORITY, issuer.certificate.public_bytes(serialization.Encoding.PEM))
     if rights is not None:
         _write(folder / RIGHTS, json.dumps(msgspec.to_builtins(rights), indent=1).encode())

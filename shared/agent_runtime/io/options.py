@@ -1,4 +1,4 @@
-"""What every service is told at its start; cli.py fills it from the command line and the environment."""
+"""Start options of every service; cli.py fills them from the command line and the environment."""
 
 from pathlib import Path
 

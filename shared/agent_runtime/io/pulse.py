@@ -1,4 +1,4 @@
-"""The heartbeat of a process that is no agent: `<name>.heartbeat.json`, whose time of change is the last beat.
+"""The heartbeat of a process other than an agent: `<name>.heartbeat.json`, whose time of change is the last beat.
 
 Who supervises from outside (deploy/healthy) ends a process whose heartbeat stands still and starts another. An agent's
 heartbeat says more, and others hear it (shell.py); a router, a recorder and a control loop have this one.

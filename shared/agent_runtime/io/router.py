@@ -22,7 +22,7 @@ def serve(options: Options) -> int:
     """Listen until SIGTERM or SIGINT. 0: stopped in order; 1: the address or the keys cannot be had.
 
     With keys it grants the rights that are beside them, and Zenoh writes each session it refuses to standard error.
-    Where the keys are made anew it listens anew, with them; its clients come back by themselves, and read theirs then.
+    Where the keys are renewed it listens again, with the new ones; its clients reconnect by themselves and read theirs.
     """
     run = options.run_dir
     run.mkdir(parents=True, exist_ok=True)
@@ -90,7 +90,7 @@ def _opened(options: Options) -> zenoh.Session:
 
 
 def _tell_links(session: zenoh.Session, log: Log) -> Any:
-    """Log each other router that is joined or lost, whoever of the two called the other."""
+    """Log each other router that is joined or lost, in either direction of the connection."""
 
     def linked(event: zenoh.TransportEvent) -> None:
         if event.transport.whatami == zenoh.WhatAmI.ROUTER:

@@ -1,4 +1,4 @@
-"""Names in a run folder, and the variables that name it, for whoever is started in one (docs/run-folder.md)."""
+"""Names in a run folder, and the environment variables that name it (docs/run-folder.md)."""
 
 RUN_FOLDER_VARIABLE = "ROCO_RUN_DIR"
 KEYS_VARIABLE = "ROCO_TLS_DIR"  # a folder of keys; none: nothing is encrypted

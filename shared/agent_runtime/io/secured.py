@@ -1,6 +1,6 @@
 """A folder of keys as a session needs it: which files an identity opens, and what of Zenoh's configuration they become.
 
-The folder holds `authority.pem`, `<identity>.pem` and `<identity>.key` for whoever runs there, and `rights.json` where
+The folder holds `authority.pem`, `<identity>.pem` and `<identity>.key` of each identity there, and `rights.json` where
 the router does (agent_runtime/keys.py writes it). Without a folder nothing is encrypted and nobody is asked who it is.
 """
 
@@ -51,7 +51,7 @@ def client_tls(folder: Path, identity: str) -> dict[str, Any]:
 
 
 def router_tls(folder: Path, *, joins: bool = False) -> dict[str, Any]:
-    """`transport/link/tls` of the router: whoever has no certificate of this authority is not let in. Raises
+    """`transport/link/tls` of the router: a client without a certificate of this authority is refused. Raises
     KeysError. `joins`: it is a client of other routers, too, by the same certificate.
     """
     certificate, key = _pair(folder, ROUTER)

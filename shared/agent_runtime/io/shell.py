@@ -3,7 +3,7 @@
 One step at a time, on the loop's thread or on the one that heard (see floor): it steps the core and carries the effects
 out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. Logs and step log,
 which nobody waits for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of the
-agent's own code ends the process with status 1: the journal is as before the step, whoever supervises starts it again.
+agent's own code ends the process with status 1: the journal is as before the step, and the supervisor restarts it.
 """
 
 import gc
@@ -175,7 +175,7 @@ class Shell:
                 self._on_time()
 
     def _stop_came(self, stopping: list[Stop]) -> bool:
-        """Whether a signal came while there is no router yet."""
+        """Whether a signal came while no router was reached yet."""
         item = self._inbox.get(0.0)
         if isinstance(item, Stop):
             stopping.append(item)
@@ -344,7 +344,7 @@ class _Posted(msgspec.Struct, frozen=True):
 
 
 class _Desk:
-    """What devices post and publish by."""
+    """The outlet by which devices post and publish."""
 
     def __init__(self, floor: Floor, wire: ZenohWire) -> None:
         self._floor, self._wire = floor, wire
@@ -384,7 +384,7 @@ def run(
     *,
     prepare: Callable[[Shell], None] | None = None,
 ) -> int:
-    """Run an agent until it is told to stop; the exit status. `prepare` sees the shell before it serves (tests)."""
+    """Run an agent until a stop signal; return the exit status. `prepare` sees the shell before it serves (tests)."""
     try:
         shell = Shell(agent, wiring, options, device)
     except RuntimeFault as fault:

@@ -26,7 +26,7 @@ BUFFER_BYTES = 4 * 1024 * 1024
 """Of lines that wait in memory for `flush`; estimate: some of the largest messages (852 kB), a wait of 1 to 10 ms."""
 BOOT = "boot"
 NOTHING = msgspec.Raw()
-"""What stands behind a line whose input is whole."""
+"""The end mark of a line whose input is whole."""
 
 
 class Step(msgspec.Struct, frozen=True, array_like=True):
@@ -141,7 +141,7 @@ def read(path: Path) -> Iterator[Step]:
 
 
 def deeds(folder: Path) -> list[tuple[str, Deed]]:
-    """What all agents did whose logs AGENT.steps lie in a folder, as (agent, deed) in the order of time."""
+    """Return (agent, deed) of all agents whose logs AGENT.steps lie in a folder, in the order of time."""
     found = [(step.at, path.stem, step.deed) for path in sorted(folder.glob("*.steps")) for step in read(path)]
     return [(agent, deed) for _, agent, deed in sorted(found, key=lambda one: one[0]) if deed is not None]
 

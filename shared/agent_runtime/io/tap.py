@@ -20,7 +20,7 @@ RECORDER = "monitor"
 
 
 class Sample(msgspec.Struct, frozen=True):
-    """What came by on `key` at `at` [unix s]. `token`: a liveliness token, there or (`gone`) vanished; no data then.
+    """A sample on `key` at `at` [unix s]. `token`: a liveliness token, declared or (`gone`) withdrawn; no data then.
 
     `deaf_since`: nothing came by (no key), but from then on [unix s] the tap had no router, and heard nothing.
     """

@@ -56,7 +56,7 @@ class Waiting:
             return None
 
     def left(self) -> list[Sample]:
-        """What still waits."""
+        """Return the number of waiting samples."""
         left = []
         while not self._queue.empty():
             sample = self._taken(self._queue.get())

@@ -34,7 +34,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # glibc's malloc.h; its largest m
 _QUEUE = {"interactive_high": 16, "data": 16, "data_low": 16}
 """Batches (64 kB each) of a priority that may be on the way; the default of 2 holds an answer of 852 kB up by 20 %."""
 ROUTER_PATIENCE_MS, CLIENT_PATIENCE_MS = 100, LEASE_MS
-"""How long one that takes nothing holds up whoever sends to it, before its session is closed.
+"""How long a receiver that takes nothing delays its senders, before its session is closed.
 
 The router must lose its patience well before a client does: while it waits for a slow monitor, it reads nothing from
 the sender either. With 500 ms at both the sender's session was closed, and a healthy receiver got 45, 88, 150 of 150
@@ -111,7 +111,7 @@ def router_config(
 ) -> zenoh.Config:
     """Configuration of the fleet's router. With keys (secured.router_tls) it grants the rights of `access_control`.
 
-    `endpoint`: several, comma between, are independent: whoever floods one with handshakes locks that one alone.
+    `endpoint`: several, comma between, are independent: a flood of handshakes at one locks that one alone.
     `links`: endpoints of other routers; it listens whether they are there or not, and joins them whenever they are.
     """
     parts: dict[str, Any] = {
@@ -137,7 +137,7 @@ def _transport(tls: dict[str, Any] | None, patience_ms: int) -> dict[str, Any]:
 
 
 def keep_memory() -> None:
-    """Have the C library keep memory that large messages need again and again; else each page is made anew each time.
+    """Let the C library keep memory that large messages need repeatedly; else each page is mapped again each time.
 
     An answer of 852 kB through two agents takes two thirds of the time with it (benchmarks/communicates.py). Of glibc;
     elsewhere nothing happens.
@@ -198,7 +198,7 @@ class ZenohWire:
         # References are kept: a dropped declaration is undeclared.
         self._declared: list[Any] = [
             # Nothing is put by these. A router keeps the way of a key that somebody declared a publisher on, and finds
-            # that of any other anew each time: a tenth of a way there and back. The sender's own would do as well, but
+            # that of any other again each time: a tenth of a way there and back. The sender's own would do as well, but
             # they drop what they put until the router tells of a subscriber, which no agent has the right to learn.
             *(session.declare_publisher(key) for key in wiring.heard_keys()),
             session.info.declare_transport_events_listener(self._on_transport, history=True),
@@ -266,7 +266,7 @@ class ZenohWire:
         self._inbox.put(kind, Bytes(key, told, sample.payload.to_bytes()))
 
     def _told(self, key: str) -> tuple[Class, tuple[str, ...]]:
-        """What a key says of what comes on it; kept, unless strangers make up keys without end."""
+        """Return the parts of a key, cached up to a bound, since strangers may make up keys without end."""
         chunks = key.split("/")
         link = self._wiring.link(chunks[3], chunks[5])
         durable = link is not None and link.delivery is Delivery.DURABLE

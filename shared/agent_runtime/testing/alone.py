@@ -93,7 +93,7 @@ class Alone:
         return tuple(one.performative for one in self.said if one.conversation == conversation)
 
     def content(self, communicate: Communicate) -> Any:
-        """What a communicate says, decoded."""
+        """Return the content of a communicate, decoded."""
         return self.wiring.languages.read(communicate)[0]
 
     def _happen(self, event: AnyEvent) -> None:

@@ -122,7 +122,7 @@ class Cast:
         return one
 
     def hear(self, timeout_s: float) -> Communicate | None:
-        """What the agent says next, each once and in the order of each stream; None: nothing in time."""
+        """Return the agent's next message, each once and in the order of each stream; None: nothing in time."""
         until = time.monotonic() + timeout_s
         while True:
             left = until - time.monotonic()

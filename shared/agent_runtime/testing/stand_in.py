@@ -60,7 +60,7 @@ class Voice:
         return len(data)
 
     def hear(self, until: float) -> Iterator[Communicate]:
-        """What is said, until then [unix s]."""
+        """Return the next message heard until then [unix s]."""
         while (left := until - time.time()) > 0:
             try:
                 yield decode_strictly(self._heard.get(timeout=left))
@@ -134,7 +134,7 @@ class StandIn:
         return one
 
     def hear(self, until: float, *, unless_receipted: str = "") -> Iterator[Communicate]:
-        """What is said to the agent, each once, until then [unix s]; meanwhile it pongs, receipts and sends again.
+        """Return messages to the agent, each once, until then [unix s]; meanwhile it pongs, receipts and sends again.
 
         `unless_receipted`: no longer than this peer owes a receipt.
         """

@@ -80,7 +80,7 @@ class Node:
 
 
 class _Desk:
-    """What the devices of one life of an agent post and publish by."""
+    """The outlet of one life of an agent, by which its devices post and publish."""
 
     def __init__(self, wires: "Wires", agent: str, boot: int) -> None:
         self._wires, self._agent, self._boot = wires, agent, boot
@@ -270,7 +270,7 @@ class Wires:
         return None, 0.0
 
     def _wake(self, agent: str, node: Node, at: float | None) -> None:
-        """Have a Tick come at `at`, unless an earlier one is on its way (it asks anew)."""
+        """Schedule a Tick at `at`, unless an earlier one is scheduled (the core then asks again)."""
         if at is None or (node.wake_at is not None and self.now <= node.wake_at <= at):
             return
         at = node.wake_at = max(at, self.now)

@@ -9,7 +9,7 @@ import msgspec
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """What a person wants done."""
+    """A command of a person."""
 
 
 class PourInto(Command, frozen=True):

@@ -106,7 +106,7 @@ class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fie
 
 
 class NoPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """There is no plan, and why, in words. `later`: ask again, the world is still being looked at."""
+    """The answer without a plan, and why, in words. `later`: ask again, the world is still being looked at."""
 
     id: str
     reason: str

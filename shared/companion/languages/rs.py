@@ -29,4 +29,4 @@ class RobotState(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=Tr
 
 
 Content = RobotState
-"""A Seen is no sentence of its own: it is a part of RC's Done."""
+"""RS without Seen, which is only a part of RC's Done."""

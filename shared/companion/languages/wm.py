@@ -31,7 +31,7 @@ class ObjectPose(Query, frozen=True):
 
 
 class ObjectModel(Query, frozen=True):
-    """What shape is it? -> ModelOf"""
+    """The shape of an object -> ModelOf"""
 
     object: str
 
@@ -51,7 +51,7 @@ class ObjectHole(Query, frozen=True):
 
 
 class FlatSurfaces(Query, frozen=True):
-    """What can something be put on, of which object ("" for all)? -> Surfaces"""
+    """Surfaces on which something can be put, of which object ("" for all) -> Surfaces"""
 
     object: str = ""
 
@@ -63,7 +63,7 @@ class CurrentGrasp(Query, frozen=True):
 
 
 class GraspAtSide(Query, frozen=True):
-    """What does this hand hold? -> GraspOf"""
+    """The object in this hand -> GraspOf"""
 
     side: Side
 
@@ -373,7 +373,7 @@ class Unknown(Answer, frozen=True):
 
 
 class UnknownState(Answer, frozen=True):
-    """km has no hypothetical state of this id (any more): whoever made it makes it again, or begins anew."""
+    """km does not have a hypothetical state of this id (any more): its maker makes it again."""
 
     id: str
     reason: str
@@ -398,7 +398,7 @@ AnyAnswer = (
 
 
 class Observation(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """What ta tells km, one subject each: the newest one of a subject is the true one."""
+    """An observation that ta tells km, one subject each: the newest one of a subject is the true one."""
 
 
 class SeenObject(Observation, frozen=True):
@@ -413,7 +413,7 @@ class SeenBody(Observation, frozen=True):
 
 
 class SeenHand(Observation, frozen=True):
-    """What a hand holds; object "" when it is empty."""
+    """The content of a hand; object "" when it is empty."""
 
     side: Side
     object: str = ""

@@ -61,7 +61,7 @@ def _directions(
 def _balance(
     design: Design, where: str, uses: list[elements.Protocol], counts: Counts, at: tuple[str, ...]
 ) -> Iterator[Finding]:
-    """What one end says more than the other, against what the protocols between them allow."""
+    """Compare the surplus of one end's messages with the bounds of the protocols between them."""
     one, other = uses[0].initiator, uses[0].participant
     said, heard = counts.get((one, other), 0), counts.get((other, one), 0)
     if not (said and heard):

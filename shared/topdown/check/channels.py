@@ -8,7 +8,7 @@ from topdown.model.findings import Finding, Kind
 
 
 def findings(design: Design) -> Iterator[Finding]:
-    """Channels and what is no communicate, then the ends of protocols. Channels in doubt are left out."""
+    """Check channels and other traffic, then the ends of protocols. Channels in doubt are left out."""
     used = {use.channel for use in design.file.protocol}
     doubtful = design.decomposition.doubtful
     pairs: dict[frozenset[str], str] = {}

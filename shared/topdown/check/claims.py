@@ -1,4 +1,4 @@
-"""What is stated in several places agrees; figures within the claim's tolerance.
+"""Statements of one thing in several places agree; figures within the claim's tolerance.
 
 A statement is an interval or a word or a set of words; figures agree if their intervals have a point in common.
 """

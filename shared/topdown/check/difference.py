@@ -1,4 +1,4 @@
-"""What changed between two designs, for review: entry by entry, whatever their order, and what follows from it.
+"""Changes between two designs, for review: entry by entry in any order, and what follows from them.
 
 Entries are told apart by kind and name. The order of arcs of a state (the first that holds is taken), of steps and of
 table rows means something; all other order does not. Derived: groups and channels as the steps end, and the rules
@@ -15,7 +15,7 @@ from topdown.model.design import Design, Rule
 
 
 class Way(StrEnum):
-    """What happened to an entry or a field."""
+    """Kinds of change of an entry or a field."""
 
     ADDED = "added"
     REMOVED = "removed"

@@ -1,4 +1,4 @@
-"""What a design will carry, before anything runs: how many communicates, how large, how fast, where it is narrow.
+"""Load of a design before anything runs: how many communicates, how large, how fast, where it is narrow.
 
 A small model of typical figures that the designer states. Conversations of a use are opened within those of another
 (`within`, `per`); the roots are opened by a person or the start. A message is said `count` times in a conversation of
@@ -21,7 +21,7 @@ from topdown.model.design import Design
 
 
 class Load(msgspec.Struct, frozen=True):
-    """What goes over a channel, or belongs to a use: how many communicates, their bytes, the most the budgets allow.
+    """Load of a channel or a use: how many communicates, their bytes, the most the budgets allow.
 
     `mean_bit_s`: over the whole run; `busy_bit_s`: while the conversations go on within which it is said (of a channel
     that of its busiest use).
@@ -100,7 +100,7 @@ class _Model:
         return _per(use) * (self._conversations(use.within, (*below, name)) if use.within else 1.0)
 
     def _seconds(self, name: str, above: tuple[str, ...]) -> float:
-        """What one conversation takes, with all that is opened within it."""
+        """Return the duration of one conversation, with all that is opened within it."""
         if name in above:
             return 0.0
         children = [use for use in self.uses.values() if use.within == name and not use.alongside]

@@ -48,7 +48,7 @@ def measure(design: Design, estimated: Estimate, run: Observed) -> tuple[Measure
 
 
 def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
-    """What an estimate would have had to say to be right; latencies are medians."""
+    """Return the figures with which an estimate would have been right; latencies are medians."""
     heard: dict[str, list[Observation]] = defaultdict(list)
     for one in run.communicates:
         if (use := use_of(design, one)) is not None:

@@ -1,6 +1,6 @@
-"""What was heard of a run, as plain observations, and what follows from them alone: who answered whom how fast.
+"""Observations of a run, and what follows from them alone: who answered whom how fast.
 
-Whoever records traffic writes observations; a design is compared with them. Nothing here knows a recorder, a wire or a
+A recorder of traffic writes observations; a design is compared with them. Nothing here knows a recorder, a wire or a
 particular system.
 """
 

@@ -1,5 +1,5 @@
 """The messages of a protocol's use against the table it follows, both ways: what is listed can be said and taken, and
-with nothing else than what is listed every conversation comes to its end.
+with nothing else than what is listed every conversation reaches its end.
 
 Method: the table of each role keeps only the sends that are listed; both roles are then walked over two queues
 (fipa_codec.exploration).
@@ -39,7 +39,7 @@ def findings(design: Design) -> Iterator[Finding]:
 
 
 def _own_table(name: str, protocol: Protocol, at: Path_) -> Iterator[Finding]:
-    """What one role may send the other must take somewhere, and the other way round."""
+    """Check that each role somewhere takes what the other may send."""
     for role in Role:
         sent = {row.word for row in protocol.tables[role] if row.way is Way.SEND}
         taken = {row.word for row in protocol.tables[role.other] if row.way is Way.RECEIVE}
@@ -114,7 +114,7 @@ def _never_said(
     protocol: Protocol,
     at: Path_,
 ) -> Iterator[Finding]:
-    """Acts that are listed, but no conversation comes to a state in which they may be said."""
+    """Acts that are listed, but that no conversation reaches a state to say."""
     unused = {(role, row[:4]) for role, row in walked.unused}
     for role, end in ((Role.INITIATOR, use.initiator), (Role.PARTICIPANT, use.participant)):
         sends = [row for row in protocol.tables[role] if row.way is Way.SEND]

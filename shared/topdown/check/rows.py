@@ -65,7 +65,7 @@ def _ends(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], spoke
 
 
 def _unlisted(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], index: int) -> Iterator[Finding]:
-    """What rows say and take, and no message lists; not-understood is never listed."""
+    """Acts that rows say and take, and no message lists; not-understood is never listed."""
     out = {_of(one) for one in heard if one.sender == agent.name}
     into = {_of(one) for one in heard if one.receiver == agent.name}
     told: set[tuple[int, str, Performative]] = set()

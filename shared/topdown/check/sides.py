@@ -28,11 +28,11 @@ class Heard(NamedTuple):
 
     @property
     def act(self) -> Performative:
-        """What it does."""
+        """Return the kind of its act in words."""
         return self.message.performative
 
     def words(self, design: Design) -> dict[str, str]:
-        """What a declared interface says of it, by the field of elements.Ends; what is undefined is left out."""
+        """Return the words of a declared interface, by the field of elements.Ends; undefined ones are left out."""
         use, found = self.use, {"performatives": str(self.act), "protocols": self.use.follows}
         if self.message.language in {entry.name for entry in design.file.language}:
             found["languages"] = self.message.language

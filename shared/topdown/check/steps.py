@@ -7,7 +7,7 @@ from topdown.model.findings import Finding, Kind
 
 
 def findings(design: Design) -> Iterator[Finding]:
-    """What replaying the steps finds (paper, section 4, step 2)."""
+    """Return the findings of replaying the steps (paper, section 4, step 2)."""
     for slip in design.decomposition.slips:
         at = ("step", slip.step - 1, slip.part) if slip.part else ("step", slip.step - 1)
         yield Finding(slip.kind, f"step {slip.step}", slip.wrong, slip.right, at)

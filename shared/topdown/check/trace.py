@@ -20,12 +20,12 @@ Exists = Callable[[str, str], bool]
 
 
 class Shown(StrEnum):
-    """What became of a piece of evidence."""
+    """State of a piece of evidence."""
 
     SEEN = "seen"
     """In the recording; of a test: it is there."""
     NAMED = "named"
-    """Not looked for: there is no recording."""
+    """Not looked for, without a recording."""
     MISSING = "missing"
     """Looked for, and not there."""
 
@@ -68,7 +68,7 @@ KINDS = ("event", "test", "message")
 
 
 def said(name: str) -> Said:
-    """What the words of a message evidence name. ValueError says how they are written."""
+    """Return what the words of a message evidence name. Raises ValueError, which says how they are written."""
     parts = name.split()
     if len(parts) not in (2, 3):
         raise ValueError(f"{name!r} names no communicate; write `message:USE act` or `message:USE act LANGUAGE.Class`")

@@ -54,7 +54,7 @@ def _waitings(design: Design, agent: elements.Agent) -> Iterator[Waiting]:
 def _closed(
     chosen: dict[str, Waiting], candidates: dict[str, tuple[Waiting, ...]], talks: dict[tuple[str, str], set[str]]
 ) -> dict[str, Waiting] | None:
-    """The chosen ones and whoever they wait for, all deaf to each other; None: somebody would hear."""
+    """Return the chosen ones and those they wait for, all deaf to each other; None: one of them would hear."""
     for waiting in chosen.values():
         for use, peer in waiting.peers.items():
             if peer in chosen and use in talks[peer, chosen[peer].state]:

@@ -26,7 +26,7 @@ class What(StrEnum):
 
 
 class Choice(msgspec.Struct, frozen=True):
-    """What to show, and of it which step, agent, protocol; `width`: of the text, in letters."""
+    """The selection: kind, step, agent, protocol; `width`: of the text, in letters."""
 
     what: tuple[What, ...] = (What.ALL,)
     step: int | None = None

@@ -61,7 +61,7 @@ def exchange(protocol: Protocol, sayable: Sayable | None = None) -> Exchange:
 
 
 class _Writer:
-    """Writes each place once; what comes to it again refers to it, unless it is short."""
+    """Writes each place once; a place met again becomes a reference, unless it is short."""
 
     def __init__(self, protocol: Protocol, meeting: Meeting) -> None:
         self.protocol, self.meeting = protocol, meeting
@@ -91,7 +91,7 @@ class _Writer:
             yield Frame("opt", f"while {' or '.join(name_of(place) for place in places)}", (after,))
 
     def _line(self, place: Place, heads: tuple[Place, ...]) -> list[Part]:
-        """What follows a place, up to the end or the innermost head of a loop."""
+        """Return the parts that follow a place, up to the end or the innermost head of a loop."""
         if place in heads:
             return [] if place == heads[-1] else [self._reference(place)]
         if place in self.written and not self._short(place):

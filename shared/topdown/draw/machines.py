@@ -55,7 +55,7 @@ def _states(agent: Agent) -> Grid:
 
 
 def _sense(agent: Agent) -> Grid:
-    """What the states are for, and in which protocols they act."""
+    """Return the purpose of the states, and the protocols in which they act."""
     rows = tuple((state.name, listed(state.talks), state.text) for state in agent.state)
     notes = rulings(*((state.name, state.ruling) for state in agent.state))
     return Grid(f"{agent.name}: what is done there", ("state", "talks in", "what it does"), rows, notes)
@@ -97,7 +97,7 @@ def _arc_words(agent: Agent, arc: Arc) -> str:
 
 
 def label_of(agent: Agent, arc: Arc) -> str:
-    """What stands at an arc: its place among the state's arcs if there are several, and its condition."""
+    """Return the label of an arc: its place among the state's arcs if there are several, and its condition."""
     beside = [other for other in agent.arc if other.source == arc.source]
     if len(beside) == 1:
         return arc.when

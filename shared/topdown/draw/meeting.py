@@ -16,7 +16,7 @@ Sayable = Mapping[Role, Container[Performative]]
 
 
 class Edge(NamedTuple):
-    """What may be said in a place, by which rows, and the place after it."""
+    """Messages that may be said in a place, the rows that say them, and the place after each."""
 
     sender: Role
     sent: Row

@@ -1,4 +1,4 @@
-"""What a book about a design is made of: sections of tables and figures, however they are printed later."""
+"""Parts of a book about a design: sections of tables and figures, independent of the output format."""
 
 from typing import Any
 

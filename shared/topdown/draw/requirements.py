@@ -28,7 +28,7 @@ class Covered(msgspec.Struct, frozen=True):
 
     @property
     def by(self) -> str:
-        """What covers it, in few words."""
+        """Return a short description of what covers it."""
         if not self.steps:
             return "no step handles it"
         which = ", ".join(str(step) for step in self.steps)
@@ -62,7 +62,7 @@ def section(design: Design, width: int) -> Section:
 
 
 def _evidence(tree: tuple[Covered, ...]) -> tuple[Grid, ...]:
-    """What shows that the requirements are met, if the design names any such thing; a leaf without it is told."""
+    """Return the evidence of the requirements, if the design names any; a leaf without evidence is marked."""
     if not any(entry.evidence for entry in tree):
         return ()
     rows = []
@@ -107,7 +107,7 @@ def _covered(design: Design, entry: Requirement, depth: int) -> Covered:
 
 
 def leaves(design: Design, group: str) -> tuple[str, ...]:
-    """What a group is divided into in the end."""
+    """Return the groups into which a group is divided in the end."""
     halves = {step.divide.group: step.divide.into for step in design.file.step if step.divide}
     found, ahead, seen = [], [group], set[str]()
     while ahead:

@@ -36,7 +36,7 @@ class Cast(msgspec.Struct, frozen=True):
         return self.initiator if role is Role.INITIATOR else self.participant
 
     def detail(self, said: Said) -> str:
-        """What these acts carry, in words: languages, and what is said in each."""
+        """Return the content of these acts in words: languages, and classes of each."""
         languages: dict[str, dict[str, None]] = {}
         for act in said.acts:
             for language, names in self.carries.get((said.sender, act), ()):

@@ -50,13 +50,13 @@ def section(design: Design, width: int) -> Section:
 
 
 def labels(design: Design, channel: Channel) -> tuple[str, ...]:
-    """What stands at a channel: its id, and who asks whom in which protocol."""
+    """Return the label of a channel: its id, and who asks whom in which protocol."""
     uses = (use for use in design.file.protocol if use.channel == channel.id)
     return (channel.id, *dict.fromkeys(f"{use.follows}: {use.initiator} → {use.participant}" for use in uses))
 
 
 def task_of(design: Design, group: str) -> str:
-    """What a group is for: the task a step gave it, or what is said of the group that stays one."""
+    """Return the task of a group: from the step that made it, or from the entry of a group that stays one."""
     texts = {entry.name: entry.text for entry in design.file.group}
     return design.decomposition.tasks.get(group, "") or texts.get(group, "")
 

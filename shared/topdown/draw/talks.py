@@ -66,7 +66,7 @@ def _figure(
 
 
 def _carried(use: Use) -> sequence.Carried:
-    """What each act carries: languages, and classes or the sets of them."""
+    """Return the content of each act: languages, and classes or the sets of them."""
     carried: dict[tuple[Role, Performative], tuple[sequence.Content, ...]] = {}
     for message in use.message:
         role = Role.INITIATOR if message.sender == use.initiator else Role.PARTICIPANT

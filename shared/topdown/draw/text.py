@@ -6,7 +6,7 @@ import textwrap
 from topdown.draw.parts import Figure, Grid, Section
 
 GAP = 2
-LEAST = 6  # no column is narrower than so many letters
+LEAST = 6  # least width of a column, in letters
 WIDTH = 100  # where nobody says how wide the terminal is
 
 _PIECES = re.compile(r"[^_.\-/|]*[_.\-/|]?")

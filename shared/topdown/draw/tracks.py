@@ -22,5 +22,5 @@ def tracks(spans: Sequence[Span], gap: float = 8.0) -> list[int]:
 
 
 def spread(count: int, low: float, high: float) -> list[float]:
-    """Places for so many things between two ends, all at the same distance."""
+    """Return `count` positions between two ends, at equal distances."""
     return [low + (high - low) * (number + 1) / (count + 1) for number in range(count)]

@@ -1,4 +1,4 @@
-"""What a design says about one communicate by itself: who may say it to whom, on which key, how written, how large.
+"""Rules of a design for one communicate by itself: sender, receiver, key, language and size.
 
 Rules, languages and the key's template are those of the design file, by which the agents run. Nothing here knows what
 was said before.
@@ -22,11 +22,11 @@ from topdown.model.design import Design, Rule
 KEYS = 4096
 """Keys, and combinations of words that are right, that are remembered; estimate: a design has some hundred."""
 UNKNOWN_KINDS = (Kind.PLAIN, Kind.PROGRESS, Kind.FINAL)
-"""What an inform may be whose content cannot be read."""
+"""Kinds an inform may have whose content cannot be read."""
 
 
 class Fault(NamedTuple):
-    """What is wrong, and why."""
+    """A fault, and why."""
 
     verdict: Verdict
     why: str
@@ -82,7 +82,7 @@ class Admission:
         return Admitted(rule, rule.channel, UNKNOWN_KINDS if kind is None else (kind,), tuple(faults))
 
     def _wrong(self, key: str, one: Communicate, rule: Rule, name: str | None, unread: str | None) -> Iterator[Fault]:
-        """What is wrong with its key and its words."""
+        """Return the faults of its key and its words."""
         wrong = self._wrong_key(key, one, rule)
         if wrong is not None:
             yield Fault(Verdict.WRONG_CHANNEL, wrong)

@@ -25,14 +25,14 @@ Pair = tuple[str, str]
 
 
 class Remembered(Generic[T]):
-    """What was noted under some keys, the last `most` of them. Of a key only its hash is kept (64 bits)."""
+    """Values noted under some keys, the last `most` of them. Of a key only its hash is kept (64 bits)."""
 
     def __init__(self, most: int) -> None:
         self._most = most
         self._noted: OrderedDict[int, T] = OrderedDict()
 
     def note(self, key: Hashable, value: T) -> T | None:
-        """What was noted under this key before; where nothing was, the value is."""
+        """Return the value noted under this key before; where there was none, note `value`."""
         name = hash(key)
         before = self._noted.get(name)
         if before is None:
@@ -46,7 +46,7 @@ class Remembered(Generic[T]):
 
 
 class Known(Enum):
-    """What is known of an id."""
+    """State of an id."""
 
     NEW = auto()
     SAME = auto()
@@ -62,7 +62,7 @@ class Copies:
         self._prints: defaultdict[str, Remembered[int]] = defaultdict(lambda: Remembered(REMEMBERED))
 
     def note(self, heard: Heard, rule: Rule) -> Known:
-        """What is known of this one's id; it is remembered. A message without an id is always new.
+        """Return the state of this communicate's id and remember it. A message without an id is always new.
 
         A latest value that is still due is said once more in a new conversation: only there it is a copy.
         """
@@ -90,7 +90,7 @@ class Streams(Generic[T]):
         self._held: dict[Pair, dict[int, T]] = {}
 
     def put(self, pair: Pair, number: int, entry: T, *, first: int | None = None) -> list[T] | None:
-        """What is in order now; nothing, while a smaller number is missing; None for one older than the first heard.
+        """Return what is in order now; nothing, while a smaller number is missing; None if older than the first heard.
 
         `first`: the number a stream begins with, where that is known.
         """

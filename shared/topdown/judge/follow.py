@@ -1,6 +1,6 @@
 """One conversation followed from outside: where both roles may stand, after what was heard of them.
 
-Whoever listens hears what is said, and not when it is taken. A role's run is some merge of its own messages and those
+A listener hears what is said, and not when it is taken. A role's run is some merge of its own messages and those
 said to it, each in their order; which merge, nobody but the role knows. So for each role all states it may be in are
 kept, by how many of the messages said to it it has taken. That is the exploration of fipa_codec (a state and what is
 on its way) for each role alone: the roles meet in nothing but what was said. Legal crossings never alarm, since some
@@ -39,7 +39,7 @@ class Said(NamedTuple):
 class Moves:
     """Which states follow which, for one role: by its table and by the rule of not-understood outside it.
 
-    `forgetful`: what ended is forgotten, so a participant may begin anew (conversations that no journal keeps). Pure,
+    `forgetful`: what ended is forgotten, so a participant may begin again (conversations that no journal keeps). Pure,
     so each answer is looked up in the table once only.
     """
 
@@ -67,7 +67,7 @@ class Moves:
         return found
 
     def words(self, states: States) -> str:
-        """What may be said in these states."""
+        """Return what may be said in these states."""
         words = {row.word for state in states for row in self.table.allowed(state, SEND)}
         return ", ".join(sorted(words)) or "nothing"
 
@@ -167,7 +167,7 @@ class Side:
             self._settle([states | BEGIN for states in self._at])
 
     def may_say(self) -> str:
-        """What it may say, in words."""
+        """Return what it may say, in words."""
         return self._moves.words(frozenset().union(*self._at))
 
     def _last(self) -> States:

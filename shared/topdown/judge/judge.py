@@ -2,7 +2,7 @@
 
 By the same tables, rules and languages as the agents run by. It takes part in nothing, may begin in the middle, and
 hears things in an order that need not be the one in which they were said: a communicate that nothing heard so far
-explains waits up to `patience_s` for what does. Time comes in as an argument; there is no I/O. A conversation whose
+explains waits up to `patience_s` for one that does. Time comes in as an argument; there is no I/O. A conversation whose
 beginning was not heard is not judged, and never an alarm.
 """
 

@@ -18,7 +18,7 @@ ENDED_S = 60.0
 QUIET_S = 3600.0
 """One that neither ended nor may rest for ever is kept so long after its last word (estimate)."""
 OVER = 20_000
-"""Ended conversations whose names are remembered, so that a straggler is no answer to nothing (estimate)."""
+"""Ended conversations whose names are remembered, so that a straggler is recognised (estimate)."""
 SWEEP_S = 10.0
 """How often is looked which of them are to be kept no longer (estimate: that is 1 us for each that is open)."""
 
@@ -211,6 +211,6 @@ class Talks:
 
 
 def name(one: Communicate) -> Name:
-    """What conversations are known by."""
+    """The name of a conversation."""
     low, high = sorted((one.sender, one.receiver))
     return one.conversation, one.protocol, low, high

@@ -1,4 +1,4 @@
-"""What is to be done at some time, for whoever is told what time it is. No clock."""
+"""Calls due at given times. No clock: the caller passes the time."""
 
 import heapq
 from collections.abc import Callable

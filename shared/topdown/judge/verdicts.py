@@ -1,4 +1,4 @@
-"""What a judge may say about a communicate, and about what.
+"""Verdicts of a judge about a communicate, and their subjects.
 
 The words are those of reports, logs and exit codes. Nothing here knows a particular system, a clock or a wire.
 """
@@ -42,7 +42,7 @@ VIOLATIONS = frozenset(Verdict) - FINE
 
 
 class Heard(msgspec.Struct, frozen=True, gc=False):
-    """What was heard as the `n`-th (from 1) at time `at` [s] on `key`; `size` [bytes]; None: it was no communicate."""
+    """The `n`-th sample (from 1), heard at `at` [s] on `key`; `size` [bytes]; None: not a communicate."""
 
     n: int
     at: float

@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 class Addressed(Shape):
-    """What a key expression is made of; a communicate is such a thing."""
+    """The parts of a key expression; a communicate has them."""
 
     @property
     def sender(self) -> str: ...
@@ -37,7 +37,7 @@ class Addressed(Shape):
 
 
 class Rule(msgspec.Struct, frozen=True):
-    """What may travel on one key: the act, who says it to whom, how it is written, how large it may be.
+    """The rule for one key: act, sender and receiver, language and contents, largest size.
 
     `contents`: language.Class of each content the act may have (none: no content). `bytes`: largest size, of all
     contents.
@@ -123,7 +123,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def houses(self) -> dict[str, elements.House]:
-        """What travels beside communicates, by kind."""
+        """Return the kinds of traffic beside communicates."""
         return {house.kind: house for house in self.file.house}
 
     @cached_property
@@ -197,7 +197,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         )
 
     def house_key(self, kind: str, *, system: str, owner: str, peer: str = "*", incarnation: int | str = "*") -> str:
-        """The key expression of what is no communicate."""
+        """Return the key expression of traffic other than communicates."""
         house = _look_up("house key", kind, self.houses)
         return house.key.format(system=system, owner=owner, peer=peer, incarnation=incarnation)
 
@@ -206,7 +206,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         return frozenset(p for s, r, i, p in self.rules if (s, r, i) == (sender, receiver, protocol))
 
     def use(self, one: str, other: str, follows: str) -> elements.Protocol:
-        """The use of the protocol `follows` (a communicate's protocol field) between two agents, whoever began."""
+        """Return the use of protocol `follows` (a communicate's protocol field) between two agents, in either role."""
         ends = {one, other}
         for use in self.file.protocol:
             if use.follows == follows and {use.initiator, use.participant} == ends:
@@ -220,7 +220,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         return tuple(entry for name in names for entry in _look_up("interface", name, self.interfaces).entries)
 
     def side(self, agent: str) -> Side:
-        """What an agent sends and receives."""
+        """Return the interface of an agent: what it sends and receives."""
         out = [rule for rule in self.rules.values() if rule.sender == agent]
         into = [rule for rule in self.rules.values() if rule.receiver == agent]
         return Side(

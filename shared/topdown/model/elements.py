@@ -1,4 +1,4 @@
-"""What a design file is made of: one frozen Struct for each kind of entry, with the file's own field names.
+"""Entries of a design file: one frozen Struct for each kind of entry, with the file's own field names.
 
 The design method of the paper, sections 4 and 5: requirement tree, binary decomposition, channels, protocols,
 interfaces, and the agents' finite state machines. `ruling` on any entry: the paper is silent or contradicts itself,
@@ -36,7 +36,7 @@ class System(Entry, frozen=True):
 
 
 class House(Entry, frozen=True):
-    """Traffic that is no communicate (liveliness, receipts, pings ...): its key template, who may write and read it."""
+    """Traffic other than communicates (liveliness, receipts, pings ...): its key template, its writers and readers."""
 
     kind: str
     key: str
@@ -179,7 +179,7 @@ class Arc(Entry, frozen=True):
 
 
 class Row(Entry, frozen=True, rename={"in_": "in"}):
-    """What an agent does at one event: a row of its conversational behaviour, over states in which it waits.
+    """An agent's action at one event: a row of its conversational behaviour, over states in which it waits.
 
     `in`: the states it stands in. `on`: the event, one of
         "USE act[kind]"   a message of the peer in that use of a protocol is taken; a message that no row of the state
@@ -231,7 +231,7 @@ class Choice(Entry, frozen=True):
 
 
 class Never(Entry, frozen=True, rename={"while_": "while"}):
-    """What must never happen: `agent` says one of `says` while all of `while_` holds.
+    """A forbidden act: `agent` says one of `says` while all of `while_` holds.
 
     `while`: "AGENT in state|state", "AGENT owes USE", "AGENT USE state|state".
     """

@@ -26,7 +26,7 @@ class DesignError(TopdownError):
 
 
 class NoSuchEntry(TopdownError, LookupError):
-    """There is no `kind` named `name`; `known` are the ones there are."""
+    """The design has no `kind` named `name`; `known` lists the defined ones."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind = kind

@@ -1,4 +1,4 @@
-"""What a check finds: the fault by name, where it is, what is wrong, what would be right."""
+"""Findings of checks: name of the fault, place, fault, correction."""
 
 from enum import StrEnum
 

@@ -20,7 +20,7 @@ def class_named(languages: Languages, name: str) -> type:
 
 
 def interface(design: Design, languages: Languages, use: str) -> ClassInterfaceInfo:
-    """What can be asked in a use of a protocol: [(performative, name, [argument classes], answer class)]."""
+    """Return the questions of a use of a protocol: [(performative, name, [argument classes], answer class)]."""
     rows: list[tuple[str, str, list[type], Any]] = []
     for entry in design.entries(use):
         answers = [class_named(languages, name) for name in entry.answers]

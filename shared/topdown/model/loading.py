@@ -60,7 +60,7 @@ def parts(path: str) -> Path_:
 
 
 def _right(path: Path_, wrong: str) -> str:
-    """What the entry at `path` may hold, in words."""
+    """Return in words what the entry at `path` may hold."""
     kind: Any = elements.DesignFile
     for part in path:
         kind = _step(kind, part)

@@ -25,7 +25,7 @@ SETTLED, UNSETTLED = "settled", "unsettled"
 
 
 class Cause(StrEnum):
-    """What kind of event a row is for."""
+    """Kinds of events of a row."""
 
     TAKE = "take"
     LATE = "late"
@@ -47,7 +47,7 @@ class Said(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What a row answers to. `name`: the use (take, late), the peer (back), a word (own, person)."""
+    """The event of a row. `name`: the use (take, late), the peer (back), a word (own, person)."""
 
     cause: Cause
     name: str = ""

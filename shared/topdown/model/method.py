@@ -34,7 +34,7 @@ class Division(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Task(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a group is for."""
+    """The task of a group."""
 
     group: str
     text: str

@@ -26,7 +26,7 @@ _PEER = "{peer}"
 
 
 class Action(StrEnum):
-    """What an identity may want to do on a key. `TOKEN`: declare a liveliness token; `WATCH`: see tokens."""
+    """Actions of an identity on a key. `TOKEN`: declare a liveliness token; `WATCH`: see tokens."""
 
     PUT = "put"
     SUBSCRIBE = "subscribe"
@@ -59,7 +59,7 @@ class Family(msgspec.Struct, frozen=True, order=True):
 
 
 def identities(design: Design) -> tuple[str, ...]:
-    """Agents, then whoever else reads or writes, then the router: each has a certificate of its own."""
+    """Return agents, then other readers and writers, then the router: each has a certificate of its own."""
     others = [name for house in design.file.house for name in (*house.writers, *house.readers)]
     return tuple(dict.fromkeys([*design.agents, *design.file.system.recorders, *others, ROUTER]))
 
@@ -95,7 +95,7 @@ def common_names(
     """The common name (CN) of each certificate, and as whom it counts: (identity, system) pairs.
 
     One system: the CN is the identity. Several behind one router: an agent's CN is `<system>.<identity>`, so that the
-    two of a name are told apart; whoever is no agent (router, recorders, readers) is one for all systems. `linked`:
+    two of a name are told apart; another identity (router, recorders, readers) is one for all systems. `linked`:
     each system has a router of its own.
     """
     several = {*design.agents, *([ROUTER] if linked else [])} if len(systems) > 1 else set()
@@ -198,7 +198,7 @@ def _of_house(design: Design, system: str, house: House) -> Iterator[Family]:
 
 
 def _is_token(house: House) -> bool:
-    """What names an incarnation in its key is no message but a liveliness token."""
+    """Whether a key names an incarnation: then it carries a liveliness token, not a message."""
     return _INCARNATION in house.key
 
 

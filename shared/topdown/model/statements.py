@@ -1,4 +1,4 @@
-"""What a designer states beside the design itself: its outcome, figures that stand in two places, what was counted.
+"""Statements of a designer beside the design: its outcome, figures that stand in two places, counts of a run.
 
 A design that is only transcribed (a paper, a report) contradicts itself here first: the checks put each statement
 beside the others and beside what the steps and protocols give. Nothing here knows a particular system.

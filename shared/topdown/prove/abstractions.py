@@ -1,4 +1,4 @@
-"""What the composed model leaves out or takes for something simpler, why that is safe, and what shows it.
+"""Simplifications of the composed model: why each is safe, and the evidence for it.
 
 `roco design verify --long` prints this table; a reader who doubts a verdict begins here.
 """
@@ -78,4 +78,4 @@ NOT_PROVEN = (
     "a peer that seems to come back though it never died (the router was away), but for what its death brings about",
     "two agents whose outboxes are full towards each other, which only many reports that nobody asked for bring about",
 )
-"""What no layer says anything about."""
+"""Limits: properties that no layer covers."""

@@ -28,7 +28,7 @@ class Part(NamedTuple):
 
 
 def parts(step: Step, lifelines: list[str]) -> Iterator[Part]:
-    """What happens in a step, one after the other; words without a peer that has a lifeline stay together."""
+    """The parts of a step in their order; words without a peer that has a lifeline stay together."""
     own: list[str] = []
     for piece in re.split(r"[;,] ", step.what):
         match = _ARROW.fullmatch(piece)

@@ -26,7 +26,7 @@ ABSTRACTIONS = (
     ("news that changes no state is sent when all before it is receipted", "`eager` explores it without: see there"),
     ("one conversation at a time, the next after the end", "agents of this method hold one of each use"),
 )
-"""What is dropped, and why that is safe."""
+"""Dropped traffic, and why it is safe to drop it."""
 
 
 class _Direction:
@@ -51,7 +51,7 @@ class _Direction:
             yield Variable(receipt, ("no", "yes"))
 
     def room(self, places: int) -> tuple[Guard, ...]:
-        """Whether the sender may add so many more: else it does nothing, as in the runtime."""
+        """Whether the sender may add `places` more messages: else it does nothing, as in the runtime."""
         return (is_(self.cells[-places], NONE),) if places else ()
 
     def issue(self, word: str) -> Iterator[tuple[tuple[Guard, ...], tuple[Effect, ...]]]:
@@ -179,7 +179,7 @@ class _Streams:
         return text
 
     def _deaths(self, role: Role) -> Iterator[Command]:
-        """What waited for it is gone; with it, or not, what it had recorded and not yet sent."""
+        """Drop the traffic to a dead side; with it, or not, what that side had recorded and not yet sent."""
         me, mine, others = self.pair.players.named(role), self.out[role], self.out[role.other]
         waited = (*others.nothing_arrives(), *mine.no_receipt_arrives())
         unsent = (*mine.nothing_arrives(), *others.no_receipt_arrives())
@@ -208,9 +208,9 @@ def durable_pair(
     bound: int = BOUND,
     eager: bool = False,
 ) -> Net:
-    """The net of a protocol over two durable streams, with at most so many faults (None: any number).
+    """Return the net of a protocol over two durable streams, with at most `faults` faults (None: any number).
 
     `eager`: news (rows that stay in their state) may fill the outbox. Then two agents that take nothing while their
-    outboxes are full can block each other: whoever sends news must leave room for the answers it owes.
+    outboxes are full can block each other: a sender of news must leave room for the answers it owes.
     """
     return _Streams(Pair(protocol, players or Players()), bound, eager).net().counted(faults)

@@ -37,7 +37,7 @@ class Move(NamedTuple):
 
 
 class Model(Protocol):
-    """What can be explored."""
+    """A model that `explore` can explore."""
 
     @property
     def start(self) -> State:
@@ -50,7 +50,7 @@ class Model(Protocol):
         """Whether all may stay as it is for ever."""
 
     def wrong(self, state: State) -> str:
-        """What is wrong in this state by itself, in words; "" for nothing. Nothing is explored beyond it."""
+        """Return the fault of this state by itself, in words; "" for none. Nothing is explored beyond it."""
 
     def describe(self, state: State) -> dict[str, str]:
         """Agent -> its state in words, for drawing traces."""
@@ -81,7 +81,7 @@ class Finding(NamedTuple):
 
 
 class Exploration(NamedTuple):
-    """What was found. `complete`: every state was looked at; if not, `unproven` says what is open.
+    """Result of an exploration. `complete`: every state was looked at; if not, `unproven` says what is open.
 
     `findings`: one for each different text, shortest trace first. `reached`: all states, where that was asked for.
     """

@@ -93,7 +93,7 @@ class Fleet:
         return self._all_rest(state)
 
     def wrong(self, state: Flat) -> str:
-        """What nobody has thought of."""
+        """Return the fault of a state: an event that no row covers."""
         if isinstance(state[0], str):
             return state[0]
         for slot, number in self.inbound:

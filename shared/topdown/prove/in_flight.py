@@ -1,4 +1,4 @@
-"""What is on its way outside the durable streams: questions, answers, subscriptions, the newest observations.
+"""Words on their way outside the durable streams: questions, answers, subscriptions, the newest observations.
 
 A volatile channel is a set of words: copies of one word are one, and what belongs to a question that was given up is
 dropped at once, as the receiver would. All operations are pure.
@@ -19,7 +19,7 @@ class Net(NamedTuple):
     stale: bool = False
 
     def opened(self, said: Said) -> "Net":
-        """The initiator asks (anew): whatever else was on the way belongs to an older question."""
+        """The initiator asks, perhaps again: every other word on the way belongs to an older question."""
         return Net(frozenset({said}), False, self.stale)
 
     def closed(self) -> "Net":

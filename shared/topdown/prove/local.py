@@ -1,4 +1,4 @@
-"""What one agent may do in the composed model: its rows applied to where its conversations stand.
+"""Actions of one agent in the composed model: its rows applied to the states of its conversations.
 
 A local state is small: the state it waits in, the state of its conversation in each use (one at a time), what it owes,
 which act was begun, which peers it has news of. Everything an event may lead to is worked out once and kept.
@@ -34,7 +34,7 @@ class Local(NamedTuple):
 
 
 class Effect(NamedTuple):
-    """What a step does outside the agent: `kind` is one of "say", "open", "close", "owe"; `said` for the first two."""
+    """An effect of a step outside the agent: `kind` is "say", "open", "close" or "owe"; `said` for the first two."""
 
     kind: str
     use: str
@@ -119,7 +119,7 @@ class Agent:
         return (Outcome(local, effects, f"{said} <- {use.peer}, too late", 0),)
 
     def late_answers(self, name: str) -> tuple[Said, ...]:
-        """What the runtime says to a cancel of what is not open: one word or, where the table owes none, nothing."""
+        """Return the runtime's answer to a cancel that is not open: one word or, where the table owes none, nothing."""
         use = self.machine.uses[name]
         table = use.protocol.tables[use.role]
         taken = table.find(START, RECEIVE, Performative.CANCEL)
@@ -127,7 +127,7 @@ class Agent:
         return tuple(Said(name, row.performative, row.kind) for row in owed[:1])
 
     def _spontaneous(self, local: Local) -> tuple[tuple[Outcome, Event], ...]:
-        """What needs no message, but for restarts: own, person, back (with news of that peer), late."""
+        """Return the events without a message, except restarts: own, person, back (with news of that peer), late."""
         found: list[tuple[Outcome, Event]] = []
         for row in self.machine.spontaneous.get(local.state, ()):
             event = row.event
@@ -143,7 +143,7 @@ class Agent:
         return Outcome(after, (), f"news of {peer} is dropped", 0), Event(Cause.BACK, peer)
 
     def _happened(self, local: Local, event: Event, row: Row) -> Iterator[Outcome]:
-        """Outcomes of an event that is no message; a volatile conversation whose wait is over is given up by it."""
+        """Return outcomes of an event without a message; a volatile conversation whose wait is over is given up."""
         gives_up = event.cause is Cause.LATE and not self.machine.uses[event.name].durable
         after = local._replace(news=local.news - {event.name}) if event.cause is Cause.BACK else local
         after = self.with_talk(after, event.name, "") if gives_up else after

@@ -1,4 +1,4 @@
-"""A net as a model for the engine: its commands are made into one Python function, since a table read anew at every
+"""A net as a model for the engine: its commands are made into one Python function, since to read the table at every
 state would be some ten times slower.
 
 A state is a flat tuple: the index of each variable's value, then each queue as a tuple of indices of words. Commands
@@ -17,7 +17,7 @@ Cells = dict[str, str]
 
 
 class NetModel:
-    """What `engine.explore` wants, of a net. Raises NetError for names the net does not have."""
+    """The engine's model of a net. Raises NetError for names the net does not have."""
 
     def __init__(self, net: Net) -> None:
         self.net = net.check()

@@ -14,7 +14,7 @@ IN, OWES = "in", "owes"
 
 
 class Composed(Protocol):
-    """What a rule asks of the composed model (topdown.prove.parts.Parts): agents are numbered, uses are named."""
+    """Questions of a rule to the composed model (topdown.prove.parts.Parts): agents are numbered, uses are named."""
 
     def state_of(self, agent: int, state: tuple[int, ...]) -> str:
         """The name of the state that an agent is in."""

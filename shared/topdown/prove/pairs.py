@@ -45,7 +45,7 @@ def verify_pairs(
     seconds: float | None = None,
     most_states: int | None = None,
 ) -> tuple[PairResult, ...]:
-    """Each use of a protocol on these channels (None: on all), under at most so many faults (None: any number).
+    """Explore each use of a protocol on these channels (None: all), under at most `faults` faults (None: any number).
 
     `seconds` and `most_states` limit each pair. Uses that follow an unknown protocol are left out: checks name them.
     """

@@ -81,7 +81,7 @@ class Parts:
         return value
 
     def net(self, net: int) -> Net:
-        """What is on its way in a volatile use."""
+        """Return the net of a volatile use: the words on their way."""
         value: Net = self.nets.values[net]
         return value
 
@@ -128,7 +128,7 @@ class Parts:
         return found
 
     def net_after(self, net: int, kind: int, said: Said | None) -> int:
-        """What is on its way after an effect."""
+        """Return the net of a volatile use after an effect."""
         key = (net, kind, said)
         found = self._nets.get(key)
         if found is None:

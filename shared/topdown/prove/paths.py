@@ -44,7 +44,7 @@ class Follower:
         self.aside: Counter[tuple[str, str]] = Counter()
 
     def follow(self, deeds: Iterable[tuple[str, Done]]) -> Deviation | None:
-        """Take (agent, step) in the order in which they happened; the first that is no move, None where all are.
+        """Follow (agent, step) in order of time; return the first that is not a move of the model, None if all are.
 
         Raises NoSuchEntry for an agent that the design does not have.
         """

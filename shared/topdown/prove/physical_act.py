@@ -26,7 +26,7 @@ class Variant(StrEnum):
 
 
 class At(StrEnum):
-    """What the agent does next (RAM)."""
+    """The agent's next action (RAM)."""
 
     IDLE = "idle"
     INTENDS = "has recorded the intent"
@@ -38,7 +38,7 @@ class At(StrEnum):
 
 
 class Phase(StrEnum):
-    """What the slot says of this act's key."""
+    """The slot's content for this act's key."""
 
     EMPTY = "empty"
     WANTED = "wanted"
@@ -115,7 +115,7 @@ class Act:
             yield Move(LOOP, "ends the act", state._replace(slot=Phase.DONE, ended=True))
 
     def _restored(self, state: Place) -> Place:
-        """What the agent does after a death, by its journal and the slot."""
+        """Moves of the agent after a death, by its journal and the slot."""
         if state.journal == NOTHING:
             return state._replace(agent=At.IDLE)
         if state.journal != INTENT:

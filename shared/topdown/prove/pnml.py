@@ -102,7 +102,7 @@ def _transitions(
 
 
 def _touched(net: Net, command: Command) -> list[str]:
-    """What a transition has to know: all it asks or changes, and what tells a wrong state, where nothing happens."""
+    """Return what a transition asks or changes, and what tells a wrong state, where nothing happens."""
     parts: tuple[Guard | Effect, ...] = (*command.guards, *command.effects)
     sources = [effect.source for effect in command.effects if isinstance(effect, Copy)]
     wrong = [guard[0] for one in net.wrong for guard in one.guards]
@@ -123,7 +123,7 @@ def _size(net: Net, command: Command, values: Mapping[str, tuple[Value, ...]]) -
 def _valuations(
     net: Net, command: Command, values: Mapping[str, tuple[Value, ...]]
 ) -> Iterator[tuple[dict[str, Value], dict[str, Value]]]:
-    """What the touched things are before and after, in every state that is not wrong and has room."""
+    """Return values before and after for the touched variables, in every state that is not wrong and has room."""
     touched = _touched(net, command)
     for choice in product(*(_allowed(net, command, thing, values[thing]) for thing in touched)):
         before = dict(zip(touched, choice, strict=True))

@@ -44,7 +44,7 @@ def _identifier(name: str) -> str:
 
 
 def _head(net: Net, names: Names) -> Iterator[str]:
-    """What the numbers mean, as comments."""
+    """Comments that explain the numbers."""
     yield f"/* {_comment(net.name)}: {len(net.commands)} commands"
     for thing in net.things:
         words = thing.values if isinstance(thing, Variable) else thing.words

@@ -1,4 +1,4 @@
-"""What both kinds of pairs are built from: the two role tables of a protocol as they are, and who plays them.
+"""Common parts of both kinds of pairs: the two role tables of a protocol as they are, and the names of its players.
 
 Nothing here adds or takes away a row: a model made of these is the running conversation's own tables.
 """
@@ -91,7 +91,7 @@ class Pair:
                     yield str(state), row.word, True
 
     def wrong_words(self, role: Role, state: str, word: str, forgotten: bool) -> str:
-        """What is wrong about it."""
+        """Return in words the row that is missing."""
         where = f"in state {state}, its conversation forgotten," if forgotten else f"in state {state}"
         return f"{self.players.named(role)} {where} has no row for {word}"
 
@@ -116,7 +116,7 @@ def to(variable: str, value: object) -> Effect:
 
 
 def reachable(table: Table) -> Table:
-    """The rows that a walk from the start comes to, whatever the peer does."""
+    """Return the rows that a walk from the start reaches, whatever the peer does."""
     known, waiting = {START}, [START]
     while waiting:
         state = waiting.pop()

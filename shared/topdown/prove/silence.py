@@ -25,7 +25,7 @@ def silent_words(machines: Iterable[Machine], forbidden: frozenset[Said] = froze
 
 
 def _heard(machine: Machine) -> set[Said]:
-    """What an agent's tables let it take, in durable uses."""
+    """The messages an agent's tables let it take, in durable uses."""
     return {
         Said(use.name, row.performative, row.kind)
         for use in machine.uses.values()

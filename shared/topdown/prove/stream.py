@@ -140,7 +140,7 @@ class Stream:
             yield Move(SENDER, f"receipt {receipt} <- {RECEIVER}", after)
 
     def _sent(self, state: Place, number: int, phase: Phase, verb: str = "send") -> Move:
-        """A copy goes on the wire; where there is no room it is lost at once."""
+        """Put a copy on the wire; where there is no room it is lost at once."""
         copies = (*state.copies, number) if len(state.copies) < self.copies else state.copies
         copies = copies if self.fifo else tuple(sorted(copies))
         return Move(SENDER, f"{verb} {number} -> {RECEIVER}", state._replace(phase=phase, copies=copies))

@@ -56,7 +56,7 @@ def tasks(
     gone: Collection[str] = (),
     seconds: float | None = None,
 ) -> Iterator[Task]:
-    """What is to be proven, in order. `step`: only the channels which that step of the design created or changed (layer
+    """Return the proofs to run, in order. `step`: only channels which that step of the design created or changed (layer
     2). `gone`: agents that may die for good, besides. `seconds` limits each. Raises NoSuchEntry, IndexError.
     """
     channels = None if step is None else changed_channels(design, step)

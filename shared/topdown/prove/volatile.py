@@ -28,15 +28,15 @@ ABSTRACTIONS = (
     ("a message without a row is dropped", "so does the runtime with what is not durable: copies are normal there"),
     ("reply-by may pass at any time, and gives a question up", "no statement on durations is made"),
 )
-"""What is dropped, and why that is safe."""
+"""Dropped traffic, and why it is safe to drop it."""
 
 
 class Rules(NamedTuple):
-    """What the delivery does beyond the tables; each is switched off to see what it is for.
+    """Duties of the delivery beyond the tables; a test switches each off to show its purpose.
 
     `asks_again`: the last word of the initiator is repeated. `cancels_till_over`: a cancel until the conversation is
     over, not only until anything comes. `renews`: an initiator whose conversation may rest begins
-    it anew when the participant comes back from a death. `keeps_due`: observations due are journalled.
+    it again when the participant comes back from a death. `keeps_due`: observations due are journalled.
     """
 
     asks_again: bool = True
@@ -141,7 +141,7 @@ class _Volatile:
         return Command(me, f"{row.word} -> {peer}", (is_(me, row.state),), effects, fair=not row.free)
 
     def _taken(self, role: Role) -> Iterator[Command]:
-        """What has a row is taken; an opening asked again is answered again; the rest is dropped."""
+        """Take what has a row; answer an opening again that is asked again; drop the rest."""
         me, peer, table = self.pair.players.named(role), self.pair.players.named(role.other), self.pair.tables[role]
         for row in _words(self.pair, role.other):
             if row.word not in self.spoken(role.other):
@@ -215,7 +215,7 @@ class _Volatile:
             yield Command(self.initiator, "sees it is back", (is_("back", "yes"), over), (to("back", "no"),))
 
     def _renewed(self, states: list[str]) -> Iterator[Command]:
-        """An open conversation of a kind that may rest is begun anew with the new incarnation."""
+        """Renew an open conversation of a kind that may rest with the new incarnation."""
         for row in self.first.allowed(START, SEND) if self.rules.renews else ():
             opened = to(self.initiator, row.to), *self.said(Role.INITIATOR, row.word, row.to)
             effects = (*self.forgotten(), to("back", "no"), *opened)
@@ -275,7 +275,7 @@ def volatile_pair(
     latest: bool = False,
     rules: Rules | None = None,
 ) -> Net:
-    """The net of a protocol whose conversations are volatile (`latest`: with observations), and at most so many
+    """Return the net of a protocol whose conversations are volatile (`latest`: with observations), and at most `faults`
     faults (None: any number).
     """
     return _Volatile(Pair(protocol, players or Players()), latest, rules or Rules()).net().counted(faults)

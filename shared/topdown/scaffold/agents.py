@@ -108,7 +108,7 @@ def _memory(design: Design, agent: str) -> str:
 
 
 def _condition(entry: elements.Agent, name: str) -> str:
-    """What a condition is for, in words."""
+    """Return the purpose of a condition in words."""
     ends = [f"ends state {state.name}" for state in entry.state if state.terminal == name]
     ends += [f"ends state {state.name} as an error" for state in entry.state if state.error == name]
     arcs = [f"leads from {arc.source} to {arc.target}" for arc in entry.arc if arc.when == name]

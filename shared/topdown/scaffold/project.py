@@ -1,4 +1,4 @@
-"""What a project has once: the design and its reader, the process that runs them all, compose entries, a README."""
+"""Files a project has once: the design and its reader, the process that runs all agents, compose entries, README."""
 
 from topdown.model.design import Design
 from topdown.scaffold.naming import docstring, sentence, wrapped

@@ -23,7 +23,7 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 class Outcome(msgspec.Struct, frozen=True):
-    """Paths relative to `folder`: `written` (new or made anew), `same` as they were, `kept`; `left`: no longer made."""
+    """Paths relative to `folder`: `written` (new or changed), `same` as they were, `kept`; `left`: no longer made."""
 
     folder: str
     written: tuple[str, ...]
