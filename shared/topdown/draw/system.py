@@ -89,7 +89,9 @@ class _Drawing:
         self.cells = placed(groups, [c.ends for c in shown])
         self.joins = [Join(c, labels(design, c), self._sides(c)) for c in shown]
         self.words = {group: self._task(group) for group in groups}
-        self.width = max(INNER, *(PAIR * self._most(group, ("top", "bottom")) + 20 for group in groups))
+        widest = max((width_of(line, "small") for lines in self.words.values() for line in lines), default=0.0)
+        ports = (PAIR * self._most(group, ("top", "bottom")) + 20 for group in groups)
+        self.width = max(INNER, widest + 2 * PORT + 24, *ports)  # a word longer than a line is not broken
         beside = max((j.height for j in self.joins if j.sides[0] in ("left", "right")), default=0.0)
         high = max(self._most(group, ("left", "right")) for group in groups)
         lines = max(len(words) for words in self.words.values())
