@@ -92,9 +92,11 @@ def about(name: str = "", run_dir: Path | None = None) -> System:
 
 def _named(name: str) -> Target:
     for folder in (Path(name), folders.RUNS / name):
-        if name != COMPOSE and folder.is_dir():
+        if name != COMPOSE and folder.is_dir() and folders.fleet(folder) is not None:
             return Local(folder.resolve())
     found = _compose(name)
+    if found is None and name != COMPOSE and Path(name).is_dir():  # a run whose fleet.json is gone, or not there yet
+        return Local(Path(name).resolve())
     if found is None:
         what = "no compose project of ours runs" if name == COMPOSE else f"{name!r} is no folder and no compose project"
         begin = "`docker compose -f deploy/compose.yaml up -d` starts one, `roco up` a local one"
