@@ -45,18 +45,6 @@ def targets(incomplete: str) -> list[str]:
     return [name for name in ("local", "compose", *projects()) if name.startswith(incomplete)] + runs(incomplete)
 
 
-def processes(incomplete: str) -> list[str]:
-    """The processes of the fleet that is meant without a word."""
-    from operate.cli.errors import ConsoleError
-    from operate.cli.fleet import targets
-
-    try:
-        found = [one.name for one in targets.find().look().seen]
-    except ConsoleError:
-        return agents(incomplete)
-    return [name for name in found if name.startswith(incomplete)]
-
-
 def _designs() -> "Iterable[Design]":
     """The design of the system here; none where there is no system, or its design cannot be read."""
     from operate.system import NoSystemError, here
