@@ -63,6 +63,8 @@ CALLS: dict[str, Row] = {
     "conversation show": Row(("desk-1-1",), has=("desk-1-1  request on C2  ended", "dispatcher", "agreed", "inform")),
     "send": Row(("--list", "--as", "ox"), has=("JOB.Offer", "traffic", "C7")),
     "acl show": Row((ACL,), has=("inform", "ox")),
+    "runs": Row(has=("depot", "up: 7 processes", "(latest)")),
+    "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
     "down": Row(has=("ended router, monitor, desk, dispatcher, traffic, mule, ox",)),
     # What is asked of a run that has ended.
     "replay": Row((RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",)),
@@ -180,6 +182,8 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
         "agents": Row(has=("asker", "doer", "MiB")),
         "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),  # its stubs say nothing yet
         "send": Row(("--list",), has=("asker", "doer")),
+        "runs": Row(has=("depot", "up: 7 processes", "(latest)")),
+        "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
         "down": Row(has=("ended router, monitor, asker, doer",)),
     }
     try:

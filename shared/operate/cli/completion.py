@@ -16,6 +16,16 @@ def runs(incomplete: str) -> list[str]:
     return [str(path) for path in found if str(path).startswith(incomplete)]
 
 
+def run_names(incomplete: str) -> list[str]:
+    """Return the names of runs in runs/, newest first."""
+    return [Path(path).name for path in runs("") if Path(path).name.startswith(incomplete)]
+
+
+def ages(incomplete: str) -> list[str]:
+    """Return durations as one may write them."""
+    return [text for text in ("12h", "1d", "7d", "4w") if text.startswith(incomplete)]
+
+
 def agents(incomplete: str) -> list[str]:
     """The agents of the design."""
     return _begun(incomplete, (design.agents for design in _designs()))

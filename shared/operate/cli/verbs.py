@@ -1,6 +1,7 @@
 """The verbs of `roco` that serve any system, in one table: words that call it, where its function is, what it does.
 
-A verb is a plain function with typer's annotations; what it prints it prints in both forms (operate.cli.output).
+A verb is a plain function with typer's annotations; what it prints it prints in both forms (operate.cli.output). Other
+verbs may begin with its words (`record`, `record info`).
 Nothing is imported before it is called (operate.cli.lazy): the line below is what `roco --help` shows, and the
 function's docstring begins with the same words. A docstring ends in `Examples:` with one call of roco a line.
 
@@ -66,6 +67,11 @@ VERBS: Table = {
         "acl show": (".traffic.acl:show", "Show what a message says."),
     },
     "Runs reported, repeated, compared": {
+        "runs": (
+            ".runs.catalogue:runs",
+            "List the runs that were kept: begin, duration, size on disk, system, result.",
+        ),
+        "runs remove": (".runs.remove:remove", "Remove runs by name or by rule, never one that is up."),
         "report": (".runs.report:report", "Make the report of a run again from its recording, and show it."),
         "export": (
             ".runs.export:export",
