@@ -59,6 +59,7 @@ CALLS: dict[str, Row] = {
     "traffic stats": Row(("--run", RUN), has=(*CHANNELS, "propose")),
     "traffic judge": Row((RUN,), has=(*CHANNELS, "communicates as designed")),
     "record": Row(("--for", "0.5", "--out", "empty.mcap"), has=("communicates", "records", "empty.mcap")),
+    "record info": Row(("--keys",), has=("C5/dispatcher/ox/", "house/state", "system depot, design ", "not closed in")),
     "conversation list": Row(("--channel", "C2"), has=("desk > dispatcher", "request")),
     "conversation show": Row(("desk-1-1",), has=("desk-1-1  request on C2  ended", "dispatcher", "agreed", "inform")),
     "send": Row(("--list", "--as", "ox"), has=("JOB.Offer", "traffic", "C7")),

@@ -51,6 +51,10 @@ VERBS: Table = {
             ".traffic.record:record",
             "Record the traffic of a running fleet from now until Ctrl-C, as an MCAP file.",
         ),
+        "record info": (
+            ".traffic.record_info:info",
+            "Show what is in a recording: topics with counts and times, who wrote it.",
+        ),
         "replay": (
             ".traffic.replay:replay",
             "Say again what a recording holds, with its timing, where no robot hears it.",

@@ -36,7 +36,7 @@ In = Annotated[Path, typer.Option("--in", help="The folder that the runs are in.
 
 
 class Run(msgspec.Struct, frozen=True):
-    """A run: when it began [unix s], how long it took [s] (None: no fleet tells), bytes on disk, system, result, why."""
+    """A run. `begin` [unix s]; `duration_s` None: no fleet tells; `bytes` on disk; `why` it failed, or what is up."""
 
     name: str
     begin: float
