@@ -41,6 +41,16 @@ def protocols(incomplete: str) -> list[str]:
     return _begun(incomplete, (design.tables for design in _designs()))
 
 
+def ontologies(incomplete: str) -> list[str]:
+    """Return the ontologies of the design."""
+    return _begun(incomplete, ({use.ontology: None for use in one.file.protocol if use.ontology} for one in _designs()))
+
+
+def languages(incomplete: str) -> list[str]:
+    """Return the content languages of the design."""
+    return _begun(incomplete, ([one.name for one in design.file.language] for design in _designs()))
+
+
 def performatives(incomplete: str) -> list[str]:
     """All performatives of FIPA."""
     from fipa_codec.performatives import Performative

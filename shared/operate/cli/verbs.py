@@ -26,6 +26,10 @@ VERBS: Table = {
             ".fleet.agent:start",
             "Start a process that was stopped or given up, and wait until it is ready.",
         ),
+        "directory": (
+            ".fleet.directory:directory",
+            "Show who offers which protocol, ontology, language and query kinds, and is it up.",
+        ),
         "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
         "graph": (
             ".terminal.graph:graph",
