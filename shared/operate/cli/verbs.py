@@ -51,6 +51,10 @@ VERBS: Table = {
         "traffic bw": (".traffic.rates:bw", "Show how many bytes per second each channel carries."),
         "traffic size": (".traffic.rates:size", "Show how large communicates are."),
         "traffic stats": (".traffic.rates:stats", "Show counts, sizes, rates, and how long answers took."),
+        "sniff": (
+            ".traffic.sniff:sniff",
+            "Draw a sequence diagram of what is said as it goes by, with a lifeline for every agent.",
+        ),
         "record": (
             ".traffic.record:record",
             "Record the traffic of a running fleet from now until Ctrl-C, as an MCAP file.",
