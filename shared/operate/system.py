@@ -49,7 +49,7 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     operate.pictures.stage.Drawer, `blueprint`: one of the length of the run that gives the layout of the viewer.
     `telemetry`: kind of a house key -> decoder, a mapping. `tasks`: a function of a Target that gives what people asked
     for, as lines of operate.cli.fleet.tasks.Task; it raises ConsoleError. `checks`: an operate.cli.fleet.checkup.Checks
-    for `roco doctor`.
+    for `roco doctor`. `measures`: an operate.experiments.measures.Measures for experiments and comparisons.
     """
 
     verbs: str = ""
@@ -64,6 +64,7 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     telemetry: str = ""
     tasks: str = ""
     checks: str = ""
+    measures: str = ""
 
 
 class System(msgspec.Struct, frozen=True, kw_only=True):

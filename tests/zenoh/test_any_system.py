@@ -79,6 +79,10 @@ CALLS: dict[str, Row] = {
     "report": Row((RUN,), has=(*AGENTS, "report.json")),
     "export": Row((RUN, "--to", "csv", "--out", "tables"), has=("communicates.csv",)),
     "compare": Row((RUN, RUN), has=("no regression",)),
+    "experiment run": Row(
+        ("--for", "3", "--runs", "1", "--out", "one"),
+        has=("1 of 1 runs succeeded", "communicates: ", "one/report.html"),
+    ),
     "design check": Row(has=("depot/design.toml: no findings", "5 agents")),
     "design diff": Row(("depot/design.toml", "depot/design.toml"), has=("the designs are the same",)),
     "design estimate": Row(has=CHANNELS),
@@ -153,7 +157,7 @@ def test_what_only_the_robot_can_do_is_no_verb_here(depot: Project) -> None:
     """Neither listed nor called: wrong use, which names what there is."""
     listed = depot.roco("--help").stdout
     assert "conversation" in listed
-    assert not re.search(r"^│ (say|stop|demo|experiment) ", listed, re.MULTILINE)
+    assert not re.search(r"^│ (say|stop|demo) ", listed, re.MULTILINE)
     done = depot.roco("say", "pour", "--format", "json")
     assert (done.returncode, done.stdout) == (2, "")
     assert "depot, has no verb 'say'; there are up, down, status" in json.loads(done.stderr)["error"]

@@ -55,6 +55,7 @@ SYSTEM = System(
         events="companion.tools.report.events:events",
         report="companion.tools.report.report:build",
         page="companion.tools.report.page:rendered",
+        measures="companion.tools.report.measures:MEASURES",
         drawers="companion.tools.pictures.drawers:drawers",
         blueprint="companion.tools.pictures.blueprint:blueprint",
         telemetry="companion.tools.telemetry:DECODERS",

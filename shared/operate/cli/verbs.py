@@ -90,6 +90,11 @@ VERBS: Table = {
             "Write what a recording holds as tables: communicates, events, telemetry.",
         ),
         "compare": (".runs.compare:compare", "Compare two sets of runs: success, latency, energy, traffic."),
+        "experiment": (GROUP, "Runs repeated, and how they differ."),
+        "experiment run": (
+            ".runs.experiment:run",
+            "Bring a fresh fleet up for some seconds, again and again; report.html, .json and .md.",
+        ),
     },
     "The design": {
         "design": (GROUP, "The design: checked, shown, proven."),

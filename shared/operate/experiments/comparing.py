@@ -6,14 +6,15 @@ there is none, so it stays open; but of two single runs one that succeeded and o
 
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
+from typing import Any
 
 import msgspec
 
 from operate.experiments import diverging, intervals
 from operate.experiments.diverging import Divergence
 from operate.experiments.intervals import Difference, Interval
-from operate.experiments.quantities import QUANTITIES, Quantity, values
-from operate.experiments.results import Result, Runs
+from operate.experiments.measures import Quantity, Runs, values
+from operate.experiments.run_figures import Result
 
 SUCCESS = "success"
 THRESHOLDS: dict[str, float] = {SUCCESS: 5.0, "latency": 10.0, "energy": 10.0, "traffic": 10.0}
@@ -118,7 +119,7 @@ def _is_percent(text: str) -> bool:
         return False
 
 
-def _success(a: tuple[Result, ...], b: tuple[Result, ...], threshold: float) -> Compared:
+def _success(a: tuple[Result[Any], ...], b: tuple[Result[Any], ...], threshold: float) -> Compared:
     counts = [(sum(one.success for one in side), len(side)) for side in (a, b)]
     apart = intervals.difference_of_shares(counts[0], counts[1])
     percent, low, high = _percent(apart, 1.0)
@@ -140,7 +141,7 @@ def _success(a: tuple[Result, ...], b: tuple[Result, ...], threshold: float) -> 
 
 
 def _quantities(a: Runs, b: Runs, thresholds: Mapping[str, float]) -> tuple[Compared, ...]:
-    rows = (_quantity(one, a, b, thresholds[one.kind]) for one in QUANTITIES)
+    rows = (_quantity(one, a, b, thresholds[one.kind]) for one in a.measures.all_quantities)
     return tuple(row for row in rows if row.a is not None or row.b is not None)
 
 
@@ -173,7 +174,7 @@ def _percent(apart: Difference | None, of: float) -> tuple[float | None, float |
     return 100 * apart.value / of, low, high
 
 
-def _lost(a: tuple[Result, ...], b: tuple[Result, ...]) -> tuple[Lost, ...]:
+def _lost(a: tuple[Result[Any], ...], b: tuple[Result[Any], ...]) -> tuple[Lost, ...]:
     fine = {one.seed for one in a if one.success}
     return tuple(Lost(one.seed or 0, one.failure) for one in b if one.failure is not None and one.seed in fine)
 

@@ -1,10 +1,10 @@
 """What was said in a run, as plain rows: who to whom, which act, about what, how large, when. Pure."""
 
 import re
+from collections.abc import Callable
 
 import msgspec
 
-from companion.wording import words
 from operate.recording.history import History
 from operate.recording.records import Spoken
 
@@ -31,12 +31,12 @@ class Said(msgspec.Struct, frozen=True):
         return self.sender, self.receiver, self.protocol, self.performative, self.kind, _NUMBERS.sub("#", self.text)
 
 
-def said(history: History) -> tuple[Said, ...]:
-    """The communicates of a history, in the order of time."""
-    return tuple(_row(one, history.begin) for one in history.said)
+def said(history: History, words: Callable[[object], str]) -> tuple[Said, ...]:
+    """Return the communicates of a history in the order of time; `words`: a content in a few words."""
+    return tuple(_row(one, history.begin, words) for one in history.said)
 
 
-def _row(one: Spoken, begin: float) -> Said:
+def _row(one: Spoken, begin: float, words: Callable[[object], str]) -> Said:
     content = one.content
     return Said(
         t=one.received - begin,

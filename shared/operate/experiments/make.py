@@ -9,8 +9,8 @@ from pyarrow import parquet
 
 from operate.experiments import page, results, summary, tables
 from operate.experiments.exchanges import Said, said
-from operate.experiments.quantities import QUANTITIES
-from operate.experiments.results import NothingHere, Runs
+from operate.experiments.measures import Runs
+from operate.experiments.results import NothingHere
 from operate.recording import history
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import of_run
@@ -33,20 +33,22 @@ class Made(msgspec.Struct, frozen=True):
 def everything(place: Path) -> Made:
     """Make the report of an experiment's folder. Raises NothingHere."""
     if not (place / results.RESULTS_FILE).is_file():
-        raise NothingHere(f"{place} holds no experiment; make one with `roco experiment pour --out {place}`")
+        raise NothingHere(f"{place} holds no experiment; `roco experiment` makes one")
     _keep_said(place)
     runs = results.load(place)
     if not runs.results:
         raise NothingHere(
-            f"{place} holds no run that is done; go on with `roco experiment pour --out {place} --resume`"
+            f"{place} holds no run that is done; go on with the same `roco experiment … --out {place} --resume`"
         )
     told = summary.summed(runs)
     words = msgspec.json.format(msgspec.json.encode(told), indent=1) + b"\n"
     (place / f"{REPORT}.json").write_bytes(words)
-    (place / f"{REPORT}.md").write_text(page.markdown(told) + "\n", encoding="utf-8")
+    (place / f"{REPORT}.md").write_text(page.markdown(told, runs.measures) + "\n", encoding="utf-8")
     (place / f"{REPORT}.html").write_text(page.rendered(runs, told), encoding="utf-8")
     parquet.write_table(of_runs(runs), place / RUNS_FILE, compression="zstd")
-    return Made(str(place), told.runs, told.success.value, told.success.low, told.success.high, page.lines(told))
+    return Made(
+        str(place), told.runs, told.success.value, told.success.low, told.success.high, page.lines(told, runs.measures)
+    )
 
 
 def of_runs(runs: Runs) -> pyarrow.Table:
@@ -59,7 +61,7 @@ def of_runs(runs: Runs) -> pyarrow.Table:
         "load": [one.load[0] if one.load else None for one in runs.results],
     }
     types = {"seed": pyarrow.int64(), "success": pyarrow.bool_(), "failure": pyarrow.string()}
-    for quantity in QUANTITIES:
+    for quantity in runs.measures.all_quantities:
         name = f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name
         columns[name] = [None if one.figures is None else quantity.read(one.figures) for one in runs.results]
     return pyarrow.table(
@@ -74,6 +76,7 @@ def _keep_said(place: Path) -> None:
     for one in results.results(place):
         folder = place / results.RUNS / f"seed-{one.seed}"
         if one.seed is not None and one.seed not in kept and (folder / TRAFFIC_FILE).exists():
-            kept[one.seed] = said(history.load(folder, of_run(folder)))
+            system = of_run(folder)
+            kept[one.seed] = said(history.load(folder, system), system.words)
     if kept:
         tables.write_said(file, kept)

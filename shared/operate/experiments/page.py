@@ -6,11 +6,10 @@ from pathlib import Path
 
 import jinja2
 
-from companion.tools.report.paper import PAPER, TABLE_8
 from operate.experiments import pictures
 from operate.experiments.intervals import Interval
-from operate.experiments.results import Runs
-from operate.experiments.summary import RECEIVED, SENT, Row, Summary
+from operate.experiments.measures import Measures, Row, Runs
+from operate.experiments.summary import RECEIVED, SENT, Summary
 from operate.reports.page import ABSENT, STYLE, number
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
@@ -34,27 +33,28 @@ def rendered(runs: Runs, told: Summary) -> str:
         told=told,
         results=runs.results,
         began=began(told),
-        paper=PAPER,
-        agents=TABLE_8,
+        own=runs.measures,
         style=STYLE,
         sizes=pictures.sizes(runs),
         shares=pictures.shares(runs),
-        plans=[pictures.planning(runs, 1), pictures.planning(runs, 2)],
+        drawings=[(one, [svg for svg in one.draw(runs) if svg]) for one in runs.measures.drawings],
     )
 
 
-def markdown(told: Summary) -> str:
+def markdown(told: Summary, own: Measures) -> str:
     """The same without figures, for reading where it lies."""
-    return "\n".join((*_head(told), *_rows(told), *_table_7(told), *_table_8(told)))
+    return "\n".join((*_head(told, own), *_rows(told, own), *_events(told, own), *_matrix(told, own)))
 
 
-def lines(told: Summary) -> list[str]:
-    """What a person at the terminal is told: success, and some figures of a run."""
+def lines(told: Summary, own: Measures) -> list[str]:
+    """Return what a person at the terminal reads: success, and some figures of a run."""
     fine = told.runs - len(told.failures)
-    words = [f"{fine} of {told.runs} runs poured: {percent(told.success)}, 95 % interval {percent_span(told.success)}"]
+    words = [
+        f"{fine} of {told.runs} runs {own.done}: {percent(told.success)}, 95 % interval {percent_span(told.success)}"
+    ]
     words += [f"  seed {one.seed}: {one.why}" for one in told.failures]
-    wanted = ("command to end", "simulated acts", "energy of the body's joints", "communicates", "all bytes")
-    words += [f"{row.name}: {_in_words(row)}" for row in told.rows if row.name in wanted]
+    wanted = (*own.told, "communicates", "all bytes")
+    words += [f"{row.name}: {_in_words(row, own.published.by)}" for row in told.rows if row.name in wanted]
     return words
 
 
@@ -101,15 +101,15 @@ def half(interval: Interval) -> str:
     return number(wide, 1 if wide < 10 else 0) if wide >= 0.05 else ""
 
 
-def _in_words(row: Row) -> str:
+def _in_words(row: Row, by: str) -> str:
     unit = f" {row.unit}" if row.unit else ""
-    theirs = f" (paper: {number(row.paper)}{unit})" if row.paper is not None else ""
+    theirs = f" ({by}: {number(row.published)}{unit})" if row.published is not None else ""
     return f"{number(row.mean.value, row.digits)}{unit}, 95 % interval {span(row.mean, row.digits)}{theirs}"
 
 
-def _head(told: Summary) -> Iterator[str]:
+def _head(told: Summary, own: Measures) -> Iterator[str]:
     setting = told.setting
-    yield f"# {told.runs - len(told.failures)} of {told.runs} runs poured"
+    yield f"# {told.runs - len(told.failures)} of {told.runs} runs {own.done}"
     yield ""
     yield f"{percent(told.success)} of runs, 95 % interval {percent_span(told.success)}. {told.method}"
     yield ""
@@ -122,28 +122,35 @@ def _head(told: Summary) -> Iterator[str]:
         yield f"- Seed {one.seed} failed: {one.why}"
 
 
-def _rows(told: Summary) -> Iterator[str]:
-    yield from ("", "| figure of a run | mean | 95 % interval | least | largest | paper |", "|---|---|---|---|---|---|")
+def _rows(told: Summary, own: Measures) -> Iterator[str]:
+    head = f"| figure of a run | mean | 95 % interval | least | largest | {own.published.by} |"
+    yield from ("", head, "|---|---|---|---|---|---|")
     for row in told.rows:
         numbers = (number(row.mean.value, row.digits), span(row.mean, row.digits))
-        others = (number(row.least, row.digits), number(row.largest, row.digits), number(row.paper))
+        others = (number(row.least, row.digits), number(row.largest, row.digits), number(row.published))
         yield f"| {row.name}{f' [{row.unit}]' if row.unit else ''} | {' | '.join((*numbers, *others))} |"
 
 
-def _table_7(told: Summary) -> Iterator[str]:
-    yield from ("", "Table 7: s after the first communicate", "")
-    yield from ("| event | wall time | 95 % | simulated | 95 % | runs | paper |", "|---|---|---|---|---|---|---|")
-    for row in told.table_7:
+def _events(told: Summary, own: Measures) -> Iterator[str]:
+    if not told.events:
+        return
+    yield from ("", "Events: s after the first communicate", "")
+    yield from (
+        f"| event | wall time | 95 % | simulated | 95 % | runs | {own.published.by} |",
+        "|---|---|---|---|---|---|---|",
+    )
+    for row in told.events:
         ours = (value(row.t, 1), span(row.t, 1), value(row.sim_s, 1), span(row.sim_s, 1), str(row.runs))
-        yield f"| {row.name} | {' | '.join(ours)} | {number(row.paper)} |"
+        yield f"| {row.name} | {' | '.join(ours)} | {number(row.published)} |"
 
 
-def _table_8(told: Summary) -> Iterator[str]:
-    yield from ("", "Table 8: communicates of a run, rows receive, columns send; in brackets the paper's", "")
-    senders = (*TABLE_8, RECEIVED)
+def _matrix(told: Summary, own: Measures) -> Iterator[str]:
+    beside = f"; in brackets: {own.published.by}" if own.published.matrix else ""
+    yield from ("", f"Communicates of a run, rows receive, columns send{beside}", "")
+    senders = (*own.order, RECEIVED)
     yield f"| | {' | '.join(senders)} |"
     yield "|---" * (len(senders) + 1) + "|"
-    for receiver in (*TABLE_8, SENT):
-        cells = (told.table_8[sender][receiver] for sender in senders if receiver in told.table_8[sender])
-        words = (f"{count(cell.mean)}{f' ({cell.paper})' if cell.paper else ''}" for cell in cells)
+    for receiver in (*own.order, SENT):
+        cells = (told.matrix[sender][receiver] for sender in senders if receiver in told.matrix[sender])
+        words = (f"{count(cell.mean)}{f' ({cell.published})' if cell.published else ''}" for cell in cells)
         yield f"| {receiver} | {' | '.join(words)} |"

@@ -1,21 +1,20 @@
-"""What runs came to: an experiment's folder, one run's folder or a recording, each read into the same small Structs.
-
-A file of another version may lack a figure: it is None then, and left out where figures are put together.
-Must not know: which statistics are made of it.
-"""
+"""The results of runs: an experiment's folder, one run's folder or a recording, read into the same small Structs."""
 
 import tempfile
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
-from companion.tools.report import report
-from operate.experiments import tables
+from operate.experiments import measures, tables
 from operate.experiments.exchanges import Said, said
+from operate.experiments.measures import Runs
+from operate.experiments.run_figures import Figures, Result, Setting
 from operate.recording import history
+from operate.reports import report
 from operate.run_folder import REPORT_FILE, TRAFFIC_FILE
-from operate.system import of_run
+from operate.system import System, of_run
 
 SETTING_FILE = "experiment.json"
 RESULTS_FILE = "results.jsonl"
@@ -25,135 +24,6 @@ RUNS = "runs"
 
 class NothingHere(Exception):
     """There is nothing to work on; it says what would be right."""
-
-
-class Setting(msgspec.Struct, frozen=True):
-    """experiment.json, as `roco experiment` writes it."""
-
-    task: str = ""
-    runs: int = 0
-    seed: int = 0
-    speed: str = ""
-    scene: str = ""
-    timeout_s: float = 0.0
-    most_load: float = 0.0
-    began: float = 0.0
-    version: str = ""
-    commit: str = ""
-    machine: str = ""
-    cores: int = 0
-    python: str = ""
-
-
-class Plan(msgspec.Struct, frozen=True):
-    """How a plan was made (operate.reports.report.Plan)."""
-
-    number: int
-    t: float = 0.0
-    wall_s: float | None = None
-    queries: int | None = None
-    communicates: int | None = None
-    bytes: int | None = None
-    km_s: float | None = None
-
-
-class Happened(msgspec.Struct, frozen=True):
-    """An event, `t` s after the first communicate, `sim_s` on the simulation's clock."""
-
-    name: str
-    t: float
-    sim_s: float | None = None
-    channels: tuple[str, ...] = ()
-
-
-class Sizes(msgspec.Struct, frozen=True):
-    """Sizes of some communicates [bytes]."""
-
-    count: int = 0
-    total: int = 0
-    least: int = 0
-    mean: float = 0.0
-    largest: int = 0
-
-
-class Communicates(msgspec.Struct, frozen=True):
-    """Counts (operate.reports.counts.Communicates)."""
-
-    total: int = 0
-    copies: int = 0
-    small: float | None = None
-    matrix: dict[str, dict[str, int]] = {}
-    per_channel: dict[str, Sizes] = {}
-
-
-class Spans(msgspec.Struct, frozen=True):
-    """Durations [ms]."""
-
-    count: int = 0
-    p50: float = 0.0
-    p99: float = 0.0
-    max: float = 0.0
-
-
-class Latency(msgspec.Struct, frozen=True):
-    """Of one use of a protocol (operate.reports.counts.Latency)."""
-
-    channel: str
-    use: str
-    budget_ms: float | None = None
-    answer: Spans | None = None
-
-
-class Figures(msgspec.Struct, frozen=True):
-    """What is used of a report.json, which has more."""
-
-    success: bool = False
-    failure: str | None = None
-    poured_fraction: float | None = None
-    sim_time_s: float | None = None
-    wall_time_s: float | None = None
-    energy_J: float | None = None
-    communicates: Communicates = Communicates()
-    plans: tuple[Plan, ...] = ()
-    events: tuple[Happened, ...] = ()
-    latency: tuple[Latency, ...] = ()
-    seed: int | None = None
-    speed: str | None = None
-    began: float = 0.0
-
-    def happened(self, name: str) -> Happened | None:
-        """The first event of this name."""
-        return next((one for one in self.events if one.name == name), None)
-
-    def plan(self, number: int) -> Plan | None:
-        """The plan of this number."""
-        return next((one for one in self.plans if one.number == number), None)
-
-
-class Result(msgspec.Struct, frozen=True):
-    """One run: a line of results.jsonl. `figures` None: it left no report; `failure` None: a success."""
-
-    seed: int | None
-    failure: str | None
-    figures: Figures | None
-    began: float = 0.0
-    took_s: float | None = None
-    timed_out: bool = False
-    load: tuple[float, float] | None = None
-
-    @property
-    def success(self) -> bool:
-        """Whether the run did what it should."""
-        return self.failure is None
-
-
-class Runs(msgspec.Struct, frozen=True):
-    """A set of runs; `said`: seed -> what was said in that run, where that was recorded."""
-
-    name: str
-    setting: Setting | None
-    results: tuple[Result, ...]
-    said: dict[int, tuple[Said, ...]]
 
 
 def load(place: Path) -> Runs:
@@ -171,7 +41,8 @@ def load(place: Path) -> Runs:
         raise NothingHere(
             f"{place} holds no runs; give an experiment's folder ({RESULTS_FILE}), a run's folder or a {TRAFFIC_FILE}"
         )
-    return _put_together(place.name, [_single(one) for one in singles])
+    system = of_run(singles[0])
+    return _put_together(place.name, [_single(one) for one in singles], measures.of(system))
 
 
 def is_run(place: Path) -> bool:
@@ -192,12 +63,21 @@ def of_recording(place: Path) -> history.History:
         return history.load(Path(folder), of_run(place))
 
 
-def results(place: Path) -> tuple[Result, ...]:
-    """The lines of an experiment, each seed once, in the order of seeds; one cut off by a kill is left out."""
-    found: dict[int | None, Result] = {}
+def system_of(place: Path) -> System:
+    """Return the system of an experiment: that of one of its runs, where their folders are still there."""
+    return of_run(next(iter(sorted(place.glob(f"{RUNS}/*"))), place))
+
+
+def results(place: Path, figures: type[Figures] = Figures) -> tuple[Result[Any], ...]:
+    """Return the lines of an experiment, each seed once, in the order of seeds; one cut off by a kill is left out.
+
+    `figures`: what a report.json is read as.
+    """
+    found: dict[int | None, Result[Any]] = {}
+    line_type: Any = Result[figures]  # type: ignore[valid-type]
     for raw in (place / RESULTS_FILE).read_bytes().splitlines():
         with suppress(msgspec.DecodeError):
-            line = msgspec.json.decode(raw, type=Result)
+            line = msgspec.json.decode(raw, type=line_type)
             found.setdefault(line.seed, line)
     return tuple(found[seed] for seed in sorted(found, key=lambda seed: seed or 0))
 
@@ -211,28 +91,29 @@ def setting(place: Path) -> Setting | None:
 
 
 def _experiment(place: Path) -> Runs:
-    file = place / SAID_FILE
-    return Runs(place.name, setting(place), results(place), tables.said_in(file) if file.exists() else {})
+    file, own = place / SAID_FILE, measures.of(system_of(place))
+    said_there = tables.said_in(file) if file.exists() else {}
+    return Runs(place.name, setting(place), results(place, own.figures), said_there, own)
 
 
-def _single(place: Path) -> tuple[Result, tuple[Said, ...]]:
+def _single(place: Path) -> tuple[Result[Any], tuple[Said, ...]]:
     """A run; its report.json counts where it is there, else one is made of the recording."""
-    past = of_recording(place)
-    file = place / REPORT_FILE
-    raw = file.read_bytes() if place.is_dir() and file.exists() else msgspec.json.encode(report.build(past))
+    past, system, file = of_recording(place), of_run(place), place / REPORT_FILE
+    kept = place.is_dir() and file.exists()
+    raw = file.read_bytes() if kept else msgspec.json.encode(report.of(past, system))
     try:
-        figures = msgspec.json.decode(raw, type=Figures)
+        figures = msgspec.json.decode(raw, type=measures.of(system).figures)
     except msgspec.DecodeError as error:
-        raise NothingHere(f"{file} is no report ({error}); `roco report {place}` makes it again") from error
+        raise NothingHere(f"{file} is not a report ({error}); `roco report {place}` makes it again") from error
     failure = None if figures.success else figures.failure or "the report does not say why"
-    return Result(figures.seed, failure, figures, figures.began), said(past)
+    return Result(figures.seed, failure, figures, figures.began), said(past, system.words)
 
 
-def _put_together(name: str, singles: list[tuple[Result, tuple[Said, ...]]]) -> Runs:
+def _put_together(name: str, singles: list[tuple[Result[Any], tuple[Said, ...]]], own: measures.Measures) -> Runs:
     """Runs whose seeds do not tell them apart are numbered instead."""
     seeds = [result.seed for result, _ in singles]
     if None in seeds or len(set(seeds)) < len(seeds):
         seeds = list(range(1, len(singles) + 1))
     numbered = [msgspec.structs.replace(result, seed=n) for n, (result, _) in zip(seeds, singles, strict=True)]
     told = {n: rows for n, (_, rows) in zip(seeds, singles, strict=True) if rows and n is not None}
-    return Runs(name, None, tuple(numbered), told)
+    return Runs(name, None, tuple(numbered), told, own)

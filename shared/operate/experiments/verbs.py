@@ -21,7 +21,7 @@ def again(
     place: Place, out: Annotated[Path | None, typer.Option(help="Where the files go; else a run's own folder.")] = None
 ) -> None:
     """Make report.json, report.html and run.rrd again, or without a place for them only print the report."""
-    from operate.experiments import results
+    from operate.experiments import measures, results
     from operate.reports import make, report
     from operate.system import of_run
 
@@ -30,10 +30,9 @@ def again(
         target = _target(place, out)
         if target is not None and not make.everything(target, of_run(place), _complain):
             raise typer.Exit(1)
-        system = of_run(place)
-        build = system.addition("report")
-        told = build(past) if build is not None else report.build(past, system)
-    _print({"folder": None if target is None else str(target), "report": told})
+        told = report.of(past, of_run(place))
+        shown = measures.shown(told, measures.of(of_run(place)))
+    _print({"folder": None if target is None else str(target), "report": told, "shown": shown})
 
 
 def export(
@@ -43,9 +42,10 @@ def export(
 ) -> None:
     """Write communicates, events and telemetry as tables; print which files and how many rows."""
     from operate.experiments import results, tables
+    from operate.system import of_run
 
     with _telling():
-        made = tables.of_history(results.of_recording(place))
+        made = tables.of_history(results.of_recording(place), of_run(place))
         files = tables.write(made, out, to)
     rows = zip(files, made.values(), strict=True)
     _print([{"file": str(file), "rows": table.num_rows, "columns": table.num_columns} for file, table in rows])

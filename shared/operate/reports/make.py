@@ -18,8 +18,7 @@ def everything(run: Path, system: System, say: Say) -> bool:
     """Make all three; `say(event, level, **fields)` is told what was made and what was not. True: all of it."""
     try:
         past = history.load(run, system)
-        build = system.addition("report")
-        figures = build(past) if build is not None else report.build(past, system)
+        figures = report.of(past, system)
         report.write(run, figures)
     except Exception:  # the recording stays: the report can be made again by a later version
         say("no report", level="error", why=traceback.format_exc())

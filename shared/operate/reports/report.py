@@ -6,6 +6,7 @@ not recorded is null; nothing is guessed. Times `t` count from the first communi
 
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -60,9 +61,13 @@ class Busy(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What is told of a run of any system. `busy`: who was in which state when."""
+    """What is told of a run of any system. `failure`: why it is not a success, else null; `busy`: who was in which
+    state when.
+    """
 
     system: str
+    success: bool
+    failure: str | None
     communicates: counts.Communicates
     judged: Judged | None
     latency: tuple[counts.Latency, ...]
@@ -74,10 +79,19 @@ class Report(msgspec.Struct, frozen=True):
     holes: tuple[HoleAt, ...]
 
 
+def of(history: History, system: System) -> Any:
+    """Return the figures of a run as its system has them: its addition `report`, or `build`."""
+    own = system.addition("report")
+    return build(history, system) if own is None else own(history)
+
+
 def build(history: History, system: System) -> Report:
     """Return the figures of a run."""
+    against = failure(history)
     return Report(
         system=system.name,
+        success=against is None,
+        failure=against,
         communicates=counts.communicates(history, system.design),
         judged=judged(history),
         latency=counts.latencies(history, system.design),
@@ -88,6 +102,22 @@ def build(history: History, system: System) -> Report:
         began=history.begin,
         holes=holes(history),
     )
+
+
+def failure(history: History) -> str | None:
+    """Return why a run is not a success: nothing was said, somebody was down at its end, or something said is against
+    the design; None where it is one.
+    """
+    if not history.said:
+        return "no communicate was heard"
+    if history.down:
+        return "; ".join(
+            f"{one.name} was {one.state} at the end{f': {one.note}' * bool(one.note)}" for one in history.down
+        )
+    against = [one for one in history.judged if one.violation]
+    if against:
+        return f"{len(against)} communicates are not as designed, the first one: {against[0].why}"
+    return None
 
 
 def write(run: Path, report: msgspec.Struct) -> Path:

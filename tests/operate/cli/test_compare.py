@@ -138,7 +138,7 @@ def test_tables_are_written(tmp_path: Path) -> None:
     code, out, error = run("export", str(POUR), "--to", "csv", "--out", str(tmp_path), "--format", "json")
     assert code == 0, error
     assert {Path(one["file"]).name: one["rows"] for one in msgspec.json.decode(out)} == {
-        "communicates.csv": 420, "events.csv": 19, "telemetry.csv": 172,
+        "communicates.csv": 420, "states.csv": 81, "events.csv": 19, "telemetry.csv": 172,
     }  # fmt: skip
     assert (tmp_path / "communicates.csv").read_text().count("\n") == 421
     assert run("export", str(tmp_path), "--out", str(tmp_path))[0] == 2

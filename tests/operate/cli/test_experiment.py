@@ -12,12 +12,11 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from companion.tools.verbs import experiment, trials
 from operate.cli.__main__ import app
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import starting
 from operate.cli.output import Format
-from operate.cli.runs import machine
+from operate.cli.runs import experiment, machine, trials
 from operate.run_folder import REPORT_FILE
 
 pytestmark = pytest.mark.process
@@ -30,7 +29,9 @@ HANGS = "import time; time.sleep(60)"
 
 def setting(**changed: object) -> trials.Setting:
     """Three runs from seed 1 on."""
-    return msgspec.structs.replace(trials.here("pour", 3, 1, "max", None, 20.0, 0.0), **changed)
+    return msgspec.structs.replace(
+        trials.here("pour", ("demo",), trials.Asked(3, 1, "max", None, 20.0, 0.0)), **changed
+    )
 
 
 @pytest.fixture
@@ -134,7 +135,7 @@ def test_a_report_of_success_and_a_bad_exit_is_no_success(tmp_path: Path, played
     """Something went wrong after the pour."""
     played(lambda seed: leaves(POURED, 1))
     run_all(tmp_path, setting(runs=1))
-    assert trials.lines(tmp_path)[0].failure == "the demo ended with 1"
+    assert trials.lines(tmp_path)[0].failure == "`roco demo` ended with 1"
 
 
 def test_for_programs_each_run_is_a_line_of_json(tmp_path: Path, played: Callable[[Play], list[int]]) -> None:

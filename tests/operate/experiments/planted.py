@@ -6,23 +6,26 @@ from pathlib import Path
 
 import msgspec
 
+from companion.tools.report.measures import MEASURES
+from companion.tools.report.plan_figures import Plan, PourFigures
 from operate.experiments import results
 from operate.experiments.exchanges import Said
-from operate.experiments.results import Communicates, Figures, Happened, Latency, Plan, Result, Runs, Sizes, Spans
+from operate.experiments.measures import Runs
+from operate.experiments.run_figures import Communicates, Happened, Latency, Result, Setting, Sizes, Spans
 
-Change = Callable[[Figures], Figures]
+Change = Callable[[PourFigures], PourFigures]
 
 
-def same(figures: Figures) -> Figures:
+def same(figures: PourFigures) -> PourFigures:
     """No change."""
     return figures
 
 
-def figures(seed: int, noise: random.Random) -> Figures:
+def figures(seed: int, noise: random.Random) -> PourFigures:
     """One run: the seed decides what is drawn, the noise what a machine adds."""
     drawn, shake = random.Random(seed), noise.gauss(0.0, 0.02)
     wall = 50.0 * (1.0 + drawn.gauss(0.0, 0.05) + shake)
-    return Figures(
+    return PourFigures(
         success=True,
         poured_fraction=1.0,
         sim_time_s=64.0 * (1.0 + drawn.gauss(0.0, 0.04)),
@@ -71,7 +74,9 @@ def runs(
         why = "the jar fell" if seed in failing else None
         one = msgspec.structs.replace(one, success=why is None, failure=why)
         found.append(Result(seed, why, one, one.began, 60.0, False, (1.0, 2.0)))
-    return Runs("planted", None, tuple(found), {one.seed: said(one.seed) for one in found if one.seed is not None})
+    return Runs(
+        "planted", None, tuple(found), {one.seed: said(one.seed) for one in found if one.seed is not None}, MEASURES
+    )
 
 
 def times(factor: float, *names: str) -> Change:
@@ -79,7 +84,7 @@ def times(factor: float, *names: str) -> Change:
     return lambda one: msgspec.structs.replace(one, **{name: factor * getattr(one, name) for name in names})
 
 
-def written(place: Path, of: Runs, setting: results.Setting | None = None) -> Path:
+def written(place: Path, of: Runs, setting: Setting | None = None) -> Path:
     """An experiment's folder with these results, as `roco experiment` leaves it, without recordings."""
     from operate.experiments import tables
 

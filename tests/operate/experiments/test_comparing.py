@@ -9,10 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from planted import Change, runs, said, times
 
+from companion.tools.report.plan_figures import PourFigures
 from operate.experiments import comparing, diverging, results
 from operate.experiments.comparing import Compared, Comparison, Verdict
 from operate.experiments.exchanges import Said
-from operate.experiments.results import Figures, Latency, Runs, Spans
+from operate.experiments.measures import Runs
+from operate.experiments.run_figures import Latency, Spans
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
@@ -22,7 +24,7 @@ def row(found: Comparison, name: str) -> Compared:
     return next(one for one in found.rows if one.name == name)
 
 
-def slower(figures: Figures) -> Figures:
+def slower(figures: PourFigures) -> PourFigures:
     """Plans come 40 % later."""
     rows = [msgspec.structs.replace(one, wall_s=1.4 * (one.wall_s or 0.0)) for one in figures.plans]
     answers = [
@@ -31,7 +33,7 @@ def slower(figures: Figures) -> Figures:
     return msgspec.structs.replace(figures, plans=tuple(rows), latency=tuple(answers))
 
 
-def talkative(figures: Figures) -> Figures:
+def talkative(figures: PourFigures) -> PourFigures:
     """A quarter more is said."""
     more = msgspec.structs.replace(figures.communicates, total=526)
     return msgspec.structs.replace(figures, communicates=more)
@@ -119,7 +121,7 @@ def test_lost_successes_are_a_regression_and_named() -> None:
 def test_failed_runs_do_not_pull_the_means() -> None:
     """A run that broke off early took little time; it counts against success alone."""
 
-    def broken(figures: Figures) -> Figures:
+    def broken(figures: PourFigures) -> PourFigures:
         return times(0.1, "wall_time_s", "energy_J")(figures) if figures.seed == 3 else figures
 
     found = comparing.compared(runs(), runs(change=broken, failing=[3]))
@@ -141,7 +143,7 @@ def test_single_runs_have_no_interval_but_a_lost_success_counts() -> None:
 def test_the_order_of_lines_does_not_matter(order: list[int]) -> None:
     """An experiment that was interrupted and went on compares as one that was not."""
     one, other = runs(), runs(change=times(1.05, "energy_J"), machine=2)
-    mixed = Runs("planted", None, tuple(other.results[n] for n in order), other.said)
+    mixed = Runs("planted", None, tuple(other.results[n] for n in order), other.said, other.measures)
     assert comparing.compared(one, mixed).rows == comparing.compared(one, other).rows
 
 

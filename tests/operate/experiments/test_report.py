@@ -7,10 +7,15 @@ import pytest
 from planted import runs, said, written
 from pyarrow import csv, parquet
 
+from companion.tools.report import planning_runs
+from companion.tools.report.measures import MEASURES
 from companion.tools.report.paper import PAPER
+from companion.tools.system import SYSTEM
 from companion.tools.telemetry import robot
 from operate.experiments import make, page, pictures, results, summary, tables
-from operate.experiments.results import NothingHere, Result
+from operate.experiments.results import NothingHere
+from operate.experiments.run_figures import Result
+from operate.reports import report
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
@@ -20,26 +25,26 @@ def test_the_summary_counts_the_lines(tmp_path: Path) -> None:
     told = summary.summed(runs(failing=[2, 9]))
     assert (told.runs, told.success.value, [one.seed for one in told.failures]) == (30, 28 / 30, [2, 9])
     rows = {row.name: row for row in told.rows}
-    assert rows["command to end"].paper == PAPER.times["finished"] - PAPER.times["command received"]
+    assert rows["command to end"].published == PAPER.times["finished"] - PAPER.times["command received"]
     good = [one.figures.energy_J for one in runs(failing=[2, 9]).results if one.success and one.figures]
     energy = rows["energy of the body's joints"]
     assert energy.mean.value == pytest.approx(sum(x for x in good if x is not None) / 28)
     assert (energy.mean.n, energy.least, energy.largest) == (28, min(good), max(good))  # type: ignore[type-var]
-    assert rows["plan 1: mean bandwidth of C4"].paper == 32
+    assert rows["plan 1: mean bandwidth of C4"].published == 32
 
 
 def test_tables_7_and_8_have_every_row_of_the_paper() -> None:
     """Ours with intervals; what never happened in our runs stays, empty."""
     told = summary.summed(runs())
-    names = {row.name: row for row in told.table_7}
+    names = {row.name: row for row in told.events}
     assert set(PAPER.times) <= set(names)
     assert names["finished"].runs == 30
     assert names["finished"].t is not None
     assert names["jar grasped"].t is None
-    cell = told.table_8["km"]["pl"]
-    assert (cell.paper, cell.mean.value) == (730, pytest.approx(117.0))
-    assert told.table_8["pl"]["km"].mean.low == told.table_8["pl"]["km"].mean.high == 116
-    assert told.table_8["km"]["sent"].paper == sum(PAPER.matrix["km"].values())
+    cell = told.matrix["km"]["pl"]
+    assert (cell.published, cell.mean.value) == (730, pytest.approx(117.0))
+    assert told.matrix["pl"]["km"].mean.low == told.matrix["pl"]["km"].mean.high == 116
+    assert told.matrix["km"]["sent"].published == sum(PAPER.matrix["km"].values())
 
 
 def test_all_of_it_is_made_of_a_folder_of_lines(tmp_path: Path) -> None:
@@ -112,24 +117,24 @@ def test_a_recorded_run_fills_every_table() -> None:
     one = results.load(POUR)
     told = summary.summed(one)
     assert {row.mean.low for row in told.rows} == {None}
-    assert {row.name for row in told.table_7 if row.runs} >= {"jar grasped", "bowl put down", "content poured"}
-    assert sum(cell["sent"].mean.value for cell in told.table_8.values() if "sent" in cell) == 420
-    assert sum(cell.mean.value for cell in told.table_8["received"].values()) == 420
+    assert {row.name for row in told.events if row.runs} >= {"jar grasped", "bowl put down", "content poured"}
+    assert sum(cell["sent"].mean.value for cell in told.matrix.values() if "sent" in cell) == 420
+    assert sum(cell.mean.value for cell in told.matrix["received"].values()) == 420
     assert "<svg" in pictures.sizes(one)
     assert "peak 150 kbit/s" not in pictures.sizes(one)
     assert "data:image/png;base64" in pictures.sizes(one)
-    assert pictures.planning(one, 1)
-    assert pictures.planning(one, 3) == ""
+    assert planning_runs.planning(one, 1)
+    assert planning_runs.planning(one, 3) == ""
     assert "plan 1: peak bandwidth of C4, in steps of 1 s" in {row.name for row in told.rows}
-    assert page.markdown(told).count("\n| jar grasped |") == 1
+    assert page.markdown(told, MEASURES).count("\n| jar grasped |") == 1
 
 
 def test_a_recording_is_exported_as_tables(tmp_path: Path) -> None:
     """Communicates, events, telemetry: the rows of the recording, the same in both formats."""
     past = results.of_recording(POUR / "traffic.mcap")
-    made = tables.of_history(past)
+    made = tables.of_history(past, SYSTEM)
     assert {name: table.num_rows for name, table in made.items()} == {
-        "communicates": len(past.said), "events": 19, "telemetry": len(robot(past)),
+        "communicates": len(past.said), "states": len(report.busy(past)), "events": 19, "telemetry": len(robot(past)),
     }  # fmt: skip
     assert sum(made["communicates"]["size"].to_pylist()) == sum(one.size for one in past.said)
     assert made["telemetry"]["work_J"].to_pylist()[-1] == robot(past)[-1][1].work_J
@@ -149,7 +154,7 @@ def test_what_holds_nothing_is_named(tmp_path: Path) -> None:
         results.load(tmp_path)
     with pytest.raises(NothingHere, match="holds no recording"):
         results.of_recording(tmp_path / "none")
-    with pytest.raises(NothingHere, match="roco experiment pour"):
+    with pytest.raises(NothingHere, match="`roco experiment` makes one"):
         make.everything(tmp_path)
     (tmp_path / results.RESULTS_FILE).touch()
     with pytest.raises(NothingHere, match="--resume"):

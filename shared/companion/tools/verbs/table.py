@@ -1,6 +1,6 @@
 """The verbs of `roco` that only this robot has: rows beside those of operate.cli.verbs."""
 
-from operate.cli.verbs import GROUP, Table
+from operate.cli.verbs import Table
 
 ROOM = "companion.tools.verbs"
 VERBS: Table = {
@@ -18,7 +18,6 @@ VERBS: Table = {
         "ask": (f"{ROOM}.ask:ask", "Ask what the robot knows, in SPARQL."),
     },
     "Runs reported, repeated, compared": {
-        "experiment": (GROUP, "The main job repeated, and what it comes to."),
         "experiment pour": (
             f"{ROOM}.experiment:pour",
             "Repeat the main job, a fresh fleet each time; report.html, .json and .md set it beside the paper.",

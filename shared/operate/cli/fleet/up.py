@@ -1,5 +1,6 @@
 """`roco up` and `down`: the fleet brought up and down."""
 
+import contextlib
 import subprocess
 from datetime import datetime
 from enum import StrEnum
@@ -10,6 +11,7 @@ import typer
 from rich.console import Console
 
 from operate.cli import interrupts
+from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import running_fleets, starting, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_problem, waiting
 from operate.cli.runs import folders
@@ -33,6 +35,7 @@ Insecure = Annotated[
     bool, typer.Option("--insecure", help="No TLS and no rights: whoever is on this host may say anything.")
 ]
 Out = Annotated[Path | None, typer.Option("--out", help="Where everything is written; else runs/<time>.")]
+For = Annotated[float | None, typer.Option("--for", min=1.0, help="Bring it down after this many seconds.")]
 Another = Annotated[
     str, typer.Option("--another", metavar="NAME", help="Beside a fleet that runs: a second one, in runs/NAME.")
 ]
@@ -47,6 +50,7 @@ def up(
     only: Annotated[str, typer.Option(help="Names of processes, comma between; else all.")] = "",
     insecure: Insecure = False,
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
+    seconds: For = None,
     form: Form = Format.TEXT,
 ) -> None:
     """Bring the fleet up in the background. Interrupted, it brings down what it began.
@@ -59,11 +63,17 @@ def up(
       roco up --insecure --out runs/today
       roco up --only router,monitor,AGENT,PEER
       roco up --another second
+      roco up --for 30
     """
     with problems(form), interrupts.heard():
         where = running_fleets.place(out, another, datetime.now())
         words = [*options(seed, speed, scene, insecure), *(["--only", only] if only else [])]
+        if seconds is not None and not wait:
+            raise UsageError("--for counts from when all are ready; leave --no-wait out")
         starting.check(words)
+        if seconds is not None:
+            _for(where, words, seconds, form)
+            return
         _begun(where, words, wait, form)
         named = "" if where.latest else f"; `--target {another or folders.near(where.run)}` means it"
         what = f"ready; everything is written to {where.run}"
@@ -87,6 +97,24 @@ def _begun(where: running_fleets.Place, words: list[str], wait: bool, form: Form
             finally:  # a closed terminal takes no words
                 starting.bring_down(where.run, supervisor)
             raise
+
+
+def _for(where: running_fleets.Place, words: list[str], seconds: float, form: Format) -> None:
+    """Start the fleet, let it run for some seconds once it is ready, and bring it down, whatever happens.
+
+    Raise FleetError where it does not come up, or its supervisor ends before.
+    """
+    with interrupts.held() as let_go:
+        supervisor = starting.start(where.run, [*words, *([] if where.latest else ["--no-latest"])])
+        try:
+            let_go()
+            _watched(where.run, supervisor, form)
+            with waiting(f"the fleet runs for {seconds:g} s", form), contextlib.suppress(subprocess.TimeoutExpired):
+                code = supervisor.wait(seconds)
+                raise FleetError(f"the supervisor ended with code {code}; see {where.run}/supervisor.log")
+        finally:
+            starting.bring_down(where.run, supervisor)
+    tell(Reply(f"ran for {seconds:g} s; everything is written to {where.run}", str(where.run)), form)
 
 
 def _watched(run: Path, supervisor: "subprocess.Popen[bytes]", form: Format) -> None:

@@ -13,13 +13,6 @@ from operate.cli.analysis import analysed
 from operate.cli.output import Form, Format, problems, tell_json
 
 ABSENT = "-"
-FIGURES = {
-    "poured_fraction": ("in the bowl", "%", 100.0),
-    "wall_time_s": ("command to end", "s", 1.0),
-    "sim_time_s": ("simulated acts", "s", 1.0),
-    "energy_J": ("energy of the body's joints", "J", 1.0),
-}
-"""Figures that a report may have: words, unit, factor."""
 
 
 def report(
@@ -46,15 +39,18 @@ def report(
         if form is Format.JSON:
             tell_json(told["report"])
         else:
-            show(told["report"], told["folder"], Console())
+            show(told["report"], told["shown"], told["folder"], Console())
         if told["report"].get("success") is False:
             raise typer.Exit(1)
 
 
-def show(told: dict[str, Any], folder: str | None, console: Console) -> None:
-    """For people: the verdict, the figures, what happened when, who told whom."""
+def show(told: dict[str, Any], shown: list[dict[str, Any]], folder: str | None, console: Console) -> None:
+    """Print for people: the verdict, the figures, what happened when, who told whom.
+
+    `shown`: name, unit and value of each figure that the system has beyond the traffic.
+    """
     console.print(headline(told), highlight=False)
-    for part in (figures(told), *([events(told)] if "events" in told else []), matrix(told)):
+    for part in (figures(told, shown), *([events(told)] if "events" in told else []), matrix(told)):
         console.print()
         console.print(part)
     for hole in told["holes"]:
@@ -74,13 +70,11 @@ def headline(told: dict[str, Any]) -> str:
     return f"{verdict}; seed {told['seed']}, speed {told['speed']}" if told["speed"] else verdict
 
 
-def figures(told: dict[str, Any]) -> RenderableType:
-    """Figures of the whole run, and of each plan."""
+def figures(told: dict[str, Any], shown: list[dict[str, Any]]) -> RenderableType:
+    """Return the figures of the whole run, and of each plan."""
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     said = told["communicates"]
-    rows = [
-        (words, _number(told[name], unit, factor)) for name, (words, unit, factor) in FIGURES.items() if name in told
-    ]
+    rows = [(one["name"], _number(one["value"], one["unit"])) for one in shown]
     rows += [
         ("communicates", f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']} sent again"),
     ]
@@ -117,8 +111,8 @@ def matrix(told: dict[str, Any]) -> RenderableType:
     return table
 
 
-def _number(value: float | None, unit: str = "", factor: float = 1.0) -> str:
+def _number(value: float | None, unit: str = "") -> str:
     if value is None:
         return ABSENT
-    number = f"{factor * value:.{0 if unit == '%' else 1}f}"
+    number = f"{value:.{0 if unit == '%' else 1}f}"
     return f"{number} {unit}" if unit else number

@@ -1,7 +1,7 @@
-"""Running the main job again and again, each time with a fresh fleet: one line of results.jsonl for each run.
+"""One verb of `roco` repeated, each time with a fresh fleet: one line of results.jsonl for each run.
 
-The file is what an interrupted experiment goes on from: a run counts once its line is there, one without is done anew.
-Must not know: what the results come to (operate.experiments).
+The file is what an interrupted experiment goes on from: a run counts once its line is there; one without is repeated.
+Must not know: which statistics are made of the results (operate.experiments).
 """
 
 import contextlib
@@ -24,15 +24,16 @@ from operate.run_folder import REPORT_FILE
 
 SETTING_FILE = "experiment.json"
 RESULTS_FILE = "results.jsonl"
-LOG_FILE = "demo.log"
-END_S = starting.STOP_S + 30.0  # an interrupted demo brings its fleet down first; estimate for what it needs besides
+LOG_FILE = "run.log"
+END_S = starting.STOP_S + 30.0  # an interrupted run brings its fleet down first; estimate for what it needs besides
 LOOK_S = 0.5  # estimate: how often a waiting person's picture is renewed
 HOPELESS = 3  # runs in a row without a report: something is wrong with the machine, not with the robot (estimate)
 
 
 class Setting(msgspec.Struct, frozen=True):
-    """experiment.json: what is repeated, with which seeds, and where. `timeout_s`: wall time of one run; `most_load`: a
-    run waits until the machine's load is not above it, 0: it does not.
+    """experiment.json: what is repeated, with which seeds, and where. `command`: words of `roco`, to which seed, speed,
+    scene and run folder are added; `timeout_s`: wall time of one run; `most_load`: a run waits until the machine's load
+    is not above it, 0: it does not.
     """
 
     task: str
@@ -48,6 +49,7 @@ class Setting(msgspec.Struct, frozen=True):
     machine: str
     cores: int
     python: str
+    command: tuple[str, ...] = ()
 
     @property
     def seeds(self) -> range:
@@ -78,18 +80,28 @@ class _Verdict(msgspec.Struct, frozen=True):
     failure: str | None = None
 
 
-def here(
-    task: str, runs: int, seed: int, speed: str, scene: Path | None, timeout_s: float, most_load: float
-) -> Setting:
-    """The setting of an experiment that starts now on this machine."""
+class Asked(msgspec.Struct, frozen=True):
+    """What a person asks of an experiment, as Setting has it."""
+
+    runs: int
+    seed: int
+    speed: str
+    scene: Path | None
+    timeout_s: float
+    most_load: float
+
+
+def here(task: str, command: tuple[str, ...], asked: Asked) -> Setting:
+    """Return the setting of an experiment that starts now on this machine."""
     return Setting(
         task=task,
-        runs=runs,
-        seed=seed,
-        speed=speed,
-        scene=str(scene.resolve()) if scene else "",
-        timeout_s=timeout_s,
-        most_load=most_load,
+        command=command,
+        runs=asked.runs,
+        seed=asked.seed,
+        speed=asked.speed,
+        scene=str(asked.scene.resolve()) if asked.scene else "",
+        timeout_s=asked.timeout_s,
+        most_load=asked.most_load,
         began=time.time(),
         version=machine.installed(),
         commit=machine.commit(),
@@ -115,18 +127,24 @@ def begun(out: Path, wanted: Setting, resume: bool) -> tuple[Setting, list[Line]
         said = ", ".join(f"{name} {getattr(old, name)!r} (now {getattr(wanted, name)!r})" for name in other)
         raise UsageError(f"the experiment in {out} has {said}; give the same, or another --out")
     new = msgspec.structs.replace(
-        old, runs=max(wanted.runs, old.runs), timeout_s=wanted.timeout_s, most_load=wanted.most_load
+        old,
+        command=wanted.command,
+        runs=max(wanted.runs, old.runs),
+        timeout_s=wanted.timeout_s,
+        most_load=wanted.most_load,
     )
     file.write_bytes(msgspec.json.format(msgspec.json.encode(new)) + b"\n")
     return new, done
 
 
 def setting(out: Path) -> Setting:
-    """What experiment.json says. UsageError where it is none."""
+    """Return what experiment.json says. Raise UsageError where it cannot be read."""
     try:
         return msgspec.json.decode((out / SETTING_FILE).read_bytes(), type=Setting)
     except (OSError, msgspec.DecodeError) as error:
-        raise UsageError(f"{out / SETTING_FILE} is no experiment's setting ({error}); give another --out") from error
+        raise UsageError(
+            f"{out / SETTING_FILE} is not an experiment's setting ({error}); give another --out"
+        ) from error
 
 
 def lines(out: Path) -> list[Line]:
@@ -172,7 +190,8 @@ def run(out: Path, setting: Setting, seed: int, tick: Callable[[float], None]) -
     finally:
         _end(process, place)
     took = time.time() - began
-    failure, figures = _told(place, setting.timeout_s if code is None else None, process.returncode)
+    late_s, command = (setting.timeout_s if code is None else None), " ".join(setting.command[:1])
+    failure, figures = _told(place, late_s, process.returncode, command)
     return Line(
         seed=seed,
         began=began,
@@ -194,7 +213,7 @@ def _clear(place: Path) -> None:
 
 
 def _start(place: Path, setting: Setting, seed: int) -> subprocess.Popen[bytes]:
-    words = ["demo", "--seed", str(seed), "--speed", setting.speed, "--out", str(place), "--headless"]
+    words = [*setting.command, "--seed", str(seed), "--speed", setting.speed, "--out", str(place)]
     words += ["--scene", setting.scene] if setting.scene else []
     with (place / LOG_FILE).open("ab") as log:
         return subprocess.Popen(
@@ -217,7 +236,7 @@ def _waited(process: subprocess.Popen[bytes], timeout_s: float, tick: Callable[[
 
 
 def _end(process: subprocess.Popen[bytes], place: Path) -> None:
-    """End a demo in order, as Ctrl-C does, and its fleet if it does not; nothing where it has ended by itself."""
+    """End a run in order, as Ctrl-C does, and its fleet if it does not; nothing where it has ended by itself."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -228,7 +247,7 @@ def _end(process: subprocess.Popen[bytes], place: Path) -> None:
     starting.down(place)
 
 
-def _told(place: Path, late_s: float | None, code: int) -> tuple[str | None, msgspec.Raw]:
+def _told(place: Path, late_s: float | None, code: int, command: str) -> tuple[str | None, msgspec.Raw]:
     """Why a run is no success, None where it is one; and its report, null where there is none."""
     try:
         raw = (place / REPORT_FILE).read_bytes()
@@ -236,8 +255,8 @@ def _told(place: Path, late_s: float | None, code: int) -> tuple[str | None, msg
         figures = msgspec.Raw(msgspec.json.format(raw, indent=-1))
     except (OSError, msgspec.DecodeError):
         log = (place / LOG_FILE).read_text(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
-        reason = f"no report; the demo ended with {code}: {log[0][-300:]}"
+        reason = f"no report; `roco {command}` ended with {code}: {log[0][-300:]}"
         return (f"not ended after {late_s:.0f} s" if late_s else reason), msgspec.Raw(b"null")
     if late_s:
         return f"not ended after {late_s:.0f} s", figures
-    return None if verdict.success and not code else verdict.failure or f"the demo ended with {code}", figures
+    return None if verdict.success and not code else verdict.failure or f"`roco {command}` ended with {code}", figures

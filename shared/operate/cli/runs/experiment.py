@@ -1,0 +1,202 @@
+"""`roco experiment run`: a fresh fleet for some seconds, repeated. By `repeated` a system repeats its own job.
+
+Interrupted, it says how to go on. Must not know: which statistics are made of the results (operate.experiments).
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from statistics import median
+from typing import Annotated, Any
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from operate.cli import interrupts
+from operate.cli.analysis import analysed
+from operate.cli.errors import ConsoleError, UsageError
+from operate.cli.fleet import running_fleets, starting
+from operate.cli.fleet.up import Rate, SceneFile, Speed
+from operate.cli.output import Form, Format, problems, tell_problem
+from operate.cli.runs import machine, trials
+
+FIRST_S = 75.0  # a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)
+DONE, GOOD = "done", "succeeded"
+PATIENCE_S = 3600.0  # for a quiet machine, before each run; estimate: longer than other work on it lasts
+
+
+class Progressing(msgspec.Struct, frozen=True, tag_field="kind", tag="run"):
+    """`--format json`: a line for each run. `left_s`: estimate of what the others will take."""
+
+    seed: int
+    done: int
+    of: int
+    success: bool
+    failure: str | None
+    took_s: float
+    left_s: float
+
+
+class Watch:
+    """Says how far the experiment is: a bar in a terminal, a line for each run elsewhere, JSON lines for programs."""
+
+    def __init__(
+        self, setting: trials.Setting, done: list[trials.Line], form: Form, console: Console, good: str = GOOD
+    ) -> None:
+        self.setting, self.done, self.form, self.console, self.good = setting, done, form, console, good
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(20),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[say]}"),
+        )
+        self._bar = Progress(*columns, console=console, transient=True, disable=not self._picture)
+        self._task = self._bar.add_task(setting.task, total=setting.runs, completed=len(done), say="")
+
+    @property
+    def _picture(self) -> bool:
+        return self.console.is_terminal and self.form is Format.TEXT
+
+    @contextmanager
+    def showing(self) -> Iterator[None]:
+        """Show it as long as this lasts."""
+        with self._bar:
+            yield
+
+    def tick(self, seed: int, since_s: float) -> None:
+        """A run goes on."""
+        left = max(0.0, self.left_s() - since_s)
+        self._bar.update(self._task, say=f"seed {seed}: {since_s:3.0f} s   about {span(left)} left")
+
+    def waiting(self, load: float, since_s: float) -> None:
+        """The machine has too much to do."""
+        self._bar.update(self._task, say=f"load {load:.1f}: waiting for a quiet machine, {span(since_s)} so far")
+
+    def left_s(self) -> float:
+        """What the runs that are not done will take, from what the others took."""
+        each = median(line.took_s for line in self.done) if self.done else FIRST_S
+        return each * (self.setting.runs - len(self.done))
+
+    def ended(self, line: trials.Line) -> None:
+        """A run is done."""
+        self.done.append(line)
+        count, of = len(self.done), self.setting.runs
+        self._bar.update(self._task, completed=count)
+        if self.form is Format.JSON:
+            told = Progressing(line.seed, count, of, line.failure is None, line.failure, line.took_s, self.left_s())
+            self.console.out(msgspec.json.encode(told).decode(), highlight=False)
+            return
+        words = self.good if line.failure is None else f"FAILED: {line.failure}"
+        left = f"; about {span(self.left_s())} left" if count < of else ""
+        self.console.out(f"run {count} of {of}, seed {line.seed}: {words}, {line.took_s:.0f} s{left}", highlight=False)
+
+
+Count = Annotated[int, typer.Option(min=1, help="How many runs.")]
+FirstSeed = Annotated[int, typer.Option(min=0, help="Of the first run; each next one takes the next.")]
+Place = Annotated[Path | None, typer.Option(help="The experiment's folder; else experiments/<time>.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the experiment in --out.")]
+Timeout = Annotated[float, typer.Option(min=1.0, help="A run that takes more seconds is ended: a failure.")]
+MostLoad = Annotated[
+    float, typer.Option(min=0.0, help="A run waits, at most an hour, until the load is not above this; 0: no.")
+]
+
+
+def run(
+    seconds: Annotated[float, typer.Option("--for", min=1.0, help="Seconds that each fleet runs once it is ready.")],
+    runs: Count = 10,
+    seed: FirstSeed = 1,
+    speed: Rate = Speed.REAL,
+    scene: SceneFile = None,
+    out: Place = None,
+    resume: Resume = False,
+    timeout: Timeout = 360.0,
+    most_load: MostLoad = 0.0,
+    form: Form = Format.TEXT,
+) -> None:
+    """Bring a fresh fleet up for some seconds, again and again; report.html, .json and .md say how runs differ.
+
+    A run succeeds when all that was said is as designed, and nobody is down at its end. Exits with 0 when all runs are
+    done, whether they succeeded or not; interrupted, it goes on with --resume.
+
+    Examples:
+      roco experiment run --for 20 --runs 10
+      roco experiment run --for 20 --runs 30 --out experiments/mine --resume
+    """
+    asked = trials.Asked(runs, seed, speed.value, scene, timeout, most_load)
+    repeated("run", ("up", "--for", f"{seconds:g}"), asked, out, resume, form)
+
+
+def repeated(
+    task: str,
+    command: tuple[str, ...],
+    asked: trials.Asked,
+    out: Path | None,
+    resume: bool,
+    form: Format,
+    good: str = GOOD,
+) -> None:
+    """Repeat a verb of `roco` that starts a fleet and ends it. `task`: the verb under `roco experiment` that says so;
+    `good`: what a successful run did, one word.
+    """
+    with problems(form), interrupts.heard():
+        if resume and out is None:
+            raise UsageError("--resume needs the experiment to go on with; name its folder with --out")
+        starting.check(["--seed", str(asked.seed), *(["--scene", str(asked.scene)] if asked.scene else [])])
+        running_fleets.refuse("beside it the figures would not be those of the robot alone")
+        place = (out or running_fleets.EXPERIMENTS / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")).resolve()
+        setting, done = trials.begun(place, trials.here(task, command, asked), resume)
+        console = Console()
+        try:
+            _all(place, setting, Watch(setting, done, form, console, good))
+        except KeyboardInterrupt:
+            tell_problem(f"what is done stays in {place}; to go on: {_again(setting, place)}", form)
+            raise
+        _finish(place, form, console)
+
+
+def _again(setting: trials.Setting, place: Path) -> str:
+    """The words by which an experiment goes on."""
+    own = " ".join(setting.command[1:] if setting.task == "run" else ())
+    same = f"--runs {setting.runs} --seed {setting.seed} --speed {setting.speed}"
+    more = f"--timeout {setting.timeout_s:g} --most-load {setting.most_load:g}"
+    return " ".join(filter(None, ("roco experiment", setting.task, own, same, more, f"--out {place} --resume")))
+
+
+def _all(place: Path, setting: trials.Setting, watch: Watch) -> None:
+    """The runs that are not done yet. ConsoleError where nothing works at all."""
+    known, without = {line.seed for line in watch.done}, 0
+    with watch.showing():
+        for seed in setting.seeds:
+            if seed in known:
+                continue
+            machine.quiet(setting.most_load or float("inf"), PATIENCE_S, watch.waiting)
+            line = trials.run(place, setting, seed, lambda since, seed=seed: watch.tick(seed, since))  # type: ignore[misc]
+            trials.keep(place, line)
+            watch.ended(line)
+            without = without + 1 if bytes(line.figures) == b"null" else 0
+            if without >= trials.HOPELESS:
+                log = trials.folder(place, seed) / trials.LOG_FILE
+                raise ConsoleError(
+                    f"{without} runs in a row left no report, the last one: {line.failure}; see {log}, then --resume"
+                )
+
+
+def _finish(place: Path, form: Form, console: Console) -> None:
+    """Make the report of what is there, and say what it says."""
+    if form is Format.TEXT:
+        console.out("making the report …", highlight=False)
+    told: dict[str, Any] = msgspec.json.decode(analysed("experiment", str(place)))
+    if form is Format.JSON:
+        console.out(msgspec.json.encode({"kind": DONE, **told}).decode(), highlight=False)
+        return
+    for line in told["lines"]:
+        console.out(line, highlight=False)
+    console.out(f"report: {place / 'report.html'}", highlight=False)
+
+
+def span(seconds: float) -> str:
+    """A duration for people."""
+    return f"{seconds / 60:.0f} min" if seconds >= 90 else f"{seconds:.0f} s"
