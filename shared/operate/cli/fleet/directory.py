@@ -94,7 +94,7 @@ def directory(
         list[str] | None, typer.Argument(metavar="[AGENT]...", help="Agents.", autocompletion=completion.agents)
     ] = None,
     protocol: Annotated[
-        str, typer.Option(help="Who offers this protocol, or use of one.", autocompletion=completion.protocols)
+        str, typer.Option(help="Who offers this protocol, or use of one.", autocompletion=completion.protocols_and_uses)
     ] = "",
     ontology: Annotated[str, typer.Option(help="Of this ontology.", autocompletion=completion.ontologies)] = "",
     language: Annotated[str, typer.Option(help="In this language.", autocompletion=completion.languages)] = "",
