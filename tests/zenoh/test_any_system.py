@@ -48,21 +48,31 @@ CALLS: dict[str, Row] = {
     "agent restart": Row(("ox",), has=("ox: ready, pid",)),
     "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
     "agent start": Row(("traffic",), has=("traffic: ready, pid",)),
+    "directory": Row(
+        ("--long",), has=("ox  up (", "cfp job(JOB.Call) -> JOB.Offer or JOB.Carried", "asks traffic: way_ox")
+    ),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "graph": Row(has=(*AGENTS, *CHANNELS)),
     "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),
     "doctor": Row(("--target", RUN, "--format", "json"), has=("7 processes of", '"supervisor"', '"router"')),
     "traffic echo": Row(("--run", RUN, "--count", "8"), has=("desk>dispatcher", "request", "carry", "legal")),
+    "sniff": Row(
+        ("--run", RUN, "--count", "9", "--svg", "talk.svg"),
+        has=(*AGENTS, "├─", "◀", "C2 carry", "wrote talk.svg: 9 of 9"),
+    ),
     "traffic hz": Row(("--run", RUN), has=CHANNELS),
     "traffic bw": Row(("--run", RUN), has=CHANNELS),
     "traffic size": Row(("--run", RUN), has=CHANNELS),
     "traffic stats": Row(("--run", RUN), has=(*CHANNELS, "propose")),
     "traffic judge": Row((RUN,), has=(*CHANNELS, "communicates as designed")),
     "record": Row(("--for", "0.5", "--out", "empty.mcap"), has=("communicates", "records", "empty.mcap")),
+    "record info": Row(("--keys",), has=("C5/dispatcher/ox/", "house/state", "system depot, design ", "not closed in")),
     "conversation list": Row(("--channel", "C2"), has=("desk > dispatcher", "request")),
     "conversation show": Row(("desk-1-1",), has=("desk-1-1  request on C2  ended", "dispatcher", "agreed", "inform")),
     "send": Row(("--list", "--as", "ox"), has=("JOB.Offer", "traffic", "C7")),
     "acl show": Row((ACL,), has=("inform", "ox")),
+    "runs": Row(has=("depot", "up: 7 processes", "(latest)")),
+    "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
     "down": Row(has=("ended router, monitor, desk, dispatcher, traffic, mule, ox",)),
     # What is asked of a run that has ended.
     "replay": Row((RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",)),
@@ -184,6 +194,8 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
         "agents": Row(has=("asker", "doer", "MiB")),
         "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),  # its stubs say nothing yet
         "send": Row(("--list",), has=("asker", "doer")),
+        "runs": Row(has=("depot", "up: 7 processes", "(latest)")),
+        "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
         "down": Row(has=("ended router, monitor, asker, doer",)),
     }
     try:

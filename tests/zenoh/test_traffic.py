@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -246,3 +247,21 @@ def test_nothing_is_replayed_into_a_living_fleet(router: Router) -> None:
     wait_for(refused, "it is seen")
     born.undeclare()
     stage.close()
+
+
+def test_sniff_draws_what_goes_by_and_writes_it_at_the_end(router: Router) -> None:
+    """Each communicate as it comes, live; Ctrl-C ends it in order, and the drawing has all of it."""
+    process = router.roco("sniff", "--channel", "C2", "--channel", "C3", "--svg", "talk.svg")
+    router.say(60)
+    meant = [one for one in router.said if one.channel in ("C2", "C3")]
+    assert process.stdout is not None
+    lines = (line.decode() for line in iter(process.stdout.readline, b""))
+    heading = next(lines)
+    assert heading.split() == ["co", "pl", "hi"]
+    drawn = list(islice((line for line in lines if "▶" in line or "◀" in line), len(meant)))
+    assert sum(" C3 " in line for line in drawn) == sum(one.channel == "C3" for one in meant) > 0
+    process.send_signal(signal.SIGINT)
+    out, error = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0, error.decode()
+    assert f"wrote talk.svg: {len(meant)} of {len(meant)} arrows" in out.decode()
+    assert (router.run / "talk.svg").read_text().count("<polygon") == len(meant)

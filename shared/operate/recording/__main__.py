@@ -73,6 +73,17 @@ def said(
         raise typer.Exit(2) from error
 
 
+def info(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
+    """Print what is in a recording: topics, keys, counts, times, versions. Exits with 2 where there is none."""
+    from operate.recording import contents, samples
+
+    try:
+        contents.main(file)
+    except samples.NoRecordingError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from error
+
+
 def record(
     out: Annotated[Path, typer.Argument(help="The recording to be made.")],
     connect: Annotated[str, typer.Option(help="The router's endpoint.")] = "",
@@ -101,6 +112,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "judge": judge,
     "observations": observations,
     "said": said,
+    "info": info,
     "record": record,
     "again": again,
     "export": export,

@@ -10,6 +10,7 @@ import msgspec
 import typer
 from rich.console import Console
 
+from operate.cli import completion
 from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.model.design import load
@@ -25,10 +26,26 @@ TITLES = {
     3: "Layer 3: all agents composed, on ideal queues",
 }
 
-Faults = Annotated[str, typer.Option(help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.")]
-Layers = Annotated[list[int] | None, typer.Option("--layer", help="Only this layer; may be given again.")]
-Step = Annotated[int | None, typer.Option(help="Only the channels that this step of the design created or changed.")]
-Gone = Annotated[list[str] | None, typer.Option(help="Besides: this agent may die for good, and wishes still end.")]
+Faults = Annotated[
+    str,
+    typer.Option(
+        help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.", autocompletion=completion.faults
+    ),
+]
+Layers = Annotated[
+    list[int] | None,
+    typer.Option("--layer", help="Only this layer; may be given again.", autocompletion=completion.layers),
+]
+Step = Annotated[
+    int | None,
+    typer.Option(
+        help="Only the channels that this step of the design created or changed.", autocompletion=completion.steps
+    ),
+]
+Gone = Annotated[
+    list[str] | None,
+    typer.Option(help="Besides: this agent may die for good, and wishes still end.", autocompletion=completion.agents),
+]
 Seconds = Annotated[float | None, typer.Option(help="Time for each verdict; what is open then is said.")]
 Long = Annotated[bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")]
 

@@ -9,16 +9,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from operate.cli import completion
 from operate.cli.errors import FleetError, UsageError
-from operate.cli.fleet import targets
+from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.agents import measured
 from operate.cli.fleet.process_status import Beat, Row, Seen
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.run_folder import ProcessState
 
-Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=completion.processes)]
+Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=living_names.processes)]
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 STOP_S = 130.0  # the monitor may take two minutes for its reports
 READY_S = 90.0  # as for the whole fleet

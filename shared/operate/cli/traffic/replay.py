@@ -17,6 +17,7 @@ from rich.console import Console
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.io.tap import Sample
 from agent_runtime.testing.scripted_peers import Stage
+from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
@@ -37,18 +38,28 @@ FOREVER = 1 << 62
 
 
 def replay(
-    file: Annotated[Path, typer.Argument(help="A recording, or the folder of a run that has one.")],
-    speed: Annotated[str, typer.Option(help="So many times as fast as it was recorded, or max.")] = "1",
+    file: Annotated[
+        Path, typer.Argument(help="A recording, or the folder of a run that has one.", autocompletion=completion.runs)
+    ],
+    speed: Annotated[
+        str, typer.Option(help="So many times as fast as it was recorded, or max.", autocompletion=completion.speeds)
+    ] = "1",
     loop: Annotated[bool, typer.Option("--loop", help="Again and again until Ctrl-C.")] = False,
     only: Annotated[
-        list[str] | None, typer.Option(help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...")
+        list[str] | None,
+        typer.Option(
+            help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...", autocompletion=completion.choices
+        ),
     ] = None,
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
     performative: Performatives = None,
     telemetry: Annotated[bool, typer.Option("--telemetry", help="Also what robot and agents publish.")] = False,
-    replace_: Annotated[str, typer.Option("--replace", help="Run this agent; the others are as recorded.")] = "",
+    replace_: Annotated[
+        str,
+        typer.Option("--replace", help="Run this agent; the others are as recorded.", autocompletion=completion.agents),
+    ] = "",
     seed: Annotated[int | None, typer.Option(help="With --replace: its seed; else the recorded one.")] = None,
     system: Annotated[str, typer.Option(help="The system's name in all keys.")] = SYSTEM,
     connect: Annotated[str, typer.Option(help="A router to say it on; else one of its own.")] = "",
