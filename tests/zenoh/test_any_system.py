@@ -48,6 +48,7 @@ CALLS: dict[str, Row] = {
     "agent restart": Row(("ox",), has=("ox: ready, pid",)),
     "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
     "agent start": Row(("traffic",), has=("traffic: ready, pid",)),
+    "logs": Row(has=("dispatcher", "ox", "received", "performative=propose")),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "graph": Row(has=(*AGENTS, *CHANNELS)),
     "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),

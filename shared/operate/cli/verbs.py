@@ -25,6 +25,7 @@ VERBS: Table = {
             ".fleet.agent:start",
             "Start a process that was stopped or given up, and wait until it is ready.",
         ),
+        "logs": (".fleet.logs:logs", "Show the logs of all agents as one stream, in the order of time."),
         "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
         "graph": (
             ".terminal.graph:graph",

@@ -125,6 +125,19 @@ class Compose:
         said = docker("logs", "--tail", str(lines), self._home(name).id)
         return tuple(said.decode(errors="replace").splitlines())
 
+    def logging(self) -> tuple[str, ...]:
+        """The agents that run, and the monitor: each has a log of JSON lines."""
+        names = (*self.system.design.agents, MONITOR)
+        return tuple(name for name in names if (found := self._find(name)) is not None and found.runs)
+
+    def logged(self, name: str, offset: int) -> bytes:
+        """What stands in the log of a process from a byte on, JSON lines; b"" while its container does not run."""
+        file = f'"${RUN_FOLDER_VARIABLE}/logs/{name}.jsonl"'
+        try:
+            return self._shell(name, f"[ -e {file} ] && tail -c +{offset + 1} {file}; :")
+        except DockerError:
+            return b""
+
     def _containers(self) -> list[Container]:
         """The services, in the order of a start."""
         try:

@@ -74,6 +74,14 @@ class Local:
         except OSError:
             return ()
 
+    def logging(self) -> tuple[str, ...]:
+        """The processes that have a log of JSON lines."""
+        return tuple(sorted(file.stem for file in (self.run / "logs").glob("*.jsonl")))
+
+    def logged(self, name: str, offset: int) -> bytes:
+        """What stands in the log of a process from a byte on, JSON lines."""
+        return of_file(self.run / "logs" / f"{name}.jsonl")(offset)
+
     def _supervised(self, name: str) -> Fleet:
         told = folders.living(self.run)
         names = [status.name for status in told.processes] if told else []

@@ -67,6 +67,12 @@ class Target(Protocol):
     def log(self, name: str, lines: int) -> tuple[str, ...]:
         """The last lines that a process wrote."""
 
+    def logging(self) -> tuple[str, ...]:
+        """The processes that have a log of JSON lines."""
+
+    def logged(self, name: str, offset: int) -> bytes:
+        """What stands in the log of a process from a byte on, JSON lines."""
+
 
 def find(name: str = "", run_dir: Path | None = None) -> Target:
     """The fleet that is meant. Raises NoRunError, or UsageError where it cannot be told which."""
