@@ -19,6 +19,7 @@ from typing import Any
 import msgspec
 
 from agent_runtime.core.agent import Agent
+from agent_runtime.core.control import Answer, Command, Value
 from agent_runtime.core.effects import Out, Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.events import (
@@ -28,6 +29,7 @@ from agent_runtime.core.events import (
     LinkChanged,
     Local,
     Next,
+    Ordered,
     PeerChanged,
     Receipted,
     Started,
@@ -47,7 +49,7 @@ from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.steplog import StepLog
-from agent_runtime.io.zenoh_wire import Bytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
+from agent_runtime.io.zenoh_wire import Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
 from fipa_codec.communicate import decode
 from fipa_codec.errors import MalformedError
 
@@ -81,6 +83,10 @@ class Heartbeat(msgspec.Struct, frozen=True):
     counts: dict[str, int]
     at: float
     unheard: tuple[Unheard, ...] = ()
+    paused: bool = False
+    level: str = ""
+    parameters: dict[str, Value] = {}
+    answer: Answer = Answer()
 
 
 class Shell:
@@ -106,6 +112,7 @@ class Shell:
         self._later: list[tuple[float, int, Any]] = []
         self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links}
         self._state: CoreState = self._boot()
+        self._show_level()
         self._wire: ZenohWire | None = None
         self._serving = False
         self._diary = Diary(self.log, self._steps, wiring)
@@ -232,6 +239,8 @@ class Shell:
                 self._happen(_opened(item))
             case ReceiptBytes():
                 self._happen(self._receipt(item))
+            case OrderBytes(data=data):
+                self._happen(_order(data))
             case _Posted(content=content, at=0.0):
                 self._happen(Local(content))
             case _Posted(content=content, at=at):
@@ -273,7 +282,9 @@ class Shell:
             self._state = after
             self._diary.note(following, now, after, effects, sizes)
             self._wake_at = effects.wake_at
-            if after.state != before.state:
+            if after.settings is not before.settings:
+                self._show_level()
+            if after.state != before.state or after.soft.answer is not before.soft.answer:
                 self._beat()
             following = Next() if effects.more else None
             self._quiet_at = now + QUIET_S
@@ -291,6 +302,9 @@ class Shell:
         for content in out.tells:
             self._device.tell(content)
         return sizes
+
+    def _show_level(self) -> None:
+        self.log.show(self._state.now_set.level or self._options.log_level)
 
     # --- readiness and life -------------------------------------------------------------------------------------------
 
@@ -327,6 +341,10 @@ class Shell:
             counts=state.counts | {f"dropped {kind}": count for kind, count in self._inbox.dropped.items()},
             at=time.time(),
             unheard=self._unheard.now,
+            paused=state.paused,
+            level=state.now_set.level or self._options.log_level,
+            parameters=state.soft.parameters,
+            answer=state.soft.answer,
         )
         data = msgspec.json.encode(beat)
         _replace(self._options.run_dir / f"{self.name}.heartbeat.json", data)
@@ -354,6 +372,14 @@ class _Desk:
 
     def publish(self, kind: str, data: bytes) -> None:
         self._wire.publish(kind, data)
+
+
+def _order(data: bytes) -> AnyEvent:
+    """The order in what came, if it is one."""
+    try:
+        return Ordered(msgspec.msgpack.decode(data, type=Command))
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        return Garbled("order", str(error))
 
 
 def _opened(item: Bytes) -> AnyEvent:

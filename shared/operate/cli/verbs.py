@@ -25,6 +25,13 @@ VERBS: Table = {
             ".fleet.agent:start",
             "Start a process that was stopped or given up, and wait until it is ready.",
         ),
+        "agent pause": (".fleet.orders:pause", "Let an agent take no step until it is resumed."),
+        "agent resume": (".fleet.orders:resume", "Let a paused agent go on with what waits."),
+        "agent log-level": (".fleet.orders:log_level", "Set what an agent's output shows while it runs."),
+        "param": (GROUP, "Parameters of the agents, set while they run."),
+        "param list": (".fleet.param:list_", "List the parameters of all agents or of one."),
+        "param get": (".fleet.param:get", "Show the value of a parameter now."),
+        "param set": (".fleet.param:set_", "Set a parameter of an agent while it runs."),
         "logs": (".fleet.logs:logs", "Show the logs of all agents as one stream, in the order of time."),
         "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
         "graph": (
