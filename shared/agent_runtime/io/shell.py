@@ -12,6 +12,7 @@ import os
 import signal
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ import msgspec
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.control import Answer, Command, Value
-from agent_runtime.core.effects import Out, Receipt
+from agent_runtime.core.effects import Deed, Out, Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.events import (
     AnyEvent,
@@ -35,6 +36,7 @@ from agent_runtime.core.events import (
     Started,
     Tick,
 )
+from agent_runtime.core.inside import STEPS, Inside, looked_into
 from agent_runtime.core.peers import Peers
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
@@ -68,7 +70,10 @@ class Stop(msgspec.Struct, frozen=True):
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
-    """<agent>.heartbeat.json and the key `_/state/<agent>`: what the agent is at. `at`: unix seconds."""
+    """<agent>.heartbeat.json and the key `_/state/<agent>`: what the agent is at. `at`: unix seconds.
+
+    `inside`: what it has at hand; in the file only.
+    """
 
     agent: str
     pid: int
@@ -87,6 +92,7 @@ class Heartbeat(msgspec.Struct, frozen=True):
     level: str = ""
     parameters: dict[str, Value] = {}
     answer: Answer = Answer()
+    inside: Inside | None = None
 
 
 class Shell:
@@ -118,6 +124,7 @@ class Shell:
         self._diary = Diary(self.log, self._steps, wiring)
         self._wake_at: float | None = None
         self._beat_at = self._quiet_at = 0.0
+        self._steps_done: deque[tuple[float, Deed]] = deque(maxlen=STEPS)
         self._floor = Floor(self._inbox, self._take, self._next_at)
 
     def _boot(self) -> CoreState:
@@ -280,6 +287,8 @@ class Shell:
             sizes = self._carry_out(out)
             effects = self._core.end(before, after, out, now)
             self._state = after
+            if effects.deed is not None:
+                self._steps_done.append((now, effects.deed))
             self._diary.note(following, now, after, effects, sizes)
             self._wake_at = effects.wake_at
             if after.settings is not before.settings:
@@ -346,12 +355,12 @@ class Shell:
             parameters=state.soft.parameters,
             answer=state.soft.answer,
         )
-        data = msgspec.json.encode(beat)
-        _replace(self._options.run_dir / f"{self.name}.heartbeat.json", data)
+        whole = msgspec.structs.replace(beat, inside=looked_into(state, self._steps_done))
+        _replace(self._options.run_dir / f"{self.name}.heartbeat.json", msgspec.json.encode(whole))
         if beat.ready and not self._ready_file.exists():
             _replace(self._ready_file, str(state.incarnation).encode())
         if self._wire is not None:
-            self._wire.publish("state", data)
+            self._wire.publish("state", msgspec.json.encode(beat))
 
 
 class _Posted(msgspec.Struct, frozen=True):

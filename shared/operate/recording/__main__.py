@@ -96,12 +96,20 @@ def record(
     raise typer.Exit(keeping.serve(options, here(), asked, identity))
 
 
+def replayed(folder: Annotated[Path, typer.Argument(help="The folder of a replay.")]) -> None:
+    """Write live.jsonl of what is replayed: samples on standard input, one JSON object a line."""
+    from operate.recording import replayed as lines
+
+    lines.write(folder, here())
+
+
 VERBS: dict[str, Callable[..., None]] = {
     "report": report,
     "judge": judge,
     "observations": observations,
     "said": said,
     "record": record,
+    "replayed": replayed,
     "again": again,
     "export": export,
     "compare": compare,

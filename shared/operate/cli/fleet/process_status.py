@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from agent_runtime.core.control import Answer, Value
+from agent_runtime.core.inside import Inside
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
@@ -51,6 +52,7 @@ class Beat(msgspec.Struct, frozen=True):
     level: str = ""
     parameters: dict[str, Value] = {}
     answer: Answer = Answer()
+    inside: Inside | None = None
 
 
 class Used(msgspec.Struct, frozen=True):
