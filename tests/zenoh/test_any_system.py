@@ -56,7 +56,7 @@ CALLS: dict[str, Row] = {
     "param list": Row(has=("dispatcher", "rounds", "an integer from 1 to 1000")),
     "param get": Row(("dispatcher", "rounds"), has=("20",)),
     "param set": Row(("dispatcher", "rounds", "30"), has=("30",)),
-    "logs": Row(has=("dispatcher", "ox", "received", "performative=propose")),
+    "logs": Row(("-n", "0"), has=("dispatcher", "ox", "received", "performative=propose")),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "graph": Row(has=(*AGENTS, *CHANNELS)),
     "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),
