@@ -44,9 +44,7 @@ class Row(NamedTuple):
 CALLS: dict[str, Row] = {
     "status": Row(has=("router", "monitor", *AGENTS, "ready")),
     "agents": Row(has=("router", "monitor", *AGENTS, "MiB")),
-    "agent info": Row(
-        ("dispatcher",), has=("ox on C5", "rounds = 20", "last steps", "tender_ox propose", "carrying", "log level")
-    ),
+    "agent info": Row(("dispatcher",), has=("ox on C5", "rounds = 20", "last steps", "says", "log level")),
     "agent restart": Row(("ox",), has=("ox: ready, pid",)),
     "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
     "agent start": Row(("traffic",), has=("traffic: ready, pid",)),
