@@ -44,13 +44,20 @@ class Row(NamedTuple):
 CALLS: dict[str, Row] = {
     "status": Row(has=("router", "monitor", *AGENTS, "ready")),
     "agents": Row(has=("router", "monitor", *AGENTS, "MiB")),
-    "agent info": Row(("ox",), has=("dispatcher on C5", "traffic on C7")),
+    "agent info": Row(("dispatcher",), has=("ox on C5", "rounds = 20", "last steps", "says", "log level")),
     "agent restart": Row(("ox",), has=("ox: ready, pid",)),
     "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
     "agent start": Row(("traffic",), has=("traffic: ready, pid",)),
     "directory": Row(
         ("--long",), has=("ox  up (", "cfp job(JOB.Call) -> JOB.Offer or JOB.Carried", "asks traffic: way_ox")
     ),
+    "agent pause": Row(("mule",), has=("mule: paused; `roco agent resume mule` lets it go on",)),
+    "agent resume": Row(("mule",), has=("mule: goes on",)),
+    "agent log-level": Row(("mule", "debug"), has=("mule: shows debug and above",)),
+    "param list": Row(has=("dispatcher", "rounds", "an integer from 1 to 1000")),
+    "param get": Row(("dispatcher", "rounds"), has=("20",)),
+    "param set": Row(("dispatcher", "rounds", "30"), has=("30",)),
+    "logs": Row(("-n", "0"), has=("dispatcher", "ox", "received", "performative=propose")),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "graph": Row(has=(*AGENTS, *CHANNELS)),
     "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),
@@ -92,7 +99,7 @@ CALLS: dict[str, Row] = {
     "design show": Row(("--what", "system"), has=("desk", "dispatcher")),
     "design trace": Row(code=1, has=("R3", "delivered")),  # its tests are in the clone
     "design verify": Row(("--layer", "2"), has=("holds",)),
-    "keys make": Row(("keys",), has=(*AGENTS, "monitor", "console", "'depot'")),
+    "keys make": Row(("keys",), has=(*AGENTS, "monitor", "console", "operator", "'depot'")),
 }
 STARTED = ("up",)
 """Verbs that the fixture calls."""

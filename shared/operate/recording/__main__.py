@@ -107,6 +107,13 @@ def record(
     raise typer.Exit(keeping.serve(options, here(), asked, identity))
 
 
+def replayed(folder: Annotated[Path, typer.Argument(help="The folder of a replay.")]) -> None:
+    """Write live.jsonl of what is replayed: samples on standard input, one JSON object a line."""
+    from operate.recording import replayed as lines
+
+    lines.write(folder, here())
+
+
 VERBS: dict[str, Callable[..., None]] = {
     "report": report,
     "judge": judge,
@@ -114,6 +121,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "said": said,
     "info": info,
     "record": record,
+    "replayed": replayed,
     "again": again,
     "export": export,
     "compare": compare,

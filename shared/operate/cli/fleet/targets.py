@@ -6,6 +6,8 @@ was left.
 """
 
 import os
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated, Protocol
 
@@ -31,6 +33,10 @@ Name = Annotated[
         autocompletion=completion.targets,
     ),
 ]
+
+
+Put = Callable[[str, bytes], None]
+"""Puts data on a key."""
 
 
 class Target(Protocol):
@@ -66,6 +72,15 @@ class Target(Protocol):
 
     def log(self, name: str, lines: int) -> tuple[str, ...]:
         """The last lines that a process wrote."""
+
+    def operating(self) -> AbstractContextManager[Put]:
+        """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
+
+    def logging(self) -> tuple[str, ...]:
+        """The processes that have a log of JSON lines."""
+
+    def logged(self, name: str, offset: int) -> bytes:
+        """What stands in the log of a process from a byte on, JSON lines."""
 
 
 def find(name: str = "", run_dir: Path | None = None) -> Target:

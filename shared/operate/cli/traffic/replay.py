@@ -4,11 +4,12 @@ By default on a router and under a system name of its own; never where an agent 
 """
 
 import contextlib
+import subprocess
 import time
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import IO, Annotated
 
 import msgspec
 import typer
@@ -18,6 +19,7 @@ from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.io.tap import Sample
 from agent_runtime.testing.scripted_peers import Stage
 from operate.cli import completion
+from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
@@ -26,7 +28,7 @@ from operate.cli.traffic.filter_options import Agents, Channels, Performatives, 
 from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import Player, Replayed, sentence
 from operate.filters import Filter
-from operate.run_folder import FLEET_FILE, Fleet
+from operate.run_folder import FLEET_FILE, LIVE_FILE, Fleet
 from operate.system import System, of_run
 
 SYSTEM = "replay"
@@ -126,7 +128,8 @@ def _played(
     if not samples:
         raise UsageError(f"{file} holds nothing that is meant; choose more, or leave filters out")
     stage = Stage(*where)
-    player = Player(stage, samples, fast)
+    shown = Shown(_folder(stage), of_run(file))
+    player = Player(stage, samples, fast, shown.take)
     console = Console(stderr=True, quiet=form is Format.JSON)
     try:
         with _told(stage, of_run(file)), console.status("replaying") as line:
@@ -134,12 +137,53 @@ def _played(
             console.print(f"system {stage.system} at {stage.endpoint}; {where_to}", highlight=False, soft_wrap=True)
             player.wait(time.monotonic() + after)
             for _ in range(FOREVER if loop else 1):
+                shown.begin()
                 player.play(lambda text: line.update(f"replaying {text}"))
     except KeyboardInterrupt:
         pass
     finally:
         stage.close()
+        shown.close()
     return player.done()
+
+
+class Shown:
+    """What is replayed, as the lines of live.jsonl from which `roco top` and `roco graph` are drawn.
+
+    A process of the recorder writes them, whose business they are.
+    """
+
+    def __init__(self, folder: Path, system: System) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder, asked, pipe = folder, command("replayed", str(folder)), subprocess.PIPE
+        self._process = subprocess.Popen(asked, env=environment(system), stdin=pipe, start_new_session=True)
+
+    def begin(self) -> None:
+        """Show everything once more: what is said again in a new round is not a copy."""
+        self._write(b"\n")
+
+    def take(self, sample: Sample) -> None:
+        """Have the lines of a sample written."""
+        self._write(msgspec.json.encode(sample) + b"\n")
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        with contextlib.suppress(BrokenPipeError):
+            self._pipe.close()
+        self._process.wait()
+        (self._folder / LIVE_FILE).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self._folder.rmdir()
+
+    @property
+    def _pipe(self) -> IO[bytes]:
+        assert self._process.stdin is not None
+        return self._process.stdin
+
+    def _write(self, data: bytes) -> None:
+        with contextlib.suppress(BrokenPipeError):  # the replay goes on without its picture
+            self._pipe.write(data)
+            self._pipe.flush()
 
 
 def _meant(file: Path, which: Filter, *, telemetry: bool) -> Iterator[Sample]:
@@ -173,5 +217,3 @@ def _told(stage: Stage, system: System) -> Iterator[None]:
         yield
     finally:
         (folder / FLEET_FILE).unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            folder.rmdir()
