@@ -29,13 +29,13 @@ Found = Any
 class Faults(NamedTuple):
     """How many faults may happen in all (ANY: no limit): deaths, losses, copies, waits that are over.
 
-    `gone`: an agent that may die for good, at any time; rest then means that `waiting` is idle, and after that death
-    waits that are over count as what will happen. `boot`: all begins with the start of all agents, not at rest.
+    `gone`: an agent that may die for good, at any time; rest then means that all of `waiting` are idle, and after that
+    death waits that are over count as what will happen. `boot`: all begins with the start of all agents, not at rest.
     """
 
     most: int = 0
     gone: str = ""
-    waiting: str = ""
+    waiting: tuple[str, ...] = ()
     boot: bool = False
 
 
@@ -47,6 +47,7 @@ class Fleet:
         self.parts = Parts(design, parts or machines(design))
         self.names, self.count = self.parts.names, len(self.parts.names)
         self.inbound = [(slot, self.parts.place[to]) for (_, to), slot in self.parts.queue_of.items()]
+        self.waiting = [self.parts.place[name] for name in self.faults.waiting]
         self.soft = [Soft(self.parts, use) for use in self.parts.soft]
         self.used: set[tuple[str, int]] = set()
         self.boot: Flat = ((0,) * (self.parts.size - 1)) + (self.faults.most,)
@@ -86,10 +87,9 @@ class Fleet:
             yield from self._for_good(state, parts.place[self.faults.gone])
 
     def at_rest(self, state: Flat) -> bool:
-        """All idle, nothing on its way, subscriptions live, observations known; with `gone`: who waits is idle."""
+        """All idle, nothing on its way, subscriptions live, observations known; with `gone`: all who wait are."""
         if self.faults.gone:
-            number = self.parts.place[self.faults.waiting]
-            return self.parts.resting(number, state[number])
+            return all(self.parts.resting(number, state[number]) for number in self.waiting)
         return self._all_rest(state)
 
     def wrong(self, state: Flat) -> str:

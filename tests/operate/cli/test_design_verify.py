@@ -160,12 +160,18 @@ def test_who_may_die_for_good(lamp: Path) -> None:
     assert "1 fail, 0 open" in done.output
 
 
+def test_the_start_may_be_left_out(lamp: Path) -> None:
+    """It is the longest verdict where agents open subscriptions."""
+    found = json.loads(roco("verify", lamp, "--layer", 3, "--skip-start", "--format", "json").stdout)
+    assert [one["what"] for one in found] == ["all agents"]
+
+
 def test_what_time_leaves_open_is_said(lamp: Path) -> None:
     """With exit code 1."""
     done = roco("verify", lamp, "--layer", 2, "--seconds", 1e-9)
     assert done.exit_code == 1
     assert "open" in done.output.splitlines()[1]
-    assert "stopped at the limit of 1e-09 s" in done.output
+    assert "stopped at the limit of 1e-09 CPU seconds" in done.output
     assert roco("verify", lamp, "--layer", 2, "--seconds", 0).exit_code == 1
     assert roco("verify", lamp, "--layer", 2, "--seconds", 60).exit_code == 0
 
@@ -200,6 +206,7 @@ def test_lines_fit_the_terminal(lamp: Path, columns: int) -> None:
         (("--step", "1", "--layer", "3"), "a step changes channels of layer 2 only"),
         (("--step", "9"), "steps 1 to 1"),
         (("--gone", "lump"), "hand, lamp"),
+        (("--gone", "hand"), "hand alone has `person` rows, so nobody is left whose wish could end; name another"),
     ],
 )
 @pytest.mark.parametrize("form", ["text", "json"])

@@ -28,8 +28,11 @@ TITLES = {
 Faults = Annotated[str, typer.Option(help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.")]
 Layers = Annotated[list[int] | None, typer.Option("--layer", help="Only this layer; may be given again.")]
 Step = Annotated[int | None, typer.Option(help="Only the channels that this step of the design created or changed.")]
-Gone = Annotated[list[str] | None, typer.Option(help="Besides: this agent may die for good, and wishes still end.")]
-Seconds = Annotated[float | None, typer.Option(help="Time for each verdict; what is open then is said.")]
+Gone = Annotated[
+    list[str] | None, typer.Option(help="Besides: this agent may die for good, and wishes of persons still end.")
+]
+Seconds = Annotated[float | None, typer.Option(help="CPU seconds for each verdict; what is open then is said.")]
+SkipStart = Annotated[bool, typer.Option("--skip-start", help="Leave out the start of all agents (layer 3).")]
 Long = Annotated[bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")]
 
 
@@ -40,6 +43,7 @@ def verify(
     step: Step = None,
     gone: Gone = None,
     seconds: Seconds = None,
+    skip_start: SkipStart = False,
     long: Long = False,
     form: Form = Format.TEXT,
 ) -> None:
@@ -53,7 +57,16 @@ def verify(
         place = files.meant(file)
         most, wanted = _most(faults), tuple(layer or LAYERS)
         try:
-            work = tuple(tasks(load(place), faults=most, layers=wanted, step=step, gone=gone or (), seconds=seconds))
+            asked = tasks(
+                load(place),
+                faults=most,
+                layers=wanted,
+                step=step,
+                gone=gone or (),
+                seconds=seconds,
+                skip_start=skip_start,
+            )
+            work = tuple(asked)
         except IndexError as error:
             raise ValueError(str(error)) from error
         if not work:
