@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from topdown.model.design import Design
 from topdown.model.machines import machines
+from topdown.prove.chaos import composed
 from topdown.prove.engine import Exploration, Finding, explore
 from topdown.prove.fleet import ANY, Faults, Fleet
 from topdown.prove.pairs import changed_channels, explore_use
@@ -21,7 +22,9 @@ Progress = Callable[[int, int], None]
 
 
 class Verdict(NamedTuple):
-    """`faults` None: any number. `open`: what is not proven though nothing was found. `notes`: nothing wrong."""
+    """`faults` None: any number. `open`: what is not proven though nothing was found. `notes`: nothing wrong. `beyond`:
+    what this design may do and the model leaves out.
+    """
 
     layer: int
     what: str
@@ -32,6 +35,7 @@ class Verdict(NamedTuple):
     findings: tuple[Finding, ...]
     open: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -105,10 +109,10 @@ def _fleet(design: Design, what: str, faults: Faults, seconds: float | None) -> 
         fleet = Fleet(design, faults)
         found = explore(fleet, seconds=seconds, progress=progress)
         loud = fleet.not_silent() if not found.findings else ()
-        notes = () if faults.gone or faults.boot or found.findings else fleet.unused()
-        return Verdict(
-            3, what, most, found.states, found.edges, found.seconds, found.findings, (*_open(found), *loud), notes
-        )
+        whole = not (faults.gone or faults.boot or found.findings)
+        notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
+        opened = (*_open(found), *loud)
+        return Verdict(3, what, most, found.states, found.edges, found.seconds, found.findings, opened, notes, beyond)
 
     return run
 
@@ -121,7 +125,7 @@ def waiting(design: Design, gone: str) -> tuple[str, ...]:
     """Return all agents that must come to rest though `gone` never comes back: those that persons talk to, or, where
     persons talk to none, all the others. Raises NoSuchEntry; ValueError where persons talk to `gone` alone.
     """
-    design.agent(gone)
+    composed(design).agent(gone)
     told = [one.name for one in design.file.agent if any(row.on.startswith("person ") for row in one.row)]
     left = tuple(name for name in told or design.agents if name != gone)
     if not left:

@@ -218,6 +218,44 @@ def test_an_option_that_makes_no_sense_exits_with_2(lamp: Path, words: tuple[str
     assert form == "text" or "error" in json.loads(done.stderr)
 
 
+def test_a_design_with_a_group_is_proven() -> None:
+    """In every layer; an end that is neither an agent nor a group is an error in words."""
+    done = roco("verify", TESTS / "topdown/grouped.toml")
+    assert done.exit_code == 0, said(done)
+    assert "C2 drive" in done.output
+    assert "5 verdicts" in done.output
+
+
+def test_an_end_that_is_nobody_exits_with_2(tmp_path: Path) -> None:
+    """With what would be right."""
+    file = tmp_path / "nobody.toml"
+    text = (TESTS / "topdown/grouped.toml").read_text()
+    start = text.index("[[group]]")
+    file.write_text(text[:start] + text[text.index("\n\n", start) :])
+    done = roco("verify", file, "--layer", 3)
+    assert done.exit_code == 2, said(done)
+    assert "protocol drive: 'base' is neither an agent nor a group; agents are asker, doer" in " ".join(
+        done.stderr.split()
+    )
+
+
+def test_a_queue_that_progress_fills_is_told_as_not_proven(lamp: Path) -> None:
+    """With the row that may be taken over and over; for programs too."""
+    file = lamp.with_name("chatty.toml")
+    rows = '"switch request", say = ["switch agree"] },\n  { in = ["idle"], on = "own flicker", '
+    rows += 'when = ["switch agreed"], may = ["switch inform[progress]"] },\n  { in = ["idle"], on = "own lit", '
+    rows += 'when = ["switch agreed"], say = ["switch inform"] }'
+    hears = '  { in = ["idle"], on = "switch agree" },\n  { in = ["idle"], on = "switch inform[progress]" },\n'
+    text = lamp.read_text().replace('"switch request", say = ["switch inform"] }', rows)
+    ends = '  { in = ["idle"], on = "switch inform" },'
+    file.write_text(text.replace(ends, hears + ends))
+    done = roco("verify", file, "--layer", 3, columns=200)
+    assert done.exit_code == 0, said(done)
+    assert "Not proven by any layer:\n- how many `switch inform[progress]` of lamp wait for hand" in done.output
+    found = json.loads(roco("verify", file, "--layer", 3, "--format", "json").stdout)
+    assert [len(one["beyond"]) for one in found] == [0, 1]
+
+
 def test_a_file_that_cannot_be_read_exits_with_2(lamp: Path) -> None:
     """It is not there, or a row of it says nothing."""
     assert roco("verify", lamp.with_name("none.toml")).exit_code == 2

@@ -142,7 +142,7 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
             for what, why in table:
                 lines += textwrap.wrap(f"- {what}: {why}.", width, subsequent_indent="  ")
     lines += ["", "Not proven by any layer:"]
-    for text in NOT_PROVEN:
+    for text in (*(text for verdict in verdicts for text in verdict.beyond), *NOT_PROVEN):
         lines += textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
     return "\n".join(lines)
 
