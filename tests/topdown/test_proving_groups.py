@@ -1,14 +1,19 @@
 """A group as an end of a channel: the other end must stand whatever the group says, and nothing more is asked of it."""
 
+from typing import NamedTuple
+
 import pytest
 from msgspec.structs import replace
 from small import ASKER, LAMP, STUCK, WATCHED, WATCHER, design, fleet, found, kinds, labels, less
 
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.errors import DesignError
 from topdown.prove.engine import WRONG, explore
 from topdown.prove.fleet import ANY, QUEUE_BOUND
+from topdown.prove.paths import Follower
 from topdown.prove.verify import tasks
 
 HAND = (
@@ -145,3 +150,26 @@ def test_what_a_group_says_is_in_the_story() -> None:
 def test_a_question_to_a_group_may_fail() -> None:
     """Which the hand has not thought of."""
     assert kinds(with_group("lamp", ASKER, "ask")) & {*STUCK, WRONG}
+
+
+class Done(NamedTuple):
+    """A step of a running agent."""
+
+    before: str
+    event: str
+    took: tuple[str, P, Kind] | None
+    said: tuple[tuple[str, P, Kind], ...]
+    after: str
+    owed: tuple[str, ...] = ()
+
+
+def test_a_run_beside_a_group_is_followed() -> None:
+    """What the group does shows in no step: the hand hears an answer, and could not have heard another one."""
+    asks = Done("idle", "Local wish", None, (("switch", P.REQUEST, Kind.PLAIN),), "waiting")
+    heard = Done("waiting", "Taken", ("switch", P.INFORM, Kind.PLAIN), (), "idle")
+    again = Done("waiting", "Taken", ("switch", P.INFORM, Kind.CANCEL), (), "idle")
+    made = with_group("lamp", HAND, "switch")
+    assert Follower(made).follow([("hand", asks), ("hand", heard)]) is None
+    wrong = Follower(made).follow([("hand", asks), ("hand", again)])
+    assert wrong is not None
+    assert wrong.number == 2
