@@ -21,10 +21,12 @@ from topdown.scaffold.writing import MANIFEST, missing
 ROOT = Path(__file__).parents[2]
 DEPOT = ROOT / "examples" / "depot" / "depot" / "design.toml"
 COMPANION = Path(companion.__path__[0]) / "design.toml"
+GROUPED = Path(__file__).with_name("grouped.toml")
 DESIGNS = {
     "tiny": lambda: smallest("tiny"),
     "depot_copy": DEPOT.read_text,
     "companion_copy": COMPANION.read_text,
+    "grouped": GROUPED.read_text,
 }
 
 
@@ -47,6 +49,13 @@ def test_every_agent_of_a_new_project_binds_and_declines(name, tmp_path):
 def test_a_new_project_runs_at_once(tmp_path):
     """Router and both agents of the smallest system become ready over Zenoh."""
     scaffold(smallest("tiny"), tmp_path)
+    run_its_tests(tmp_path, "tests/test_run.py")
+
+
+@pytest.mark.zenoh
+def test_a_new_project_with_a_group_runs_at_once(tmp_path):
+    """Its agents do not wait for the end that nobody of the project runs."""
+    scaffold(GROUPED.read_text(), tmp_path)
     run_its_tests(tmp_path, "tests/test_run.py")
 
 

@@ -121,6 +121,7 @@ def _link(name: str, use: elements.Protocol, design: Design) -> Link:
         ontology=use.ontology,
         silent=_silent(name, use),
         use=use.name,
+        awaited=peer in design.agents,
         says={rule.performative: rule.contents for rule in rules if rule.sender == name},
         hears={rule.performative: rule.contents for rule in rules if rule.sender == peer},
     )

@@ -116,7 +116,7 @@ class Shell:
         self._maker = device
         self._device: Device = NoDevice()
         self._later: list[tuple[float, int, Any]] = []
-        self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links}
+        self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links if link.awaited}
         self._state: CoreState = self._boot()
         self._show_level()
         self._wire: ZenohWire | None = None

@@ -44,9 +44,12 @@ Step = Annotated[
 ]
 Gone = Annotated[
     list[str] | None,
-    typer.Option(help="Besides: this agent may die for good, and wishes still end.", autocompletion=completion.agents),
+    typer.Option(
+        help="Besides: this agent may die for good, and wishes of persons still end.", autocompletion=completion.agents
+    ),
 ]
-Seconds = Annotated[float | None, typer.Option(help="Time for each verdict; what is open then is said.")]
+Seconds = Annotated[float | None, typer.Option(help="CPU seconds for each verdict; what is open then is said.")]
+SkipStart = Annotated[bool, typer.Option("--skip-start", help="Leave out the start of all agents (layer 3).")]
 Long = Annotated[bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")]
 
 
@@ -57,6 +60,7 @@ def verify(
     step: Step = None,
     gone: Gone = None,
     seconds: Seconds = None,
+    skip_start: SkipStart = False,
     long: Long = False,
     form: Form = Format.TEXT,
 ) -> None:
@@ -70,7 +74,16 @@ def verify(
         place = files.meant(file)
         most, wanted = _most(faults), tuple(layer or LAYERS)
         try:
-            work = tuple(tasks(load(place), faults=most, layers=wanted, step=step, gone=gone or (), seconds=seconds))
+            asked = tasks(
+                load(place),
+                faults=most,
+                layers=wanted,
+                step=step,
+                gone=gone or (),
+                seconds=seconds,
+                skip_start=skip_start,
+            )
+            work = tuple(asked)
         except IndexError as error:
             raise ValueError(str(error)) from error
         if not work:
@@ -146,7 +159,7 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
             for what, why in table:
                 lines += textwrap.wrap(f"- {what}: {why}.", width, subsequent_indent="  ")
     lines += ["", "Not proven by any layer:"]
-    for text in NOT_PROVEN:
+    for text in (*(text for verdict in verdicts for text in verdict.beyond), *NOT_PROVEN):
         lines += textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
     return "\n".join(lines)
 
