@@ -61,6 +61,21 @@ def pairs(ctx: typer.Context, incomplete: str) -> list[str]:
     return _begun(incomplete, (["-".join(one.ends) for one in design.channels.values()] for design in _designs(ctx)))
 
 
+def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the parameters of the agent that was named before; else of all agents."""
+    agent = ctx.params.get("agent")
+    every = [one for design in _designs(ctx) for name, one in design.agents.items() if agent in (None, name)]
+    return _begun(incomplete, ([parameter.name for parameter in one.parameter] for one in every))
+
+
+def parameter_values(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the choices of the parameter that was named before, and its default."""
+    agent, name = ctx.params.get("agent"), ctx.params.get("name")
+    every = [design.agents[agent] for design in _designs(ctx) if agent in design.agents]
+    named = [one for entry in every for one in entry.parameter if one.name == name]
+    return _begun(incomplete, (map(str, (*one.choices, one.default)) for one in named))
+
+
 def steps(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the numbers of the design's steps."""
     return _begun(incomplete, (map(str, range(1, len(design.file.step) + 1)) for design in _designs(ctx)))
@@ -125,6 +140,11 @@ def targets(incomplete: str) -> list[str]:
 def ages(incomplete: str) -> list[str]:
     """Return durations as one may write them."""
     return _among(("12h", "1d", "7d", "4w"), incomplete)
+
+
+def times(incomplete: str) -> list[str]:
+    """Return how long ago something was, as one may write it."""
+    return _among(("30s", "5m", "1h"), incomplete)
 
 
 def speeds(incomplete: str) -> list[str]:

@@ -14,7 +14,7 @@ from rich.text import Text
 from agent_runtime.io.cli import Level
 from operate.cli import completion
 from operate.cli.errors import UsageError
-from operate.cli.fleet import targets
+from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 
@@ -29,7 +29,7 @@ _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 _AGO = re.compile(r"(\d+(?:\.\d+)?)([smhd])")
 _CLOCKS = ("%H:%M:%S", "%H:%M")
 
-Name = Annotated[str, typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=completion.processes)]
+Name = Annotated[str, typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=living_names.processes)]
 
 
 class Line(msgspec.Struct, frozen=True):
@@ -46,7 +46,12 @@ def logs(
     name: Name = "",
     follow: Annotated[bool, typer.Option("-f", "--follow", help="Go on with what is written, until Ctrl-C.")] = False,
     level: Annotated[Level, typer.Option(help="Least level shown.")] = Level.INFO,
-    since: Annotated[str, typer.Option(help="From then on: 30s, 5m, 2h ago, or a time: 14:05, 2026-11-23T14:05.")] = "",
+    since: Annotated[
+        str,
+        typer.Option(
+            help="From then on: 30s, 5m, 2h ago, or a time: 14:05, 2026-11-23T14:05.", autocompletion=completion.times
+        ),
+    ] = "",
     lines: Annotated[int, typer.Option("-n", "--lines", min=0, help="So many of the last lines; 0: all.")] = LAST,
     target: targets.Name = "",
     run_dir: RunDir = None,

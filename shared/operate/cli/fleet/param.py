@@ -17,7 +17,7 @@ from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from topdown.model.parameters import Parameters, allowed, worded
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help="A parameter of it.")]
+Name = Annotated[str, typer.Argument(metavar="NAME", help="A parameter of it.", autocompletion=completion.parameters)]
 
 
 class Shown(msgspec.Struct, frozen=True):
@@ -78,7 +78,9 @@ def get(agent: Agent, name: Name, target: targets.Name = "", run_dir: RunDir = N
 def set_(
     agent: Agent,
     name: Name,
-    value: Annotated[str, typer.Argument(metavar="VALUE", help="Its value from now on.")],
+    value: Annotated[
+        str, typer.Argument(metavar="VALUE", help="Its value from now on.", autocompletion=completion.parameter_values)
+    ],
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
