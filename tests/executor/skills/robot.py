@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from companion import models
-from companion.around import POINTS
 from companion.languages import rc
 from companion.languages.values import Pose, Side
+from companion.look_around import POINTS
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion, Phase
 from services.executor.receptor import Receptor
