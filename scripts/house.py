@@ -16,7 +16,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 OPEN, CLOSE = "<!-- house: made by scripts/figures -->\n", "<!-- :house -->\n"
 SIX = ("human_interface", "coordinator", "planner", "knowledge", "task", "executor")
-THIN = ("monitor", "supervisor", "router")
 KINDS = {"any": "any design", "this": "this system", "process": "processes"}
 ROOMS = {
     "fipa_codec": "any",

@@ -28,11 +28,8 @@ FINGERS = ("One", "Two", "Three")
 PROXIMAL = {side: tuple(f"{side}_HandFinger{f}KnuckleTwoJoint" for f in FINGERS) for side in SIDES}
 DISTAL = {side: tuple(f"{side}_HandFinger{f}KnuckleThreeJoint" for f in FINGERS) for side in SIDES}
 SPREAD = {side: tuple(f"{side}_HandFinger{f}KnuckleOneJoint" for f in ("One", "Two")) for side in SIDES}
-# All 8 joints of a hand: spread of one and two, then the proximal and the distal joints of one, two, three.
-HANDS = {side: (*SPREAD[side], *PROXIMAL[side], *DISTAL[side]) for side in SIDES}
 
 GRIP_BODY = {side: f"{side}_HandGripLink" for side in SIDES}  # 0.12 m in front of the palm, z is the approach axis
-WRIST_BODY = {side: f"{side}_arm_7_link" for side in SIDES}
 CAMERA_BODY = "head_kinect_rgb_optical_frame"  # z forward, x right
 
 TORSO = 0

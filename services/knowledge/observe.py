@@ -1,7 +1,6 @@
 """Observations become facts: the newest one of a subject counts, older ones are ignored.
 
-`observed` is pure (a scene in, a scene out); `apply` does the same to a store, facts and version in one transaction.
-Must not know: who observed, protocols.
+Pure: a scene in, a scene out. Must not know: who observed, protocols.
 """
 
 import msgspec
@@ -9,7 +8,6 @@ import msgspec
 from companion.languages import wm
 from services.knowledge.relations import related
 from services.knowledge.scene import Held, Scene, Thing
-from services.knowledge.store import Store
 
 Version = tuple[int, int]
 """Incarnation of the observer and number of the observation."""
@@ -41,15 +39,6 @@ def observed(scene: Scene, observation: wm.AnySight, version: Version, now: floa
         scene, versions={**scene.versions, subject: version}, times={**scene.times, subject: at}
     )
     return _noted(stamped, observation, at)
-
-
-def apply(store: Store, observation: wm.AnySight, version: Version, now: float = 0.0) -> bool:
-    """Store an observation and its version in one transaction; return False if the store is as new or newer."""
-    scene = observed(store.scene, observation, version, now)
-    if scene is store.scene:
-        return False
-    store.write(scene)
-    return True
 
 
 def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from companion.around import POINTS
 from companion.languages import rc, wm
 from companion.languages.values import Side
+from companion.look_around import POINTS
 
 SURVEY = rc.Look(key="survey", at=POINTS)
 """The look around for a new observer of the world."""

@@ -15,6 +15,8 @@ from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose, Shape, Side, Vector
 
 UP: Vector = (0.0, 0.0, 1.0)
+KNOWN_AS = {"bowl": "bowl_high", "cabinet": "cabinet_no_door"}
+"""Kinds of the simulated scene (velma.model.scene.Model) -> names of models, where they differ."""
 
 
 class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -10,19 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from msgspec import Struct
-from msgspec.structs import replace
-from worker_entries import At, Count, Ended, Go, Halt
+from worker_entries import At, Count, Go
 
-from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.errors import WorkerError
-from agent_runtime.core.events import Local
-from agent_runtime.core.turn import Turn
-from agent_runtime.core.wiring import Wiring
-from agent_runtime.io.devices import Errand, Post
 from agent_runtime.io.worker import Worker
-from agent_runtime.testing.wires import Wires
-from fipa_codec.languages import Languages
 
 pytestmark = pytest.mark.process
 
@@ -100,59 +91,3 @@ def test_dies_with_its_parent() -> None:
         assert runs(child)
         parent.kill()
     wait_for(lambda: not runs(child))
-
-
-class Memory(Struct, frozen=True):
-    """What the worker said."""
-
-    numbers: tuple[int, ...] = ()
-    ended: int = -1
-
-
-def follow(memory: Memory, turn: Turn) -> Memory:
-    """Answer each number with Go, until the worker ended."""
-    match turn.event:
-        case Local(content=Count() | Halt() as word):
-            turn.tell(word)
-        case Local(content=At(number=number)):
-            turn.tell(Go())
-            return replace(memory, numbers=(*memory.numbers, number))
-        case Local(content=Ended(code=code)):
-            return replace(memory, ended=code)
-    return memory
-
-
-def counting_wires() -> Wires:
-    """One agent with a worker process as its device."""
-
-    def device(post: Post) -> Errand:
-        return Errand(post, "worker_entries:count", answers=At, begin=Count, stop=Halt, ended=Ended)
-
-    wires = Wires()
-    agent = Agent("a", "at", Memory(), {"at": Behaviour(follow)}, local=Count | At | Ended | Halt)
-    wires.add(agent, Wiring("toy", "a", (), Languages()), device)
-    return wires
-
-
-def test_errand_on_the_wires() -> None:
-    """The virtual clock stands still while the worker computes, so its answers come at the time of the question."""
-    wires = counting_wires()
-    start = wires.now
-    wires.post("a", Count(5))
-    wires.run(lambda: wires.memory("a").ended == 0)
-    assert wires.memory("a").numbers == (0, 1, 2, 3, 4)
-    assert wires.now == start
-    wires.close()
-
-
-def test_a_new_errand_ends_the_old_one() -> None:
-    """A second Count in the middle kills the first worker; Halt kills it for good, without the word Ended."""
-    wires = counting_wires()
-    wires.post("a", Count(1000))
-    wires.run(lambda: len(wires.memory("a").numbers) > 3)
-    wires.post("a", Count(1_000_000))
-    wires.run(lambda: wires.memory("a").numbers.count(0) == 2)
-    wires.post("a", Halt())
-    wires.run_for(1.0)
-    assert wires.memory("a").ended == -1
-    wires.close()

@@ -26,16 +26,6 @@ class At(msgspec.Struct, frozen=True, tag=True):
     pad: bytes = b""
 
 
-class Halt(msgspec.Struct, frozen=True, tag=True):
-    """Stop it."""
-
-
-class Ended(msgspec.Struct, frozen=True, tag=True):
-    """The worker ended by itself."""
-
-    code: int
-
-
 def count(link: Link) -> None:
     """Count as told."""
     task = link.recv(Count)

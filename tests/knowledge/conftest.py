@@ -6,8 +6,9 @@ import pytest
 
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Pose, Side
-from services.knowledge import observe
 from services.knowledge.store import Store
+
+from .storing import store_observation
 
 
 def yaw(angle: float) -> tuple[float, float, float, float]:
@@ -33,5 +34,5 @@ def kitchen() -> Store:
     """A store in memory with the whole scene in it."""
     store = Store.open()
     for count, observation in enumerate(KITCHEN, start=1):
-        assert observe.apply(store, observation, (1, count), now=2.0)
+        assert store_observation(store, observation, (1, count), now=2.0)
     return store

@@ -9,10 +9,11 @@ from companion.languages import WM, wm
 from companion.languages.values import Box, Cylinder, Pose, Side
 from companion.models import GRASPS, MODELS
 from fipa_codec.performatives import Performative
-from services.knowledge import observe
 from services.knowledge.answers import ANSWERS, MAKERS, answer, ask
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
+
+from .storing import store_observation
 
 VOLUME = Cylinder(0.1, 0.3, Pose((0.85, 0.37, 1.25)))
 
@@ -107,7 +108,7 @@ def test_who_has_observed_nothing_lists_nothing() -> None:
 def test_an_object_that_was_seen_is_known_and_its_neighbour_is_not() -> None:
     """Knowledge comes by subject."""
     store = Store.open()
-    observe.apply(store, wm.SeenObject("jar_1", "jar", Pose((1.0, 0.0, 1.0)), 0.0), (1, 1))
+    store_observation(store, wm.SeenObject("jar_1", "jar", Pose((1.0, 0.0, 1.0)), 0.0), (1, 1))
     assert isinstance(answer(store, wm.ObjectPose(object="jar_1")), wm.PoseOf)
     said = answer(store, wm.ObjectPose(object="bowl_1"))
     assert isinstance(said, wm.Unknown)
@@ -141,7 +142,7 @@ def test_surfaces_are_in_the_world(kitchen: Store) -> None:
 def test_a_held_object_moves_with_its_hand(kitchen: Store) -> None:
     """PoseOf names the hand, CurrentGrasp gives T_grip_object, and the object is no part of the surroundings."""
     grip = Pose((0.0, 0.0, 0.002), (0.0, 1.0, 0.0, 0.0))
-    observe.apply(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "7", grip), (1, 50))
+    store_observation(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "7", grip), (1, 50))
     pose = answer(kitchen, wm.ObjectPose(object="jar_1"))
     assert isinstance(pose, wm.PoseOf)
     assert (pose.held_by, pose.exact) == (Side.LEFT, False)
@@ -199,7 +200,7 @@ def test_relations_hold_or_not(kitchen: Store, relation: str, subject: str, valu
 
 def test_content_is_where_it_was_poured(kitchen: Store) -> None:
     """Known by the observation of a pouring only."""
-    observe.apply(kitchen, wm.SeenContent("jar_1", "bowl_1"), (1, 60))
+    store_observation(kitchen, wm.SeenContent("jar_1", "bowl_1"), (1, 60))
     assert answer(kitchen, wm.Holds(relation="isIn", subject="jar_1.content", value="bowl_1")) == wm.Truth(True)
 
 

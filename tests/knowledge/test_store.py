@@ -8,11 +8,11 @@ from rdflib import RDF, URIRef
 
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Pose, Side
-from services.knowledge import observe
 from services.knowledge.ontology import ROCO, below
 from services.knowledge.store import THING, Store, iri
 
 from .conftest import KITCHEN
+from .storing import store_observation
 
 number = st.floats(-2.0, 2.0, allow_nan=False)
 poses = st.builds(Pose, st.tuples(number, number, number))
@@ -40,7 +40,7 @@ def test_what_is_read_back_is_what_was_written(story: list[tuple[wm.AnyObservati
     """A store opened on the same triples has the same scene, whatever was observed in whatever order."""
     store = Store.open()
     for observation, version in story:
-        observe.apply(store, observation, version, now=1.5)
+        store_observation(store, observation, version, now=1.5)
     assert Store(store._triples).scene == store.scene
 
 
@@ -48,18 +48,18 @@ def test_a_store_on_disk_is_found_again(tmp_path: Path) -> None:
     """Facts, versions and times survive; an old version is ignored afterwards too."""
     store = Store.open(tmp_path / "km")
     for count, observation in enumerate(KITCHEN):
-        observe.apply(store, observation, (1, count), now=2.0)
+        store_observation(store, observation, (1, count), now=2.0)
     scene = store.scene
     del store
     again = Store.open(tmp_path / "km")
     assert again.scene == scene
-    assert not observe.apply(again, KITCHEN[2], (1, 2))
+    assert not store_observation(again, KITCHEN[2], (1, 2))
 
 
 def test_an_older_version_is_not_stored(kitchen: Store) -> None:
-    """`apply` says so, and the scene is the very same object."""
+    """`store_observation` returns False, and the scene is the very same object."""
     before = kitchen.scene
-    assert not observe.apply(kitchen, KITCHEN[0], (1, 0))
+    assert not store_observation(kitchen, KITCHEN[0], (1, 0))
     assert kitchen.scene is before
 
 
@@ -86,8 +86,8 @@ def test_people_may_ask_in_sparql(kitchen: Store) -> None:
 
 def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -> None:
     """A jar taken out of the cabinet is no longer in it; what the ontology says of the hand stays."""
-    observe.apply(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002))), (1, 20))
-    observe.apply(kitchen, wm.SeenObject("jar_1", "jar", Pose((0.4, 0.4, 1.4)), 9.0), (1, 21))
+    store_observation(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002))), (1, 20))
+    store_observation(kitchen, wm.SeenObject("jar_1", "jar", Pose((0.4, 0.4, 1.4)), 9.0), (1, 21))
     graph, jar = kitchen.graph(), URIRef(iri(THING, "jar_1"))
     assert not list(graph.objects(jar, ROCO.isIn))
     assert list(graph.objects(jar, ROCO.isGraspedBy)) == [ROCO.left_hand]
@@ -97,8 +97,8 @@ def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -
 
 def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> None:
     """No property is made up by the store."""
-    observe.apply(kitchen, wm.SeenContent("jar_1", "bowl_1"), (1, 30))
-    observe.apply(kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31))
+    store_observation(kitchen, wm.SeenContent("jar_1", "bowl_1"), (1, 30))
+    store_observation(kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31))
     graph = kitchen.graph()
     used = {p for p in graph.predicates() if p in ROCO}
     assert all((p, RDF.type, None) in graph for p in used)

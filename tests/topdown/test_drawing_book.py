@@ -11,7 +11,7 @@ import pytest
 
 from topdown.draw import book, text
 from topdown.draw.channels import seconds, size
-from topdown.draw.parts import Figure, Grid
+from topdown.draw.document import Figure, Grid
 from topdown.draw.steps import natural
 from topdown.model import elements, loading
 from topdown.model.design import Design, load

@@ -5,7 +5,7 @@ from measured_runs import run
 from spoiling import design
 
 from topdown.check.estimate import estimate
-from topdown.check.measure import measure, recorded_as_estimate, typical
+from topdown.check.measure import measure, recorded_as_estimate
 from topdown.check.observe import Observation, Observed
 
 AGREE = '"base", performative = "agree", language = "WAY", bytes = 100'
@@ -97,7 +97,6 @@ def test_a_run_is_measured_in_the_words_of_the_estimate() -> None:
     assert found.seconds == pytest.approx(8.4)
     assert found.channels["C3"].communicates == 3
     assert found.channels["C3"].bytes == 350
-    assert typical(design(), run())["drive", 0] == (1, 200)
 
 
 def test_an_estimate_made_of_a_run_has_no_error_beside_it() -> None:

@@ -63,7 +63,7 @@ class Track:
 
     def _sample(self) -> None:
         knots, last = self._knots, len(self._knots) - 1
-        k = min(int(self._time / KNOT_S), max(last - 1, 0))
+        k = min(int(self._time / KNOT_S), last)
         u = self._time / KNOT_S - k
         a, b = knots[k], knots[min(k + 1, last)]
         self.q = a + u * (b - a)
@@ -76,10 +76,10 @@ class Track:
         self.v = v * (self._rate / (2 * KNOT_S))
 
     def _blend(self) -> None:
-        s = min(1.0, self._since / BLEND_S)
-        left = 1.0 - s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+        s = self._since / BLEND_S
         if s >= 1.0:
             self._offset = np.zeros_like(self._offset)
             return
+        left = 1.0 - s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
         self.q = self.q + left * self._offset
         self.v = self.v - (30.0 * s * s * (1.0 - s) ** 2 / BLEND_S * self._rate) * self._offset

@@ -1,7 +1,7 @@
 """Primitive tasks that turn the head: to look around, and at one thing."""
 
-from companion.around import POINTS
 from companion.languages import rc
+from companion.look_around import POINTS
 from services.planner.search.steps import Geometry, Step
 
 POINT_S, LOOK_S = (

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from operate.pictures import child
-from operate.pictures.places import Place
 from operate.pictures.server import ServerError
+from operate.pictures.viewer_address import Place
 
 
 def main(

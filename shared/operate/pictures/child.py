@@ -12,7 +12,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from operate.pictures import places, wire
+from operate.pictures import viewer_address, wire
 from operate.pictures.file import NAME, laid_out
 from operate.pictures.happenings import Happening, Lost, Reader
 from operate.pictures.server import Server, rss_mb
@@ -43,7 +43,7 @@ class OverLimit(MemoryError):
 class Child:
     """Draws what it reads until the pipe ends."""
 
-    def __init__(self, run: Path, place: places.Place, system: System) -> None:
+    def __init__(self, run: Path, place: viewer_address.Place, system: System) -> None:
         self._system = system
         self._server = Server(run, place)
         self._reader = Reader(system)
@@ -51,7 +51,7 @@ class Child:
         self._early: list[Happening] = []
         self._idle = True
         self._out = rr.RecordingStream(NAME, recording_id=f"{NAME}-live-{time.time():.3f}")
-        places.tell(run, place)
+        viewer_address.tell(run, place)
 
     def serve(self, pipe: int) -> int:
         """Draw what comes through this file descriptor. 0: it ended. Raises OverLimit, ServerError."""
@@ -110,7 +110,7 @@ class Child:
         self._server.check()
 
 
-def main(run: Path, place: places.Place, pipe: int) -> int:
+def main(run: Path, place: viewer_address.Place, pipe: int) -> int:
     """Draw and serve."""
     os.nice(NICENESS)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the monitor, which ends the pipe

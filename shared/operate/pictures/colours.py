@@ -6,7 +6,6 @@ GREY: Colour = (120, 130, 145)
 FRESH: Colour = (38, 150, 180)
 RED: Colour = (205, 60, 60)
 ORANGE: Colour = (222, 140, 30)
-GREEN: Colour = (76, 168, 92)
 CHANNELS: tuple[Colour, ...] = (
     (230, 159, 0),
     (214, 93, 130),

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from agent_runtime.io.tap import Sample
-from operate.pictures.places import Place, wanted
+from operate.pictures.viewer_address import Place, wanted
 from operate.pictures.wire import Heard, Item, Missed, Said, encode, framed
 from operate.run_folder import Judged
 from operate.system import System

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import rerun_cli  # type: ignore[import-untyped]
 
-from operate.pictures.places import LOOPBACK, Place
+from operate.pictures.viewer_address import LOOPBACK, Place
 
 PROGRAM = Path(rerun_cli.__file__).with_name("rerun")
 KEPT = "256MiB"

@@ -98,13 +98,13 @@ def record(
 ) -> None:
     """Record a running fleet beside its own recorder, until SIGINT. Exits with 3 where no router answers."""
     from operate.filters import Filter
-    from operate.recording import keeping
+    from operate.recording import side_recording
 
-    asked = keeping.Asked(out, msgspec.json.decode(which, type=Filter), count, seconds)
+    asked = side_recording.Asked(out, msgspec.json.decode(which, type=Filter), count, seconds)
     if heard:
-        raise typer.Exit(keeping.serve_heard(here(), asked))
+        raise typer.Exit(side_recording.serve_heard(here(), asked))
     options = Options(connect=connect, system=system, run_dir=run_dir, keys=keys)
-    raise typer.Exit(keeping.serve(options, here(), asked, identity))
+    raise typer.Exit(side_recording.serve(options, here(), asked, identity))
 
 
 def replayed(folder: Annotated[Path, typer.Argument(help="The folder of a replay.")]) -> None:

@@ -14,9 +14,9 @@ import msgspec
 from agent_runtime.io.options import Options
 from agent_runtime.io.tap import RECORDER, Sample
 from agent_runtime.io.waiting import Waiting
-from operate.recording.keeping import NO_ROUTER, tapped
 from operate.recording.mcap_file import first
 from operate.recording.samples import sampled
+from operate.recording.side_recording import NO_ROUTER, tapped
 from operate.run_folder import TRAFFIC_FILE
 from topdown.model.design import Design
 

@@ -1,17 +1,17 @@
 """Check whether a design is consistent in itself; topdown.check.agreement compares it with code.
 
-The order is names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, rows, waits, parameters
--> claims, adding_up; recorded compares a run with the design. A fault is reported once: what only follows from it is
-left out. No I/O.
+The order is names -> requirements, steps -> channels, protocols, message_form, interfaces -> machines, rows, waits,
+parameters -> claims, adding_up; recorded compares a run with the design. A fault is reported once: what only follows
+from it is left out. No I/O.
 """
 
 from topdown.check import (
     adding_up,
     channels,
     claims,
-    forms,
     interfaces,
     machines,
+    message_form,
     names,
     outcome,
     parameters,
@@ -33,7 +33,7 @@ PARTS = (
     channels.findings,
     names.findings,
     protocols.findings,
-    forms.findings,
+    message_form.findings,
     sides.findings,
     interfaces.findings,
     machines.findings,

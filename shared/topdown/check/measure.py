@@ -77,24 +77,6 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
     return Estimate(seconds, {name: _sum(name, uses, seconds) for name in design.channels}, tuple(uses), ())
 
 
-def typical(design: Design, run: Observed) -> dict[tuple[str, int], tuple[int, float]]:
-    """(use, number of its message) -> how often it was said, its mean size: figures for `count` and `typical_bytes`."""
-    entry: dict[tuple[str, str, str], dict[str, int]] = defaultdict(dict)
-    for use in design.file.protocol:
-        for number, message in enumerate(use.message):
-            for content in design.contents(use, message) or ("",):
-                entry[use.name, message.sender, message.performative][content] = number
-    sizes: dict[tuple[str, int], list[int]] = defaultdict(list)
-    for one in run.communicates:
-        named = use_of(design, one)
-        if named is None:
-            continue
-        numbers = entry[named.name, one.sender, one.performative]
-        if numbers:
-            sizes[named.name, numbers.get(one.content, next(iter(numbers.values())))].append(one.bytes)
-    return {key: (len(some), _mean(some)) for key, some in sizes.items()}
-
-
 def _spans(some: Iterable[Observation]) -> list[float]:
     """How long each conversation lasted, from its first word to its last."""
     first: dict[str, float] = {}

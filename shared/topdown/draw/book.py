@@ -5,8 +5,8 @@ from enum import StrEnum
 
 import msgspec
 
-from topdown.draw import channels, machines, page, requirements, steps, system, talks, text
-from topdown.draw.parts import Figure, Section
+from topdown.draw import channels, machines, page, protocols, requirements, steps, system, text
+from topdown.draw.document import Figure, Section
 from topdown.model.design import Design
 
 
@@ -46,7 +46,7 @@ def sections(design: Design, choice: Choice = EVERYTHING) -> tuple[Section, ...]
         What.TREE: lambda: steps.tree_section(design, choice.step, choice.width),
         What.SYSTEM: lambda: system.section(design, choice.width),
         What.CHANNELS: lambda: channels.section(design),
-        What.PROTOCOLS: lambda: talks.section(design, choice.protocol, choice.width),
+        What.PROTOCOLS: lambda: protocols.section(design, choice.protocol, choice.width),
         What.INTERFACES: lambda: channels.interfaces(design, choice.agent),
         What.BUFFERS: lambda: channels.buffers(design),
         What.MACHINES: lambda: machines.section(design, choice.agent),

@@ -6,7 +6,7 @@ entries of interfaces have the form of its ClassInterfaceInfo (section 5.6).
 
 from collections.abc import Iterable, Iterator
 
-from topdown.draw.parts import Grid, Section, listed
+from topdown.draw.document import Grid, Section, listed
 from topdown.draw.steps import natural
 from topdown.model.design import Design, Rule
 from topdown.model.elements import Protocol

@@ -12,7 +12,7 @@ import msgspec
 from fipa_codec.performatives import Performative
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import START, Protocol, Role, Row
-from topdown.draw.meeting import Edge, Meeting, Place, Sayable, meet, name_of, spoken
+from topdown.draw.joint_states import Edge, Meeting, Place, Sayable, meet, name_of, spoken
 
 DECLINING = frozenset({P.REFUSE, P.FAILURE, P.REJECT_PROPOSAL, P.DISCONFIRM, P.NOT_UNDERSTOOD})
 """Acts that say no (SC00037J): their branches stand behind the others."""

@@ -3,7 +3,7 @@
 from html import escape
 
 from topdown.draw import style
-from topdown.draw.parts import Figure, Grid, Section
+from topdown.draw.document import Figure, Grid, Section
 
 
 def page(title: str, lead: str, sections: tuple[Section, ...]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from topdown.draw.canvas import Box, Canvas, width_of, wrapped
-from topdown.draw.parts import Figure, Grid, Section, listed, rulings
+from topdown.draw.document import Figure, Grid, Section, listed, rulings
 from topdown.draw.text import hung
 from topdown.model.design import Design
 from topdown.model.elements import Requirement

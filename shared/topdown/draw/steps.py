@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterator
 
-from topdown.draw import tree
-from topdown.draw.parts import Figure, Grid, Section, listed, rulings
+from topdown.draw import decomposition_tree
+from topdown.draw.document import Figure, Grid, Section, listed, rulings
 from topdown.model.decomposition import Channel, Stage
 from topdown.model.design import Design
 from topdown.model.elements import Step
@@ -47,8 +47,8 @@ def _checked(design: Design, step: int) -> int:
 
 def _figure(design: Design, number: int, width: int, name: str) -> Figure:
     caption = f"Groups and channels after step {number}" if number else "Before the first step"
-    words = tree.plain(design, number, width)
-    return Figure(name, caption, tree.draw(design, number), words, design.decomposition.stages[number])
+    words = decomposition_tree.plain(design, number, width)
+    return Figure(name, caption, decomposition_tree.draw(design, number), words, design.decomposition.stages[number])
 
 
 def _table(design: Design, number: int) -> Grid:

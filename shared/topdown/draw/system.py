@@ -7,11 +7,10 @@ the border: x receives, y sends.
 import msgspec
 
 from topdown.draw.canvas import Box, Canvas, Point, width_of, wrapped
-from topdown.draw.parts import Figure, Section
-from topdown.draw.placing import placed
+from topdown.draw.document import Figure, Section
+from topdown.draw.layout import placed, spread, tracks
 from topdown.draw.steps import natural
 from topdown.draw.text import hung
-from topdown.draw.tracks import spread, tracks
 from topdown.model.decomposition import Channel
 from topdown.model.design import Design
 

@@ -3,7 +3,7 @@
 import re
 import textwrap
 
-from topdown.draw.parts import Figure, Grid, Section
+from topdown.draw.document import Figure, Grid, Section
 
 GAP = 2
 LEAST = 6  # least width of a column, in letters

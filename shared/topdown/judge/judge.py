@@ -13,8 +13,8 @@ from fipa_codec.errors import MalformedError
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.tables import Role
 from topdown.judge.admission import Admission
+from topdown.judge.conversations import Entry, Talk, Talks
 from topdown.judge.copies import Copies, Known, Pair, Streams
-from topdown.judge.talks import Entry, Talk, Talks
 from topdown.judge.timers import Timers
 from topdown.judge.verdicts import Heard, Judgement, Verdict
 from topdown.model.design import Design

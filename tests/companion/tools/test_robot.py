@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot
 from velma.kinematics.robot import Robot
-from velma.names import BODY, GRIP_BODY, HANDS, HEAD, LOWER, SIDES, UPPER
+from velma.names import BODY, DISTAL, GRIP_BODY, HEAD, LOWER, PROXIMAL, SIDES, SPREAD, UPPER
 
 LINKS = robot.links()
 VELMA = Robot()
@@ -26,7 +26,8 @@ def test_hands_are_where_pinocchio_says(shares: list[float]) -> None:
 def test_telemetry_names_every_joint_of_the_model() -> None:
     """All joints get a position, and only they."""
     named = robot.joints(RobotState(sim_time_s=0.0, body=(0.0,) * 15))
-    assert set(named) == {*BODY, *HEAD, *(joint for side in SIDES for joint in HANDS[side])}
+    hands = {joint for of in (SPREAD, PROXIMAL, DISTAL) for side in SIDES for joint in of[side]}
+    assert set(named) == {*BODY, *HEAD} | hands
     assert set(named) == {link.joint for link in LINKS if link.joint}
 
 

@@ -4,12 +4,16 @@ import subprocess
 import sys
 
 import msgspec
+import numpy as np
 import pytest
 
 from companion.tools.verbs.pace import Pace
+from services.executor.loop import pace
 from services.executor.loop.core import LoopCore
+from services.executor.loop.link import Timing
 from services.executor.loop.pace import measure
 from services.executor.loop.timing import Pacer
+from velma.names import START
 from velma.sim.mock_backend import MockBackend
 
 
@@ -38,6 +42,67 @@ def test_a_pace_is_held_where_few_cycles_are_late(clock, work_s, seldom_s, late,
     assert found.late == pytest.approx(late, abs=0.1 * late)
     assert core.faults == 0
     assert core.report.phase == "running", "it was moving all the time"
+
+
+@pytest.mark.parametrize("seconds", [0.5, 1.0, 2.0])
+def test_every_joint_moves_a_tenth_of_a_radian_and_back(clock, seconds):
+    """For as long as is measured, from rest to rest."""
+    core, seen = LoopCore(Slow(clock, 0.001, 0.001)), []
+    step = core.backend.step
+    core.backend.step = lambda command: seen.append(core.setpoint.copy()) or step(command)
+    found = measure(core, Pacer(core.backend.period_s), seconds)
+    way = np.array(seen) - START
+    assert (found.periods, len(way)) == (round(seconds * 500), round(seconds * 500))
+    np.testing.assert_allclose(way.max(axis=0), 0.1, atol=1e-3)
+    np.testing.assert_allclose(way[round(seconds * 250)], 0.1, atol=1e-3)
+    np.testing.assert_allclose(way[[0, -1]], 0.0, atol=1e-3)
+    quarter = way[round(seconds * 125)]
+    np.testing.assert_allclose(quarter, 0.05, atol=2e-3)
+    assert clock.now >= seconds - 0.002
+
+
+def test_the_share_of_late_cycles_that_is_still_held_is_a_tenth(clock):
+    """50 of 500 are held, 51 are not."""
+    for late, held in ((50, True), (51, False)):
+        pacer = Late(late)
+        found = measure(LoopCore(MockBackend()), pacer)
+        assert (found.periods, found.late, found.held) == (500, late, held)
+
+
+def test_skipped_cycles_are_periods_and_late(clock):
+    """450 cycles, of them 20 late, and 50 skipped: 70 of 500."""
+    found = measure(LoopCore(MockBackend()), Late(20, cycles=450, skipped=50))
+    assert (found.periods, found.late, found.held) == (500, 70, False)
+
+
+class Late:
+    """A pacer that has counted what it is told."""
+
+    def __init__(self, missed, cycles=500, skipped=0):
+        self._timing = Timing(cycles=cycles, missed=missed, skipped=skipped, compute_us={"p50": 1.0})
+
+    def wait(self):
+        """At once."""
+
+    def done(self):
+        """Nothing to count."""
+
+    def timing(self):
+        return self._timing
+
+
+def test_the_program_measures_as_the_loop_runs(monkeypatch, capsys):
+    """Priority first, then a robot at rest, memory kept still, and a line of JSON at the end."""
+    done = []
+    monkeypatch.setattr(pace, "take_priority", lambda: done.append("priority"))
+    monkeypatch.setattr(pace, "still_memory", lambda: done.append("memory"))
+    monkeypatch.setattr(pace, "MujocoBackend", lambda scene: done.append("robot") or MockBackend())
+    monkeypatch.setattr(pace, "measure", lambda core, pacer: done.append(core.cycles) or pace.Pace(500, 0, True, {}))
+    pace.main()
+    assert done == ["priority", "robot", "memory", 100]
+    out = capsys.readouterr().out
+    assert out.endswith("}\n")
+    assert msgspec.json.decode(out, type=Pace).held
 
 
 @pytest.mark.process

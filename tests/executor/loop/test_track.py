@@ -118,3 +118,126 @@ def test_a_single_knot_is_a_motion_that_has_ended():
     track.advance(DT)
     assert track.ended
     np.testing.assert_array_equal(track.q, START)
+
+
+def test_between_knots_the_speed_is_that_of_the_path():
+    """A straight line at 1 rad/s: 1 rad/s in every cycle but those of the first and last knot, where it is at rest."""
+    path = START + np.arange(0.0, 0.105, KNOT_S)[:, None]
+    q, v = walk(Track(path, START))
+    assert len(q) == 51, "0.1 s"
+    np.testing.assert_allclose(q, START + np.arange(51)[:, None] * DT, atol=1e-12)
+    inner = np.arange(51) * DT
+    inner = (inner > KNOT_S - 1e-9) & (inner < 0.1 - KNOT_S + 1e-9)
+    np.testing.assert_allclose(v[inner], 1.0, atol=1e-9)
+    assert ((v[1:-1] > 0.49) & (v[1:-1] < 1.01)).all()
+
+
+def test_the_speed_of_a_bend_is_that_of_the_parabola_through_its_knots():
+    """q = t^2 has the speed 2 t at each knot, which a central difference gives exactly."""
+    at = np.arange(11) * KNOT_S
+    path = START + (at**2)[:, None]
+    track = Track(path, START)
+    for k in range(1, 50):
+        track.advance(DT)
+        if KNOT_S - 1e-9 < k * DT < 0.09 + 1e-9:
+            np.testing.assert_allclose(track.v, 2 * k * DT, atol=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(offset=st.floats(0.01, 0.049), pause_at=st.integers(0, 200))
+def test_the_blend_moves_at_the_speed_it_reports(offset, pause_at):
+    """A body 0.05 rad off comes over in 0.3 s, at most at 1.875 times the mean, and waits in a pause."""
+    track = Track(np.tile(START, (101, 1)), START + offset)
+    q, v = [track.q[0]], [track.v[0]]
+    for k in range(500):
+        if k == pause_at:
+            track.pause()
+        if k == pause_at + 100:
+            track.resume()
+        track.advance(DT)
+        q.append(track.q[0])
+        v.append(track.v[0])
+    measured = np.diff(q) / DT
+    fastest = 1.875 * offset / 0.3
+    assert np.abs(measured).max() <= fastest * 1.001
+    assert (measured <= 1e-12).all(), "it comes over from above and does not turn"
+    between = 0.5 * (np.array(v[1:]) + np.array(v[:-1]))
+    np.testing.assert_allclose(between, measured, atol=0.01 * fastest)
+    assert q[-1] == START[0]
+
+
+def test_the_blend_is_smooth_and_takes_three_tenths_of_a_second():
+    """The share 10 s^3 - 15 s^4 + 6 s^5 of the way: 0.05792 at a fifth of the time, half at half, all at the end."""
+    track = Track(np.tile(START, (101, 1)), START + 0.04)
+    left = []
+    for _ in range(151):
+        track.advance(DT)
+        left.append(track.q[0] - START[0])
+    assert left[29] == pytest.approx(0.04 * (1 - 0.05792), abs=1e-9)
+    assert left[74] == pytest.approx(0.04 * 0.5, abs=1e-9)
+    assert left[119] == pytest.approx(0.04 * 0.05792, abs=1e-9)
+    assert left[145] > 0.0
+    assert left[150] == 0.0
+    np.testing.assert_array_equal(track.v, 0.0)
+
+
+def test_a_fresh_track_is_where_the_robot_was_told_to_be_at_rest():
+    """Nothing has moved before the first cycle, and the first cycle is one of full speed."""
+    path = START + np.arange(0.0, 1.0, KNOT_S)[:, None]
+    track = Track(path, START + 0.01)
+    assert not track.ended
+    np.testing.assert_array_equal(track.q, START + 0.01)
+    np.testing.assert_array_equal(track.v, 0.0)
+    track = Track(path, START)
+    track.advance(DT)
+    np.testing.assert_allclose(track.q, START + DT, atol=1e-12)
+
+
+def test_a_pause_of_a_motion_that_stands_is_not_its_end():
+    """At rest and paused it goes on when it may; at rest and braked it has ended."""
+    track = Track(knots(), START)
+    track.advance(DT)
+    track.pause()
+    for _ in range(200):
+        track.advance(DT)
+    assert not track.ended
+    track.resume()
+    assert not track.ended
+    track.brake()
+    assert track.ended
+
+
+def test_a_motion_at_its_last_knot_has_ended_only_with_its_blend():
+    """A path of 0.1 s from 0.04 rad beside it lasts as long as the blend, 0.3 s."""
+    q, _ = walk(Track(knots(0.1), START + 0.04))
+    assert (len(q) - 1) * DT == pytest.approx(0.3, abs=DT)
+    np.testing.assert_allclose(q[-1], knots(0.1)[-1])
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_a_start_as_far_as_allowed_is_taken(way):
+    """0.05 rad, four centimetres at a hand; more is refused."""
+    told = np.zeros_like(START)
+    at, beyond = (np.full((1, 15), way * far) for far in (0.05, 0.0501))
+    assert not Track(at, told).ended
+    with pytest.raises(MotionError, match=r"0\.050 rad"):
+        Track(beyond, told)
+
+
+def test_going_on_after_a_pause_takes_as_long_as_the_pause():
+    """From rest to full speed in 0.3 s, evenly."""
+    track = Track(START + np.arange(0.0, 3.0, KNOT_S)[:, None], START)
+    for _ in range(100):
+        track.advance(DT)
+    track.pause()
+    for _ in range(160):
+        track.advance(DT)
+    assert track.v[0] == 0.0
+    track.resume()
+    speeds = []
+    for _ in range(160):
+        track.advance(DT)
+        speeds.append(track.v[0])
+    assert speeds[74] == pytest.approx(0.5, abs=0.01)
+    assert speeds[151] == pytest.approx(1.0, abs=1e-9)
+    assert max(np.diff(speeds)) <= DT / 0.3 + 1e-9

@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 from companion.design import DESIGN
 from operate.cli.__main__ import app
 from topdown.draw import book
-from topdown.draw.parts import Grid
+from topdown.draw.document import Grid
 
 ROOT = Path(__file__).parents[3]
 DRAWN = ROOT / "docs" / "design"

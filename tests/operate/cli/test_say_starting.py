@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from companion.run_files import HI_FILE, HiAddress, Problem
-from companion.tools.verbs import awaited, talk
+from companion.tools.verbs import human_interface_start, talk
 from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
@@ -184,12 +184,14 @@ def test_the_wait_ends(clock, called, tmp_path: Path) -> None:
 def test_in_a_container_a_hi_itself_is_looked_for(clock, called, pretend, tmp_path: Path, monkeypatch) -> None:
     """There is no supervisor, and no run folder until a_hi makes it."""
     run = tmp_path / "run"
-    monkeypatch.setattr(awaited, "HUMAN_INTERFACE", "services.a_hi_of_this_test")  # others may have a fleet here
+    monkeypatch.setattr(
+        human_interface_start, "HUMAN_INTERFACE", "services.a_hi_of_this_test"
+    )  # others may have a fleet here
     monkeypatch.setenv("ROCO_CONNECT", "tls/router:7447")
     monkeypatch.setenv("ROCO_RUN_DIR", str(run))
     assert say().exit_code == 3
     assert clock.pauses == 0, "it is no container of a_hi"
-    called(awaited.HUMAN_INTERFACE)
+    called(human_interface_start.HUMAN_INTERFACE)
     clock.acts = [listening(pretend, run)]
     heard(say())
 

@@ -16,7 +16,7 @@ from companion.tools.system import SYSTEM
 from operate.pictures import feed as feeding
 from operate.pictures import wire
 from operate.pictures.feed import OVERHEAD, Feed, Queue
-from operate.pictures.places import Place, ViewSettingError, wanted
+from operate.pictures.viewer_address import Place, ViewSettingError, wanted
 
 PLACE = Place("127.0.0.1", 1, 2)
 READS_NOTHING = (sys.executable, "-c", "import time; time.sleep(600)")

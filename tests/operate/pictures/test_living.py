@@ -18,8 +18,8 @@ from operate.pictures import child, server
 from operate.pictures import feed as feeding
 from operate.pictures.child import OverLimit
 from operate.pictures.feed import Feed
-from operate.pictures.places import Place, wanted
 from operate.pictures.server import ServerError
+from operate.pictures.viewer_address import Place, wanted
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken
@@ -121,7 +121,7 @@ def test_a_monitor_that_is_killed_leaves_nobody_behind(tmp_path: Path) -> None:
     code = (
         "import sys, time; from pathlib import Path\n"
         "from operate.pictures.feed import Feed\n"
-        "from operate.pictures.places import wanted\n"
+        "from operate.pictures.viewer_address import wanted\n"
         "from companion.tools.system import SYSTEM\n"
         "Feed(Path(sys.argv[1]), wanted({}), SYSTEM, lambda event, **_: None); time.sleep(600)"
     )

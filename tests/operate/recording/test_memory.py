@@ -22,7 +22,7 @@ from operate.recording.history import load
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
 from operate.run_folder import VERDICTS_FILE, Happened
-from topdown.judge import copies, talks
+from topdown.judge import conversations, copies
 from topdown.judge.copies import Remembered
 
 RECORDED = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -81,7 +81,7 @@ def grown(recorder: Recorder, again: Again) -> list[int]:
 @pytest.mark.parametrize("channel", ["C4", "C3"])
 def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Judge, live lines and file, with what they remember filled soon."""
-    for module, name in ((copies, "REMEMBERED"), (talks, "OVER"), (live, "KNOWN"), (tools_live, "STORY")):
+    for module, name in ((copies, "REMEMBERED"), (conversations, "OVER"), (live, "KNOWN"), (tools_live, "STORY")):
         monkeypatch.setattr(module, name, 100)
     told = [one for one in load(RECORDED, SYSTEM).said if one.channel == channel]
     said = [one for one in told if one.conversation == told[0].conversation]

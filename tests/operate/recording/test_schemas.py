@@ -11,7 +11,7 @@ from synthetic import Run
 
 from companion.tools.system import SYSTEM
 from operate.filters import Filter
-from operate.recording import keeping, mcap_file
+from operate.recording import mcap_file, side_recording
 from operate.recording.records import Garbage, House, Resumed, Spoken, Token
 from operate.recording.schemas import schema
 
@@ -23,7 +23,7 @@ PLAIN = {"string": str, "number": (int, float), "integer": int, "boolean": bool}
 def file(tmp_path_factory: pytest.TempPathFactory, pouring: Run) -> Path:
     """A recording of a whole run, with a record of every kind."""
     path = tmp_path_factory.mktemp("kept") / "all.mcap"
-    keeper = keeping.Keeper(keeping.Asked(path, Filter(), 0, 0.0), SYSTEM, None)
+    keeper = side_recording.Keeper(side_recording.Asked(path, Filter(), 0, 0.0), SYSTEM, None)
     for sample in pouring.samples:
         keeper.take(sample)
     keeper.take(msgspec.structs.replace(pouring.samples[0], key="roco/roco/C1/x/y/z/w", data=b"\xc1"))
@@ -82,7 +82,9 @@ def test_viewers_see_what_was_said(file: Path) -> None:
 def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
     """Only what is meant, and tokens, by which it can be judged; the filter stands in the file's metadata."""
     path = tmp_path / "c4.mcap"
-    keeper = keeping.Keeper(keeping.Asked(path, Filter(channels=("C4",), agents=("pl",)), 5, 0.0), SYSTEM, None)
+    keeper = side_recording.Keeper(
+        side_recording.Asked(path, Filter(channels=("C4",), agents=("pl",)), 5, 0.0), SYSTEM, None
+    )
     for sample in pouring.samples:
         if not keeper.over:
             keeper.take(sample)
@@ -92,5 +94,5 @@ def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
     assert (kept.communicates, kept.records, kept.bytes) == (5, len(records), path.stat().st_size)
     assert not [one for one in records if isinstance(one, House) and one.kind != "setting"]
     with path.open("rb") as stream:
-        (note,) = (one for one in make_reader(stream).iter_metadata() if one.name == keeping.FILTER)
+        (note,) = (one for one in make_reader(stream).iter_metadata() if one.name == side_recording.FILTER)
     assert (note.name, note.metadata["channels"], note.metadata["agents"]) == ("filter", "C4", "pl")

@@ -7,9 +7,9 @@ import rerun as rr
 
 from companion.languages import wm
 from companion.languages.values import Pose
+from companion.models import KNOWN_AS
 from companion.telemetry import TrueState
 from companion.tools.pictures import things
-from companion.tools.pictures.known_names import KNOWN_AS
 from operate.pictures.colours import RED
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, arrows, points, transforms

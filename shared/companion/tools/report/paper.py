@@ -19,7 +19,6 @@ class Paper(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Its run. `times`: our name of an event -> seconds from the start; `matrix`: sender -> receiver -> count."""
 
     source: str
-    total_text: int
     total_table: int
     small: float
     largest_bytes: int

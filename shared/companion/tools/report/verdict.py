@@ -10,9 +10,8 @@ import msgspec
 
 from companion.languages import cmd, sw, wm
 from companion.languages.values import Pose
-from companion.models import MODELS
+from companion.models import KNOWN_AS, MODELS
 from companion.telemetry import TrueState
-from companion.tools.pictures.known_names import KNOWN_AS
 from companion.tools.report.plans import asked, made, others_plans, outcome, ran, reason, task_command, task_end
 from companion.tools.telemetry import truth
 from operate.recording.history import History

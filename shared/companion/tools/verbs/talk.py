@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from companion.run_files import TaskLine
-from companion.tools.verbs.awaited import starting
 from companion.tools.verbs.hi import Hi, HiError, address
+from companion.tools.verbs.human_interface_start import starting
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import living_names, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json

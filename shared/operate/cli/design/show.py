@@ -14,7 +14,7 @@ from operate.cli.design import files
 from operate.cli.output import Form, Format, tell_problem
 from operate.system import NoSystemError
 from topdown.draw import book, text
-from topdown.draw.parts import Figure, Section
+from topdown.draw.document import Figure, Section
 from topdown.model.design import load
 from topdown.model.errors import TopdownError
 

@@ -1,13 +1,15 @@
-"""Where the agents of a system figure stand: two rows of cells, so that channels are short and cross little.
+"""Layout of figures: cells for the agents of a system, tracks for lines that run beside each other.
 
-Between the rows is a corridor that no box reaches into, so a line from one row to the other meets no box; lines inside
-a row run between neighbours or outside around. The search is a descent from several starts, the same every time.
+Agents stand in two rows of cells, so that channels are short and cross little. Between the rows is a corridor that no
+box reaches into, so a line from one row to the other meets no box; lines inside a row run between neighbours or outside
+around. The search is a descent from several starts, the same every time.
 """
 
 from collections.abc import Sequence
 from itertools import combinations
 
 Pair = tuple[str, str]
+Span = tuple[float, float]
 Cell = tuple[int, int]
 """Row (0 above, 1 below) and column."""
 
@@ -70,3 +72,24 @@ def _length(one: Cell, other: Cell) -> int:
     if one[0] != other[0]:
         return 10 + 15 * distance
     return 11 if distance == 1 else 40 + 20 * distance
+
+
+def tracks(spans: Sequence[Span], gap: float = 8.0) -> list[int]:
+    """A track (0: the innermost) for each span, short ones inside; spans in one track are `gap` apart."""
+    taken: list[list[Span]] = []
+    found = [0] * len(spans)
+    for index in sorted(range(len(spans)), key=lambda i: (abs(spans[i][1] - spans[i][0]), i)):
+        low, high = sorted(spans[index])
+        track = 0
+        while track < len(taken) and any(low < b + gap and a < high + gap for a, b in taken[track]):
+            track += 1
+        if track == len(taken):
+            taken.append([])
+        taken[track].append((low, high))
+        found[index] = track
+    return found
+
+
+def spread(count: int, low: float, high: float) -> list[float]:
+    """Return `count` positions between two ends, at equal distances."""
+    return [low + (high - low) * (number + 1) / (count + 1) for number in range(count)]

@@ -10,8 +10,8 @@ from itertools import product
 import msgspec
 
 from topdown.draw.canvas import Box, Canvas, width_of, wrapped
+from topdown.draw.layout import spread, tracks
 from topdown.draw.text import hung
-from topdown.draw.tracks import spread, tracks
 from topdown.model.decomposition import Channel, Stage
 from topdown.model.design import Design
 

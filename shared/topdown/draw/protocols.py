@@ -4,9 +4,9 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import Protocol, Role, Row, Way
 from topdown.draw import sequence
 from topdown.draw.channels import seconds, size
+from topdown.draw.document import Figure, Grid, Section, listed, rulings
 from topdown.draw.exchange import Exchange, exchange
-from topdown.draw.meeting import Sayable, spoken
-from topdown.draw.parts import Figure, Grid, Section, listed, rulings
+from topdown.draw.joint_states import Sayable, spoken
 from topdown.model.design import Design
 from topdown.model.elements import Message
 from topdown.model.elements import Protocol as Use

@@ -1,0 +1,182 @@
+"""A motion under way, by hand: when it has ended, by which rule, and how its report says so."""
+
+import numpy as np
+import pytest
+
+from services.executor.loop.act import Act
+from services.executor.loop.program import Close, HandReport, Phase, Until, motion
+from velma.names import START
+
+PATH = np.linspace(START, START + 0.1, 101)  # one second
+NOTHING = np.zeros(12)
+RIGHT, LEFT = HandReport(locked=True), HandReport(touched=(True, False, False))
+GRIP = {"until": "touch", "left": Close(squeeze=0.02)}
+
+
+def act(path=PATH, began_s=0.0, **options):
+    return Act(motion("m", path, **options), START, began_s)
+
+
+def error(right=(0.0, 0.0, 0.0), left=(0.0, 0.0, 0.0)):
+    """A task error (12,) whose rotations, which are no distances, are large."""
+    return np.array([*right, 9.0, 9.0, 9.0, *left, 9.0, 9.0, 9.0])
+
+
+def judged(act, now_s=0.0, error=NOTHING, hands_done=True, head_done=True):
+    return act.judge(now_s, error, hands_done=hands_done, head_done=head_done)
+
+
+def arrived(act):
+    """The same motion at its last knot."""
+    act.track.advance(10.0)
+    return act
+
+
+def report(act, now_s=0.0):
+    return act.report(Phase.RUNNING, "why", now_s, RIGHT, LEFT)
+
+
+def test_a_report_has_the_words_the_hands_and_the_time_since_the_start():
+    """Nothing has ended it yet, and no hand was beside its path."""
+    told = report(act(began_s=3.0), now_s=4.5)
+    assert (told.key, told.phase, told.reason, told.ended_by) == ("m", Phase.RUNNING, "why", None)
+    assert (told.right, told.left) == (RIGHT, LEFT)
+    assert told.time_s == 1.5
+    assert told.largest_error_m == (0.0, 0.0)
+
+
+def test_the_largest_distance_of_each_hand_is_kept():
+    """The length of its own three coordinates, right before left, however small it is later."""
+    one = act()
+    for right, left in (
+        ((0.0, 0.03, 0.04), (0.0, 0.0, 0.01)),
+        ((0.0, 0.0, 0.01), (0.012, 0.0, 0.016)),
+        ((0, 0, 0),) * 2,
+    ):
+        assert judged(one, error=error(right, left)) is None
+    assert report(one).largest_error_m == pytest.approx((0.05, 0.02))
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_hand_beside_its_path_ends_the_motion_in_any_direction(side, axis):
+    """By name and distance; at the tolerance itself it goes on. The body stays where it is then."""
+    at, beyond = (tuple(np.eye(3)[axis] * reach) for reach in (-0.25, -0.251))
+    one = act(tolerance_m=0.25)
+    assert judged(one, error=error(**{side: at})) is None
+    assert one.track is not None
+    phase, reason = judged(one, error=error(**{side: beyond}))
+    assert phase is Phase.FAILED
+    assert f"the {side} hand was 0.251 m" in reason
+    assert one.track is None
+
+
+def test_a_motion_is_done_when_its_path_hands_and_head_are():
+    """In the cycle after its last knot, and not before all three."""
+    one = act()
+    assert judged(one) is None
+    assert report(one).ended_by is None
+    arrived(one)
+    assert judged(one, 1.0) is None
+    assert report(one).ended_by is Until.END
+    assert judged(one, 1.002, hands_done=False) is None
+    assert judged(one, 1.004, head_done=False) is None
+    assert judged(one, 1.006) == (Phase.DONE, "")
+
+
+def test_settling_lasts_as_long_as_asked_from_the_last_thing_done():
+    """Half a second in a row: a head that moves once more begins it again."""
+    one = arrived(act(settle_s=0.5))
+    judged(one, 10.0)
+    assert judged(one, 10.25) is None
+    assert judged(one, 10.5, head_done=False) is None
+    assert judged(one, 10.75) is None
+    assert judged(one, 11.2) is None
+    assert judged(one, 11.25) == (Phase.DONE, "")
+
+
+def test_settling_forgives_the_rounding_of_summed_cycles():
+    """0.3 s in steps of 0.002 s are a bit less in floats; a whole cycle less is too early."""
+    one = arrived(act(settle_s=0.3))
+    judged(one, 0.0)
+    assert judged(one, 0.0) is None
+    assert judged(one, 0.298) is None
+    assert judged(one, 0.3 - 1e-12) == (Phase.DONE, "")
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_contact_is_what_holds_a_hand_up_further_than_at_the_start(side):
+    """By its own z only, below and not above, and beyond the distance asked for, not at it."""
+    one = act(until="contact", contact_side=side, contact_m=0.0625, tolerance_m=0.5)
+    other = "left" if side == "right" else "right"
+    for own, foreign in ((-0.125, 0.0), (0.0, -0.25), (-0.1875, 0.0), (0.25, 0.0)):
+        # Its load is not known exactly: 0.125 m below is where it hangs without any contact.
+        assert judged(one, error=error(**{side: (0.1, -0.1, own), other: (-0.1, 0.1, foreign)})) is None
+        assert report(one).ended_by is None
+    assert one.track is not None
+    assert judged(one, error=error(**{side: (0.0, 0.0, -0.19)})) is None
+    assert report(one).ended_by is Until.CONTACT
+    assert one.track is None, "the body stays where it is"
+    assert judged(one, 1.0) == (Phase.DONE, "")
+
+
+def test_without_contact_the_last_knot_ends_the_motion():
+    """And a motion that asks for no contact is not ended by one."""
+    one = arrived(act(until="contact"))
+    judged(one)
+    assert report(one).ended_by is Until.END
+    other = act(tolerance_m=0.5)
+    for below in (0.0, -0.25):
+        judged(other, error=error(right=(0.0, 0.0, below)))
+    assert report(other).ended_by is None
+    assert other.track is not None
+
+
+def test_a_touch_ends_a_path_when_the_hands_are_closed_and_the_body_rests():
+    """The path goes on while they close; then it brakes within 0.3 s."""
+    one = act(**GRIP)
+    for _ in range(50):
+        one.track.advance(0.002)
+        assert judged(one, hands_done=False) is None
+    moving = one.track.v.copy()
+    assert (moving > 0.09).all(), "no braking before the touch"
+    cycles = 0
+    while report(one).ended_by is None:
+        one.track.advance(0.002)
+        assert judged(one) is None
+        cycles += 1
+    assert report(one).ended_by is Until.TOUCH
+    assert cycles * 0.002 == pytest.approx(0.3, abs=0.006)
+    np.testing.assert_array_equal(one.track.v, 0.0)
+
+
+def test_a_touch_is_waited_for_at_the_last_knot():
+    """A path that has ended is not the end while a hand is still closing."""
+    one = arrived(act(**GRIP))
+    assert judged(one, hands_done=False) is None
+    assert report(one).ended_by is None
+    judged(one)
+    assert report(one).ended_by is Until.TOUCH
+
+
+def test_a_cancelled_motion_ends_at_rest_whatever_hands_and_head_do():
+    """While it brakes it has no end."""
+    one = act()
+    one.track.advance(0.1)
+    one.cancel()
+    assert one.cancelled
+    assert judged(one, hands_done=False, head_done=False) is None
+    for _ in range(160):
+        one.track.advance(0.002)
+    assert judged(one, hands_done=False, head_done=False) == (Phase.CANCELLED, "cancelled")
+
+
+def test_behind_a_contact_there_is_nothing_to_brake_or_pause():
+    """The body rests already: a pause changes nothing and a cancel ends the motion at once."""
+    one = act(until="contact", contact_m=0.01, settle_s=5.0)
+    judged(one)
+    judged(one, error=error(right=(0.0, 0.0, -0.02)))
+    one.pause(True)
+    one.pause(False)
+    one.cancel()
+    assert judged(one) == (Phase.CANCELLED, "cancelled")

@@ -1,0 +1,14 @@
+"""Observations put into a store, as km does when it saves its memory."""
+
+from companion.languages import wm
+from services.knowledge.observe import Version, observed
+from services.knowledge.store import Store
+
+
+def store_observation(store: Store, observation: wm.AnySight, version: Version, now: float = 0.0) -> bool:
+    """Store an observation and its version in one transaction; return False if the store is as new or newer."""
+    scene = observed(store.scene, observation, version, now)
+    if scene is store.scene:
+        return False
+    store.write(scene)
+    return True
