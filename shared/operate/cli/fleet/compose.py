@@ -141,7 +141,8 @@ class Compose:
         options += [f"--network={name}" for name in list(agent.network_settings.networks)[:1]]
         if agent.variable(KEYS_VARIABLE):
             options.append(f"--volume={self.project}_keys-{OPERATOR}:{agent.variable(KEYS_VARIABLE)}:ro")
-        words = (agent.config.image, "operate.cli.fleet.operating", key, data.hex())
+        options.append("--entrypoint=python")
+        words = (agent.config.image, "-m", "operate.cli.fleet.operating", key, data.hex())
         docker("run", "--rm", *options, *GUARDED, *words, timeout_s=END_S)
 
     def logging(self) -> tuple[str, ...]:

@@ -78,7 +78,8 @@ def heartbeat(fleet: Target, name: str) -> Beat | None:
 
 def _answered(fleet: Target, name: str, command: Command, put: Callable[[], None]) -> Beat | None:
     """The heartbeat that answers a command; None where none does in time."""
-    until, again = time.monotonic() + ANSWER_S, 0.0
+    put()  # in containers it takes seconds, which are not the agent's
+    until, again = time.monotonic() + ANSWER_S, time.monotonic() + AGAIN_S
     while (now := time.monotonic()) < until:
         if now >= again:
             put()
