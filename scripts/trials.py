@@ -72,6 +72,9 @@ class _Watch:
         phases = (Phase.explicit, Phase.generate)
         settings.register_profile("trial", settings.get_profile("any machine"), phases=phases, database=None)
         settings.load_profile("trial")
+
+    def trace(self) -> None:
+        """Note the lines of files from here on; before pytest, for a conftest may import them (defaults run then)."""
         if self.traced:
             sys.settrace(self._call)
             threading.settrace(self._call)
@@ -209,6 +212,7 @@ def _trial(
     if mutant:
         sys.meta_path.insert(0, _Changed(mutant))
     watch = _Watch(chosen, traced)
+    watch.trace()
     code = pytest.main([*ARGUMENTS, "-o", f"timeout={TEST_S if mutant else 0}", *files], plugins=[watch])
     sys.settrace(None)
     ours = (str(ROOT / folder) for folder in ("services", "shared", "tests", "velma", "examples", "scripts"))

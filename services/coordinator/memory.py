@@ -1,4 +1,4 @@
-"""What co knows between two steps: tasks in order of arrival, conversations that outlive their task.
+"""Memory of co between two steps: tasks in order of arrival, conversations that outlive their task.
 
 One task at a time: the first job is planned and run, the others wait. Must not know: messages, clocks.
 """

@@ -1,4 +1,4 @@
-"""What co says and hears: tasks for pl, reports for hi, the reasons that others give.
+"""Messages of co: tasks for pl, reports for hi, the reasons that others give.
 
 Reports stay within their size budget on C2 (500 bytes with the envelope). Must not know: which state co is in.
 """

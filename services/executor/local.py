@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Felt(msgspec.Struct, frozen=True):
-    """What the loop measured: how a motion ended (phase of the loop, "" if there was none), and the posture.
+    """Measurements of the loop: how a motion ended (phase of the loop, "" if there was none), and the posture.
 
     `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per side, which fingers
     touched, mean angle [rad]. `world`: all coordinates of the world model, for the receptor only.

@@ -1,4 +1,4 @@
-"""What ex knows between two steps: the act under way, the last posture; the conditions of the design."""
+"""Memory of ex between two steps: the act under way, the last posture; the conditions of the design."""
 
 import msgspec
 
@@ -24,7 +24,7 @@ class Act(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """What a death loses: the motion to start next, whether one is under way, what was measured last."""
+    """Memory lost with the process: the motion to start next, whether one is under way, the last measurement."""
 
     motion: Motion | None = None
     moving: bool = False

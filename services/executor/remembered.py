@@ -1,4 +1,4 @@
-"""What ex remembers from act to act: posture, what was seen, what the hands hold. Plain data, kept in the journal.
+"""Memory of ex from act to act: posture, what was seen, what the hands hold. Plain data, kept in the journal.
 
 A new skill process starts from it, so neither its death nor that of the agent makes ex forget what it holds. Must not
 know: geometry, the simulator.
@@ -11,7 +11,7 @@ from companion.languages.values import BodyPosture, Pose, Side
 
 
 class Holding(msgspec.Struct, frozen=True):
-    """What a hand holds, by which grasp, its pose in the hand (T_grip_object), the mass that is fed forward [kg]."""
+    """The object in a hand: by which grasp, its pose in the hand (T_grip_object), the mass that is fed forward [kg]."""
 
     object: str
     grasp: str

@@ -27,7 +27,7 @@ REST_S = {rc.Grasp: 12.0, rc.Release: 20.0, rc.Pour: 30.0, rc.Look: 8.0, rc.Move
 
 
 class Stage:
-    """What is kept between acts: the robot model, the receptor, the model of each marked thing."""
+    """Objects kept between acts: the robot model, the receptor, the model of each marked thing."""
 
     def __init__(self, setup: Setup) -> None:
         asked = simulation.scene_of(setup)

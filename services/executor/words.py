@@ -1,4 +1,4 @@
-"""What ex says and hears in RC: impossible commands, agreements, refusals and outcomes."""
+"""Messages of ex in RC: impossible commands, agreements, refusals and outcomes."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What hi shows to people: tasks, the latest events, answers to tickets. Between the thread of the agent and HTTP's.
+"""Display of hi for people: tasks, the latest events, answers to tickets. Between the thread of the agent and HTTP's.
 
 Every wait ends. Must not know: HTTP, the agent.
 """

@@ -46,4 +46,4 @@ class Shown(_Message, frozen=True):
 
 
 Local = Said | CancelWanted
-"""What the HTTP device posts."""
+"""Messages that the HTTP device posts."""

@@ -1,4 +1,4 @@
-"""What hi knows between two steps: the tasks it asked co for and what became of them; conditions of the design.
+"""Memory of hi between two steps: the tasks it asked co for and what became of them; conditions of the design.
 
 Must not know: HTTP, grammar.
 """

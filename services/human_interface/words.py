@@ -1,4 +1,4 @@
-"""What hi says to co, and what it reads in the messages of co."""
+"""Messages of hi to co, and the meaning of co's messages."""
 
 from agent_runtime.core.events import Received
 from agent_runtime.core.turn import Turn

@@ -1,4 +1,4 @@
-"""What km believed at a time, and by whose word, from the communicates it heard and said.
+"""Beliefs of km at a time, and their sources, from the communicates it heard and said.
 
 Each observation makes facts true and ends others; a fact's source is the observation since which it has been true.
 Made by km's own functions from a recording, without km. Must not know: where communicates come from, SPARQL.
@@ -99,12 +99,12 @@ class Beliefs:
         self.states = {id: told for id, told in self.states.items() if id in self.overlays.states}
 
     def supposed(self, state: str) -> Iterable[Subject]:
-        """What would be so in a hypothetical state."""
+        """Return the scene of a hypothetical state."""
         return subjects(self.overlays.states[state].scene).values()
 
 
 def believed(heard: Iterable[Heard]) -> Beliefs:
-    """What km believed after all this."""
+    """Return the beliefs of km after all this."""
     beliefs = Beliefs()
     for one in heard:
         beliefs.hear(one)

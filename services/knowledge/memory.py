@@ -1,4 +1,4 @@
-"""What km knows between two steps: the observed scene, what waits for the next state; conditions of the design."""
+"""Memory of km between two steps: the observed scene, what waits for the next state; conditions of the design."""
 
 import msgspec
 
@@ -23,7 +23,8 @@ class News(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """What a death loses: hypothetical states, the subscription and the incarnation it is for, what was just taken.
+    """Memory that is lost with the process: hypothetical states, the subscription and the incarnation it is for, what
+    was just taken.
 
     `agreed`: the observer agreed to the subscription. `held`: the next question has waited long enough.
     """

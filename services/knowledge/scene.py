@@ -47,7 +47,7 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a hand holds ("" for nothing), by which grasp, and T_grip_object."""
+    """The object in a hand ("" for none), by which grasp, and T_grip_object."""
 
     object: str = ""
     grasp: str = ""

@@ -11,7 +11,7 @@ from services.knowledge.store import Store
 
 
 class StoreDevice:
-    """A device that writes what it is told and posts nothing."""
+    """A device that writes each observed scene and posts nothing."""
 
     busy = False
 

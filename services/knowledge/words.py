@@ -1,4 +1,4 @@
-"""What km says and hears: queries and observations, answers, its subscription to the observer."""
+"""Messages of km: queries and observations, answers, its subscription to the observer."""
 
 from typing import get_args
 

@@ -1,4 +1,4 @@
-"""What pl knows between two steps: the problem being planned, those that wait, the result; the design's conditions."""
+"""Memory of pl between two steps: the problem being planned, those that wait, the result; the design's conditions."""
 
 import msgspec
 
@@ -13,7 +13,7 @@ class Problem(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """What a death loses: the conversation of the query under way; `lost`: the search has to start again."""
+    """Memory lost with the process: the conversation of the query under way; `lost`: the search has to start again."""
 
     question: str = ""
     lost: bool = False

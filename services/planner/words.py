@@ -1,4 +1,4 @@
-"""What pl says: to co on a problem, to km in queries."""
+"""Messages of pl: to co on a problem, to km in queries."""
 
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName

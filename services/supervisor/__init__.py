@@ -1,1 +1,1 @@
-"""The supervisor: starts, watches and restarts the processes of the embedded default (`roco up`). It is no agent."""
+"""The supervisor: starts, watches and restarts the processes of the embedded default (`roco up`). Not an agent."""

@@ -1,4 +1,4 @@
-"""What ta knows between two steps: the plan and the position in it, the act under way; conditions of the design."""
+"""Memory of ta between two steps: the plan and the position in it, the act under way; conditions of the design."""
 
 import msgspec
 
@@ -17,7 +17,7 @@ class Act(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """What a death loses: the conversation of the query under way; the query is asked again."""
+    """Memory that is lost with the process: the conversation of the query under way; the query is asked again."""
 
     question: str = ""
 

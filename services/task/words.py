@@ -1,4 +1,4 @@
-"""What ta says: observations to km, one per subject (paper, step 6: observations of the environment); a look around."""
+"""Messages of ta: observations to km, one per subject (paper, step 6: observing the environment); a look around."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Which communicates are meant: by channel, agent, protocol, performative. For whoever shows, records or replays them.
+"""Which communicates are meant: by channel, agent, protocol, performative. For tools that show, record or replay them.
 
 Of one kind any name may fit, of the kinds all must. Pure; must not know where communicates come from.
 """
@@ -13,7 +13,7 @@ from topdown.model.design import Design
 
 
 class Said(Protocol):
-    """What is looked at; records, verdicts and observations have it."""
+    """The fields a filter reads; records, verdicts and observations have them."""
 
     @property
     def channel(self) -> str:
@@ -45,7 +45,7 @@ class UnknownNameError(ValueError):
 
 
 class Filter(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What is wanted; () of a kind: any. `agents`: as sender or receiver."""
+    """Wanted values of each field; (): any. `agents`: as sender or receiver."""
 
     channels: tuple[str, ...] = ()
     agents: tuple[str, ...] = ()

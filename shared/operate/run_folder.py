@@ -1,7 +1,7 @@
-"""What people's tools and the fleet exchange outside the protocol: a run folder's files, hi's words over HTTP.
+"""Exchanges of people's tools with the fleet outside the protocol: files of a run folder, hi's words over HTTP.
 
 None of it is a communicate. docs/run-folder.md says who writes which file, docs/http.md is the contract of hi. Names
-and types only: whoever reads or writes a file does so in its own room.
+and types only: files are read and written in the rooms that use them.
 """
 
 from enum import StrEnum
@@ -52,7 +52,7 @@ class Sent(_Line, frozen=True):
 
 
 class Again(_Line, frozen=True):
-    """What this communicate said was said once more: a re-sent copy."""
+    """A re-sent copy of this communicate was heard."""
 
     sender: str
     receiver: str

@@ -38,7 +38,7 @@ class NoSystemError(Exception):
 
 
 class Additions(msgspec.Struct, frozen=True, kw_only=True):
-    """What a system adds to the tools, each as "module:NAME", imported when it is used; "": nothing.
+    """Additions of a system to the tools, each as "module:NAME", imported when it is used; "": nothing.
 
     `verbs`: rows for the table of `roco` (operate.cli.verbs.VERBS has the form). `options`: a function of names of
     processes, scene file and seed, called before anything is started; it raises ValueError. `findings`: a function of a
@@ -71,10 +71,10 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     """A system: its design, its languages, the processes that make it up, and what it adds to the tools.
 
     `name`: prefix of its keys where none is given. `words`: a content of one of its languages in a few words. `plain`:
-    a text with its ids as people say them. `says`: process that is no agent -> state -> what it does, in words; of an
-    agent the design has them. `unreplaced`: agent -> why `roco replay --replace` cannot run it alone.
-    `variables`: what its processes get in their environment, `{run}` standing for the run folder. `entry`: where this
-    object is, `project`: the folder that Python imports it from, "" where it is installed.
+    a text with its ids as people say them. `says`: process that is not an agent -> state -> what it does, in words; of
+    an agent the design has them. `unreplaced`: agent -> why `roco replay --replace` cannot run it alone. `variables`:
+    what its processes get in their environment, `{run}` standing for the run folder. `entry`: where this object is,
+    `project`: the folder that Python imports it from, "" where it is installed.
     """
 
     name: str
@@ -91,7 +91,7 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     project: str = ""
 
     def addition(self, kind: str) -> Any:
-        """What stands at this place of `additions`, imported; None where the system adds nothing there."""
+        """Return the object named at this place of `additions`, imported; None where the system adds nothing there."""
         place = getattr(self.additions, kind)
         return resolved(place) if place else None
 

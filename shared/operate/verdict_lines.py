@@ -1,4 +1,4 @@
-"""A verdict of topdown's judge as a line for files and people, for whoever listens: the monitor, the console.
+"""A verdict of topdown's judge as a line for files and people, used by the monitor and the console.
 
 Must not know: files, the network.
 """

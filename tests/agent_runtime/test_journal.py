@@ -90,6 +90,6 @@ def test_another_file_is_left_alone(tmp_path: Path) -> None:
     """What is no journal is refused and stays as it was."""
     path = tmp_path / "a.journal"
     path.write_bytes(b"a letter to a friend")
-    with pytest.raises(JournalError, match="no journal"):
+    with pytest.raises(JournalError, match="not a journal"):
         Journal(path)
     assert path.read_bytes() == b"a letter to a friend"

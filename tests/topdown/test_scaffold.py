@@ -139,16 +139,16 @@ def test_what_the_design_no_longer_makes_is_left_and_told(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "wrong"),
     [
-        ('name = "tiny"', 'name = "two words"', "no name in Python"),
+        ('name = "tiny"', 'name = "two words"', "not a name in Python"),
         ('name = "tiny"', 'name = "json"', "installed package"),
         ('name = "tiny"', 'name = "msgspec"', "installed package"),
         ('name = "tiny"', 'name = "topdown"', "installed package"),
         ('name = "tiny"', 'name = "Tiny"', "write it small"),
         ("doer", "languages", "name of a module"),
-        ('behaviour = "do"', 'behaviour = "do it"', "no name in Python"),
-        ('terminal = "done"', 'terminal = "while"', "no name in Python"),
+        ('behaviour = "do"', 'behaviour = "do it"', "not a name in Python"),
+        ('terminal = "done"', 'terminal = "while"', "not a name in Python"),
         ('key = "roco/{system}/{channel}', 'key = "my/{system}/{channel}', "the runtime's keys"),
-        ('into = ["asker", "doer"]', 'into = ["asker", "does"]', "which is no group"),
+        ('into = ["asker", "doer"]', 'into = ["asker", "does"]', "which is not a group"),
     ],
 )
 def test_a_design_that_cannot_be_a_project_is_refused_before_anything_is_written(old, new, wrong, tmp_path):

@@ -174,7 +174,7 @@ def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
     old = (fleet.run / KEYS_FOLDER).rename(fleet.run / "old")
     with zenoh.open(client_config(fleet.endpoint, client_tls(old, "hi"))):
         issuing.issue(fleet.run / KEYS_FOLDER, DESIGN, (SYSTEM,))
-        wait_for(lambda: "made anew" in (fleet.run / "router.log").read_text(), "the router sees it")
+        wait_for(lambda: "keys were renewed" in (fleet.run / "router.log").read_text(), "the router sees it")
         wait_for(lambda: listening(fleet) == 2, "the router listens anew")
     wait_for(lambda: fleet.beat("co").up, "co is back")
     assert decode_strictly(recorded(fleet)).sender == "hi"

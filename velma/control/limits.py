@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from velma.names import LOWER, TORQUE, UPPER
+from velma.names import TORQUE
 
 Array = NDArray[np.float64]
 
@@ -16,8 +16,3 @@ def accepted(tau: Array) -> Array:
 def is_accepted(tau: Array) -> bool:
     """Whether a torque is finite and within what the lower level takes."""
     return bool((np.abs(tau) <= TORQUE).all())
-
-
-def within(q: Array, margin: float = 0.0) -> bool:
-    """Whether every row of q (..., 15) rad is at least `margin` inside the joint limits."""
-    return bool(((q >= LOWER + margin) & (q <= UPPER - margin)).all())

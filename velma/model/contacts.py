@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 
 
 class Kind(IntFlag):
-    """What a geom is, one bit each."""
+    """Class of a geom, one bit each."""
 
     WORLD = 1
     ARM = 2

@@ -36,7 +36,7 @@ class State(msgspec.Struct):
 
 
 class Command(msgspec.Struct):
-    """What the drives do during the next step. The loop keeps one and overwrites its arrays."""
+    """Command to the drives for the next step. The loop keeps one and overwrites its arrays."""
 
     tau: Array  # (15,) Nm beyond gravity
     head: Array  # (2,) rad

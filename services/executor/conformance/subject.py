@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 
 class Subject(msgspec.Struct, frozen=True):
-    """What is tested. `make` returns a new back-end, at rest, hands empty; its `close()` is called if it has one.
+    """The back-end under test. `make` returns a new back-end, at rest, hands empty; its `close()` is called if it has
+    one.
 
     `paced`: it lives in real time, so a step is taken every `period_s`. `gentle`: nothing is pushed to its end.
     `push`: share of the accepted torque with which a joint is moved. The last four are the loop around it.

@@ -73,7 +73,7 @@ class Act:
         if asked.until is Until.CONTACT:
             below = -error[6 * SIDES.index(asked.contact_side) + 2]
             if self._below_at_start is None:
-                self._below_at_start = below  # the error of a load that is not fed forward exactly is no contact
+                self._below_at_start = below  # the error of a load that is not fed forward exactly is not a contact
             if below - self._below_at_start > asked.contact_m:
                 self.track = None
                 return Until.CONTACT

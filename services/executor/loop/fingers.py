@@ -19,7 +19,7 @@ STALL_CYCLES = 25  # a motor that stood still this long has reached its limit; e
 
 
 class Activity(StrEnum):
-    """What a hand does."""
+    """The activity of a hand."""
 
     REST = "rest"
     MOVING = "moving"

@@ -64,7 +64,7 @@ class LoopState(msgspec.Struct, frozen=True):
 
 
 class Told(msgspec.Struct, frozen=True):
-    """What the loop tells the agent: number of the last command taken, its refusal if any, the report of the motion."""
+    """The loop's answer: number of the last command taken, its refusal if any, the report of the motion."""
 
     taken: int = 0
     refusal: str = ""

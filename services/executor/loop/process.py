@@ -131,7 +131,7 @@ class LoopProcess:
                 self._link.show("timing", self._pacer.timing())
 
     def _publish(self) -> None:
-        """Publish all; state and truth first, so that whoever sees the end of a motion finds the state after it."""
+        """Publish all; state and truth first, so that a reader of a motion's end finds the state after it."""
         self._show_state()
         self._show_truth()
         self._told, self._shown = msgspec.structs.replace(self._told, report=self.core.report), self.core.mode

@@ -1,4 +1,4 @@
-"""What the agent of ex and its control loop exchange: motions in, reports out.
+"""Messages between the agent of ex and its control loop: motions in, reports out.
 
 A motion is a whole timed joint trajectory with the goals of head and hands and the rule that ends it, so set-points
 need not be streamed at 500 Hz. All of it is msgpack; the knots travel as bytes. Knows no FIPA and no simulator.
@@ -64,14 +64,14 @@ class HeadGoal(msgspec.Struct, frozen=True):
 
 
 class Payload(msgspec.Struct, frozen=True):
-    """What a hand carries: mass [kg], and its centre [m] in the grip frame. Mass 0: nothing."""
+    """The load of a hand: mass [kg], and its centre [m] in the grip frame. Mass 0: nothing."""
 
     mass: float = 0.0
     lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class Until(StrEnum):
-    """What ends a motion."""
+    """The rule that ends a motion."""
 
     END = "end"  # its last knot
     CONTACT = "contact"  # something stops a hand on its way down

@@ -34,7 +34,7 @@ SIZES = {
     "truth": 16 << 10,
     "timing": 16 << 10,
 }
-READ_TRIES = 50  # a write takes microseconds; after so many failed reads the writer must have died in the middle
+READ_TRIES = 50  # a write takes microseconds; after this many failed reads the writer must have died in the middle
 
 
 class Slot:

@@ -1,4 +1,4 @@
-"""What ex knows during an act: posture, what it saw, what its hands hold, and the collision world of all this.
+"""Situation of ex during an act: posture, what it saw, what its hands hold, and the collision world of all this.
 
 Poses come only from the receptor. A held object moves with the hand, by the last pose seen in it.
 """
@@ -20,7 +20,7 @@ MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are see
 
 @dataclass
 class Held:
-    """What a hand holds, by which grasp, its pose in the hand (T_grip_object); mass [kg] fed forward."""
+    """The object in a hand: by which grasp, its pose in the hand (T_grip_object); mass [kg] fed forward."""
 
     object: str
     grasp: str

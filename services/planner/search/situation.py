@@ -23,7 +23,7 @@ def on_wire(pose: pin.SE3) -> Pose:
 
 @dataclass(frozen=True)
 class Held:
-    """What a hand holds."""
+    """The object in a hand."""
 
     object: str
     grasp: str

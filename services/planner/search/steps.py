@@ -45,7 +45,7 @@ class Step:
 
 @dataclass
 class Geometry:
-    """What all steps share: the robot, queries to km, the seed, and why the last attempts failed."""
+    """The common part of all steps: the robot, queries to km, the seed, and why the last attempts failed."""
 
     robot: Robot
     ask: Asking

@@ -259,7 +259,7 @@ class Core(Generic[M]):
         rows, act = self.agent.rows, waiting.event.communicate.performative
         if rows is None or act is _COMPLAINT:
             return True
-        place = state.state, waiting.link.use, act, verdict.kind  # words of the design, so there are only so many
+        place = state.state, waiting.link.use, act, verdict.kind  # words of the design, so their number is bounded
         taken = self._taken_in.get(place)
         if taken is None:
             taken = self._taken_in[place] = rows.takes(*place)

@@ -133,7 +133,7 @@ def carry_out(
     held = verdict.held
     match verdict.what:
         case What.TAKE if held is not None:
-            if not held.conversation.cancel or held.conversation.ended:  # what crosses a cancel is no answer to it
+            if not held.conversation.cancel or held.conversation.ended:  # what crosses a cancel is not an answer to it
                 state.soft.asks.pop(communicate.conversation, None)
             if held.delivery is _LATEST and held.conversation.role is _PARTICIPANT:
                 _supersede(state, held, communicate)

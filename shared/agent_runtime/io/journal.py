@@ -57,7 +57,7 @@ class Journal:
         data = path.read_bytes() if path.exists() else b""
         if data and not MAGIC.startswith(data[: len(MAGIC)]):
             os.close(self._lock)
-            raise JournalError(path, "this file is no journal", "move it away or choose another run folder")
+            raise JournalError(path, "this file is not a journal", "move it away or choose another run folder")
         self.last = last_record(data)
         self._fd = -1
         self._size = 0

@@ -56,7 +56,7 @@ def _listen(options: Options, log: Log, ready: Path, pulse: Pulse, ended: thread
     while not ended.wait(PERIOD_S) and _age(options) in (keys, None):
         pulse.beat()
     if not ended.is_set():
-        log.write("the keys were made anew")
+        log.write("the keys were renewed")
     told.undeclare()
     session.close()  # type: ignore[no-untyped-call]
 

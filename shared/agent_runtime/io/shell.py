@@ -220,7 +220,7 @@ class Shell:
             self._beat()
 
     def _listen_back(self, now: float) -> None:
-        """Look whether what was said came to anything; tell what is new of that."""
+        """Check the outcome of what was sent; report changes."""
         for one, still in self._unheard.look(self._state, self._unanswered, self._peers, now):
             why, level = (words(self.name, one, now), "warning") if still else ("heard again", "info")
             self.log.write("unheard", level=level, peer=one.peer, channel=one.channel, what=one.what, why=why)

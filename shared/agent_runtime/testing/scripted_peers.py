@@ -55,7 +55,7 @@ class Stage:
             raise LivingError(system, there, self.endpoint)
 
     def put(self, key: str, data: bytes) -> None:
-        """Say it. `key`: without the first two chunks. Raises LivingError where an agent of the system came to life."""
+        """Say it. `key`: without the first two chunks. Raises LivingError if an agent of the system started."""
         if not self._born.empty():
             raise LivingError(self.system, (self._born.get(),), self.endpoint)
         self._session.put(f"roco/{self.system}/{key}", data, congestion_control=zenoh.CongestionControl.BLOCK)

@@ -1,4 +1,4 @@
-"""What km heard in a run, and a question about it answered by a process that can be ended."""
+"""Messages that km heard in a run, and questions about them, answered by a process that can be ended."""
 
 import signal
 import subprocess
@@ -25,7 +25,7 @@ class AskError(ConsoleError):
 
 
 class Known(msgspec.Struct, frozen=True):
-    """What km heard and said until a time. `begin`: of the run [unix s]; `words`: what was asked, for people."""
+    """Messages to and from km until a time. `begin`: of the run [unix s]; `words`: what was asked, for people."""
 
     heard: tuple[Heard, ...]
     begin: float
@@ -33,7 +33,7 @@ class Known(msgspec.Struct, frozen=True):
 
 
 def known(file: Path, at: float | None = None) -> Known:
-    """What km knows by a run folder or a recording, or knew `at` seconds after its first communicate."""
+    """Return the knowledge of km from a run folder or a recording, now or `at` seconds after its first communicate."""
     try:
         spoken, lives = _recorded(file)
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""What this robot adds to live.jsonl: plans, where ta is in them, events, and what the loop does."""
+"""Lines of this robot in live.jsonl: plans, where ta is in them, events, and what the loop does."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ LOOP = "loop"
 STORY = 1000
 """Communicates that events are told from (C4's are not among them): three pours. Older ones are forgotten."""
 _LATER = ("km hears of the first thing", "km knows the surroundings")
-"""What can be said of the past only: the last observation before a plan."""
+"""Events that are known only afterwards: the last observation before a plan."""
 _robot = msgspec.msgpack.Decoder(RobotState)
 
 

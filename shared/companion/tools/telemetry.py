@@ -1,4 +1,4 @@
-"""What ex told of the robot and of the truth, as a recorded run has it: each with the time at which it was heard."""
+"""Telemetry of ex and the simulation's true state in a recorded run, each with the time at which it was heard."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -28,7 +28,7 @@ def pictures(history: History) -> Told[Picture]:
 
 
 def truth(history: History) -> Told[TrueState]:
-    """What was truly so in the simulation."""
+    """Return the true states of the simulation."""
     return _of(history, TrueState)
 
 

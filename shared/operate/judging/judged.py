@@ -1,4 +1,4 @@
-"""What the judge of topdown says of a run: records in, one line for each communicate out.
+"""Verdicts of topdown's judge on a run: records in, one line for each communicate out.
 
 The same for the traffic as it goes by and for a recording afterwards. Must not know: files, the network.
 """

@@ -20,7 +20,7 @@ KNOWN = 50_000
 
 
 class _Beat(msgspec.Struct, frozen=True):
-    """What is wanted of an agent's heartbeat."""
+    """The fields of an agent's heartbeat that are read."""
 
     agent: str
     state: str
@@ -67,7 +67,7 @@ class Live:
                 yield from self._further(record)
 
     def _further(self, record: Record) -> Iterator[LiveLine]:
-        """What the system adds; a state that repeats is told once."""
+        """Return the lines that the system adds; a repeated state gives one line."""
         for line in self._more.lines(record) if self._more is not None else ():
             if isinstance(line, AgentIn):
                 yield from self._entered(line)

@@ -1,5 +1,5 @@
-"""What Rerun shows of a fleet: robot, things, agents and traffic on one time line; live and from a recording.
+"""A fleet in Rerun: robot, things, agents and traffic on one time line; live and from a recording.
 
-`happenings` (what came to pass) -> `stage` (what is drawn) -> `sheet` (columns for Rerun). `file` writes run.rrd after
+`happenings` (events) -> `stage` (what is drawn) -> `sheet` (columns for Rerun). `file` writes run.rrd after
 a run; `feed` (in the monitor) and `child` (a process of its own) show a run while it goes on.
 """

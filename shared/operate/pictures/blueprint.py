@@ -8,7 +8,7 @@ from operate.pictures.graph import HIGH, WIDE
 from operate.pictures.sheet import RUN
 
 LIVE_S = 90.0
-"""What live plots show; estimate: a minute and a half is what a person looks back."""
+"""Time span of live plots [s]; estimate: a minute and a half is what a person looks back."""
 
 
 def blueprint(end_s: float | None) -> rrb.Blueprint:

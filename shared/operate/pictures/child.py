@@ -1,7 +1,7 @@
 """The process that draws: reads what the monitor hears from its standard input, and logs it to a Rerun server.
 
 The server is Rerun's own program, a child of this one: it serves viewers (gRPC) and the web viewer's page. Both have a
-limit of memory: beyond it they end, and the monitor starts them anew. Nobody waits for this process.
+limit of memory: beyond it they end, and the monitor restarts them. Nobody waits for this process.
 """
 
 import os
@@ -37,7 +37,7 @@ class OverLimit(MemoryError):
     """A process of the pictures needs more memory than it may."""
 
     def __init__(self, who: str, found_mb: float, most_mb: float) -> None:
-        super().__init__(f"{who} has {found_mb:.0f} MB, at most {most_mb:.0f} MB: pictures begin anew")
+        super().__init__(f"{who} has {found_mb:.0f} MB, at most {most_mb:.0f} MB: pictures start over")
 
 
 class Child:
@@ -83,7 +83,7 @@ class Child:
                 self._draw(Happening(at, Lost(count)))
 
     def _draw(self, happening: Happening) -> None:
-        """What is there before the first communicate waits for it: time begins with it."""
+        """Keep records from before the first communicate until it is there: time begins with it."""
         if self._stage is None:
             self._early.append(happening)
             if isinstance(happening.what, Spoken) or len(self._early) > EARLY:

@@ -53,7 +53,7 @@ class Queue:
                 self.dropped += 1
 
     def take(self, most: int = BATCH_BYTES) -> list[bytes]:
-        """The oldest items, of at most so many bytes, but one at least where there is one."""
+        """Return the oldest items of at most this many bytes, at least one if there is one."""
         taken: list[bytes] = []
         size = 0
         with self._lock:
@@ -166,7 +166,7 @@ def _environment() -> dict[str, str]:
 
 
 def feeding(where: Mapping[str, Path], system: System, say: Say) -> dict[str, Feed]:
-    """A feed for each system's run, as the environment wants it; none where that is wrong, and `say` is told."""
+    """A feed for each system's run, as the environment wants it; none where that is wrong, which `say` reports."""
     feeds = {}
     for number, (name, run) in enumerate(where.items()):
         try:

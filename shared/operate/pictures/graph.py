@@ -21,7 +21,7 @@ WIDE, HIGH = 165.0, 90.0
 DIM: Colour = (110, 118, 130)
 """A channel at rest, on light and on dark."""
 FADE = 0.55
-"""What is left of a channel's light after a bin; estimate: dark a second after its last word."""
+"""Share of a channel's light that is left after a bin; estimate: dark a second after its last word."""
 FULL = 4.0
 """So many communicates in a bin are full light."""
 

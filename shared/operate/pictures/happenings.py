@@ -1,4 +1,4 @@
-"""What came to pass, one by one in the order of time: from records as they come, or from a whole history.
+"""Events of a run in the order of time: from records as they come, or from a whole history.
 
 Must not know: what is drawn of it.
 """
@@ -38,7 +38,7 @@ class Reader:
         self._states: dict[str, tuple[str, bool]] = {}
 
     def read(self, record: Record) -> Iterator[Happening]:
-        """What a record says; nothing for what is not drawn or cannot be read."""
+        """Yield the events of a record; none for what is not drawn or cannot be read."""
         if isinstance(record, Spoken):
             yield Happening(record.received, record)
         elif isinstance(record, House) and record.kind in self._decoders:

@@ -1,7 +1,7 @@
 """Rerun's own server as a child process: it keeps what was logged for viewers that join late, and serves the page.
 
-It listens where it is told (the SDK's own server listens at every interface), its memory is bounded, and it ends with
-the process that started it, however that ends.
+It listens at the given address (the SDK's own server listens at every interface), its memory is bounded, and it ends
+with the process that started it, however that ends.
 """
 
 import ctypes
@@ -55,7 +55,7 @@ class Server:
             raise ServerError(f"Rerun's server ended with code {code}; its words are in rerun.log")
         used = rss_mb(self._process.pid)
         if used > MOST_MB:
-            raise ServerError(f"Rerun's server has {used:.0f} MB, at most {MOST_MB:.0f} MB: pictures begin anew")
+            raise ServerError(f"Rerun's server has {used:.0f} MB, at most {MOST_MB:.0f} MB: pictures start over")
 
     def close(self) -> None:
         """End it; what it kept is gone."""

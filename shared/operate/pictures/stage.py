@@ -1,4 +1,4 @@
-"""Everything that is drawn, fed with what came to pass; the same live and from a recording."""
+"""Everything that is drawn, fed with events; the same live and from a recording."""
 
 from typing import Protocol
 

@@ -52,7 +52,7 @@ class Frames:
         while len(self._rest) - at >= LENGTH:
             length = int.from_bytes(self._rest[at : at + LENGTH], "big")
             if length > LONGEST:
-                raise ValueError(f"a frame of {length} bytes, at most {LONGEST}: this is no pipe of the monitor's")
+                raise ValueError(f"a frame of {length} bytes, at most {LONGEST}: this is not a pipe of the monitor")
             if len(self._rest) - at - LENGTH < length:
                 break
             items.append(_decode(bytes(self._rest[at + LENGTH : at + LENGTH + length])))

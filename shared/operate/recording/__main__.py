@@ -24,7 +24,7 @@ TEXT = "The recorder: taps all traffic into traffic.mcap. `report RUN_DIR` makes
 def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traffic.mcap or steps/.")]) -> None:
     """Make report.json, report.html and run.rrd of a run folder again, from its recording and the agents' step logs."""
     if not run_dir.is_dir():
-        typer.echo(f"{run_dir} is no folder; give one that a run was recorded in", err=True)
+        typer.echo(f"{run_dir} is not a folder; give one that a run was recorded in", err=True)
         raise typer.Exit(2)
     from operate.reports import make
 
@@ -93,7 +93,7 @@ def record(
     identity: Annotated[str, typer.Option(help="Whose certificate is shown.")] = RECORDER,
     heard: Annotated[bool, typer.Option(help="Standard input has what `hear` prints; no router is asked.")] = False,
     which: Annotated[str, typer.Option(help="An operate.filters.Filter, in JSON.")] = "{}",
-    count: Annotated[int, typer.Option(help="End after so many communicates.")] = 0,
+    count: Annotated[int, typer.Option(help="End after this many communicates.")] = 0,
     seconds: Annotated[float, typer.Option(help="End after so long.")] = 0.0,
 ) -> None:
     """Record a running fleet beside its own recorder, until SIGINT. Exits with 3 where no router answers."""

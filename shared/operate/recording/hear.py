@@ -1,7 +1,7 @@
 """`python -m operate.recording hear`: what goes by in a running fleet, as samples, a JSON object a line, for a reader
 that does not reach its router: the command line, of a fleet in containers.
 
-It begins with the setting of the fleet's recording, and ends when its standard input does: whoever asked is gone then,
+It begins with the setting of the fleet's recording, and ends when its standard input does: the caller is gone then,
 however. Nothing is kept, and nobody is held: what comes faster than it is read is dropped and counted.
 """
 

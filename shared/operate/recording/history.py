@@ -56,7 +56,7 @@ class Told(msgspec.Struct, frozen=True):
 
 
 class Setting(msgspec.Struct, frozen=True):
-    """What the fleet was started with: `speed` "1" or "max"; `scene`: its file, "" for the canonical one."""
+    """Settings with which the fleet was started: `speed` "1" or "max"; `scene`: its file, "" for the canonical one."""
 
     seed: int
     speed: str
@@ -68,9 +68,9 @@ class History(msgspec.Struct, frozen=True):
 
     `told`: what came on house keys that the system can read (Additions.telemetry): when it was heard, and what.
     `judged`: what the judge says of what was recorded.
-    `houses`: how many of each kind of what is no communicate. `setting`: as the recorder was told it, None in a
-    recording without. `down`: processes that the fleet needs and that died or were given up, as its supervisor told
-    last.
+    `houses`: how many of each kind of samples that are not communicates. `setting`: as the recorder was told it, None
+    in a recording without. `down`: processes that the fleet needs and that died or were given up, as its supervisor
+    told last.
     """
 
     said: tuple[Spoken, ...] = ()
@@ -93,7 +93,7 @@ class History(msgspec.Struct, frozen=True):
 
 
 class _Beat(msgspec.Struct, frozen=True):
-    """What is wanted of an agent's heartbeat (agent_runtime.io.shell)."""
+    """The fields of an agent's heartbeat that are read (agent_runtime.io.shell)."""
 
     agent: str
     state: str
@@ -151,7 +151,7 @@ def arrivals(path: Path, system: System) -> Iterator[Spoken]:
 
 
 def _arrived(step: steplog.Step, system: System) -> Spoken | None:
-    """What reached the agent in this step; None for what the design does not know."""
+    """Return the communicate that reached the agent in this step; None for one that the design does not have."""
     try:
         communicate = msgspec.msgpack.decode(step.input, type=Arrived).communicate
         return spoken(communicate, encode(communicate), step.at, system, Origin.STEPS)
@@ -160,14 +160,14 @@ def _arrived(step: steplog.Step, system: System) -> Spoken | None:
 
 
 def _missed(tapped: tuple[Spoken, ...], logs: dict[str, tuple[Spoken, ...]]) -> list[Spoken]:
-    """What agents heard and the tap did not."""
+    """Communicates that agents heard and the tap did not."""
     known = {one.identity for one in tapped}
     first = {one.identity: one for log in logs.values() for one in reversed(log)}
     return [one for identity, one in first.items() if identity not in known]
 
 
 def _lost(tapped: tuple[Spoken, ...], logs: dict[str, tuple[Spoken, ...]]) -> Iterator[Hole]:
-    """What the tap heard and its receiver did not step on."""
+    """Communicates that the tap heard and the receiver did not step on."""
     for agent, log in logs.items():
         known = {one.identity for one in log}
         lost = [one for one in tapped if one.receiver == agent and one.identity not in known]
@@ -237,7 +237,7 @@ def _decoded(houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]
 
 
 def _entered(records: tuple[Record, ...]) -> Iterator[Entered]:
-    """Changes of state only: a heartbeat that says the same again is no news."""
+    """Changes of state only: a repeated heartbeat is not a change."""
     last: dict[str, tuple[str, bool]] = {}
     for record in records:
         now = state_in(record, last)
@@ -247,7 +247,7 @@ def _entered(records: tuple[Record, ...]) -> Iterator[Entered]:
 
 
 def state_in(record: Record, last: dict[str, tuple[str, bool]]) -> Entered | None:
-    """What a record says of an agent's state; `last`: agent -> (state, alive) so far. None: nothing, or unreadable."""
+    """Return the change of an agent's state; `last`: agent -> (state, alive) so far. None: no change, or unreadable."""
     if isinstance(record, Token):
         return Entered(record.received, record.agent, last.get(record.agent, ("", True))[0], record.alive)
     if isinstance(record, House) and record.kind == "state":

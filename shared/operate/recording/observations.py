@@ -1,4 +1,4 @@
-"""The communicates of a run folder as plain observations, for whoever compares them with a design (roco design)."""
+"""The communicates of a run folder as plain observations, to compare them with a design (roco design)."""
 
 import sys
 from pathlib import Path

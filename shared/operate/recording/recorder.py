@@ -39,14 +39,14 @@ NICENESS = 10
 the router closes its session; at 19 it was slower there than at 10.
 """
 TOLD = ("verdict", "why", "channel", "sender", "receiver", "protocol", "performative", "conversation", "id", "key")
-"""What the log says of a communicate that is not as designed."""
+"""Log event of a communicate that is not as designed."""
 
 
 Say = Callable[..., None]
 
 
 class Recorder:
-    """Writes what samples say: traffic.mcap, live.jsonl, verdicts.jsonl; `say` is told what is not as designed."""
+    """Writes what samples say: traffic.mcap, live.jsonl, verdicts.jsonl; `say` gets what is not as designed."""
 
     def __init__(
         self, run: Path, system: System, say: Say = lambda event, **fields: None, feed: Feed | None = None

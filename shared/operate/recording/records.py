@@ -1,4 +1,4 @@
-"""What the monitor records, as it stands in traffic.mcap: one Struct per topic, in JSON that any MCAP reader can show.
+"""Records of the monitor in traffic.mcap: one Struct per topic, in JSON that any MCAP reader can show.
 
 A communicate is recorded with its fields, its whole bytes and its two times; what is none is recorded as it came.
 Must not know: where samples come from, what is made of them.
@@ -17,7 +17,7 @@ from fipa_codec.languages import Kind, Languages
 from operate.system import System
 
 GARBAGE_BYTES = 64 * 1024
-"""Of bytes that are no communicate so many are kept; estimate: enough to see what it was."""
+"""Number of bytes kept of a sample that is not a communicate; estimate: enough to see what it was."""
 HOUSE = "_"
 SETTING = "setting"
 """Kind of the recorder's own first record."""
@@ -66,7 +66,7 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def content(self) -> Any:
-        """What it says, an object of its language; None where it says nothing or nothing that can be read."""
+        """Return the content, an object of its language; None without content, or if it cannot be read."""
         return self._read[0]
 
     @property
@@ -91,12 +91,12 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def identity(self) -> tuple[str, str, str]:
-        """What a re-sent copy shares with the first: ids are numbers of a stream, or names chosen by the sender."""
+        """Return the key shared by re-sent copies: ids are numbers of a stream, or names chosen by the sender."""
         return self.sender, self.receiver, self.id
 
 
 class House(msgspec.Struct, frozen=True):
-    """What travels beside communicates (`kind`: receipt, ping, telemetry, ...) from `owner`, perhaps to `peer`."""
+    """Traffic beside communicates (`kind`: receipt, ping, telemetry, ...) from `owner`, perhaps to `peer`."""
 
     kind: str
     owner: str

@@ -1,4 +1,4 @@
-"""A recording as the samples it was made of, for whoever looks at what was said or says it again (`roco`)."""
+"""A recording as the samples it was made of, to look at or to replay (`roco`)."""
 
 import sys
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ def records(file: Path) -> tuple[Record, ...]:
 
 
 def samples(found: tuple[Record, ...], design: Design, *, everything: bool = False) -> Iterator[Sample]:
-    """What a tap heard, in order; without `everything` communicates, tokens and what was no communicate.
+    """Samples of a tap, in order; without `everything` communicates, tokens and what was no communicate.
 
     With it also the recorder's own first word, its setting, as if it had been heard.
     """
@@ -41,7 +41,7 @@ def samples(found: tuple[Record, ...], design: Design, *, everything: bool = Fal
 
 
 def sampled(record: Record, design: Design) -> Sample:
-    """What the tap heard when this was recorded."""
+    """Return the samples that the tap heard when this was recorded."""
     at = record.received
     match record:
         case Spoken():

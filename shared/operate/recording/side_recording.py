@@ -1,4 +1,4 @@
-"""`roco record`: a recording made beside the run's own, of what is meant, until it is told to stop.
+"""`roco record`: a filtered recording beside the run's own, until it is stopped.
 
 One tap, one queue, one thread; the file is whole up to FLUSH_S before a kill. No report and no judge: what is kept can
 be judged, shown and replayed afterwards. It ends with the process that started it.
@@ -25,7 +25,7 @@ from operate.system import System
 
 FLUSH_S = 0.1
 TOLD_S = 0.5
-"""How often it is told how far the recording is; estimate: what a person watches."""
+"""Seconds between two reports of progress; estimate: what a person watches."""
 ROUTER_S = 5.0
 FILTER = "filter"
 NO_ROUTER = 3
@@ -42,7 +42,7 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 class Asked(msgspec.Struct, frozen=True):
-    """Where to, and what of it; `count` communicates or `seconds`, 0: until it is told to stop."""
+    """Where to, and what of it; `count` communicates or `seconds`, 0: until it is stopped."""
 
     out: Path
     which: Filter
@@ -127,7 +127,7 @@ def serve_heard(system: System, asked: Asked) -> int:
 
 
 def _until_told() -> Waiting:
-    """What a signal stops."""
+    """A flag that a signal sets."""
     waiting = Waiting()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, waiting.stop)

@@ -42,7 +42,7 @@ class NotAsDesigned(msgspec.Struct, frozen=True):
 
 
 class Judged(msgspec.Struct, frozen=True):
-    """What the judge says of the recording: how many communicates, copies too, how often each verdict, and each of
+    """Verdicts on the recording: number of communicates with copies, count of each verdict, and each of
     those that are against the design. Null in a report: nothing was recorded.
     """
 
@@ -61,7 +61,7 @@ class Busy(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What is told of a run of any system. `failure`: why it is not a success, else null; `busy`: who was in which
+    """The report of a run of any system. `failure`: why it is not a success, else null; `busy`: who was in which
     state when.
     """
 

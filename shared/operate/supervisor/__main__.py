@@ -38,10 +38,10 @@ def main(
     ] = Level.INFO,
     keys: Annotated[
         str,
-        typer.Option(envvar=KEYS_VARIABLE, help="Folder of keys (`roco keys make`); empty: <run>/keys, made anew."),
+        typer.Option(envvar=KEYS_VARIABLE, help="Folder of keys (`roco keys make`); empty: <run>/keys, newly made."),
     ] = "",
     insecure: Annotated[
-        bool, typer.Option("--insecure", help="No TLS and no rights: whoever reaches the router may say anything.")
+        bool, typer.Option("--insecure", help="No TLS and no rights: anyone who reaches the router may say anything.")
     ] = False,
     key_days: Annotated[
         float, typer.Option(min=1e-4, help="How long keys hold that it makes; they are renewed before they end.")

@@ -1,4 +1,4 @@
-"""What to do next, computed: the wanted fleet, what is known of each process, and the time give actions.
+"""Next actions of the supervisor, from the wanted fleet, the state of each process and the time.
 
 No clock, no process and no file in here: the shell tells what happened (events) and does what comes out (actions), so
 every order of starts, deaths and stops can be tested. A process that was ready once is restarted for ever; one that
@@ -22,7 +22,7 @@ RUNNING = (ProcessState.STARTING, ProcessState.READY, ProcessState.STOPPING)
 
 
 class Known(msgspec.Struct, frozen=True):
-    """What is known of a process; `since`: when it entered its state [s]; `due`: when it is started again [s]."""
+    """State of a process; `since`: when it entered its state [s]; `due`: when it is started again [s]."""
 
     process: Process
     state: ProcessState = ProcessState.WAITING

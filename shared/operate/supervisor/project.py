@@ -64,7 +64,7 @@ def foreground(system: System, run_dir: Path, connect: str, after_s: float | Non
 
 
 def _environment(system: System, run_dir: Path, connect: str, scene: str) -> dict[str, str]:
-    """What all processes share, besides the folder they are run in."""
+    """Settings that all processes share, besides the folder they are run in."""
     return os.environ | {
         "ROCO_RUN_DIR": str(run_dir),
         "ROCO_SYSTEM": system.name,

@@ -1,7 +1,7 @@
 """Which keys the processes of a fleet get, and at which address they meet: TLS, unless it is forbidden.
 
-Whoever starts the router makes the keys, in the run folder: anew at each start, and before they end. A supervisor of a
-part of the fleet takes those that it is given.
+The process that starts the router makes the keys, in the run folder: new ones at each start, and before they expire. A
+supervisor of a part of the fleet takes those that it is given.
 
 The first ones are made beside the start of the router, which waits for them: half a second in which nobody need wait.
 """
@@ -21,7 +21,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 DAYS = 7.0
 """How long keys hold, as agent_runtime.io.keys has it (a test compares): that module is loaded beside the start."""
 LAST = 1 / 7
-"""Of the time that keys hold: then they are made anew (of a week its last day: as long as a machine may sleep)."""
+"""Of the time that keys hold: then they are renewed (of a week its last day: as long as a machine may sleep)."""
 AGAIN_S = 60.0  # estimate: a day is left
 
 
@@ -79,7 +79,7 @@ class Keys:
         self.tend()
 
     def tend(self) -> None:
-        """Make them anew in their last days: the router sees it, and all come back to it with the new ones.
+        """Renew them in their last days: the router sees it, and all come back to it with the new ones.
 
         Raises OSError where the first ones could not be written; later ones are tried again.
         """
@@ -88,9 +88,9 @@ class Keys:
         if time.time() < self._due:
             return
         try:
-            print(f"the keys are made anew; they hold until {self._make():%Y-%m-%d %H:%M} UTC", flush=True)
+            print(f"the keys are renewed; they hold until {self._make():%Y-%m-%d %H:%M} UTC", flush=True)
         except OSError as error:
-            print(f"the keys cannot be made anew: {error}; tried again in {AGAIN_S:g} s", flush=True)
+            print(f"the keys cannot be renewed: {error}; tried again in {AGAIN_S:g} s", flush=True)
             self._due = time.time() + AGAIN_S
 
     def _make(self) -> dt.datetime:

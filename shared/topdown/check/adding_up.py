@@ -141,7 +141,7 @@ def _worth(step: Step) -> int:
 
 
 def _complete(protocol: Protocol, here: Configuration) -> bool:
-    """Both roles ended, nothing on its way; the beginning is no conversation."""
+    """Both roles ended, nothing on its way; the beginning is not a conversation."""
     tables = protocol.tables
     over = all(here.state(role) in tables[role].ended for role in Role)
     return over and not (here.to_initiator or here.to_participant)

@@ -36,7 +36,8 @@ def _ends(design: Design, index: int, use: elements.Protocol) -> Iterator[Findin
     if use.channel not in design.decomposition.doubtful:
         for role, agent in (("initiator", use.initiator), ("participant", use.participant)):
             if agent not in channel.ends:
-                wrong, right = f"{role} {agent!r} is no end of {use.channel}", f"they are {' and '.join(channel.ends)}"
+                wrong = f"{role} {agent!r} is not an end of {use.channel}"
+                right = f"they are {' and '.join(channel.ends)}"
                 yield Finding(Kind.NO_END, where, wrong, right, (*at, role))
         if use.initiator == use.participant:
             yield Finding(Kind.NO_END, where, f"{use.initiator} talks with itself", "name both ends", at)
@@ -44,7 +45,7 @@ def _ends(design: Design, index: int, use: elements.Protocol) -> Iterator[Findin
         if message.sender not in (use.initiator, use.participant, *channel.ends):
             said, place = f"{where}, {message.sender} {message.performative}", (*at, "message", number, "sender")
             right = f"{use.initiator} or {use.participant}"
-            yield Finding(Kind.NO_END, said, f"sender {message.sender!r} is no end of it", right, place)
+            yield Finding(Kind.NO_END, said, f"sender {message.sender!r} is not an end of it", right, place)
 
 
 def _houses(design: Design) -> Iterator[Finding]:

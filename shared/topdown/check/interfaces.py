@@ -29,7 +29,7 @@ def _stars(use: elements.Protocol, at: Path_) -> Iterator[Finding]:
                 where = f"protocol {use.name}, {message.sender} {message.performative}"
                 right = f"one of {', '.join(use.interface)}" if use.interface else "the protocol names no interface"
                 place = (*at, "message", number, "content")
-                yield Finding(Kind.UNDEFINED, where, f"{name} is no interface of the protocol", right, place)
+                yield Finding(Kind.UNDEFINED, where, f"{name} is not an interface of the protocol", right, place)
 
 
 def _entry(

@@ -121,7 +121,7 @@ def _never_said(
         possible = {row.performative for row in sends if (role, row[:4]) not in unused}
         for act in sorted(said[role] - possible):
             states = ", ".join(sorted({row.state for row in sends if row.performative == act}))
-            wrong = f"{act} is listed, but no conversation comes to where it may be said ({states})"
+            wrong = f"{act} is listed, but no conversation reaches a state where it may be said ({states})"
             yield Finding(
                 Kind.NEVER_SAID, f"protocol {use.name}, {end}", wrong, "list what leads there, or drop it", at
             )

@@ -30,7 +30,7 @@ def _tasks(design: Design) -> Iterator[Finding]:
                 yield Finding(Kind.NO_TASK, f"step {index + 1}", wrong, right, ("step", index))
         for group in told:
             if group not in halves:
-                wrong = f"a task is given to {group!r}, which is no half"
+                wrong = f"a task is given to {group!r}, which is not a half"
                 right = f"halves are {' and '.join(halves) or 'none in this step'}"
                 yield Finding(Kind.NEVER_INTRODUCED, f"step {index + 1}", wrong, right, ("step", index, "tasks"))
 
@@ -47,7 +47,7 @@ def _stops(design: Design) -> Iterator[Finding]:
         for stop in step.stop:
             if stop.group not in stages[index + 1].groups:
                 right = f"groups are {', '.join(stages[index + 1].groups)}"
-                yield Finding(Kind.STOP, where, f"stops at {stop.group!r}, which is no group", right, (*at, "stop"))
+                yield Finding(Kind.STOP, where, f"stops at {stop.group!r}, which is not a group", right, (*at, "stop"))
             stopped.setdefault(stop.group, index + 1)
     for group in design.decomposition.last.groups if stopped and not design.decomposition.astray else ():
         if group not in stopped:
@@ -62,7 +62,7 @@ def _left(design: Design) -> Iterator[Finding]:
     for group in groups:
         if group not in design.agents and group not in staying:
             right = "give it an agent entry, or a group entry that says it stays a group"
-            yield Finding(Kind.LEFT_OVER, f"group {group}", "is divided no further and is no agent", right)
+            yield Finding(Kind.LEFT_OVER, f"group {group}", "is divided no further and is not an agent", right)
     listed = f"groups are {', '.join(groups)}"
     for index, agent in enumerate(design.agents):
         if agent not in groups:

@@ -79,7 +79,7 @@ def evidence(word: str) -> Evidence:
     """A piece of evidence as it is written. ValueError says how."""
     kind, colon, name = word.partition(":")
     if not colon or kind not in KINDS or not name.strip():
-        raise ValueError(f"{word!r} is no evidence; write event:NAME, test:PATH::NAME or message:USE act CLASS")
+        raise ValueError(f"{word!r} is not evidence; write event:NAME, test:PATH::NAME or message:USE act CLASS")
     return Evidence(kind, name.strip())
 
 

@@ -86,7 +86,7 @@ class Canvas:
 
     @property
     def frame(self) -> Box:
-        """What must be visible: everything drawn and a margin."""
+        """Return the visible rectangle: everything drawn and a margin."""
         if not self._extent:
             return Box(0, 0, 2 * MARGIN, 2 * MARGIN)
         left, top = min(b.x for b in self._extent) - MARGIN, min(b.y for b in self._extent) - MARGIN

@@ -60,7 +60,7 @@ def _languages(use: Protocol) -> tuple[str, ...]:
 
 
 def _budget(design: Design, use: Protocol) -> tuple[str, ...]:
-    """What one use of a protocol may cost."""
+    """Return the costs of one use of a protocol."""
     asked = max((m.bytes for m in use.message if m.sender == use.initiator), default=0)
     answered = max((m.bytes for m in use.message if m.sender == use.participant), default=0)
     delivery = "durable" if use.durable else "newest value" if use.latest else "asked again"

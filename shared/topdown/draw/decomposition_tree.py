@@ -167,7 +167,7 @@ class _Drawing:
             self.canvas.patched((_free(low, high, words, upright), y + 4), words, "strong small marked", "middle")
 
     def _news(self, channel: Channel) -> str:
-        """What the step did to a channel besides moving it."""
+        """Return the change of a channel by the step besides moving it."""
         if channel.born == self.step:
             return "new"
         return (

@@ -44,7 +44,7 @@ def spoken(role: Role, row: Row, sayable: Sayable | None) -> bool:
 
 
 def meet(protocol: Protocol, sayable: Sayable | None = None) -> Meeting:
-    """Every place both roles can come to if messages arrive at once, with what may be said there."""
+    """Every place both roles can reach if messages arrive at once, with what may be said there."""
     found: Meeting = {}
     waiting: list[Place] = [(START, START)]
     for place in waiting:

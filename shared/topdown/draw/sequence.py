@@ -17,7 +17,7 @@ STEP = 14.0  # how much further in each frame stands [px]
 LEAST = 340.0  # least distance of the lifelines [px]
 HEAD = 20.0
 
-NAMED = 3  # so many classes of a content are named in a diagram
+NAMED = 3  # classes of a content that are named in a diagram
 
 Content = tuple[str, tuple[str, ...]]
 """A language, and what may be said in it (nothing: no content)."""

@@ -18,7 +18,6 @@ INNER = 196.0  # least width of a box [px]
 PORT = 15.0
 PAIR = 2 * PORT + 12  # room for the two buffers of a channel [px]
 LINE = 15.0
-SIDES = ("left", "right", "top", "bottom")
 
 
 class Join(msgspec.Struct, frozen=True):

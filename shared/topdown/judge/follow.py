@@ -58,7 +58,7 @@ class Moves:
         return found
 
     def taking(self, states: States, said: Said, *, sure: bool) -> States:
-        """Where it may stand after this came to it (`sure`: and it took it); none: in none of these it can."""
+        """Return the states it may be in after this message (`sure`: and it took it); none: in none of these it can."""
         key = (states, said.performative, said.kinds, sure)
         found = self._known.get(key)
         if found is None:
@@ -88,7 +88,7 @@ class Moves:
         begins = (state, START) if over and self.begins_anew else (state,)
         rows = (table.find(one, RECEIVE, act, kind) for one in begins for kind in said.kinds)
         found = [row.to for row in rows if row is not None]
-        return found or ((state,) if over else ())  # whoever has ended drops a stray
+        return found or ((state,) if over else ())  # an ended role drops a stray
 
     def _broken(self, state: str, said: Said, way: Way) -> str:
         """Not-understood ends it, whatever was said in it; as answer to a cancel it is a failed cancel."""
@@ -203,7 +203,7 @@ class Followed:
 
     @property
     def ended(self) -> bool:
-        """Whether both have come to an end."""
+        """Whether both have ended."""
         return all(side.ended for side in self.sides.values())
 
     def read(self, role: Role, act: Performative, label: str, answers: str, kinds: tuple[Kind, ...]) -> Said | str:

@@ -217,7 +217,7 @@ class _Walk:
                 self.doubtful.add(heirs[0])
                 self._slip(Kind.RENUMBERED, wrong, f"reallocate {channel.id}: numbers never change", "channels")
                 continue
-            wrong = f"channel {channel.id} ends at {group!r}, which is divided and so is no group"
+            wrong = f"channel {channel.id} ends at {group!r}, which is divided and so not a group"
             self._slip(
                 Kind.NOT_REALLOCATED, wrong, f"reallocate it to {halves[0]} or {halves[1]}, or split it", "divide"
             )
@@ -236,7 +236,7 @@ class _Walk:
                 wrong = f"channel {new.id} ends at {end!r}, which step {self.divided[end]} divided"
                 self._slip(Kind.HANGING, wrong, known, "channels")
             elif end not in self.groups:
-                wrong = f"channel {new.id} ends at {end!r}, which is no group"
+                wrong = f"channel {new.id} ends at {end!r}, which is not a group"
                 self._slip(Kind.NEVER_INTRODUCED, wrong, known, "channels")
             else:
                 self._slip(Kind.ONE_END, f"channel {new.id} joins {end!r} with itself", known, "channels")

@@ -20,7 +20,7 @@ def act_word(word: str) -> tuple[Performative, Kind]:
     """Performative and guard word of `inform[final]`. Raises ValueError, which says what there is."""
     match = _WORD.fullmatch(word)
     if match is None:
-        raise ValueError(f"{word!r} is no act; write `inform` or `inform[final]`")
+        raise ValueError(f"{word!r} is not an act; write `inform` or `inform[final]`")
     try:
         return Performative(match["act"]), Kind(match["kind"] or "")
     except ValueError:

@@ -1,9 +1,9 @@
 """Who may do what on which key: derived from a design, and written as the access rules of a Zenoh router.
 
 Default deny. An agent may put exactly the communicates that the design lets it say (sender, receiver, protocol,
-performative) and hear exactly what is said to it; of what is no communicate it may write its own keys where the design
-has it among the writers, and read where it is among the readers. What names a peer in its key goes to that peer, and
-to readers that are no agents. Nobody queries and nobody answers queries: requests are communicates.
+performative) and hear exactly what is said to it; of samples that are not communicates it may write its own keys where
+the design has it among the writers, and read where it is among the readers. What names a peer in its key goes to that
+peer, and to readers that are no agents. Nobody queries and nobody answers queries: requests are communicates.
 
 An identity is the common name (CN) of a certificate. The router compares it with the sender in the key, and the
 receiving agent compares the key with the sender in the communicate: so a sender is who holds the private key of that
@@ -149,7 +149,7 @@ def _rules(design: Design, name: str, pairs: tuple[tuple[str, str], ...]) -> Ite
 
 
 def _neighbour(design: Design, system: str, systems: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """What the router of `system` may do at those of the other systems: bring what is said in its own system, and take
+    """Rights of the router of `system` at those of the other systems: bring what is said in its own system, and take
     what is said in theirs; of subscriptions are told those that such words are for, which only recorders and readers
     of several systems have.
     """

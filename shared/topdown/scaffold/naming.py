@@ -45,7 +45,7 @@ def require_names(design: Design, package: str) -> None:
 def _package(name: str) -> None:
     _identifier("system", name)
     if name != name.lower():
-        raise ScaffoldError("system", f"{name!r} is no name of a package", f"write it small: {name.lower()!r}")
+        raise ScaffoldError("system", f"{name!r} is not a name of a package", f"write it small: {name.lower()!r}")
     if name in IMPORTED or name in sys.stdlib_module_names or _installed(name):
         raise ScaffoldError("system", f"{name!r} is an installed package", "choose a name that is free")
 
@@ -58,7 +58,7 @@ def _installed(name: str) -> bool:
 
 def _identifier(where: str, name: str, *, keywords: bool = False) -> None:
     if not _WORD.fullmatch(name) or (keyword.iskeyword(name) and not keywords):
-        raise ScaffoldError(where, f"{name!r} is no name in Python", "letters, digits and _, a letter first")
+        raise ScaffoldError(where, f"{name!r} is not a name in Python", "letters, digits and _, a letter first")
 
 
 def module(language: str) -> str:

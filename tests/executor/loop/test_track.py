@@ -207,6 +207,17 @@ def test_a_pause_of_a_motion_that_stands_is_not_its_end():
     assert track.ended
 
 
+def test_a_blend_is_over_when_its_time_is():
+    """At 0.3 s and not a cycle later; a cycle before it is under way."""
+    track = Track(START[None], START + 0.04)
+    track.advance(0.3 - DT)
+    assert not track.ended
+    track = Track(START[None], START + 0.04)
+    track.advance(0.3)
+    assert track.ended
+    np.testing.assert_array_equal(track.q, START)
+
+
 def test_a_motion_at_its_last_knot_has_ended_only_with_its_blend():
     """A path of 0.1 s from 0.04 rad beside it lasts as long as the blend, 0.3 s."""
     q, _ = walk(Track(knots(0.1), START + 0.04))

@@ -83,7 +83,7 @@ def test_frames_come_whole_however_they_are_cut(cuts: list[int]) -> None:
 
 def test_something_else_than_frames_is_said() -> None:
     """Not waited for."""
-    with pytest.raises(ValueError, match="no pipe of the monitor"):
+    with pytest.raises(ValueError, match="not a pipe of the monitor"):
         wire.Frames().feed(b"\xff\xff\xff\xff")
 
 

@@ -1,4 +1,4 @@
-"""Whoever starts the router makes the keys, and makes them anew before they end; nothing is plain by accident."""
+"""The process that starts the router makes the keys and renews them in time; nothing is plain by accident."""
 
 import subprocess
 from pathlib import Path

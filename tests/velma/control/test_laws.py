@@ -165,22 +165,6 @@ def test_a_torque_that_is_no_number_is_not_accepted():
     assert not limits.is_accepted(np.full(15, np.nan))
 
 
-@given(st.integers(0, 14), st.floats(0.0, 0.1), st.sampled_from([-1.0, 1.0]))
-def test_within_is_inside_the_limits_by_the_margin(j, margin, way):
-    """Every joint of every row, at both ends; without a margin the limit itself is inside."""
-    q = np.tile(START, (3, 1))
-    assert limits.within(q, margin)
-    assert limits.within(LOWER)
-    assert limits.within(UPPER)
-    end = UPPER[j] if way > 0 else LOWER[j]
-    q[1, j] = end - way * (margin + 1e-9)
-    assert limits.within(q, margin)
-    q[1, j] = end - way * (margin - 1e-9)
-    assert not limits.within(q, margin)
-    q[1, j] = np.nextafter(end, way * np.inf)
-    assert not limits.within(q)
-
-
 def test_the_fastest_possible_speed_is_still_damped():
     """Only beyond it a speed is a fault of its sensor."""
     v = np.zeros(15)

@@ -43,7 +43,7 @@ class Approach:
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be grasped: name in the collision world, pose, direction (3,) out of its place, distance out [m]."""
+    """An object to grasp: name in the collision world, pose, direction (3,) out of its place, distance out [m]."""
 
     name: str
     pose: pin.SE3

@@ -1,4 +1,4 @@
-"""What the head camera sees: the pictures that ex publishes beside its telemetry. Older recordings have none."""
+"""Pictures of the head camera, which ex publishes beside its telemetry. Older recordings have none."""
 
 import rerun as rr
 

@@ -1,4 +1,4 @@
-"""What this robot adds to the pictures: robot, things, acts, camera, plan, numbers, lanes."""
+"""Pictures of this robot beside those of any system: robot, things, acts, camera, plan, numbers, lanes."""
 
 from companion.tools.pictures.acts import Acts
 from companion.tools.pictures.camera import Camera

@@ -1,4 +1,4 @@
-"""What this robot adds to the lanes of states: the plan's step, ex's act, the loop's mode."""
+"""Lanes of states of this robot beside those of any system: the plan's step, ex's act, the loop's mode."""
 
 from companion.languages import rc, sw
 from companion.telemetry import RobotState

@@ -10,7 +10,7 @@ PLAN = "plan"
 
 
 class Plan:
-    """Writes the plan anew when it or ta's place in it changes."""
+    """Writes the plan again when it or ta's place in it changes."""
 
     def __init__(self, sheet: Sheet) -> None:
         self._sheet = sheet

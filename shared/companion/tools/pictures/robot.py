@@ -24,7 +24,7 @@ GREY: Four = (0.7, 0.7, 0.7, 1.0)
 
 
 class Shape(msgspec.Struct, frozen=True):
-    """What is seen of a link: box and ellipsoid with half axes, capsule and cylinder with radius and length along z."""
+    """Visible shape of a link: box and ellipsoid with half axes, capsule and cylinder with radius and z length."""
 
     kind: str
     size: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""What things look like in Rerun: smooth vessels of velma/model/surfaces.py, else the shapes that km knows them by."""
+"""Shapes of things in Rerun: smooth vessels of velma/model/surfaces.py, else the shapes that km knows them by."""
 
 import numpy as np
 import rerun as rr

@@ -1,4 +1,4 @@
-"""What happened in a run, derived from what the agents said: the rows of the paper's Table 7 (section 5.7).
+"""Events of a run, derived from what the agents said: the rows of the paper's Table 7 (section 5.7).
 
 Must not know: the truth of the simulation. "jar grasped" means that ex said so.
 """
@@ -26,7 +26,7 @@ from companion.tools.report.plans import (
 from operate.recording.history import History
 
 ENDS = {cmd.TaskState.DONE: "finished", REFUSED: REFUSED}
-"""What the end of a command is called where its state alone would not say it."""
+"""Names of a command's end where its state alone is not clear."""
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -56,7 +56,7 @@ def word(object: str) -> str:
 
 
 def _knowledge(history: History) -> Iterator[Event]:
-    """km's first survey: what it is told of before the first act of a plan (or all, where there is none)."""
+    """km's first survey: the observations it gets before the first act of a plan (or all, where there is none)."""
     first = min((plan.start for plan in ran(history)), default=float("inf"))
     seen = [o.received for o in history.said if isinstance(o.content, wm.SeenObject) and o.received < first]
     if seen:
@@ -65,7 +65,7 @@ def _knowledge(history: History) -> Iterator[Event]:
 
 
 def _commands(history: History) -> Iterator[Event]:
-    """What people asked for: the task of the report by the names of the paper's table, all others by their words."""
+    """Yield the commands of people: the report's task by the names of the paper's table, all others by their words."""
     main = task_command(history)
     for command in commands(history):
         of = "" if command is main else f": {asked(command)}"

@@ -1,4 +1,4 @@
-"""What is measured of pours, with the paper's figures beside (operate.experiments.measures)."""
+"""Measures of pours, with the paper's figures beside (operate.experiments.measures)."""
 
 from collections.abc import Iterator
 

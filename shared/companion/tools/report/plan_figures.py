@@ -23,7 +23,7 @@ class Plan(msgspec.Struct, frozen=True):
 
 
 class PourFigures(Figures, frozen=True):
-    """What is used of a pour's report.json, which has more."""
+    """The fields that are used of a pour's report.json, which has more."""
 
     poured_fraction: float | None = None
     sim_time_s: float | None = None

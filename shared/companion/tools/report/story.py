@@ -110,7 +110,7 @@ def _acts(history: History) -> Iterator[Bar]:
 
 
 def word_of(act: Act) -> str:
-    """What an act is, in a word."""
+    """Return the kind of an act in a word."""
     return WORDS.get(type(act.command), (spaced(type(act.command).__name__), ""))[0]
 
 
@@ -125,7 +125,7 @@ def _draw(axes: Axes, bar: Bar, begin: float, until: float) -> None:
 
 
 def _ticks(axes: Axes, history: History) -> None:
-    """What reaches and leaves km: a line each."""
+    """Draw the messages to and from km, a line each."""
     told = [one.received - history.begin for one in history.said if "km" in (one.sender, one.receiver)]
     lane = LANES.index("km")
     axes.vlines(told, lane - 0.33, lane + 0.33, color=ACCENT, linewidth=0.5, alpha=0.5, zorder=3)

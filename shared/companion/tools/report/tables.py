@@ -32,7 +32,7 @@ def happened(history: History) -> pyarrow.Table:
 
 
 def telemetry(history: History) -> pyarrow.Table:
-    """What the loop told: times, joints [rad], work [J], mode, act, cycles and how late they were [us]."""
+    """Telemetry of the loop: times, joints [rad], work [J], mode, act, cycles and how late they were [us]."""
     states = robot(history)
     columns: dict[str, list[Any]] = {
         "t": [at - history.begin for at, _ in states],

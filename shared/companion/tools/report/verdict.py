@@ -28,7 +28,7 @@ TABLE = "table"
 
 
 class Poured(msgspec.Struct, frozen=True):
-    """What the simulation says at the end; None where it does not say."""
+    """Return the simulation's last true state; None where it published none."""
 
     fraction: float | None = None
     bowl_tilt_deg: float | None = None
@@ -71,7 +71,7 @@ def _not_whole(history: History) -> Iterator[str]:
 
 
 def _of_plans(history: History, command: Spoken) -> Iterator[str]:
-    """What went wrong with the command and its plans; plans of other commands are not the job."""
+    """Yield the failures of the command and its plans; plans of other commands are not the job."""
     end, of_others = task_end(history, command), others_plans(history, command)
     why = ""
     if end is None:

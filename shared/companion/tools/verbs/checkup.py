@@ -1,4 +1,4 @@
-"""What `roco doctor` looks at besides for this robot: libraries, whether real time can be held, a_hi."""
+"""Checks of `roco doctor` for this robot: libraries, whether real time can be held, a_hi."""
 
 import os
 import resource

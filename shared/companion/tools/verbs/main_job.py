@@ -30,7 +30,7 @@ LAST_LOOKS = 5  # estimate: five times what the recorder holds back
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What the command line needs of report.json, which has much more."""
+    """The fields of report.json that the command line reads; it has many more."""
 
     success: bool
     failure: str | None = None
