@@ -113,10 +113,12 @@ def decode(data: bytes) -> Communicate:
 
     Raise MalformedError with the field and the reason.
     """
-    if len(data) > MAX_BYTES:
-        raise MalformedError("communicate", f"has {len(data)} bytes, at most {MAX_BYTES} are accepted")
     try:
+        if len(data) > MAX_BYTES:
+            raise MalformedError("communicate", f"has {len(data)} bytes, at most {MAX_BYTES} are accepted")
         return _decode(data)
+    except MalformedError:
+        raise
     except Exception as error:
         field, reason = explain(error, "communicate", _LETTERS)
         if "float` >=" in reason or "float` <=" in reason:

@@ -15,6 +15,7 @@ import msgspec
 
 from fipa_codec.communicate import LABEL, WORD, Communicate, check_text, is_label, is_word
 from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
+from fipa_codec.labels import Needs, needs
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named
@@ -25,6 +26,10 @@ _ACT_NOT_UNDERSTOOD, _CONFIRM, _CANCEL = Performative.NOT_UNDERSTOOD, Performati
 _INFORM, _FAILURE = Performative.INFORM, Performative.FAILURE
 _PLAIN, _OF_CANCEL = Kind.PLAIN, Kind.CANCEL
 _INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
+_NOTHING, _SAME, _NEW, _ANY = Needs.NOTHING, Needs.SAME, Needs.NEW, Needs.ANY
+MOST_HEARD = 16
+"""Labels of the peer that are kept to be answered. Estimate: of the numbered messages of a long subscription nobody
+answers an older one."""
 
 
 class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -34,7 +39,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     the next message only: after an agree there is none unless a message sets one (SC00061G). The deadline of a cancel
     applies until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the pending cancel, or "".
     `unconfirmed`: m_w and kind of the messages not yet confirmed, oldest first. `past`: m_w of earlier rounds, and of
-    cancels that failed without ending the conversation; a message with one of these is a copy.
+    cancels that failed without ending the conversation; a message with one of these is a copy. `heard`: m_w of the
+    peer's other messages, oldest first, at most MOST_HEARD: each may be answered (SC00061G).
     """
 
     id: str
@@ -48,6 +54,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     cancel: str = ""
     unconfirmed: tuple[tuple[str, Kind], ...] = ()
     past: tuple[str, ...] = ()
+    heard: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, protocol: str | Protocol, role: Role, *, id: str, me: str, peer: str) -> Self:
@@ -118,6 +125,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     def receive(self, communicate: Communicate, kind: Kind = _PLAIN) -> Self:
         """Return the conversation after a message of the peer; `kind` is the kind by the content's language.
 
+        A late answer is accepted like any other: who drives the conversation asks `late(now)` before, and decides.
+
         Raise RemoteProtocolError if the message belongs to another conversation, is not allowed in this state, or
         answers an unknown message. Raise LocalProtocolError if this side must send first.
         """
@@ -125,6 +134,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         if self.state == NOT_UNDERSTOOD:
             return self
         performative, reply_to = communicate.performative, communicate.in_reply_to
+        if type(performative) is not Performative:
+            raise LocalProtocolError("performative", f"is {performative!r}, must be a Performative; decode() gives one")
         if performative is _ACT_NOT_UNDERSTOOD:
             return self._after_not_understood(RECEIVE, reply_to)
         protocol = named(self.protocol)
@@ -135,7 +146,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             )
         try:
             row = self._row(table, RECEIVE, performative, self.kind_of(performative, reply_to, kind))
-            self._require_answer(protocol, performative, communicate.reply_with, reply_to)
+            self._require_labels(protocol, RECEIVE, performative, communicate.reply_with, reply_to)
         except LocalProtocolError as error:
             raise RemoteProtocolError(error.field, error.reason) from None
         return self._after(protocol, table, row, communicate)
@@ -155,10 +166,11 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     ) -> tuple[Self, Communicate]:
         """Return the conversation after a message of this side, and the message. `id` is also its m_w if it needs one.
 
-        `in_reply_to` None: as the protocol requires (the opening; for a confirm the oldest unconfirmed message; the
-        cancel if `kind` is CANCEL or only the cancel can be answered in this state). `now`, `reply_by`: unix seconds.
-        Raise LocalProtocolError if the message is not allowed.
+        `in_reply_to` None: the newest message of the peer that has a reply-with; for a confirm the oldest unconfirmed
+        message; the cancel if `kind` is CANCEL or only the cancel can be answered in this state. `now`, `reply_by`:
+        unix seconds. Raise LocalProtocolError if the message is not allowed, or the performative is not one of FIPA's.
         """
+        performative = _act(performative)
         protocol = named(self.protocol)
         table = protocol.tables[self.role]
         reply_to = self._default_reply(protocol, performative, kind) if in_reply_to is None else in_reply_to
@@ -178,9 +190,13 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             sent=now,
         )
         if performative is _ACT_NOT_UNDERSTOOD:
+            if self.ended:
+                raise LocalProtocolError(
+                    "performative", f"{self._here} has ended; drop what came, or two agents answer each other for ever"
+                )
             return self._after_not_understood(SEND, reply_to), communicate
         row = self._row(table, SEND, performative, self.kind_of(performative, reply_to, kind))
-        self._require_answer(protocol, performative, communicate.reply_with, reply_to)
+        self._require_labels(protocol, SEND, performative, communicate.reply_with, reply_to)
         return self._after(protocol, table, row, communicate), communicate
 
     @property
@@ -207,7 +223,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                     "in_reply_to", f"{self._here}: {reply_to!r} is not one of the unconfirmed: {expected}"
                 )
             return known[reply_to]
-        if reply_to and reply_to == self.cancel:
+        if reply_to and reply_to == self.cancel and (kind is _OF_CANCEL or not self._means_the_opening(performative)):
             return _OF_CANCEL
         if kind is _OF_CANCEL:
             raise LocalProtocolError("in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}")
@@ -229,23 +245,41 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             if value not in wanted:
                 raise RemoteProtocolError(field, f"{self._here} got {value!r}, expected {wanted[0]!r}")
 
-    def _require_answer(self, protocol: Protocol, performative: Performative, reply_with: str, reply_to: str) -> None:
-        """Raise LocalProtocolError if m_w is missing or was used before, or if m_t is the m_w of no open message."""
-        numbered = performative is _CANCEL or performative in protocol.rounds
-        if (numbered or performative in protocol.confirmed) and not is_label(reply_with):
-            what = f"a {performative} needs one that matches {LABEL}, so that it can be answered"
-            raise LocalProtocolError("reply_with", f"{self._here}: {what}")
-        if numbered:
-            if reply_with in (*self.past, self.asked):
-                raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was used before, this is a copy")
-        elif performative in protocol.openings and self.state != START and reply_with != self.asked:
-            raise LocalProtocolError("reply_with", f"{self._here}: repeated with {reply_with!r}, not {self.asked!r}")
-        if reply_to in ("", self.asked, self.cancel):
+    def _require_labels(
+        self, protocol: Protocol, way: Way, performative: Performative, reply_with: str, reply_to: str
+    ) -> None:
+        """Raise LocalProtocolError if m_w is missing or was used before, or m_t is not an m_w of the other side."""
+        need = needs(protocol, performative)
+        if need is not _NOTHING:
+            self._require_label(need, performative, reply_with)
+        if reply_to in ("", self.cancel) or reply_to in self._answerable(way):
             return
         if all(reply_to != label for label, _ in self.unconfirmed):
             raise LocalProtocolError(
                 "in_reply_to", f"{self._here}: {reply_to!r} is not a message that waits for an answer"
             )
+
+    def _require_label(self, need: Needs, performative: Performative, reply_with: str) -> None:
+        if need is _SAME:
+            if self.state != START and reply_with != self.asked:
+                raise LocalProtocolError(
+                    "reply_with", f"{self._here}: repeated with {reply_with!r}, not {self.asked!r}"
+                )
+        elif not is_label(reply_with) and not (need is _NEW and not reply_with):
+            what = f"a {performative} needs one that matches {LABEL}, so that it can be answered"
+            raise LocalProtocolError("reply_with", f"{self._here}: {what}")
+        elif need is not _ANY and reply_with and reply_with in (*self.past, self.asked if need is _NEW else ""):
+            raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was used before, this is a copy")
+
+    def _answerable(self, way: Way) -> tuple[str, ...]:
+        """Return m_w that a message of the sender may answer: those of the other side."""
+        if (way is SEND) is (self.role is _PARTICIPANT):  # the participant says it
+            return (self.asked, *self.heard) if way is SEND else (self.asked,)
+        return self.heard if way is SEND else ()
+
+    def _means_the_opening(self, performative: Performative) -> bool:
+        """Whether an answer to the cancel's label answers the opening, which has the same: as the state allows."""
+        return self.cancel == self.asked and not self._answers_only_cancel(performative, _PLAIN)
 
     def _label(self, protocol: Protocol, performative: Performative, id: str) -> str:
         """Return m_w, "" if nothing will refer to the message; a repeated opening has that of the first one."""
@@ -263,9 +297,11 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             return self.cancel
         if performative is _CONFIRM:
             return self.unconfirmed[0][0] if self.unconfirmed else ""
-        if self.role is _INITIATOR or performative in protocol.confirmed:
+        if performative in protocol.confirmed:
             return ""
-        return self.asked
+        if self.heard:
+            return self.heard[-1]
+        return "" if self.role is _INITIATOR else self.asked
 
     def _answers_only_cancel(self, performative: Performative, kind: Kind) -> bool:
         find = self.table.find
@@ -284,7 +320,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         state, deadline = str(row.to), None if row.to in table.ended else communicate.reply_by
         if deadline is None and row.to not in table.ended:
             deadline = self._next_deadline(row)
-        plain = row.kind is not _OF_CANCEL and performative is not _CANCEL
+        numbered = label and row.way is RECEIVE and not opens and performative not in protocol.openings
+        plain = row.kind is not _OF_CANCEL and performative is not _CANCEL and not numbered
         if plain and unconfirmed is self.unconfirmed and not (opens and self.asked):
             asked = label if opens else self.asked
             return msgspec.structs.replace(self, state=state, deadline=deadline, asked=asked)
@@ -296,14 +333,25 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             cancel=label if performative is _CANCEL else self._cancel_after(row),
             unconfirmed=unconfirmed,
             past=self._past_after(row, opens),
+            heard=self._heard_after(protocol, performative, label, opens) if row.way is RECEIVE else self.heard,
         )
 
     def _cancel_after(self, row: Row) -> str:
         """Return m_w of the pending cancel; none after a cancel that failed without ending the conversation."""
         return "" if row.kind is _OF_CANCEL and row.to not in self.table.ended else self.cancel
 
+    def _heard_after(self, protocol: Protocol, performative: Performative, label: str, opens: bool) -> tuple[str, ...]:
+        """Return the labels of the peer that may be answered after a message of it; a new round forgets them."""
+        if opens:
+            return ()
+        if not label or performative is _CANCEL or performative in protocol.confirmed | protocol.openings:
+            return self.heard
+        return (*self.heard, label)[-MOST_HEARD:]
+
     def _past_after(self, row: Row, opens: bool) -> tuple[str, ...]:
-        over = self.asked if opens else self.cancel if self._cancel_after(row) != self.cancel else ""
+        if opens:
+            return (*self.past, *filter(None, (self.asked,)), *(self.heard if row.way is RECEIVE else ()))
+        over = self.cancel if self._cancel_after(row) != self.cancel else ""
         return (*self.past, over) if over else self.past
 
     def _next_deadline(self, row: Row) -> float | None:
@@ -325,3 +373,14 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                 cancel, past = self._cancel_after(row), self._past_after(row, opens=False)
                 return msgspec.structs.replace(self, state=str(row.to), deadline=None, cancel=cancel, past=past)
         return msgspec.structs.replace(self, state=NOT_UNDERSTOOD, deadline=None, unconfirmed=())
+
+
+def _act(performative: Performative | str) -> Performative:
+    """Return the performative, also of its name. Raise LocalProtocolError where there is no such act."""
+    if type(performative) is Performative:
+        return performative
+    try:
+        return Performative(performative)
+    except ValueError:
+        acts = ", ".join(Performative)
+        raise LocalProtocolError("performative", f"is {performative!r}, must be one of {acts}") from None

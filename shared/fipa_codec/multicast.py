@@ -99,10 +99,11 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         """Participants with open proposals: made in time, neither accepted nor rejected."""
         return tuple(peer for peer in self._offered if peer not in self.late)
 
-    @property
-    def over(self) -> bool:
-        """Whether every conversation has ended."""
-        return all(talk.ended for talk in self.talks)
+    def over(self, now: float) -> bool:
+        """Whether nobody is to be waited for at `now` [unix s]: each conversation has ended, or its reply-by passed
+        without an answer. A silent participant may still answer: its proposal is then among `rejections`.
+        """
+        return all(talk.ended or (self._unanswered(talk) and talk.late(now)) for talk in self.talks)
 
     def outcome(self, peer: str, now: float) -> str:
         """Return the final state with a participant, "" while the conversation is open.

@@ -146,9 +146,9 @@ def test_cancel_of_a_forgotten_conversation_is_answered(asked):
 
 def test_a_side_that_must_send_receives_nothing(asked):
     """The failure in reply to a late cancel is sent in the step that received the cancel."""
+    message = asked.sides[INITIATOR].send(P.CANCEL, id="x", now=1.0)[1]
     asked.say(PARTICIPANT, P.INFORM)
     owing = msgspec.structs.replace(asked.sides[PARTICIPANT], state="too-late")
-    message = asked.sides[INITIATOR].send(P.NOT_UNDERSTOOD, id="x", now=1.0)[1]
     with pytest.raises(LocalProtocolError, match=r"must send failure\[cancel\] before"):
         owing.receive(msgspec.structs.replace(message, performative=P.CANCEL, reply_with="k"))
 
@@ -255,11 +255,13 @@ def test_not_understood_as_answer_to_a_cancel_is_a_failed_cancel(asked):
 
 
 def test_not_understood_changes_no_final_state(asked):
-    """A conversation that has ended keeps its state."""
+    """A conversation that has ended keeps its state; nobody says it there, or two agents answer each other for ever."""
+    message = asked.sides[PARTICIPANT].send(P.NOT_UNDERSTOOD, id="x", now=1.0)[1]
     asked.say(PARTICIPANT, P.REFUSE)
-    asked.say(INITIATOR, P.NOT_UNDERSTOOD)
-    asked.say(PARTICIPANT, P.NOT_UNDERSTOOD)
-    assert asked.states == ("refused", "refused")
+    assert asked.sides[INITIATOR].receive(message).state == "refused"
+    for side in asked.sides.values():
+        with pytest.raises(LocalProtocolError, match="has ended; drop what came"):
+            side.send(P.NOT_UNDERSTOOD, id="y", now=1.0)
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def test_several_awards_and_the_others_rejected():
     call.answer("a", P.INFORM)
     call.answer("c", P.FAILURE)
     assert call.outcomes() == ["done", "rejected", "failed"]
-    assert call.group.over
+    assert call.group.over(0.0)
 
 
 def test_a_later_award_may_follow_an_earlier_one():
@@ -208,7 +208,7 @@ def test_contract_net_always_ends_and_only_with_what_was_offered_in_time(data):
     call = Call("icfp")
     offered_late, now = set(), 0.0
     for _ in range(40):
-        if call.group.over:
+        if call.group.over(0.0):
             break
         speakers = [peer for peer, talk in call.theirs.items() if talk.table.allowed(talk.state, SEND)]
         peer = data.draw(st.sampled_from([*speakers, "initiator"]))

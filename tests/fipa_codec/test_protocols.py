@@ -169,20 +169,23 @@ def hears(side: Conversation, act: P) -> str | None:
 @pytest.mark.parametrize("who", Role)
 @each_story
 def test_not_understood_ends_it_at_any_point(name, story, who):
-    """Both sides end and ignore messages in transit; a side that had ended keeps its state."""
+    """Both sides end and ignore messages in transit; a side that had ended says nothing more."""
     for cut in range(1, len(story.words) + 1):
         if any("!" in word for word in story.words[:cut]):
             break
         dialogue = Dialogue(name).play(Story(story.words[:cut], story.ends))
         if who not in dialogue.sides or dialogue.sides[who].owes:
             continue
-        ended = {role: side.state for role, side in dialogue.sides.items() if side.ended}
+        if dialogue.sides[who].ended:
+            with pytest.raises(LocalProtocolError, match="has ended"):
+                dialogue.say(who, P.NOT_UNDERSTOOD)
+            continue
         drain = {role: list(wire) for role, wire in dialogue.wires.items()}
         complaint = dialogue.say(who, P.NOT_UNDERSTOOD)
         assert dialogue.sides[who].ended
-        for _ in drain[who] if dialogue.sides[who].state == NOT_UNDERSTOOD else ():
+        for _ in drain[who]:
             dialogue.take(who)
-        assert dialogue.sides[who].state == ended.get(who, NOT_UNDERSTOOD)
+        assert dialogue.sides[who].state == NOT_UNDERSTOOD
         peer = dialogue.sides.get(who.other)
         if peer is not None and not peer.ended and not peer.owes:
             assert peer.receive(complaint).state == NOT_UNDERSTOOD
@@ -244,13 +247,16 @@ def test_messages_of_earlier_rounds_are_copies():
             dialogue.sides[PARTICIPANT].receive(copy)
 
 
-def test_call_of_several_rounds_needs_a_label():
-    """Without one a copy of an earlier cfp would start a new round."""
-    message = Dialogue("icfp").say(INITIATOR, P.CFP)
+@pytest.mark.parametrize("protocol", ["cfp", "icfp"])
+def test_a_call_without_a_label_is_answered(protocol):
+    """SC00061G requires a reply-with of no act; a copy of it is not a new round."""
+    message = Dialogue(protocol).say(INITIATOR, P.CFP)
     bare = replace(message, reply_with="")
-    with pytest.raises(RemoteProtocolError) as caught:
-        Conversation.answering(bare, "ta").receive(bare)
-    assert caught.value.field == "reply_with"
+    called = Conversation.answering(bare, "ta").receive(bare)
+    offered, proposal = called.send(P.PROPOSE, id="1", now=2.0)
+    assert (offered.state, proposal.in_reply_to) == ("offered", "")
+    with pytest.raises(RemoteProtocolError, match="accepts"):
+        called.receive(bare)
 
 
 def test_cancel_that_failed_may_be_tried_again():

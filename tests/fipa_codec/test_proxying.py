@@ -128,7 +128,7 @@ def test_brokering_relays_every_answer_and_the_last_one_ends_it(parties):
         assert said.receiver == "b"
         talk, _ = b.hears(said)
         group = group.noted(talk, 3.0)
-        relay = b.says(outer_talk(b, "i"), P.INFORM, proxying.relay_content(said, last=group.over))
+        relay = b.says(outer_talk(b, "i"), P.INFORM, proxying.relay_content(said, last=group.over(3.0)))
         outer, content = i.hears(relay)
         heard.append((outer.state, proxying.relayed_answer(content)))
     assert [state for state, _ in heard] == ["relaying", "done"]
@@ -198,7 +198,7 @@ def test_recruiting_several_gives_the_receiver_a_multicast(parties):
         inner = parties[name].keep(proxying.target_conversation(proxying.addressed(message, name), name))
         said = parties[name].says(inner, P.INFORM, content_of(P.INFORM, denotes(WEIGHT, 0.4)))
         group = group.noted(group.talk(name).receive(said), 5.0)
-    assert group.over
+    assert group.over(0.0)
     assert [group.outcome(name, 40.0) for name in ("t1", "t2")] == ["done", "done"]
 
 

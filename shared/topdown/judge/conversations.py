@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from fipa_codec.communicate import Communicate
+from fipa_codec.labels import Needs, needs
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
@@ -101,7 +102,7 @@ class Talk:
             self.followed.doubt(role, said)
             return None
         side = self.followed.sides[role]
-        again = self._asks_anew(entry) if said.performative in self.followed.protocol.openings else None
+        again = self._said_again(entry)
         if again is not None:
             return again
         if self.followed.take(role, said):
@@ -147,14 +148,18 @@ class Talk:
             return Verdict.SLOW, why
         return Verdict.LEGAL, ""
 
-    def _asks_anew(self, entry: Entry) -> str | None:
-        """An opening is said once; again it is a copy with the same label, unless the protocol has rounds."""
+    def _said_again(self, entry: Entry) -> str | None:
+        """An opening is said again with the same label, a cancel or a new round with another one. What is wrong."""
         one = entry.communicate
         assert self.followed is not None
-        if self.opening in (None, one.reply_with) or one.performative in self.followed.protocol.rounds:
+        if self.followed.copied(self.role(one.sender), one.performative, one.reply_with):
+            return f"{one.performative} with reply-with {one.reply_with!r} again; that was used before"
+        need = needs(self.followed.protocol, one.performative)
+        if need is Needs.SAME and self.opening not in (None, one.reply_with):
+            return f"asked again with reply-with {one.reply_with!r}; it was {self.opening!r}"
+        if need in (Needs.SAME, Needs.NEW):
             self.opening = one.reply_with
-            return None
-        return f"asked again with reply-with {one.reply_with!r}; it was {self.opening!r}"
+        return None
 
 
 class Talks:

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
+from fipa_codec.labels import Needs, needs
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Table, Way
@@ -194,7 +195,8 @@ class Followed:
     def __init__(self, protocol: Protocol, *, durable: bool) -> None:
         self.protocol, self.durable = protocol, durable
         self.sides = {role: Side(moves(protocol, role, durable)) for role in Role}
-        self._labels: dict[Role, dict[str, tuple[Performative, tuple[Kind, ...]]]] = {role: {} for role in Role}
+        self._labels: dict[Role, dict[str, dict[Performative, tuple[Kind, ...]]]] = {role: {} for role in Role}
+        self._round = ""
 
     @property
     def states(self) -> tuple[str, str]:
@@ -209,22 +211,36 @@ class Followed:
     def read(self, role: Role, act: Performative, label: str, answers: str, kinds: tuple[Kind, ...]) -> Said | str:
         """The message as the tables see it, or what is wrong with its labels. `kinds`: the content's own words."""
         asked = self._labels[role.other]
+        uses = asked.get(answers, {})
         if act is Performative.NOT_UNDERSTOOD:
-            kinds = (Kind.CANCEL,) if self._is_cancel(asked, answers) else (Kind.PLAIN,)
+            kinds = (Kind.CANCEL,) if Performative.CANCEL in uses else (Kind.PLAIN,)
             return Said(act, kinds, label, "", self.durable)
-        if answers and answers not in asked:
+        if answers and not uses:
             return f"it answers {answers!r}, which was not asked here; asked were {', '.join(asked) or 'none'}"
-        if not label and (act is Performative.CANCEL or act in self.protocol.confirmed | self.protocol.rounds):
+        if uses.keys() & self.protocol.rounds and answers != self._round:
+            return f"it answers {answers!r} of an earlier round; this round is {self._round!r}"
+        if not label and needs(self.protocol, act) in (Needs.OWN, Needs.ANY):
             return f"a {act} needs a reply-with, for its answer"
         if act is Performative.CONFIRM:
-            if not answers:
+            confirmed = next((uses[one] for one in self.protocol.confirmed if one in uses), None)
+            if confirmed is None:
                 return "a confirm names in in-reply-to what it confirms"
-            kinds = asked[answers][1]
-        elif self._is_cancel(asked, answers):
-            kinds = (Kind.CANCEL,)
-        elif act is not Performative.INFORM:
-            kinds = (Kind.PLAIN,)
+            kinds = confirmed
+        else:
+            kinds = kinds if act is Performative.INFORM else (Kind.PLAIN,)
+            if Performative.CANCEL in uses:  # the label of the cancel, and perhaps of what it cancels
+                kinds = (Kind.CANCEL,) if len(uses) == 1 else (*kinds, Kind.CANCEL)
         return Said(act, kinds, label, answers, self.durable)
+
+    def copied(self, role: Role, act: Performative, label: str) -> bool:
+        """Whether a cancel or a new round has a label that was used before, so that it is a copy.
+
+        A cancel may have the label of the opening it cancels (fipa_codec.labels).
+        """
+        need, uses = needs(self.protocol, act), self._labels[role].get(label, {})
+        if need is Needs.NEW:
+            return act in uses
+        return need is Needs.OWN and bool(uses) and (label != self._round or act in uses)
 
     def take(self, role: Role, said: Said) -> bool:
         """`role` says this; False, and nothing changes, where it may not."""
@@ -246,12 +262,10 @@ class Followed:
 
     def _pass_on(self, role: Role, said: Said) -> None:
         if said.label:
-            self._labels[role].setdefault(said.label, (said.performative, said.kinds))
+            self._labels[role].setdefault(said.label, {}).setdefault(said.performative, said.kinds)
+        if said.performative in self.protocol.openings:
+            self._round = said.label
         self.sides[role.other].hear(said)
-
-    @staticmethod
-    def _is_cancel(asked: dict[str, tuple[Performative, tuple[Kind, ...]]], answers: str) -> bool:
-        return answers in asked and asked[answers][0] is Performative.CANCEL
 
 
 @lru_cache(maxsize=4096)

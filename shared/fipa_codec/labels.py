@@ -1,0 +1,41 @@
+"""Which reply-with a message needs, and which in-reply-to it may have: one table for agents and for judges. Pure.
+
+A label is what a message has as reply-with. FIPA lets any message carry one (SC00061G), and each may be answered as
+long as the conversation goes on. Both sides choose their own labels, so one label can stand for a message of either
+side.
+"""
+
+from enum import StrEnum
+
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Protocol
+
+
+class Needs(StrEnum):
+    """What is required of the reply-with of a message."""
+
+    NOTHING = "nothing"
+    """It may have one (SC00061G: the parameter is optional)."""
+    OWN = "own"
+    """It needs one that no earlier round and no failed cancel had: its answer must be told from other messages."""
+    SAME = "same"
+    """Said again, it has that of the first time: it is the same question."""
+    ANY = "any"
+    """It needs one: each of these messages is confirmed."""
+    NEW = "new"
+    """It may have one; a new round is not the copy of an earlier one."""
+
+
+def needs(protocol: Protocol, performative: Performative) -> Needs:
+    """Return what a message of this protocol needs.
+
+    A cancel may carry the label of the opening it cancels (JADE 4.6.5 sends a subscription's own again), and a cfp none
+    at all: FIPA requires no reply-with of any act (SC00061G).
+    """
+    if performative is Performative.CANCEL:
+        return Needs.OWN
+    if performative in protocol.confirmed:
+        return Needs.ANY
+    if performative in protocol.rounds:
+        return Needs.NEW
+    return Needs.SAME if performative in protocol.openings else Needs.NOTHING
