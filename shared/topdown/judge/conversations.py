@@ -20,7 +20,7 @@ QUIET_S = 3600.0
 OVER = 20_000
 """Ended conversations whose names are remembered, so that a straggler is recognised (estimate)."""
 SWEEP_S = 10.0
-"""How often is looked which of them are to be kept no longer (estimate: that is 1 us for each that is open)."""
+"""Seconds between two looks for conversations to forget (estimate: that is 1 us for each that is open)."""
 
 Name = tuple[str, str, str, str]
 """m_c, protocol and the two agents, sorted: with several participants each has a conversation of its own."""
@@ -58,7 +58,7 @@ class Talk:
         self.pending: list[Entry] = []
         self.waits: dict[Role, Waits] = {}
         self.opened: tuple[float, elements.Protocol] | None = None
-        """When it was opened [s], and in which use; None once it was answered."""
+        """Return when it was opened [s], and in which use; None once it was answered."""
         self.opening: str | None = None
         """m_w of the opening."""
 
@@ -101,7 +101,7 @@ class Talk:
             self.followed.doubt(role, said)
             return None
         side = self.followed.sides[role]
-        again = self._asks_anew(entry) if said.performative in self.followed.protocol.openings else None
+        again = self._asks_again(entry) if said.performative in self.followed.protocol.openings else None
         if again is not None:
             return again
         if self.followed.take(role, said):
@@ -147,7 +147,7 @@ class Talk:
             return Verdict.SLOW, why
         return Verdict.LEGAL, ""
 
-    def _asks_anew(self, entry: Entry) -> str | None:
+    def _asks_again(self, entry: Entry) -> str | None:
         """An opening is said once; again it is a copy with the same label, unless the protocol has rounds."""
         one = entry.communicate
         assert self.followed is not None
