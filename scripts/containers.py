@@ -53,6 +53,12 @@ class Docker:
         """`docker compose ...` of the project"""
         return self.run([*self._compose, *arguments], within_s)
 
+    def elsewhere(self, project: str, file: Path) -> "Docker":
+        """Return another project, of a file of its own."""
+        found = Docker(self.client, self._base[:-2], project, self.environment)
+        found._compose = [*found._base, "-f", str(file)]
+        return found
+
     def over(self, *files: Path) -> "Docker":
         """The same project with override files."""
         return Docker(self.client, self._base[:-2], self.project, self.environment, files)

@@ -17,6 +17,9 @@ def every(command: Any = None, path: tuple[str, ...] = ()) -> Iterator[str]:
         from operate.cli.__main__ import app
 
         command = typer.main.get_command(app)
+    if getattr(command, "above", ""):  # a verb that others begin with
+        yield " ".join(path)
+        command = command.load()
     if not hasattr(command, "list_commands"):
         yield " ".join(path)
         return

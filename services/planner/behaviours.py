@@ -19,7 +19,8 @@ from services.planner.local import Answer, Ask, Begin, Died, Found, NotFound, St
 from services.planner.memory import CONDITIONS, Memory, Problem, Soft
 from services.planner.words import ANSWER_WITHIN_S
 
-MOST_ATTEMPTS = 5  # estimate: km dies less often than that during one search
+ATTEMPTS = "attempts"
+"""Parameter of the design: after how many searches that km broke off a problem has no plan."""
 
 
 def agent(seed: int = 1) -> Agent[Memory]:
@@ -94,7 +95,7 @@ def initialize_problem(memory: Memory, turn: Turn) -> Memory:
 
 
 def _begin_again(memory: Memory, turn: Turn) -> Memory:
-    if memory.begun >= MOST_ATTEMPTS:
+    if memory.begun >= turn.parameter(ATTEMPTS, int):
         return _no_plan(memory, f"km lost the hypothetical states of {memory.begun} searches")
     return _drop(replace(memory, ready=False, begun=memory.begun + 1, soft=Soft()), turn)
 

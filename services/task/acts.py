@@ -17,7 +17,7 @@ from services.task.words import observations, subject
 
 OBSERVER = AgentName.KM
 AGREE_WITHIN_S = 60.0  # estimate: ex computes a skill in seconds; a path that it plans itself takes longer
-SLACK, MARGIN_S = 5.0, 10.0  # an act may last 5 x its expected duration + 10 s (ruling with the design)
+SLACK, MARGIN_S = "slack", 10.0  # an act may last slack x its expected duration + 10 s (ruling with the design)
 PATIENCE = "act"
 Outcome = rc.Done | rc.NotDone
 
@@ -67,7 +67,7 @@ def overdue(memory: Memory, turn: Turn) -> bool:
 
 def _told(memory: Memory, turn: Turn, act: Act, received: Received, content: object) -> tuple[Memory, Outcome | None]:
     if isinstance(content, rc.Accepted):
-        turn.wake(PATIENCE, turn.now + SLACK * content.duration + MARGIN_S)
+        turn.wake(PATIENCE, turn.now + turn.parameter(SLACK, float) * content.duration + MARGIN_S)
         return replace(memory, act=replace(act, agreed=True)), None
     ended = not turn.holds(act.conversation)
     outcome: Outcome | None = None

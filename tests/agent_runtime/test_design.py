@@ -2,7 +2,9 @@
 
 import pytest
 from msgspec import Struct
+from msgspec.structs import replace
 
+from agent_runtime.core import binding
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Arrived, Started
 from agent_runtime.core.step import Core
@@ -13,6 +15,8 @@ from companion.languages import LANGUAGES, cmd, hfsm, wm
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.performatives import Performative as P
+from topdown.model import elements
+from topdown.model.design import Design
 
 
 class Memory(Struct, frozen=True):
@@ -31,6 +35,14 @@ def test_keys_are_those_of_the_design(name: str) -> None:
             assert mine.key(message) == DESIGN.key("velma", message)
     for peer, channel in DESIGN.peers(name).items():
         assert f"roco/velma/{channel}/{peer}/{name}/*/*" in mine.inbox_keys()
+
+
+def test_a_group_is_not_awaited() -> None:
+    """Nobody runs it, so an agent is ready without its answer; its peers that are agents are awaited."""
+    left = tuple(agent for agent in DESIGN.file.agent if agent.name != "km")
+    made = Design(replace(DESIGN.file, agent=left, group=(elements.Group("km"),)))
+    links = binding.wiring("pl", "velma", design=made, languages=LANGUAGES).links
+    assert {(link.peer, link.awaited) for link in links} == {("co", True), ("km", False)}
 
 
 def test_the_interface_is_checked_both_ways() -> None:

@@ -223,7 +223,7 @@ def explored(wanted: tuple[int, ...] = WANTED, **limits: Any) -> Exploration:
 def test_soft_state_is_all_in_the_key() -> None:
     """What a death takes is told apart by its inbox, its re-sending and its conversations, or is not used here."""
     used = {"inbox", "resend", "conversations"}
-    unused = {"step", "up", "full", "asks", "peers"}
+    unused = {"step", "up", "full", "asks", "peers", "parameters", "answer"}
     assert set(Soft.__struct_fields__) == used | unused
 
 

@@ -76,7 +76,7 @@ def test_the_fleet_holds_with_two_faults() -> None:
 @pytest.mark.parametrize("agent", ["ta", "pl", "km", "ex"])
 def test_who_waits_is_told_when_an_agent_dies_for_good(agent: str) -> None:
     """Whatever else happens, the command of a person ends."""
-    result = explore(Fleet(DESIGN, Faults(0, gone=agent, waiting="hi")))
+    result = explore(Fleet(DESIGN, Faults(0, gone=agent, waiting=("hi",))))
     assert result.complete
     assert result.findings == ()
 
@@ -191,7 +191,7 @@ def test_co_waits_for_ever_for_a_robot_that_is_gone() -> None:
     def change(rows: Rows) -> Rows:
         return tuple(row for row in rows if not row.on.startswith("late "))
 
-    wish = Faults(0, gone="ta", waiting="hi")
+    wish = Faults(0, gone="ta", waiting=("hi",))
     result = explore(Fleet(with_rows("co", change), wish), most_states=400_000)
     assert result.findings[0].kind in (DEADLOCK, UNREACHED)
 

@@ -226,7 +226,7 @@ def test_a_careless_traffic_is_found():
 @pytest.mark.parametrize("gone", ["mule", "ox"])
 def test_the_desk_comes_to_rest_though_a_robot_dies_for_good(gone):
     """At any time, also with a job: every order then ends all the same."""
-    explored = explore_model(Fleet(DESIGN, FleetFaults(gone=gone, waiting="desk")))
+    explored = explore_model(Fleet(DESIGN, FleetFaults(gone=gone, waiting=("desk",))))
     assert explored.findings == ()
     assert explored.complete
 
@@ -247,4 +247,5 @@ def test_an_event_forgotten_is_found(agent, on, gone):
     """Without its rows somebody is stuck; what answers a silence is missed only where somebody is silent."""
     rows = tuple(row for row in DESIGN.agent(agent).row if row.on != on)
     assert len(rows) < len(DESIGN.agent(agent).row)
-    assert explore_model(Fleet(changed(agent, rows), FleetFaults(gone=gone, waiting="desk" if gone else ""))).findings
+    faults = FleetFaults(gone=gone, waiting=("desk",) if gone else ())
+    assert explore_model(Fleet(changed(agent, rows), faults)).findings

@@ -1,7 +1,9 @@
 """The exploration engine against plain graph searches, and what it says of small models."""
 
 from collections import deque
+from itertools import count
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -110,6 +112,43 @@ def test_a_search_that_stops_early_says_what_is_open():
         assert not found.holds
         assert "not looked at" in found.unproven
     assert "first finding" in explore(Graph([], rest=())).unproven
+
+
+@given(arcs, st.sets(numbers, min_size=1), st.integers(1, 9))
+def test_a_search_that_stops_early_finds_only_what_the_whole_search_finds(arcs, rest, most):
+    """What was not looked at counts as good: nothing is found that is right, and no trace is longer than need be."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("topdown.prove.engine.LOOK_AT_CLOCK", 1)
+        early = explore(Graph(arcs, rest), most_states=most, first=False)
+    whole = {finding.kind: len(finding.trace) for finding in explore(Graph(arcs, rest), first=False).findings}
+    for finding in early.findings:
+        assert finding.kind in whole
+        assert len(finding.trace) >= whole[finding.kind]
+        assert finding.kind != UNREACHED or not rest_in_reach(Graph(arcs, rest), int(_last(finding)))
+
+
+def _last(finding):
+    return finding.trace[-1].after["it"] if finding.trace else finding.start["it"]
+
+
+def test_a_search_that_stops_early_finds_what_lies_within():
+    """Two steps from the start nothing leads to rest, whatever the rest of a long chain is like."""
+    chain = [(n, n + 1, True, False) for n in range(10, 5000)]
+    graph = Graph([(0, 1, True, False), (1, 2, True, False), (2, 2, True, False), (0, 10, True, False), *chain])
+    graph.rest = {5000}
+    (found,) = explore(graph, most_states=100).findings
+    assert (found.kind, len(found.trace)) == (UNREACHED, 1)
+    assert found.trace[-1].after["it"] == "1"
+
+
+def test_time_is_that_of_the_processor(monkeypatch):
+    """A search that has to wait for its turn is not stopped for it."""
+    wall = count(step=100.0)
+    monkeypatch.setattr("topdown.prove.engine.time.perf_counter", lambda: next(wall))
+    ring = Graph([(0, 1, True, False), (1, 0, True, False)])
+    found = explore(ring, seconds=50.0)
+    assert found.holds
+    assert found.seconds >= 100.0
 
 
 def test_progress_is_told_while_it_runs(monkeypatch):

@@ -189,7 +189,7 @@ def test_a_wait_may_be_over_as_a_fault() -> None:
 def test_who_waits_is_told_when_the_other_dies_for_good() -> None:
     """Only with a row for a wait that is over; which counts as what will happen once the other is dead."""
     patient = instead(less(HAND, "person regret"), '"person wish"', '"own wish"')
-    gone = {"gone": "lamp", "waiting": "hand"}
+    gone = {"gone": "lamp", "waiting": ("hand",)}
     assert kinds(design(patient, LAMP), **gone) & set(STUCK)
     assert "lamp: dies for good" in labels(design(HAND, LAMP), **gone)
     asks = instead(less(ASKER, "late ask"), '"own wonder"', '"person wonder"')
@@ -200,7 +200,7 @@ def test_who_waits_is_told_when_the_other_dies_for_good() -> None:
 def test_who_is_gone_does_not_come_back() -> None:
     """Not even where other deaths may happen; and it takes and answers nothing any more."""
     for made, name in ((watching(), "hand"), (design(HAND, LAMP), "lamp")):
-        model = fleet(made, 1, gone=name, waiting="hand")
+        model = fleet(made, 1, gone=name, waiting=("hand",))
         seen, waiting = {model.start}, [model.start]
         while waiting:
             here = waiting.pop()

@@ -21,10 +21,12 @@ from topdown.scaffold.writing import MANIFEST, missing
 ROOT = Path(__file__).parents[2]
 DEPOT = ROOT / "examples" / "depot" / "depot" / "design.toml"
 COMPANION = Path(companion.__path__[0]) / "design.toml"
+GROUPED = Path(__file__).with_name("grouped.toml")
 DESIGNS = {
     "tiny": lambda: smallest("tiny"),
     "depot_copy": DEPOT.read_text,
     "companion_copy": COMPANION.read_text,
+    "grouped": GROUPED.read_text,
 }
 
 
@@ -47,6 +49,13 @@ def test_every_agent_of_a_new_project_binds_and_declines(name, tmp_path):
 def test_a_new_project_runs_at_once(tmp_path):
     """Router and both agents of the smallest system become ready over Zenoh."""
     scaffold(smallest("tiny"), tmp_path)
+    run_its_tests(tmp_path, "tests/test_run.py")
+
+
+@pytest.mark.zenoh
+def test_a_new_project_with_a_group_runs_at_once(tmp_path):
+    """Its agents do not wait for the end that nobody of the project runs."""
+    scaffold(GROUPED.read_text(), tmp_path)
     run_its_tests(tmp_path, "tests/test_run.py")
 
 
@@ -152,17 +161,18 @@ def test_a_design_that_cannot_be_a_project_is_refused_before_anything_is_written
 
 
 @pytest.mark.parametrize("name", DESIGNS)
-def test_compose_has_a_service_for_each_agent_and_a_router(name, tmp_path):
-    """Each runs a module that is there, and finds the router by its name."""
+def test_compose_has_a_service_for_each_agent_router_and_monitor(name, tmp_path):
+    """Each runs a module that is there, finds the router by its name, and says whose fleet it is."""
     scaffold(DESIGNS[name](), tmp_path, name)
     services = yaml.safe_load((tmp_path / "compose.yaml").read_text())["services"]
     agents = Design(loading.read(DESIGNS[name]()), name).agents
-    assert set(services) == {"router", *agents}
+    assert set(services) == {"router", "monitor", *agents}
+    assert {one["labels"]["robot-companion.system"] for one in services.values()} == {Path(name).stem}
     for agent in agents:
         package, _, module = services[agent]["command"][-1].partition(".")
         assert (tmp_path / package / module / "__main__.py").exists()
         assert services[agent]["environment"]["ROCO_CONNECT"] == "tcp/router:7447"
-        assert services[agent]["depends_on"] == ["router"]
+        assert services[agent]["depends_on"] == ["router", "monitor"]
 
 
 def test_texts_of_a_design_stay_text(tmp_path):

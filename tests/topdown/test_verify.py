@@ -89,10 +89,10 @@ def test_what_a_limit_leaves_open_is_said() -> None:
     *_, last = verdicts(watching(), layers=(3,), seconds=1e-9, faults=2)
     assert not last.holds
     assert not last.findings
-    assert "stopped at the limit of 1e-09 s" in last.open[0]
+    assert "stopped at the limit of 1e-09 CPU seconds" in last.open[0]
     pair = verdicts(watching(), layers=(2,), seconds=1e-9)[0]
     assert not pair.holds
-    assert "stopped at the limit of 1e-09 s" in pair.open[0]
+    assert "stopped at the limit of 1e-09 CPU seconds" in pair.open[0]
 
 
 @pytest.mark.parametrize("faults", [1, None])

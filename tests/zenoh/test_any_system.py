@@ -44,25 +44,42 @@ class Row(NamedTuple):
 CALLS: dict[str, Row] = {
     "status": Row(has=("router", "monitor", *AGENTS, "ready")),
     "agents": Row(has=("router", "monitor", *AGENTS, "MiB")),
-    "agent info": Row(("ox",), has=("dispatcher on C5", "traffic on C7")),
+    "agent info": Row(("dispatcher",), has=("ox on C5", "rounds = 20", "last steps", "says", "log level")),
     "agent restart": Row(("ox",), has=("ox: ready, pid",)),
     "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
     "agent start": Row(("traffic",), has=("traffic: ready, pid",)),
+    "directory": Row(
+        ("--long",), has=("ox  up (", "cfp job(JOB.Call) -> JOB.Offer or JOB.Carried", "asks traffic: way_ox")
+    ),
+    "agent pause": Row(("mule",), has=("mule: paused; `roco agent resume mule` lets it go on",)),
+    "agent resume": Row(("mule",), has=("mule: goes on",)),
+    "agent log-level": Row(("mule", "debug"), has=("mule: shows debug and above",)),
+    "param list": Row(has=("dispatcher", "rounds", "an integer from 1 to 1000")),
+    "param get": Row(("dispatcher", "rounds"), has=("20",)),
+    "param set": Row(("dispatcher", "rounds", "30"), has=("30",)),
+    "logs": Row(("-n", "0"), has=("dispatcher", "ox", "received", "performative=propose")),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "graph": Row(has=(*AGENTS, *CHANNELS)),
     "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),
     "doctor": Row(("--target", RUN, "--format", "json"), has=("7 processes of", '"supervisor"', '"router"')),
     "traffic echo": Row(("--run", RUN, "--count", "8"), has=("desk>dispatcher", "request", "carry", "legal")),
+    "sniff": Row(
+        ("--run", RUN, "--count", "9", "--svg", "talk.svg"),
+        has=(*AGENTS, "├─", "◀", "C2 carry", "wrote talk.svg: 9 of 9"),
+    ),
     "traffic hz": Row(("--run", RUN), has=CHANNELS),
     "traffic bw": Row(("--run", RUN), has=CHANNELS),
     "traffic size": Row(("--run", RUN), has=CHANNELS),
     "traffic stats": Row(("--run", RUN), has=(*CHANNELS, "propose")),
     "traffic judge": Row((RUN,), has=(*CHANNELS, "communicates as designed")),
     "record": Row(("--for", "0.5", "--out", "empty.mcap"), has=("communicates", "records", "empty.mcap")),
+    "record info": Row(("--keys",), has=("C5/dispatcher/ox/", "house/state", "system depot, design ", "not closed in")),
     "conversation list": Row(("--channel", "C2"), has=("desk > dispatcher", "request")),
     "conversation show": Row(("desk-1-1",), has=("desk-1-1  request on C2  ended", "dispatcher", "agreed", "inform")),
     "send": Row(("--list", "--as", "ox"), has=("JOB.Offer", "traffic", "C7")),
     "acl show": Row((ACL,), has=("inform", "ox")),
+    "runs": Row(has=("depot", "up: 7 processes", "(latest)")),
+    "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
     "down": Row(has=("ended router, monitor, desk, dispatcher, traffic, mule, ox",)),
     # What is asked of a run that has ended.
     "replay": Row((RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",)),
@@ -82,7 +99,7 @@ CALLS: dict[str, Row] = {
     "design show": Row(("--what", "system"), has=("desk", "dispatcher")),
     "design trace": Row(code=1, has=("R3", "delivered")),  # its tests are in the clone
     "design verify": Row(("--layer", "2"), has=("holds",)),
-    "keys make": Row(("keys",), has=(*AGENTS, "monitor", "console", "'depot'")),
+    "keys make": Row(("keys",), has=(*AGENTS, "monitor", "console", "operator", "'depot'")),
 }
 STARTED = ("up",)
 """Verbs that the fixture calls."""
@@ -184,6 +201,8 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
         "agents": Row(has=("asker", "doer", "MiB")),
         "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),  # its stubs say nothing yet
         "send": Row(("--list",), has=("asker", "doer")),
+        "runs": Row(has=("depot", "up: 7 processes", "(latest)")),
+        "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
         "down": Row(has=("ended router, monitor, asker, doer",)),
     }
     try:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +225,25 @@ def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:
     fleet.undeclare()
 
 
+def test_top_shows_the_traffic_of_a_replay(tmp_path: Path) -> None:
+    """By the folder that the replay names; once it is over nothing of that folder is left."""
+    command = [*ROCO, "replay", str(POUR), "--speed", "20", "--loop"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as replaying:
+        try:
+            wait_for(lambda: list(tmp_path.glob("runs/replay-*/live.jsonl")), "the replay says where it is")
+            (folder,) = tmp_path.glob("runs/replay-*")
+            wait_for(lambda: (folder / "live.jsonl").read_bytes().count(b'"channel":"C3"') > 4, "much was said again")
+            words = [*ROCO, "top", "--run-dir", str(folder), "--count", "1", "--format", "json"]
+            done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=True)
+        finally:
+            replaying.send_signal(signal.SIGINT)
+            replaying.wait(DEADLINE_S)
+    channels = {one["name"]: one for one in msgspec.json.decode(done.stdout)["channels"]}
+    assert channels["C3"]["count"] > 4
+    assert channels["C3"]["per_s"] > 0
+    assert not folder.exists()
+
+
 def test_nothing_is_replayed_into_a_living_fleet(router: Router) -> None:
     """Where an agent has its token nothing is said, and where one comes to life it ends; both say who."""
     token = router.session.liveliness().declare_token(service_key("roco", "alive", "ta", "1"))
@@ -246,3 +266,21 @@ def test_nothing_is_replayed_into_a_living_fleet(router: Router) -> None:
     wait_for(refused, "it is seen")
     born.undeclare()
     stage.close()
+
+
+def test_sniff_draws_what_goes_by_and_writes_it_at_the_end(router: Router) -> None:
+    """Each communicate as it comes, live; Ctrl-C ends it in order, and the drawing has all of it."""
+    process = router.roco("sniff", "--channel", "C2", "--channel", "C3", "--svg", "talk.svg")
+    router.say(60)
+    meant = [one for one in router.said if one.channel in ("C2", "C3")]
+    assert process.stdout is not None
+    lines = (line.decode() for line in iter(process.stdout.readline, b""))
+    heading = next(lines)
+    assert heading.split() == ["co", "pl", "hi"]
+    drawn = list(islice((line for line in lines if "▶" in line or "◀" in line), len(meant)))
+    assert sum(" C3 " in line for line in drawn) == sum(one.channel == "C3" for one in meant) > 0
+    process.send_signal(signal.SIGINT)
+    out, error = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0, error.decode()
+    assert f"wrote talk.svg: {len(meant)} of {len(meant)} arrows" in out.decode()
+    assert (router.run / "talk.svg").read_text().count("<polygon") == len(meant)

@@ -15,4 +15,4 @@ for _table in DESIGN.own_tables.values():
     protocols.register(_table)
 
 INTERFACES = interfaces(DESIGN, LANGUAGES)
-"""What can be asked in each use of a protocol, with Python's classes."""
+"""Queries of each use of a protocol, with Python's classes."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
+from agent_runtime.core.control import Parameters
 from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import AgentTableError
 from agent_runtime.core.events import Late, Local, Received
@@ -78,7 +79,8 @@ class Agent(Generic[M]):
     Memory is a frozen msgspec Struct and is journalled whole whenever it changes, except a field named `soft`, if
     there is one: that one is lost by a death and comes back as `type(soft)()`. `local` is the union of Structs that
     `Local` events carry. `rows`: what the design says of its steps; a message that no row of the state names waits in
-    the inbox, and a step that fits no row is logged and counted. None: not said.
+    the inbox, and a step that fits no row is logged and counted. None: not said. `parameters`: values that an operator
+    may set while it runs; None: there are none.
     """
 
     name: str
@@ -89,6 +91,7 @@ class Agent(Generic[M]):
     conditions: Mapping[str, Callable[[M], bool]] = field(default_factory=dict)
     local: Any = None
     rows: Rows | None = None
+    parameters: Parameters | None = None
 
     def __post_init__(self) -> None:
         """Raise AgentTableError where a state has no behaviour or a condition is not bound."""

@@ -17,6 +17,7 @@ from fipa_codec.tables import Role
 from topdown.judge.steps import Steps
 from topdown.model import elements
 from topdown.model.design import Design
+from topdown.model.parameters import Parameters
 
 M = TypeVar("M")
 Transition = Callable[[M, Turn], M]
@@ -66,6 +67,7 @@ def bind(
         conditions=dict(conditions),
         local=local,
         rows=_rows(design, name),
+        parameters=Parameters(entry),
     )
 
 
@@ -119,6 +121,7 @@ def _link(name: str, use: elements.Protocol, design: Design) -> Link:
         ontology=use.ontology,
         silent=_silent(name, use),
         use=use.name,
+        awaited=peer in design.agents,
         says={rule.performative: rule.contents for rule in rules if rule.sender == name},
         hears={rule.performative: rule.contents for rule in rules if rule.sender == peer},
     )

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from agent_runtime.core.control import Command
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 
@@ -115,6 +116,12 @@ class LinkChanged(Event, frozen=True):
     up: bool
 
 
+class Ordered(Event, frozen=True):
+    """An order of the operator; obeyed, or refused with a reason, and then over."""
+
+    command: Command
+
+
 class Tick(Event, frozen=True):
     """Time passed: re-send, ask again, wake, or report as late whatever is due."""
 
@@ -136,6 +143,7 @@ AnyEvent = (
     | Receipted
     | Garbled
     | LinkChanged
+    | Ordered
     | Tick
     | Next
 )

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import msgspec
 
+from agent_runtime.core.control import NOTHING_SET, Answer, Settings, Value
 from agent_runtime.core.wiring import Delivery
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
@@ -87,7 +88,10 @@ class Waiting(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct):
-    """The part lost by a death. `up`: the router is connected; `full`: the peer whose outbox blocks the agent."""
+    """The part lost by a death. `up`: the router is connected; `full`: the peer whose outbox blocks the agent.
+
+    `parameters`: the value of each, set or not; `answer`: to the last order.
+    """
 
     step: int = 0
     up: bool = True
@@ -97,10 +101,15 @@ class Soft(msgspec.Struct):
     conversations: dict[str, Held] = {}
     peers: dict[str, int] = {}
     resend: dict[str, tuple[float, float]] = {}
+    parameters: dict[str, Value] = {}
+    answer: Answer = Answer()
 
 
 class Record(msgspec.Struct, kw_only=True):
-    """The journalled part. `taken`, `issued`: last stream number per peer; `counter`: for ids and versions."""
+    """The journalled part. `taken`, `issued`: last stream number per peer; `counter`: for ids and versions.
+
+    `settings` stands in the record only once an operator has set something.
+    """
 
     agent: str
     incarnation: int
@@ -115,6 +124,7 @@ class Record(msgspec.Struct, kw_only=True):
     due: dict[str, dict[str, Due]] = {}
     wakes: dict[str, float] = {}
     counts: dict[str, int] = {}
+    settings: Settings | msgspec.UnsetType = msgspec.UNSET
 
 
 class CoreState(Record, kw_only=True):
@@ -123,6 +133,16 @@ class CoreState(Record, kw_only=True):
     memory: Any
     kept: bytes = b""
     soft: Soft
+
+    @property
+    def now_set(self) -> Settings:
+        """What the operator has set."""
+        return NOTHING_SET if self.settings is msgspec.UNSET else self.settings
+
+    @property
+    def paused(self) -> bool:
+        """Whether the agent takes no step."""
+        return self.settings is not msgspec.UNSET and self.settings.paused
 
     def fork(self) -> "CoreState":
         """Return a copy that a step may change; dictionaries are copied, their values are frozen."""

@@ -16,7 +16,7 @@ from typing import Generic, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.core import streams
+from agent_runtime.core import control, streams
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Deed, Effects, Out
 from agent_runtime.core.errors import AgentTableError, BehaviourError
@@ -28,6 +28,7 @@ from agent_runtime.core.events import (
     LinkChanged,
     Local,
     Next,
+    Ordered,
     PeerChanged,
     Receipted,
     Received,
@@ -58,6 +59,8 @@ M = TypeVar("M")
 CHAIN_BOUND = 16
 """States entered in one step; the paper's machines have at most 5, so more is a loop (estimate)."""
 OUTSIDE = "step outside the design"
+REFUSED = "order refused"
+UNFIT = "kept value does not fit the design"
 KNOWN_DEEDS = 1024
 """Steps known to fit the design; estimate: an agent of the paper has some hundred different ones."""
 LATE_AFTER = 0.001
@@ -93,6 +96,9 @@ class Core(Generic[M]):
                 "use its own journal",
             )
         state.incarnation += 1
+        state.soft.parameters, unfit = control.values(state.now_set, self.agent.parameters)
+        for _ in unfit:
+            state.count(UNFIT)
         return state
 
     def record(self, state: CoreState) -> bytes:
@@ -109,7 +115,8 @@ class Core(Generic[M]):
         after, out = state.fork(), Out()
         after.soft.step += 1
         self._note(after, out, event, now)
-        self._take_one(after, out, now)
+        if not after.paused:
+            self._take_one(after, out, now)
         self._check_owed(state, after)
         durable = self._durable(state, after, out)
         out.record = encode_record(after) if durable else None
@@ -120,7 +127,8 @@ class Core(Generic[M]):
         deed = out.deed(state.state, after.state, tuple(after.due))
         if deed is not None and deed not in self._designed:
             self._compare(after, out, deed)
-        waits = None if after.outbox and streams.blocked(after) is not None else _waits(after)
+        held = after.paused or (after.outbox and streams.blocked(after) is not None)
+        waits = None if held else _waits(after)
         return out.sealed(self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
 
     def _compare(self, state: CoreState, out: Out, deed: Deed) -> None:
@@ -160,12 +168,29 @@ class Core(Generic[M]):
             case Tick():
                 streams.on_time(state, out, self.wiring, now)
                 _forget_unanswered(state, now)
+            case Ordered(command=command):
+                self._obey(state, out, command)
             case Next():
                 pass
             case _:
                 raise BehaviourError(
                     self.agent.name, state.state, f"was stepped with {event!r}", "that is the core's own"
                 )
+
+    def _obey(self, state: CoreState, out: Out, command: control.Command) -> None:
+        """Obey an order, or say why not; either way the answer names it."""
+        order, parameters = control.worded(command.order), self.agent.parameters
+        try:
+            settings = control.obeyed(state.now_set, command.order, parameters)
+        except ValueError as error:
+            state.count(REFUSED)
+            out.log(REFUSED, level="warning", order=order, why=str(error))
+            state.soft.answer = control.Answer(command.id, str(error))
+            return
+        state.settings, state.soft.answer = settings, control.Answer(command.id)
+        state.soft.parameters = control.values(settings, parameters)[0]
+        out.durable = True
+        out.log("ordered", order=order)
 
     def _note_peer(self, state: CoreState, out: Out, peer: str, incarnation: int | None, now: float) -> None:
         if incarnation is None:
@@ -199,7 +224,7 @@ class Core(Generic[M]):
             self._take_late(state, out, held, now)
 
     def _ready(self, state: CoreState, waits: Sequence[Held] | None, now: float) -> bool:
-        """Whether more can be taken at once; `waits` None: nothing is taken while an outbox is full."""
+        """Whether more can be taken at once; `waits` None: nothing is, while paused or while an outbox is full."""
         if waits is None:
             return False
         return bool(

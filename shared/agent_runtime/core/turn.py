@@ -5,7 +5,7 @@ disk.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from msgspec.structs import replace
@@ -24,6 +24,7 @@ from fipa_codec.multicast import Multicast
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
+V = TypeVar("V", bool, int, float, str)
 Seen = Received | Late | Broken | Woken | Local | PeerChanged | Settled | Started
 """Types of `turn.event`, besides None (the state was just entered)."""
 # Before Python 3.12 a member found by its class takes 0.1 us.
@@ -204,6 +205,19 @@ class Turn(msgspec.Struct, eq=False):
     def count(self, what: str) -> None:
         """Add one to a counter of the agent."""
         self._state.count(what)
+
+    def parameter(self, name: str, kind: type[V]) -> V:
+        """Value of a parameter of the design now: as the operator set it, else its default.
+
+        `kind`: int, float, str or bool, as the design's type is integer, number, text or boolean.
+        """
+        found = self._state.soft.parameters
+        if name not in found:
+            raise self._error(f"parameter {name!r} is not in the design", f"there are {', '.join(found) or 'none'}")
+        value = found[name]
+        if type(value) is not kind:
+            raise self._error(f"parameter {name!r} was read as {kind.__name__}", f"it is {type(value).__name__}")
+        return value
 
     @property
     def me(self) -> str:

@@ -33,7 +33,8 @@ class Delivery(StrEnum):
 class Link(msgspec.Struct, frozen=True):
     """This agent's side of one protocol with one peer; `silent`: the language named by acts without content.
 
-    `use`: the name the design gives to this use of the protocol, "" where there is no design.
+    `use`: the name the design gives to this use of the protocol, "" where there is no design. `awaited`: the agent is
+    ready only when this peer has answered; false for a group, whose end nobody of this design runs.
 
     `says`, `hears`: the interface: LANGUAGE.Class of each content an act may have, () for an act without content. Empty
     tables: not checked (toys).
@@ -47,6 +48,7 @@ class Link(msgspec.Struct, frozen=True):
     ontology: str = ""
     silent: str = ""
     use: str = ""
+    awaited: bool = True
     says: dict[Performative, tuple[str, ...]] = {}
     hears: dict[Performative, tuple[str, ...]] = {}
 

@@ -51,6 +51,10 @@ class Log:
             self._file = FileIO(file, "a")
         self._short = _wrapped(console or sys.stdout, _short, agent)
 
+    def show(self, level: str) -> None:
+        """Set the least level that the console shows. Raises KeyError for an unknown one."""
+        self._least = LEVELS[level]
+
     def write(self, event: str, level: str = "info", **fields: Any) -> None:
         """One line."""
         self.write_all([(time.time(), event, level, fields)])

@@ -12,6 +12,7 @@ import os
 import signal
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,8 @@ from typing import Any
 import msgspec
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.effects import Out, Receipt
+from agent_runtime.core.control import Answer, Command, Value
+from agent_runtime.core.effects import Deed, Out, Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.events import (
     AnyEvent,
@@ -28,11 +30,13 @@ from agent_runtime.core.events import (
     LinkChanged,
     Local,
     Next,
+    Ordered,
     PeerChanged,
     Receipted,
     Started,
     Tick,
 )
+from agent_runtime.core.inside import STEPS, Inside, looked_into
 from agent_runtime.core.peers import Peers
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
@@ -47,7 +51,7 @@ from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.steplog import StepLog
-from agent_runtime.io.zenoh_wire import Bytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
+from agent_runtime.io.zenoh_wire import Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
 from fipa_codec.communicate import decode
 from fipa_codec.errors import MalformedError
 
@@ -66,7 +70,10 @@ class Stop(msgspec.Struct, frozen=True):
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
-    """<agent>.heartbeat.json and the key `_/state/<agent>`: what the agent is at. `at`: unix seconds."""
+    """<agent>.heartbeat.json and the key `_/state/<agent>`: what the agent is at. `at`: unix seconds.
+
+    `inside`: what it has at hand; in the file only.
+    """
 
     agent: str
     pid: int
@@ -81,6 +88,11 @@ class Heartbeat(msgspec.Struct, frozen=True):
     counts: dict[str, int]
     at: float
     unheard: tuple[Unheard, ...] = ()
+    paused: bool = False
+    level: str = ""
+    parameters: dict[str, Value] = {}
+    answer: Answer = Answer()
+    inside: Inside | None = None
 
 
 class Shell:
@@ -104,13 +116,15 @@ class Shell:
         self._maker = device
         self._device: Device = NoDevice()
         self._later: list[tuple[float, int, Any]] = []
-        self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links}
+        self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links if link.awaited}
         self._state: CoreState = self._boot()
+        self._show_level()
         self._wire: ZenohWire | None = None
         self._serving = False
         self._diary = Diary(self.log, self._steps, wiring)
         self._wake_at: float | None = None
         self._beat_at = self._quiet_at = 0.0
+        self._steps_done: deque[tuple[float, Deed]] = deque(maxlen=STEPS)
         self._floor = Floor(self._inbox, self._take, self._next_at)
 
     def _boot(self) -> CoreState:
@@ -232,6 +246,8 @@ class Shell:
                 self._happen(_opened(item))
             case ReceiptBytes():
                 self._happen(self._receipt(item))
+            case OrderBytes(data=data):
+                self._happen(_order(data))
             case _Posted(content=content, at=0.0):
                 self._happen(Local(content))
             case _Posted(content=content, at=at):
@@ -271,9 +287,13 @@ class Shell:
             sizes = self._carry_out(out)
             effects = self._core.end(before, after, out, now)
             self._state = after
+            if effects.deed is not None:
+                self._steps_done.append((now, effects.deed))
             self._diary.note(following, now, after, effects, sizes)
             self._wake_at = effects.wake_at
-            if after.state != before.state:
+            if after.settings is not before.settings:
+                self._show_level()
+            if after.state != before.state or after.soft.answer is not before.soft.answer:
                 self._beat()
             following = Next() if effects.more else None
             self._quiet_at = now + QUIET_S
@@ -291,6 +311,9 @@ class Shell:
         for content in out.tells:
             self._device.tell(content)
         return sizes
+
+    def _show_level(self) -> None:
+        self.log.show(self._state.now_set.level or self._options.log_level)
 
     # --- readiness and life -------------------------------------------------------------------------------------------
 
@@ -327,13 +350,17 @@ class Shell:
             counts=state.counts | {f"dropped {kind}": count for kind, count in self._inbox.dropped.items()},
             at=time.time(),
             unheard=self._unheard.now,
+            paused=state.paused,
+            level=state.now_set.level or self._options.log_level,
+            parameters=state.soft.parameters,
+            answer=state.soft.answer,
         )
-        data = msgspec.json.encode(beat)
-        _replace(self._options.run_dir / f"{self.name}.heartbeat.json", data)
+        whole = msgspec.structs.replace(beat, inside=looked_into(state, self._steps_done))
+        _replace(self._options.run_dir / f"{self.name}.heartbeat.json", msgspec.json.encode(whole))
         if beat.ready and not self._ready_file.exists():
             _replace(self._ready_file, str(state.incarnation).encode())
         if self._wire is not None:
-            self._wire.publish("state", data)
+            self._wire.publish("state", msgspec.json.encode(beat))
 
 
 class _Posted(msgspec.Struct, frozen=True):
@@ -354,6 +381,14 @@ class _Desk:
 
     def publish(self, kind: str, data: bytes) -> None:
         self._wire.publish(kind, data)
+
+
+def _order(data: bytes) -> AnyEvent:
+    """The order in what came, if it is one."""
+    try:
+        return Ordered(msgspec.msgpack.decode(data, type=Command))
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        return Garbled("order", str(error))
 
 
 def _opened(item: Bytes) -> AnyEvent:

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 import msgspec
 import zenoh
 
+from agent_runtime.core.control import KIND
 from agent_runtime.core.effects import Receipt
 from agent_runtime.core.wiring import Delivery, Wiring, service_key
 from agent_runtime.io.inbox import Class
@@ -67,6 +68,12 @@ class ReceiptBytes(msgspec.Struct, frozen=True):
     """A receipt of `peer` as it came."""
 
     peer: str
+    data: bytes
+
+
+class OrderBytes(msgspec.Struct, frozen=True):
+    """An order of the operator as it came."""
+
     data: bytes
 
 
@@ -206,6 +213,7 @@ class ZenohWire:
             session.declare_subscriber(service_key(system, "receipt", "*", me), self._on_receipt),
             session.declare_subscriber(service_key(system, "ping", "*", me), self._on_ping),
             session.declare_subscriber(service_key(system, "pong", "*", me), self._on_pong),
+            session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
             # history: a token declared in the same instant was missed without it in 4 of 9 runs.
             session.liveliness().declare_subscriber(
                 service_key(system, "alive", "*", "*"), self._on_token, history=True
@@ -277,6 +285,9 @@ class ZenohWire:
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
         self._inbox.put(Class.CONTROL, ReceiptBytes(_owner(sample), sample.payload.to_bytes()))
+
+    def _on_order(self, sample: zenoh.Sample) -> None:
+        self._inbox.put(Class.CONTROL, OrderBytes(sample.payload.to_bytes()))
 
     def _on_ping(self, sample: zenoh.Sample) -> None:
         self._inbox.put(Class.CONTROL, Ping(_owner(sample), sample.payload.to_bytes(), False))

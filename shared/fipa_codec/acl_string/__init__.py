@@ -11,13 +11,14 @@ Modules in reading order: message, errors, dates, scanner, reading, printing, co
 from fipa_codec.acl_string.content import Form
 from fipa_codec.acl_string.errors import AclSyntaxError
 from fipa_codec.acl_string.mapping import from_acl, to_acl
-from fipa_codec.acl_string.message import MAX_ACL_BYTES, MAX_DEPTH, AclMessage, After, Aid, At
+from fipa_codec.acl_string.message import MAX_ACL_BYTES, MAX_DEPTH, MAX_ITEMS, AclMessage, After, Aid, At
 from fipa_codec.acl_string.printing import render
 from fipa_codec.acl_string.reading import parse
 
 __all__ = [
     "MAX_ACL_BYTES",
     "MAX_DEPTH",
+    "MAX_ITEMS",
     "AclMessage",
     "AclSyntaxError",
     "After",

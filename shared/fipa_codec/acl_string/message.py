@@ -18,6 +18,9 @@ MAX_ACL_BYTES = 2 * MAX_BYTES + 65_536
 MAX_DEPTH = 32
 """Depth limit of nested parentheses or resolvers. Estimate; messages of JADE have 4."""
 
+MAX_ITEMS = 10_000
+"""Limit of parameters and members of sets, sequences and expressions in a text. Estimate; messages of JADE have 30."""
+
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MILLISECOND = timedelta(milliseconds=1)
 MIN_MS = (datetime.min.replace(tzinfo=UTC) - EPOCH) // MILLISECOND

@@ -76,6 +76,7 @@ class _Reader(Scanner):
             if self.next() == b")":
                 self.at += 1
                 return fields, user
+            self.item()
             start = self.at
             self.take(b":", "a parameter, which begins with :, or ) at the end")
             name = self.parameter(known, start)
@@ -122,6 +123,7 @@ class _Reader(Scanner):
         self.keyword(keyword)
         field, items = self.field, []
         while self.next() != b")":
+            self.item()
             items.append(read(self))
             self.field = field
         self.at += 1

@@ -10,7 +10,7 @@ import re
 
 from fipa_codec.acl_string.dates import DATE
 from fipa_codec.acl_string.errors import AclSyntaxError, shown
-from fipa_codec.acl_string.message import MAX_DEPTH
+from fipa_codec.acl_string.message import MAX_DEPTH, MAX_ITEMS
 
 _BLANK = re.compile(rb"[\x00-\x20]*")
 _RUN = re.compile(rb"[^\x00-\x20()]+")
@@ -22,14 +22,17 @@ _END = re.compile(rb"[\x00-\x20():]|\Z")
 # JADE does not quote what Java parses as a double, including the suffixes d and f.
 _NUMBER = re.compile(rb"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?[dDfF]?")
 
-# Start of a parameter within a sequence of word characters.
-RUN_ON = re.compile(
+_PARAMETER = (
     rb":(?:(?:sender|receiver|reply-to|addresses|resolvers)\("
     rb'|(?:content|language|encoding|ontology|conversation-id|reply-with|in-reply-to)(?:"|#\d+")'
     rb"|reply-by[+-]?\d{8}T\d{9}"
-    rb'|x-[^\x00-\x20()":#]+#\d+")',
-    re.IGNORECASE,
+    rb'|x-[^\x00-\x20()":#]+#\d+")'
 )
+# One search that stops at the first end: to look for the end of the sequence first, and then for parameters in it,
+# reads a text without white space again for each of its words.
+_RUN_END = re.compile(rb"[\x00-\x20()]|\Z|" + _PARAMETER, re.IGNORECASE)
+RUN_ON = re.compile(_PARAMETER, re.IGNORECASE)
+"""Start of a parameter within a sequence of word characters."""
 
 
 class Scanner:
@@ -39,6 +42,7 @@ class Scanner:
         self.data = data
         self.at = 0
         self.field = "message"
+        self.items = 0
 
     def wrong(self, expected: str, at: int | None = None, found: str = "") -> AclSyntaxError:
         """Return the error for position `at`, by default the current one."""
@@ -74,11 +78,8 @@ class Scanner:
 
     def run_end(self) -> int:
         """Return the end of the word here: at white space, a parenthesis or a parameter joined to it."""
-        match = _RUN.match(self.data, self.at)
-        if not match:
-            return self.at
-        touching = RUN_ON.search(self.data, self.at, match.end() + 1)
-        return touching.start() if touching else match.end()
+        match = _RUN_END.search(self.data, self.at)
+        return match.start() if match else len(self.data)
 
     def word(self) -> str:
         """Take a word, or a quoted name (JADE)."""
@@ -139,6 +140,7 @@ class Scanner:
         """Take an expression in parentheses; return it as written."""
         start, depth = self.at, 0
         while True:
+            self.item()
             byte = self.next()
             if byte == b"(":
                 self.deeper(depth)
@@ -153,6 +155,12 @@ class Scanner:
                 self.at = run.end()
             else:
                 raise self.wrong(") that ends the expression")
+
+    def item(self) -> None:
+        """Count a parameter, or a member of a set, sequence or expression. Raise AclSyntaxError beyond the limit."""
+        self.items += 1
+        if self.items > MAX_ITEMS:
+            raise self.wrong(f"at most {MAX_ITEMS} parameters and members", found=f"number {self.items}")
 
     def deeper(self, depth: int) -> None:
         """Raise AclSyntaxError at the depth limit."""

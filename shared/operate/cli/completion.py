@@ -1,13 +1,23 @@
-"""Names for the shell to complete: runs, agents, processes, channels. Imports are made only when a shell asks."""
+"""Names for the shell to complete: runs, and what a design has. Imports are made only when a shell asks.
+
+Names that only a running fleet knows are in operate.cli.fleet.living_names. A completer gets the options that stand
+before the word, so that names are those of the design file or of the run that was named there.
+"""
 
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 if TYPE_CHECKING:
     from topdown.model.design import Design
 
 RUNS = Path("runs")
+NAMING = ("file", "design", "run", "recording", "run_dir")
+"""Parameters that name a design file or a run."""
+KINDS = ("channel", "agent", "protocol", "performative")
+"""What `roco replay --only KIND=NAME` can choose by."""
 
 
 def runs(incomplete: str) -> list[str]:
@@ -16,57 +26,176 @@ def runs(incomplete: str) -> list[str]:
     return [str(path) for path in found if str(path).startswith(incomplete)]
 
 
-def agents(incomplete: str) -> list[str]:
+def run_names(incomplete: str) -> list[str]:
+    """Return the names of runs in runs/, newest first."""
+    return _among([Path(path).name for path in runs("")], incomplete)
+
+
+def agents(ctx: typer.Context, incomplete: str) -> list[str]:
     """The agents of the design."""
-    return _begun(incomplete, (design.agents for design in _designs()))
+    return _begun(incomplete, (design.agents for design in _designs(ctx)))
 
 
-def channels(incomplete: str) -> list[str]:
+def channels(ctx: typer.Context, incomplete: str) -> list[str]:
     """The channels of the design."""
-    return _begun(incomplete, (design.channels for design in _designs()))
+    return _begun(incomplete, (design.channels for design in _designs(ctx)))
 
 
-def protocols(incomplete: str) -> list[str]:
+def protocols(ctx: typer.Context, incomplete: str) -> list[str]:
     """The protocols of the design, as it names what it follows."""
-    return _begun(incomplete, (design.tables for design in _designs()))
+    return _begun(incomplete, (design.tables for design in _designs(ctx)))
+
+
+def uses(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the uses of protocols of the design."""
+    return _begun(incomplete, (design.protocols for design in _designs(ctx)))
+
+
+def protocols_and_uses(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return both: a use by its name, or all of a protocol."""
+    return [*protocols(ctx, incomplete), *uses(ctx, incomplete)]
+
+
+def pairs(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return agents that share a channel, as one-other."""
+    return _begun(incomplete, (["-".join(one.ends) for one in design.channels.values()] for design in _designs(ctx)))
+
+
+def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the parameters of the agent that was named before; else of all agents."""
+    agent = ctx.params.get("agent")
+    every = [one for design in _designs(ctx) for name, one in design.agents.items() if agent in (None, name)]
+    return _begun(incomplete, ([parameter.name for parameter in one.parameter] for one in every))
+
+
+def parameter_values(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the choices of the parameter that was named before, and its default."""
+    agent, name = ctx.params.get("agent"), ctx.params.get("name")
+    every = [design.agents[agent] for design in _designs(ctx) if agent in design.agents]
+    named = [one for entry in every for one in entry.parameter if one.name == name]
+    return _begun(incomplete, (map(str, (*one.choices, one.default)) for one in named))
+
+
+def steps(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the numbers of the design's steps."""
+    return _begun(incomplete, (map(str, range(1, len(design.file.step) + 1)) for design in _designs(ctx)))
+
+
+def ontologies(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the ontologies of the design."""
+    named = ({use.ontology: None for use in one.file.protocol if use.ontology} for one in _designs(ctx))
+    return _begun(incomplete, named)
+
+
+def languages(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the content languages of the design."""
+    return _begun(incomplete, ([one.name for one in design.file.language] for design in _designs(ctx)))
+
+
+def systems(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the system's name as the design has it."""
+    return _begun(incomplete, ([design.file.system.name] for design in _designs(ctx)))
 
 
 def performatives(incomplete: str) -> list[str]:
     """All performatives of FIPA."""
     from fipa_codec.performatives import Performative
 
-    return [name for name in Performative if name.startswith(incomplete)]
+    return _among(Performative, incomplete)
+
+
+def choices(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return KIND=NAME[,NAME] as `roco replay --only` takes it: first the kinds, then the names of one."""
+    kind, given, names = incomplete.partition("=")
+    if not given:
+        return _among([f"{one}=" for one in KINDS], incomplete)
+    named = {"channel": channels, "agent": agents, "protocol": protocols}
+    done, comma, last = names.rpartition(",")
+    if kind not in KINDS:
+        return []
+    found = named[kind](ctx, last) if kind in named else performatives(last)
+    return [f"{kind}={done}{comma}{name}" for name in found]
+
+
+def started(incomplete: str) -> list[str]:
+    """Return names of processes of the system here as `roco up --only` takes them, behind the commas so far."""
+    from operate.system import NoSystemError, here
+    from topdown.model.errors import TopdownError
+
+    done, comma, last = incomplete.rpartition(",")
+    try:
+        names = [one.name for one in here().processes]
+    except (NoSystemError, TopdownError):
+        return []
+    return [f"{done}{comma}{name}" for name in _among(names, last) if name not in done.split(",")]
 
 
 def targets(incomplete: str) -> list[str]:
     """What --target takes: the words, the compose projects that run, the folders of runs."""
     from operate.cli.fleet.compose import projects
 
-    return [name for name in ("local", "compose", *projects()) if name.startswith(incomplete)] + runs(incomplete)
+    return _among(("local", "compose", *projects()), incomplete) + runs(incomplete)
 
 
-def processes(incomplete: str) -> list[str]:
-    """The processes of the fleet that is meant without a word."""
-    from operate.cli.errors import ConsoleError
-    from operate.cli.fleet import targets
-
-    try:
-        found = [one.name for one in targets.find().look().seen]
-    except ConsoleError:
-        return agents(incomplete)
-    return [name for name in found if name.startswith(incomplete)]
+def ages(incomplete: str) -> list[str]:
+    """Return durations as one may write them."""
+    return _among(("12h", "1d", "7d", "4w"), incomplete)
 
 
-def _designs() -> "Iterable[Design]":
-    """The design of the system here; none where there is no system, or its design cannot be read."""
-    from operate.system import NoSystemError, here
+def times(incomplete: str) -> list[str]:
+    """Return how long ago something was, as one may write it."""
+    return _among(("30s", "5m", "1h"), incomplete)
+
+
+def speeds(incomplete: str) -> list[str]:
+    """Return speeds of a replay as one may write them."""
+    return _among(("1", "2", "10", "max"), incomplete)
+
+
+def thresholds(incomplete: str) -> list[str]:
+    """Return what `roco compare` has a threshold for."""
+    return _among(("success=", "latency=", "energy=", "traffic="), incomplete)
+
+
+def faults(incomplete: str) -> list[str]:
+    """Return how many faults a proof may allow."""
+    return _among(("any", "0", "1", "2", "3"), incomplete)
+
+
+def layers(incomplete: str) -> list[str]:
+    """Return the layers of a proof."""
+    return _among(("1", "2", "3"), incomplete)
+
+
+def path_given(ctx: typer.Context, name: str) -> Path | None:
+    """Return the path that a parameter before the word has, which is still a text there; None: it has none.
+
+    Before an option without its value, arguments are not put to their names yet: they are left over, in order.
+    """
+    arguments = [one.name for one in ctx.command.params if one.param_type_name == "argument"]
+    left = dict(zip(arguments, ctx.args, strict=False))
+    value = ctx.params.get(name) or left.get(name)
+    return Path(value) if isinstance(value, str | Path) and str(value) else None
+
+
+def _designs(ctx: typer.Context) -> "Iterable[Design]":
+    """The design that the options name, else that of the system here; none where it cannot be read."""
+    from operate.system import NoSystemError, here, of_run
+    from topdown.model.design import load
     from topdown.model.errors import TopdownError
 
+    named = next((path for name in NAMING if (path := path_given(ctx, name)) is not None), None)
     try:
-        return (here().design,)
-    except (NoSystemError, TopdownError):
+        if named is None:
+            return (here().design,)
+        return (load(named) if named.suffix == ".toml" else of_run(named).design,)
+    except (NoSystemError, TopdownError, OSError):
         return ()
 
 
 def _begun(incomplete: str, found: Iterable[Iterable[str]]) -> list[str]:
-    return [name for names in found for name in names if name.startswith(incomplete)]
+    return _among((name for names in found for name in names), incomplete)
+
+
+def _among(names: Iterable[str], incomplete: str) -> list[str]:
+    return [str(name) for name in names if name.startswith(incomplete)]

@@ -74,11 +74,14 @@ class Summary(TyperCommand):
     """A verb as a list of verbs shows it: its name and what it does in a line."""
 
     place = ""
+    above = ""
+    """Its words, where verbs of other rows begin with them."""
 
-    def load(self) -> TyperCommand:
+    def load(self) -> TyperCommand | TyperGroup:
         """The verb itself. Raises ImportError or AttributeError where the table is wrong."""
         module, name = self.place.split(":")
-        return made(cast(str, self.name), getattr(import_module(module, ROOM), name))
+        verb = made(cast(str, self.name), getattr(import_module(module, ROOM), name))
+        return VerbWithVerbs(self.above, verb) if self.above else verb
 
 
 class Verb(TyperCommand):
@@ -87,6 +90,29 @@ class Verb(TyperCommand):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
         self.epilog = named(self.epilog or "")
+        super().format_help(ctx, formatter)
+
+
+class VerbWithVerbs(Verbs):
+    """A verb that others begin with: `roco record` and `roco record info`. Without one of those it is the verb."""
+
+    def __init__(self, words: str, verb: TyperCommand) -> None:
+        self._examples = verb.epilog or ""
+        shown = {"help": verb.help, "params": verb.params, "callback": verb.callback}
+        super().__init__(words=words, name=verb.name, invoke_without_command=True, **shown)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the verb below; this one is not called then, and has no options before its name."""
+        given = [name for name in ctx.params if ctx.get_parameter_source(name).name == "COMMANDLINE"]
+        found = super().resolve_command(ctx, args)
+        if given and not ctx.resilient_parsing:
+            ctx.fail(f"options stand behind all words of a verb: roco {self.words} {args[0]} --option ...")
+        self.callback = None
+        return found
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help, with names of the system here in the examples."""
+        self.epilog = named(self._examples)
         super().format_help(ctx, formatter)
 
 
@@ -163,13 +189,14 @@ def _listed(words: str, table: Table) -> Iterator[tuple[str, TyperCommand | Type
             before, _, name = called.rpartition(" ")
             if before != words:
                 continue
-            settings = {"help": line, "rich_help_panel": panel if not words else None}
-            yield name, _row(called, name, place, settings)
+            settings: dict[str, Any] = {"help": line, "rich_help_panel": panel if not words else None}
+            if place:
+                summary = Summary(name, **settings)
+                summary.place, summary.above = place, called if _has_below(called, table) else ""
+                yield name, summary
+            else:
+                yield name, Verbs(words=called, name=name, no_args_is_help=True, **settings)
 
 
-def _row(called: str, name: str, place: str, settings: dict[str, Any]) -> TyperCommand | TyperGroup:
-    if not place:
-        return Verbs(words=called, name=name, no_args_is_help=True, **settings)
-    summary = Summary(name, **settings)
-    summary.place = place
-    return summary
+def _has_below(called: str, table: Table) -> bool:
+    return any(words.startswith(f"{called} ") for rows in table.values() for words in rows)

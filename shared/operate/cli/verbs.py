@@ -1,6 +1,7 @@
 """The verbs of `roco` that serve any system, in one table: words that call it, where its function is, what it does.
 
-A verb is a plain function with typer's annotations; what it prints it prints in both forms (operate.cli.output).
+A verb is a plain function with typer's annotations; what it prints it prints in both forms (operate.cli.output). Other
+verbs may begin with its words (`record`, `record info`).
 Nothing is imported before it is called (operate.cli.lazy): the line below is what `roco --help` shows, and the
 function's docstring begins with the same words. A docstring ends in `Examples:` with one call of roco a line.
 
@@ -25,6 +26,18 @@ VERBS: Table = {
             ".fleet.agent:start",
             "Start a process that was stopped or given up, and wait until it is ready.",
         ),
+        "directory": (
+            ".fleet.directory:directory",
+            "Show who offers which protocol, ontology, language and query kinds, and is it up.",
+        ),
+        "agent pause": (".fleet.orders:pause", "Let an agent take no step until it is resumed."),
+        "agent resume": (".fleet.orders:resume", "Let a paused agent go on with what waits."),
+        "agent log-level": (".fleet.orders:log_level", "Set what an agent's output shows while it runs."),
+        "param": (GROUP, "Parameters of the agents, set while they run."),
+        "param list": (".fleet.param:list_", "List the parameters of all agents or of one."),
+        "param get": (".fleet.param:get", "Show the value of a parameter now."),
+        "param set": (".fleet.param:set_", "Set a parameter of an agent while it runs."),
+        "logs": (".fleet.logs:logs", "Show the logs of all agents as one stream, in the order of time."),
         "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
         "graph": (
             ".terminal.graph:graph",
@@ -46,9 +59,17 @@ VERBS: Table = {
         "traffic bw": (".traffic.rates:bw", "Show how many bytes per second each channel carries."),
         "traffic size": (".traffic.rates:size", "Show how large communicates are."),
         "traffic stats": (".traffic.rates:stats", "Show counts, sizes, rates, and how long answers took."),
+        "sniff": (
+            ".traffic.sniff:sniff",
+            "Draw a sequence diagram of what is said as it goes by, with a lifeline for every agent.",
+        ),
         "record": (
             ".traffic.record:record",
             "Record the traffic of a running fleet from now until Ctrl-C, as an MCAP file.",
+        ),
+        "record info": (
+            ".traffic.record_info:info",
+            "Show what is in a recording: topics with counts and times, who wrote it.",
         ),
         "replay": (
             ".traffic.replay:replay",
@@ -66,6 +87,11 @@ VERBS: Table = {
         "acl show": (".traffic.acl:show", "Show what a message says."),
     },
     "Runs reported, repeated, compared": {
+        "runs": (
+            ".runs.catalogue:runs",
+            "List the runs that were kept: begin, duration, size on disk, system, result.",
+        ),
+        "runs remove": (".runs.remove:remove", "Remove runs by name or by rule, never one that is up."),
         "report": (".runs.report:report", "Make the report of a run again from its recording, and show it."),
         "export": (
             ".runs.export:export",

@@ -24,6 +24,7 @@ class _Beat(msgspec.Struct, frozen=True):
 
     agent: str
     state: str
+    paused: bool = False
     unheard: tuple[Unheard, ...] = ()
 
 
@@ -100,7 +101,8 @@ class Live:
             beat = _beat.decode(house.data)
         except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
             return
-        yield from self._entered(AgentIn(t=house.received, agent=beat.agent, state=beat.state))
+        state = "paused" if beat.paused else beat.state
+        yield from self._entered(AgentIn(t=house.received, agent=beat.agent, state=state))
         yield from self._unheard(beat, house.received)
 
     def _unheard(self, beat: _Beat, t: float) -> Iterator[Happened]:

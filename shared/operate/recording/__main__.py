@@ -73,6 +73,17 @@ def said(
         raise typer.Exit(2) from error
 
 
+def info(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
+    """Print what is in a recording: topics, keys, counts, times, versions. Exits with 2 where there is none."""
+    from operate.recording import contents, samples
+
+    try:
+        contents.main(file)
+    except samples.NoRecordingError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from error
+
+
 def record(
     out: Annotated[Path, typer.Argument(help="The recording to be made.")],
     connect: Annotated[str, typer.Option(help="The router's endpoint.")] = "",
@@ -96,12 +107,21 @@ def record(
     raise typer.Exit(side_recording.serve(options, here(), asked, identity))
 
 
+def replayed(folder: Annotated[Path, typer.Argument(help="The folder of a replay.")]) -> None:
+    """Write live.jsonl of what is replayed: samples on standard input, one JSON object a line."""
+    from operate.recording import replayed as lines
+
+    lines.write(folder, here())
+
+
 VERBS: dict[str, Callable[..., None]] = {
     "report": report,
     "judge": judge,
     "observations": observations,
     "said": said,
+    "info": info,
     "record": record,
+    "replayed": replayed,
     "again": again,
     "export": export,
     "compare": compare,

@@ -23,6 +23,7 @@ from agent_runtime.io.waiting import Waiting
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.pictures.feed import Feed, feeding
+from operate.recording.contents import NOTE, versions_now
 from operate.recording.history import Setting
 from operate.recording.mcap_file import FILE, Recording
 from operate.recording.reach import Reach
@@ -61,6 +62,7 @@ class Recorder:
 
     def begin(self, setting: Setting) -> None:
         """Record what the fleet was started with."""
+        self._recording.note(NOTE, versions_now(self._system))
         record = House(SETTING, NAME, "", time.time(), msgspec.json.encode(setting))
         self._recording.add(record)
         self._judged(self._judging.lines(record))

@@ -17,6 +17,7 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.tap import Sample, Tap, open_tap
 from agent_runtime.io.waiting import Waiting
 from operate.filters import Filter
+from operate.recording.contents import NOTE, versions_now
 from operate.recording.mcap_file import Recording, first
 from operate.recording.records import SETTING, House, Record, Resumed, Spoken, Token, understood
 from operate.run_folder import TRAFFIC_FILE
@@ -56,6 +57,7 @@ class Keeper:
         self._asked, self._system, self._began = asked, system, time.time()
         self._recording = Recording(asked.out)
         self.communicates = self.records = 0
+        self._recording.note(NOTE, versions_now(system))
         if asked.which:
             self._recording.note(FILTER, {kind: ",".join(names) for kind, names in _named(asked.which)})
         self._add(House(SETTING, "record", "", self._began, setting.data if isinstance(setting, House) else b""))

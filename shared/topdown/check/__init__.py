@@ -1,8 +1,8 @@
 """Check whether a design is consistent in itself; topdown.check.agreement compares it with code.
 
-The order is names -> requirements, steps -> channels, protocols, message_form, interfaces -> machines, rows, waits ->
-claims, adding_up; recorded compares a run with the design. A fault is reported once: what only follows from it is left
-out. No I/O.
+The order is names -> requirements, steps -> channels, protocols, message_form, interfaces -> machines, rows, waits,
+parameters -> claims, adding_up; recorded compares a run with the design. A fault is reported once: what only follows
+from it is left out. No I/O.
 """
 
 from topdown.check import (
@@ -14,6 +14,7 @@ from topdown.check import (
     message_form,
     names,
     outcome,
+    parameters,
     protocols,
     requirements,
     rows,
@@ -38,6 +39,7 @@ PARTS = (
     machines.findings,
     rows.findings,
     waits.findings,
+    parameters.findings,
     claims.findings,
     adding_up.findings,
 )

@@ -40,6 +40,8 @@ def _kinds(design: Design) -> Iterator[Named]:
     yield Named("claim", ("claim",), tuple(entry.name for entry in file.claim))
     for index, agent in enumerate(file.agent):
         yield Named(f"agent {agent.name}, state", ("agent", index, "state"), tuple(state.name for state in agent.state))
+        own = tuple(one.name for one in agent.parameter)
+        yield Named(f"agent {agent.name}, parameter", ("agent", index, "parameter"), own)
     for index, entry in enumerate(file.interface):
         names = tuple(one.name for one in entry.entries)
         yield Named(f"interface {entry.name}, entry", ("interface", index, "entries"), names)

@@ -3,9 +3,10 @@
 Method: closed sets of deaf states. An agent in a state acts only in the protocols under its `talks`. A set of agents,
 one state each (none of them a state of rest), may wait for ever if every protocol a member talks in joins it with
 another member whose own state does not talk in that protocol, and each member has opened one of its protocols and so
-waits for an answer. Such sets are looked for, by backtracking from each agent. Proven by their
-absence: no deadlock in which all agents concerned wait in states that are deaf to each other. Not seen here: the order
-of messages, conditions of arcs, faults; that is for the exploration of the composed system.
+waits for an answer. Such sets are looked for, by backtracking from each agent. Their absence proves that there is no
+set of this form, and not that nobody waits for ever: one use more under a member's `talks`, with an agent that hears
+it, keeps the set open, though what the member waits for never comes. That, the order of messages, conditions of arcs
+and faults are for the exploration of the composed system (topdown.prove).
 """
 
 from collections.abc import Iterator

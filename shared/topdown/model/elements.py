@@ -5,6 +5,8 @@ interfaces, and the agents' finite state machines. `ruling` on any entry: the pa
 and this is what the design does. Nothing here knows a particular system.
 """
 
+from enum import StrEnum
+
 import msgspec
 
 from fipa_codec.performatives import Performative
@@ -170,6 +172,33 @@ class State(Entry, frozen=True):
     says: str = ""
 
 
+class ParameterType(StrEnum):
+    """Types of a parameter."""
+
+    INTEGER = "integer"
+    NUMBER = "number"
+    TEXT = "text"
+    BOOLEAN = "boolean"
+
+
+class Parameter(Entry, frozen=True):
+    """A value of an agent that an operator may set while it runs; its behaviours read it at each step.
+
+    `least`, `most`: bounds of an integer or a number, both allowed; `choices`: the only values (none: all). `says`:
+    what it does, in words for people who set it.
+    """
+
+    name: str
+    type: ParameterType
+    default: bool | int | float | str
+    says: str
+    least: float | None = None
+    most: float | None = None
+    choices: tuple[bool | int | float | str, ...] = ()
+    unit: str = ""
+    text: str = ""
+
+
 class Arc(Entry, frozen=True):
     """An arc, labelled by the name of its initial condition; no `when`: True."""
 
@@ -256,7 +285,7 @@ class Agent(Entry, frozen=True):
     """An agent (a group of the same name that is divided no further) and the state machine of its control subsystem.
 
     `row`: its conversational behaviour, over the same states; `rest`: the states in which it is idle (none: `initial`).
-    `choice`: ways to go on that rows share.
+    `choice`: ways to go on that rows share. `parameter`: values that an operator may set while it runs.
     `sends`, `receives`: its interface as declared, to be compared with the messages; none: it is derived from them.
     """
 
@@ -266,6 +295,7 @@ class Agent(Entry, frozen=True):
     arc: tuple[Arc, ...] = ()
     row: tuple[Row, ...] = ()
     choice: tuple[Choice, ...] = ()
+    parameter: tuple[Parameter, ...] = ()
     rest: tuple[str, ...] = ()
     sends: Ends | None = None
     receives: Ends | None = None

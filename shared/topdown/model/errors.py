@@ -2,6 +2,7 @@
 
 TopdownError
  +- DesignError      a design file that cannot be read: where, what is wrong, what would be right
+ +- ParameterError   a value that a parameter cannot have, or a parameter that is not there
  +- NoSuchEntry      the design has no such agent, channel, protocol or state; it lists those it has
 """
 
@@ -23,6 +24,22 @@ class DesignError(TopdownError):
         self.right = right
         place = f"{file}:{line}" if line is not None else file
         super().__init__(f"{place}: {field}: {wrong}; {right}")
+
+
+class ParameterError(TopdownError, ValueError):
+    """`parameter` of `agent` cannot be `value`; `right` says what it can be."""
+
+    def __init__(self, agent: str, parameter: str, value: object, right: str) -> None:
+        self.agent, self.parameter, self.value, self.right = agent, parameter, value, right
+        super().__init__(f"{parameter} of {agent} cannot be {value!r}; it is {right}")
+
+
+class NoSuchParameter(ParameterError):
+    """`agent` has no `parameter`; `right` lists those it has."""
+
+    def __init__(self, agent: str, parameter: str, known: Iterable[str]) -> None:
+        super().__init__(agent, parameter, None, ", ".join(known) or "none")
+        self.args = (f"agent {agent} has no parameter {parameter!r}; its parameters: {self.right}",)
 
 
 class NoSuchEntry(TopdownError, LookupError):

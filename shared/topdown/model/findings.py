@@ -63,6 +63,7 @@ class Kind(StrEnum):
     BAD_ROW = "row that cannot be"
     NO_TALK = "protocol without a state"
     WAITS = "agents that wait for each other"
+    PARAMETER = "parameter that cannot be"
     # statements and recordings
     CLAIM = "statements disagree"
     TOO_LARGE = "size budget exceeded"

@@ -61,6 +61,11 @@ ABSTRACTIONS = (
         "agent_runtime: observations of every subject are kept and re-sent alike (tests/agent_runtime)",
     ),
     Abstraction(
+        "a group says anything that the tables of its uses and the acts of its messages allow, at any time",
+        "it does more than any group that keeps to its tables; nobody may wait for what it opens or calls off",
+        "topdown.prove.chaos; each row that a group's word needs is taken away (tests/topdown/test_proving_groups.py)",
+    ),
+    Abstraction(
         "a wait may be over at any time, and no time passes",
         "every order of ends of waits and messages is explored, so no duration is relied on",
         "by construction; nothing is said of durations",
@@ -76,6 +81,9 @@ NOT_PROVEN = (
     "that what is named happens: a worker that says nothing after a death, a message left in the inbox for ever",
     "a volatile question that was given up, or is older than its reply-by, and reaches a server that is slow to answer",
     "a peer that seems to come back though it never died (the router was away), but for what its death brings about",
+    "how long a queue gets by words that change nothing (progress), which are not sent in the model: the bound is "
+    "proven for all other words; a full outbox holds the sender back",
+    "that a group (an end that the design gives no rows) answers what it is asked, sooner or later",
     "two agents whose outboxes are full towards each other, which only many reports that nobody asked for bring about",
 )
 """Limits: properties that no layer covers."""

@@ -2,7 +2,8 @@
 
 Three things are looked for: a state the model calls wrong; a deadlock (nothing but faults can happen, and it is not at
 rest); and a state from which rest is out of reach by moves that are fair, that is, neither faults nor somebody's free
-choice. Nothing is explored beyond a wrong state or a deadlock. States are numbered as they are found, and edges are
+choice. Nothing is explored beyond a wrong state or a deadlock. A search that stops at a limit takes what it has not
+looked at for good: its findings are wrong whatever lies there. States are numbered as they are found, and edges are
 kept as numbers only, so that millions fit into memory. Must not know: what a model is about.
 """
 
@@ -83,7 +84,8 @@ class Finding(NamedTuple):
 class Exploration(NamedTuple):
     """Result of an exploration. `complete`: every state was looked at; if not, `unproven` says what is open.
 
-    `findings`: one for each different text, shortest trace first. `reached`: all states, where that was asked for.
+    `seconds`: wall time. `findings`: one for each different text, shortest trace first. `reached`: all states, where
+    that was asked for.
     """
 
     states: int
@@ -109,13 +111,13 @@ def explore(
     first: bool = True,
     keep: bool = False,
 ) -> Exploration:
-    """Explore a model: stop at `most_states` known states, after `seconds`, or (`first`) at the first finding.
+    """Explore a model: stop at `most_states` known states, `seconds` of CPU time, or (`first`) its first finding.
 
     `progress(states, waiting)` is called about twice a second. `keep`: hand out all states in `Exploration.reached`.
     """
     walk = _Walk(model, most_states, seconds, progress, first)
     walk.run()
-    if walk.complete:
+    if not (first and walk.findings):
         walk.look_back()
     return Exploration(
         states=len(walk.numbers),
@@ -151,6 +153,7 @@ class _Walk:
         self.findings: dict[tuple[str, str], Finding] = {}
         self.dead: set[int] = set()
         self.began = self.told = time.perf_counter()
+        self.began_cpu = time.thread_time()
 
     def run(self) -> None:
         """Breadth first until nothing is left, or a limit is met."""
@@ -165,6 +168,11 @@ class _Walk:
                 return
             here += 1
         self.complete = True
+
+    @property
+    def looked_at(self) -> int:
+        """Number of the first state that was not looked at: those known, but not looked at, are the newest."""
+        return len(self.begin) - 1
 
     def _look(self, here: int, state: State, waiting: deque[State]) -> None:
         wrong = self.model.wrong(state)
@@ -201,12 +209,12 @@ class _Walk:
         if self.progress is not None and now - self.told > TELL_EVERY_S:
             self.told = now
             self.progress(len(self.numbers), waiting)
-        over = now - self.began > self.seconds
+        over = time.thread_time() - self.began_cpu > self.seconds
         if over or len(self.numbers) > self.most:
-            limit = f"{self.seconds:g} s" if over else f"{self.most} states"
+            limit = f"{self.seconds:g} CPU seconds" if over else f"{self.most} states"
             self.unproven = (
                 f"stopped at the limit of {limit}: {len(self.numbers)} states known, {waiting} of them not looked at; "
-                "open is whether a deadlock or a wrong state lies beyond them, and whether rest can be reached from all"
+                "open is whether a deadlock or a wrong state lies beyond them, and whether rest is in reach from there"
             )
             return True
         return False
@@ -214,7 +222,7 @@ class _Walk:
     # --- backwards ----------------------------------------------------------------------------------------------------
 
     def look_back(self) -> None:
-        """From the states at rest backwards over fair moves; the first state not met so is a finding."""
+        """From states at rest, or not looked at, backwards over fair moves; the first not met is a finding."""
         good = self._reaching()
         here = good.find(0)
         while here >= 0:
@@ -227,6 +235,7 @@ class _Walk:
         """1 for each state from which fair moves lead to rest."""
         begin, before = self._predecessors()
         good, waiting = bytearray(len(self.numbers)), self.good
+        waiting.extend(range(self.looked_at, len(self.numbers)))
         for number in waiting:
             good[number] = 1
         while waiting:
@@ -245,7 +254,7 @@ class _Walk:
         for number in range(2, len(begin)):
             begin[number] += begin[number - 1]
         before = array("I", bytes(4 * len(self.fair)))
-        for here in range(len(self.numbers)):
+        for here in range(self.looked_at):
             for there in self.fair[self.begin[here] : self.begin[here + 1]]:
                 before[begin[there + 1]] = here
                 begin[there + 1] += 1

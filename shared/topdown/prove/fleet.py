@@ -12,12 +12,15 @@ from typing import Any, NamedTuple
 
 from topdown.model.design import Design
 from topdown.model.machines import Cause, Event, Machine, machines
+from topdown.prove.chaos import composed, groups
 from topdown.prove.local import GONE, Agent, Local
 from topdown.prove.parts import OWN, RESTART, SAY, Parts, Ready
+from topdown.prove.silence import endless
 from topdown.prove.soft import Ends, Soft
 
 QUEUE_BOUND = 5
 """Longest durable queue (estimate): the outbox of a running agent holds 16; this alarms long before back-pressure."""
+OVERFULL = f"more than {QUEUE_BOUND} words wait"
 ANY = -1
 """Any number of faults."""
 Flat = tuple[Any, ...]
@@ -29,24 +32,30 @@ Found = Any
 class Faults(NamedTuple):
     """How many faults may happen in all (ANY: no limit): deaths, losses, copies, waits that are over.
 
-    `gone`: an agent that may die for good, at any time; rest then means that `waiting` is idle, and after that death
-    waits that are over count as what will happen. `boot`: all begins with the start of all agents, not at rest.
+    `gone`: an agent that may die for good, at any time; rest then means that all of `waiting` are idle, and after that
+    death waits that are over count as what will happen. `boot`: all begins with the start of all agents, not at rest.
     """
 
     most: int = 0
     gone: str = ""
-    waiting: str = ""
+    waiting: tuple[str, ...] = ()
     boot: bool = False
 
 
 class Fleet:
-    """The model, for topdown.prove.engine.explore. Raises DesignError for rows that cannot be read."""
+    """The model, for topdown.prove.engine.explore. Raises DesignError for rows that cannot be read.
+
+    `groups`: the ends that nobody of the design runs; chaos.py has what they do.
+    """
 
     def __init__(self, design: Design, faults: Faults | None = None, parts: dict[str, Machine] | None = None) -> None:
         self.faults = faults or Faults()
-        self.parts = Parts(design, parts or machines(design))
+        self.groups = frozenset(groups(design))
+        whole = composed(design)
+        self.parts = Parts(whole, parts or machines(whole))
         self.names, self.count = self.parts.names, len(self.parts.names)
         self.inbound = [(slot, self.parts.place[to]) for (_, to), slot in self.parts.queue_of.items()]
+        self.waiting = [self.parts.place[name] for name in self.faults.waiting]
         self.soft = [Soft(self.parts, use) for use in self.parts.soft]
         self.used: set[tuple[str, int]] = set()
         self.boot: Flat = ((0,) * (self.parts.size - 1)) + (self.faults.most,)
@@ -69,7 +78,12 @@ class Fleet:
     # --- for the engine -----------------------------------------------------------------------------------------------
 
     def moves(self, state: Flat) -> Iterator[Found]:
-        """All that can happen."""
+        """All that can happen; a group says nothing while a queue of its is full, as the runtime does."""
+        if not self.groups:
+            return self._moves(state)
+        return (move for move in self._moves(state) if move[0] not in self.groups or not _overfull(move[2]))
+
+    def _moves(self, state: Flat) -> Iterator[Found]:
         faulty, parts = state[-1] != 0, self.parts
         for number, name in enumerate(self.names):
             for ready in parts.unasked(number, state[number], OWN):
@@ -86,10 +100,9 @@ class Fleet:
             yield from self._for_good(state, parts.place[self.faults.gone])
 
     def at_rest(self, state: Flat) -> bool:
-        """All idle, nothing on its way, subscriptions live, observations known; with `gone`: who waits is idle."""
+        """All idle, nothing on its way, subscriptions live, observations known; with `gone`: all who wait are."""
         if self.faults.gone:
-            number = self.parts.place[self.faults.waiting]
-            return self.parts.resting(number, state[number])
+            return all(self.parts.resting(number, state[number]) for number in self.waiting)
         return self._all_rest(state)
 
     def wrong(self, state: Flat) -> str:
@@ -194,7 +207,7 @@ class Fleet:
             if kind == SAY:
                 words = (*self.parts.queues.values[after[slot]], said)
                 if len(words) > QUEUE_BOUND:
-                    return (f"more than {QUEUE_BOUND} words wait: {', '.join(map(str, words))}",)
+                    return (f"{OVERFULL}: {', '.join(map(str, words))}",)
                 after[slot] = self.parts.queues(words)
             else:
                 after[slot] = self.parts.net_after(after[slot], kind, said)
@@ -218,13 +231,23 @@ class Fleet:
         return tuple(
             f"row never used: {name} {number} (in {'|'.join(row.in_)} on {row.on})"
             for name, agent in zip(self.names, self.parts.agents, strict=True)
+            if name not in self.groups
             for number, row in enumerate(agent.machine.entry.row, start=1)
             if not row.several and (name, number) not in self.used and not self._is_about_silence(agent, number)
         )
 
+    def endless(self) -> tuple[str, ...]:
+        """Return the words that may fill a queue and are not in the model; of how many wait nothing is proven."""
+        machines = [agent.machine for agent in self.parts.agents if agent.machine.agent not in self.groups]
+        return tuple(dict.fromkeys(told for one in machines for told in endless(one, self.parts.silent)))
+
     def _is_about_silence(self, agent: Agent, number: int) -> bool:
         events = {row.event for row in agent.machine.rows if row.number == number}
         return any(Event(Cause.TAKE, *said) in events for said in self.parts.silent)
+
+
+def _overfull(state: Flat) -> bool:
+    return isinstance(state[0], str) and state[0].startswith(OVERFULL)
 
 
 def _told(agent: Agent, local: Local) -> str:

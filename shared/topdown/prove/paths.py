@@ -30,7 +30,8 @@ class Deviation(NamedTuple):
 
 
 class Follower:
-    """Follows steps of running agents through the composed model of their design, from the start of all agents.
+    """Follows steps of running agents through the composed model of their design, from the start of all agents. What
+    groups do shows nowhere: any of it may have happened in between.
 
     `states`: those the model may be in. `aside`: (use, agent) of questions and answers that are not in the model.
     """
@@ -115,7 +116,12 @@ class Follower:
     def _hidden(self, state: Flat) -> Iterator[Flat]:
         """Moves that no agent shows as a step of its own; of observations any may be the last one that is owed."""
         for who, what, there, _, _ in self.fleet.moves(state):
-            hidden = who == "net" or what.endswith(("again", "too late", "is dropped")) or what.startswith(self.news)
+            hidden = (
+                who == "net"
+                or who in self.fleet.groups
+                or what.endswith(("again", "too late", "is dropped"))
+                or what.startswith(self.news)
+            )
             if hidden and not isinstance(there[0], str):
                 yield there
 

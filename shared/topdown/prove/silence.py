@@ -1,11 +1,12 @@
 """Words that change nothing: progress told and confirmed. They are proven to be so, and then left out of the model.
 
 A word is silent where its receiver, in whatever state its table lets it come, stands as before after taking it, and
-answers with silent words only. The proof looks afterwards at every state that was reached (`Agent.take`), since rows
+answers with silent words only. Left out as well is thus a queue that such words fill: who may say one over and over
+is told (`endless`). The proof looks afterwards at every state that was reached (`Agent.take`), since rows
 may miss a state.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator
 
 from fipa_codec.tables import RECEIVE, SEND, Table, Way
 from topdown.model.machines import Cause, Event, Machine, Row, Said
@@ -22,6 +23,38 @@ def silent_words(machines: Iterable[Machine], forbidden: frozenset[Said] = froze
         if not loud:
             return frozenset(found)
         found -= loud
+
+
+def endless(machine: Machine, silent: Collection[Said]) -> Iterator[str]:
+    """Return in words what an agent says over and over in durable uses, taking nothing in between, though the model
+    leaves it out: words that are silent, and those under `may`.
+    """
+    for row in _free_loops(machine):
+        for said in dict.fromkeys((*(word for word in row.say if word in silent), *row.may)):
+            use = machine.uses[said.use]
+            if use.durable:
+                states = "|".join(sorted(row.states))
+                told = f"how many `{said}` of {machine.agent} wait for {use.peer}: in {states} on {row.event} it may be"
+                yield f"{told} said over and over (row {row.number}); a full outbox holds {machine.agent} back"
+
+
+def _free_loops(machine: Machine) -> Iterator[Row]:
+    """Rows without a message from whose next state such rows lead back to a state of theirs."""
+    free = [row for row in machine.rows if row.event.cause in (Cause.OWN, Cause.PERSON) and not row.several]
+    leads = {state: {row.to or state for row in free if state in row.states} for state in machine.waits}
+    for row in free:
+        if any(state in _reached(row.to or state, leads) for state in row.states):
+            yield row
+
+
+def _reached(start: str, leads: dict[str, set[str]]) -> set[str]:
+    """The states that free rows lead to from a state, itself included."""
+    found, waiting = {start}, [start]
+    while waiting:
+        more = leads[waiting.pop()] - found
+        found |= more
+        waiting += more
+    return found
 
 
 def _heard(machine: Machine) -> set[Said]:

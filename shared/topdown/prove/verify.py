@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from topdown.model.design import Design
 from topdown.model.machines import machines
+from topdown.prove.chaos import composed
 from topdown.prove.engine import Exploration, Finding, explore
 from topdown.prove.fleet import ANY, Faults, Fleet
 from topdown.prove.pairs import changed_channels, explore_use
@@ -21,7 +22,9 @@ Progress = Callable[[int, int], None]
 
 
 class Verdict(NamedTuple):
-    """`faults` None: any number. `open`: what is not proven though nothing was found. `notes`: nothing wrong."""
+    """`faults` None: any number. `open`: what is not proven though nothing was found. `notes`: nothing wrong. `beyond`:
+    what this design may do and the model leaves out.
+    """
 
     layer: int
     what: str
@@ -32,6 +35,7 @@ class Verdict(NamedTuple):
     findings: tuple[Finding, ...]
     open: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -55,9 +59,11 @@ def tasks(
     step: int | None = None,
     gone: Collection[str] = (),
     seconds: float | None = None,
+    skip_start: bool = False,
 ) -> Iterator[Task]:
     """Return the proofs to run, in order. `step`: only channels which that step of the design created or changed (layer
-    2). `gone`: agents that may die for good, besides. `seconds` limits each. Raises NoSuchEntry, IndexError.
+    2). `gone`: agents that may die for good, besides. `seconds` of CPU time limit each. `skip_start`: the start of all
+    agents is not explored by itself. Raises NoSuchEntry, IndexError, ValueError.
     """
     channels = None if step is None else changed_channels(design, step)
     if 1 in layers and step is None and any(use.durable for use in design.file.protocol):
@@ -71,11 +77,11 @@ def tasks(
     if 3 in layers and step is None:
         most = ANY if faults is None else faults
         started = Faults(0, boot=True)
-        yield Task(3, "all agents, starting", _fleet(design, "all agents, starting", started, seconds))
+        if not skip_start:
+            yield Task(3, "all agents, starting", _fleet(design, "all agents, starting", started, seconds))
         yield Task(3, "all agents", _fleet(design, "all agents", Faults(most), seconds))
         for name in gone:
-            design.agent(name)
-            wish = Faults(0, gone=name, waiting=_person(design))
+            wish = Faults(0, gone=name, waiting=waiting(design, name))
             yield Task(3, f"{name} dies for good", _fleet(design, f"{name} dies for good", wish, seconds))
 
 
@@ -103,10 +109,10 @@ def _fleet(design: Design, what: str, faults: Faults, seconds: float | None) -> 
         fleet = Fleet(design, faults)
         found = explore(fleet, seconds=seconds, progress=progress)
         loud = fleet.not_silent() if not found.findings else ()
-        notes = () if faults.gone or faults.boot or found.findings else fleet.unused()
-        return Verdict(
-            3, what, most, found.states, found.edges, found.seconds, found.findings, (*_open(found), *loud), notes
-        )
+        whole = not (faults.gone or faults.boot or found.findings)
+        notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
+        opened = (*_open(found), *loud)
+        return Verdict(3, what, most, found.states, found.edges, found.seconds, found.findings, opened, notes, beyond)
 
     return run
 
@@ -115,7 +121,15 @@ def _open(found: Exploration) -> tuple[str, ...]:
     return (found.unproven,) if found.unproven and not found.findings else ()
 
 
-def _person(design: Design) -> str:
-    """The agent that persons talk to."""
-    named = [one.name for one in design.file.agent if any(row.on.startswith("person ") for row in one.row)]
-    return named[0] if named else design.file.agent[0].name
+def waiting(design: Design, gone: str) -> tuple[str, ...]:
+    """Return all agents that must come to rest though `gone` never comes back: those that persons talk to, or, where
+    persons talk to none, all the others. Raises NoSuchEntry; ValueError where persons talk to `gone` alone.
+    """
+    composed(design).agent(gone)
+    told = [one.name for one in design.file.agent if any(row.on.startswith("person ") for row in one.row)]
+    left = tuple(name for name in told or design.agents if name != gone)
+    if not left:
+        wrong = f"--gone {gone}: {gone} alone has `person` rows, so nobody is left whose wish could end"
+        others = ", ".join(name for name in design.agents if name != gone)
+        raise ValueError(f"{wrong}; name another agent: {others or 'there is none'}")
+    return left

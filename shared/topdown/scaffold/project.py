@@ -96,41 +96,53 @@ SYSTEM = System(
 
 
 def _compose(design: Design, package: str) -> str:
-    image = f"${{{package.upper()}_IMAGE:-{package}}}"
     services = "\n".join(_service(agent, f"{package}.{agent}") for agent in design.agents)
-    return f"""# One service for each agent of design.toml, and the router between them.
-# The image needs Python 3.11 and the package robot-companion; this folder is mounted at /app.
-name: {package}
+    return f"""# One service for each agent of design.toml, the router between them, and the monitor, which records.
+# `docker compose up -d` (or docker-compose 1.29) here; then the verbs of `roco` look into these containers.
+# No TLS: for a network of your own. The image has Python 3.11, robot-companion and its extra `monitor`; this folder is
+# mounted at /app. `docker compose -f deploy/compose.yaml build monitor` in the clone makes the one named here.
+
+x-common: &common
+  image: ${{{package.upper()}_IMAGE:-robot-companion/monitor}}
+  init: true
+  entrypoint: [python, -m]
+  working_dir: /app
+  labels: {{robot-companion.system: {package}}}
+  volumes: [".:/app:ro", "run:/var/lib/roco"]
+  restart: on-failure
+
+x-environment: &environment
+  PYTHONPATH: /app
+  ROCO_SYSTEM: {package}
+  ROCO_CONNECT: tcp/router:7447
+  ROCO_RUN_DIR: /var/lib/roco/run
 
 x-agent: &agent
-  image: {image}
-  working_dir: /app
-  volumes: [".:/app:ro", "runs:/runs"]
-  environment:
-    ROCO_SYSTEM: {package}
-    ROCO_CONNECT: tcp/router:7447
-    ROCO_RUN_DIR: /runs
-  depends_on: [router]
-  restart: on-failure
+  <<: *common
+  environment: *environment
+  depends_on: [router, monitor]
 
 services:
   router:
-    image: {image}
-    command: [python, -m, operate.router]
-    volumes: ["runs:/runs"]
-    environment:
-      ROCO_LISTEN: tcp/0.0.0.0:7447
-      ROCO_RUN_DIR: /runs
-    restart: on-failure
+    <<: *common
+    command: [operate.router]
+    environment: {{<<: *environment, ROCO_LISTEN: "tcp/0.0.0.0:7447"}}
+
+  monitor:
+    <<: *common
+    command: [operate.recording]
+    environment: *environment
+    depends_on: [router]
+    stop_grace_period: 60s # it writes the report
 
 {services}
 volumes:
-  runs:
+  run:
 """
 
 
 def _service(agent: str, module: str) -> str:
-    return f"  {agent}:\n    <<: *agent\n    command: [python, -m, {module}]\n"
+    return f"  {agent}:\n    <<: *agent\n    command: [{module}]\n"
 
 
 def _readme(design: Design, package: str) -> str:

@@ -160,12 +160,18 @@ def test_who_may_die_for_good(lamp: Path) -> None:
     assert "1 fail, 0 open" in done.output
 
 
+def test_the_start_may_be_left_out(lamp: Path) -> None:
+    """It is the longest verdict where agents open subscriptions."""
+    found = json.loads(roco("verify", lamp, "--layer", 3, "--skip-start", "--format", "json").stdout)
+    assert [one["what"] for one in found] == ["all agents"]
+
+
 def test_what_time_leaves_open_is_said(lamp: Path) -> None:
     """With exit code 1."""
     done = roco("verify", lamp, "--layer", 2, "--seconds", 1e-9)
     assert done.exit_code == 1
     assert "open" in done.output.splitlines()[1]
-    assert "stopped at the limit of 1e-09 s" in done.output
+    assert "stopped at the limit of 1e-09 CPU seconds" in done.output
     assert roco("verify", lamp, "--layer", 2, "--seconds", 0).exit_code == 1
     assert roco("verify", lamp, "--layer", 2, "--seconds", 60).exit_code == 0
 
@@ -200,6 +206,7 @@ def test_lines_fit_the_terminal(lamp: Path, columns: int) -> None:
         (("--step", "1", "--layer", "3"), "a step changes channels of layer 2 only"),
         (("--step", "9"), "steps 1 to 1"),
         (("--gone", "lump"), "hand, lamp"),
+        (("--gone", "hand"), "hand alone has `person` rows, so nobody is left whose wish could end; name another"),
     ],
 )
 @pytest.mark.parametrize("form", ["text", "json"])
@@ -209,6 +216,44 @@ def test_an_option_that_makes_no_sense_exits_with_2(lamp: Path, words: tuple[str
     assert done.exit_code == 2, said(done)
     assert told in " ".join(done.stderr.split())
     assert form == "text" or "error" in json.loads(done.stderr)
+
+
+def test_a_design_with_a_group_is_proven() -> None:
+    """In every layer; an end that is neither an agent nor a group is an error in words."""
+    done = roco("verify", TESTS / "topdown/grouped.toml")
+    assert done.exit_code == 0, said(done)
+    assert "C2 drive" in done.output
+    assert "5 verdicts" in done.output
+
+
+def test_an_end_that_is_nobody_exits_with_2(tmp_path: Path) -> None:
+    """With what would be right."""
+    file = tmp_path / "nobody.toml"
+    text = (TESTS / "topdown/grouped.toml").read_text()
+    start = text.index("[[group]]")
+    file.write_text(text[:start] + text[text.index("\n\n", start) :])
+    done = roco("verify", file, "--layer", 3)
+    assert done.exit_code == 2, said(done)
+    assert "protocol drive: 'base' is neither an agent nor a group; agents are asker, doer" in " ".join(
+        done.stderr.split()
+    )
+
+
+def test_a_queue_that_progress_fills_is_told_as_not_proven(lamp: Path) -> None:
+    """With the row that may be taken over and over; for programs too."""
+    file = lamp.with_name("chatty.toml")
+    rows = '"switch request", say = ["switch agree"] },\n  { in = ["idle"], on = "own flicker", '
+    rows += 'when = ["switch agreed"], may = ["switch inform[progress]"] },\n  { in = ["idle"], on = "own lit", '
+    rows += 'when = ["switch agreed"], say = ["switch inform"] }'
+    hears = '  { in = ["idle"], on = "switch agree" },\n  { in = ["idle"], on = "switch inform[progress]" },\n'
+    text = lamp.read_text().replace('"switch request", say = ["switch inform"] }', rows)
+    ends = '  { in = ["idle"], on = "switch inform" },'
+    file.write_text(text.replace(ends, hears + ends))
+    done = roco("verify", file, "--layer", 3, columns=200)
+    assert done.exit_code == 0, said(done)
+    assert "Not proven by any layer:\n- how many `switch inform[progress]` of lamp wait for hand" in done.output
+    found = json.loads(roco("verify", file, "--layer", 3, "--format", "json").stdout)
+    assert [len(one["beyond"]) for one in found] == [0, 1]
 
 
 def test_a_file_that_cannot_be_read_exits_with_2(lamp: Path) -> None:

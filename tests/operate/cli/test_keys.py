@@ -48,7 +48,7 @@ def test_another_design_has_other_identities(tmp_path: Path) -> None:
     file = str(ROOT / "shared/topdown/scaffold/smallest.toml")
     done = RUN.invoke(app, ["keys", "make", str(tmp_path), "--design", file])
     assert done.exit_code == 0, done.output
-    assert {one.stem for one in tmp_path.glob("*.key")} == {"asker", "doer", "monitor", "console", "router"}
+    assert {one.stem for one in tmp_path.glob("*.key")} == {"asker", "doer", "monitor", "console", "operator", "router"}
 
 
 @pytest.mark.parametrize("design", ["nowhere.toml", "README.md"])

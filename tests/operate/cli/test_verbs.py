@@ -25,7 +25,7 @@ def found(words: list[str]) -> tuple[Any, list[str]]:
     """The command that these words lead to, and the words left for it."""
     command: Any = typer.main.get_command(app)
     context = typer.Context(command)
-    while isinstance(command, lazy.Verbs) and words:
+    while isinstance(command, lazy.Verbs) and words and not words[0].startswith("-"):
         _, command, words = command.resolve_command(context, words)
     return command, words
 

@@ -94,5 +94,5 @@ def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
     assert (kept.communicates, kept.records, kept.bytes) == (5, len(records), path.stat().st_size)
     assert not [one for one in records if isinstance(one, House) and one.kind != "setting"]
     with path.open("rb") as stream:
-        (note,) = make_reader(stream).iter_metadata()
+        (note,) = (one for one in make_reader(stream).iter_metadata() if one.name == side_recording.FILTER)
     assert (note.name, note.metadata["channels"], note.metadata["agents"]) == ("filter", "C4", "pl")

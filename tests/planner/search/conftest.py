@@ -12,7 +12,7 @@ from companion.languages.values import BodyPosture, Pose, Side
 from services.executor import simulation
 from services.executor.skills.motions import aim
 from services.knowledge import answers
-from services.knowledge.observe import apply, observed
+from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
 from services.knowledge.store import Store
@@ -85,7 +85,7 @@ def beginning() -> Scene:
     told.append(wm.SeenBody(BodyPosture(0.0, right, left, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4)))
     told += [wm.SeenHand(side) for side in Side]
     for count, observation in enumerate(told):
-        apply(store, observation, (1, count), 1.0)
+        store.write(observed(store.scene, observation, (1, count), 1.0))
     return store.scene
 
 

@@ -22,7 +22,8 @@ ROBOTS = ("mule", "ox")
 REPLY_BY_S = 2.0  # a robot that is there answers within milliseconds (estimate)
 PATIENCE_S = 10.0  # with a robot that has the job, beyond five times what it offered (estimate)
 PAUSE_S = 1.0  # before robots are called again (estimate)
-ROUNDS = 20  # calls of one order before it is given up; a robot is home after some seconds (estimate)
+ROUNDS = "rounds"
+"""Parameter of the design: calls of one order before it is given up."""
 PAUSE = "pause"
 
 
@@ -86,7 +87,7 @@ def pause(memory: Memory, turn: Turn) -> Memory:
         case None:
             turn.wake(PAUSE, turn.now + PAUSE_S)
         case Woken(name=name) if name == PAUSE and memory.order is not None:
-            if memory.rounds < ROUNDS:
+            if memory.rounds < turn.parameter(ROUNDS, int):
                 return replace(memory, waited=True)
             why = f"no robot was free in {memory.rounds} calls"
             turn.say(memory.order.conversation, P.FAILURE, NotDelivered(why))

@@ -12,7 +12,7 @@ from companion.run_files import TaskLine
 from companion.tools.verbs.hi import Hi, HiError, address
 from companion.tools.verbs.human_interface_start import starting
 from operate.cli.errors import ConsoleError
-from operate.cli.fleet import targets
+from operate.cli.fleet import living_names, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json
 
 STARTING_S = 90.0  # as long as `roco up` waits
@@ -83,7 +83,12 @@ def _without_coordinator(error: ConsoleError) -> bool:
 
 
 def cancel(
-    task: Annotated[str, typer.Argument(help="A task's name; else the oldest that has not ended.")] = "",
+    task: Annotated[
+        str,
+        typer.Argument(
+            help="A task's name; else the oldest that has not ended.", autocompletion=living_names.open_tasks
+        ),
+    ] = "",
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,

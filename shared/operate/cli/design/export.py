@@ -10,6 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from operate.cli import completion
 from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.model.design import Design, load
@@ -27,8 +28,14 @@ Pnml = Annotated[
     Path | None,
     typer.Option("--pnml", help="Write a place/transition net here, durable uses over ideal queues; as --promela."),
 ]
-Use = Annotated[list[str] | None, typer.Option("--use", help="A use of a protocol by name; may be given again.")]
-Pair = Annotated[str | None, typer.Option("--pair", help="Two agents with - between: all uses between them.")]
+Use = Annotated[
+    list[str] | None,
+    typer.Option("--use", help="A use of a protocol by name; may be given again.", autocompletion=completion.uses),
+]
+Pair = Annotated[
+    str | None,
+    typer.Option("--pair", help="Two agents with - between: all uses between them.", autocompletion=completion.pairs),
+]
 Faults = Annotated[int, typer.Option(min=0, help="How many faults at most.")]
 Ideal = Annotated[bool, typer.Option("--ideal", help="Durable uses over ideal queues, without copies and receipts.")]
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from operate.cli.output import Form, Format
 from topdown.model.errors import TopdownError
 from topdown.scaffold import Outcome, scaffold, smallest
 
@@ -18,7 +19,7 @@ def new(
         Path | None,
         typer.Option("--from", exists=True, dir_okay=False, help="A design file; else the smallest system begins."),
     ] = None,
-    form: Annotated[str, typer.Option("--format", help="text for people, json for programs.")] = "text",
+    form: Form = Format.TEXT,
 ) -> None:
     """Make a project of a design: packages, typed interfaces, stubs, tests, processes, compose entries.
 
@@ -31,10 +32,10 @@ def new(
     try:
         outcome = _made(folder, name, source)
     except (TopdownError, OSError) as error:
-        text = msgspec.json.encode({"error": str(error)}).decode() if form == "json" else f"roco: {error}"
+        text = msgspec.json.encode({"error": str(error)}).decode() if form is Format.JSON else f"roco: {error}"
         print(text, file=sys.stderr)
         raise typer.Exit(1) from error
-    print(msgspec.json.encode(outcome).decode() if form == "json" else "\n".join(_words(outcome)))
+    print(msgspec.json.encode(outcome).decode() if form is Format.JSON else "\n".join(_words(outcome)))
 
 
 def _made(folder: Path, name: str, source: Path | None) -> Outcome:

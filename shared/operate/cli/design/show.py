@@ -9,6 +9,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from operate.cli import completion
 from operate.cli.design import files
 from operate.cli.output import Form, Format, tell_problem
 from operate.system import NoSystemError
@@ -22,10 +23,20 @@ def show(
     file: files.File = None,
     what: Annotated[list[book.What] | None, typer.Option(help="What to show; may be repeated.")] = None,
     step: Annotated[
-        int | None, typer.Option(help="Of steps and tree: after which step; else all, and the last.")
+        int | None,
+        typer.Option(
+            help="Of steps and tree: after which step; else all, and the last.", autocompletion=completion.steps
+        ),
     ] = None,
-    agent: Annotated[str | None, typer.Option(help="Of interfaces and machines: whose; else all.")] = None,
-    protocol: Annotated[str | None, typer.Option(help="Of protocols: which use, or the table they follow.")] = None,
+    agent: Annotated[
+        str | None, typer.Option(help="Of interfaces and machines: whose; else all.", autocompletion=completion.agents)
+    ] = None,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            help="Of protocols: which use, or the table they follow.", autocompletion=completion.protocols_and_uses
+        ),
+    ] = None,
     html: Annotated[Path | None, typer.Option(help="Write one self-contained page of it here.")] = None,
     svg: Annotated[Path | None, typer.Option(help="Write its figures into this folder.")] = None,
     long: Annotated[bool, typer.Option("--long", help="Also the rows behind diagrams, which a page folds.")] = False,

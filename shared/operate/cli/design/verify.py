@@ -10,6 +10,7 @@ import msgspec
 import typer
 from rich.console import Console
 
+from operate.cli import completion
 from operate.cli.design import files
 from operate.cli.output import Form, Format
 from topdown.model.design import load
@@ -25,11 +26,30 @@ TITLES = {
     3: "Layer 3: all agents composed, on ideal queues",
 }
 
-Faults = Annotated[str, typer.Option(help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.")]
-Layers = Annotated[list[int] | None, typer.Option("--layer", help="Only this layer; may be given again.")]
-Step = Annotated[int | None, typer.Option(help="Only the channels that this step of the design created or changed.")]
-Gone = Annotated[list[str] | None, typer.Option(help="Besides: this agent may die for good, and wishes still end.")]
-Seconds = Annotated[float | None, typer.Option(help="Time for each verdict; what is open then is said.")]
+Faults = Annotated[
+    str,
+    typer.Option(
+        help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.", autocompletion=completion.faults
+    ),
+]
+Layers = Annotated[
+    list[int] | None,
+    typer.Option("--layer", help="Only this layer; may be given again.", autocompletion=completion.layers),
+]
+Step = Annotated[
+    int | None,
+    typer.Option(
+        help="Only the channels that this step of the design created or changed.", autocompletion=completion.steps
+    ),
+]
+Gone = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Besides: this agent may die for good, and wishes of persons still end.", autocompletion=completion.agents
+    ),
+]
+Seconds = Annotated[float | None, typer.Option(help="CPU seconds for each verdict; what is open then is said.")]
+SkipStart = Annotated[bool, typer.Option("--skip-start", help="Leave out the start of all agents (layer 3).")]
 Long = Annotated[bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")]
 
 
@@ -40,6 +60,7 @@ def verify(
     step: Step = None,
     gone: Gone = None,
     seconds: Seconds = None,
+    skip_start: SkipStart = False,
     long: Long = False,
     form: Form = Format.TEXT,
 ) -> None:
@@ -53,7 +74,16 @@ def verify(
         place = files.meant(file)
         most, wanted = _most(faults), tuple(layer or LAYERS)
         try:
-            work = tuple(tasks(load(place), faults=most, layers=wanted, step=step, gone=gone or (), seconds=seconds))
+            asked = tasks(
+                load(place),
+                faults=most,
+                layers=wanted,
+                step=step,
+                gone=gone or (),
+                seconds=seconds,
+                skip_start=skip_start,
+            )
+            work = tuple(asked)
         except IndexError as error:
             raise ValueError(str(error)) from error
         if not work:
@@ -129,7 +159,7 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
             for what, why in table:
                 lines += textwrap.wrap(f"- {what}: {why}.", width, subsequent_indent="  ")
     lines += ["", "Not proven by any layer:"]
-    for text in NOT_PROVEN:
+    for text in (*(text for verdict in verdicts for text in verdict.beyond), *NOT_PROVEN):
         lines += textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
     return "\n".join(lines)
 

@@ -9,16 +9,16 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from operate.cli import completion
 from operate.cli.errors import FleetError, UsageError
-from operate.cli.fleet import targets
+from operate.cli.fleet import living_names, looked_into, targets
 from operate.cli.fleet.agents import measured
 from operate.cli.fleet.process_status import Beat, Row, Seen
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.run_folder import ProcessState
+from topdown.model.parameters import worded
 
-Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=completion.processes)]
+Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=living_names.processes)]
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 STOP_S = 130.0  # the monitor may take two minutes for its reports
 READY_S = 90.0  # as for the whole fleet
@@ -47,6 +47,8 @@ class Done(msgspec.Struct, frozen=True):
 
 def info(name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
     """Show all that is known of a process: its row, its peers, what waits, what it counts, its last lines.
+
+    Of an agent also its parameters, its inbox, its open conversations and its last steps.
 
     Examples:
       roco agent info AGENT
@@ -161,6 +163,8 @@ def show(told: Info, console: Console) -> None:
     if row.trouble:
         console.print(row.trouble, style="red")
     console.print(grid)
+    if beat.inside is not None:
+        looked_into.show(beat.inside, console)
     if told.log:
         console.print("last lines it wrote", style="dim")
     for line in told.log:
@@ -183,6 +187,8 @@ def facts(row: Row, beat: Beat, channels: dict[str, str]) -> dict[str, str]:
         "peers": "; ".join(peers),
         "not receipted": _by_peer(beat.unreceipted),
         "not said yet": _by_peer(beat.due),
+        "parameters": ", ".join(f"{name} = {worded(value)}" for name, value in beat.parameters.items()),
+        "log level": beat.level,
         "counts": ", ".join(f"{count} {name}" for name, count in sorted(beat.counts.items())),
     }
 

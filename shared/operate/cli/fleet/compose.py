@@ -6,13 +6,16 @@ its fleet.json; of the others docker knows whether they run.
 
 import string
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 
-from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE
+from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE
 from operate.cli.errors import DockerError, NoRunError, UsageError
 from operate.cli.fleet import process_status
 from operate.cli.fleet.container_snapshot import SHEET, Sheet, sheet
 from operate.cli.fleet.docker import Container, command, docker, executed, inspected, ours
+from operate.cli.fleet.identity import OPERATOR
 from operate.cli.fleet.process_status import Look, Seen
 from operate.cli.traffic import verdicts
 from operate.run_folder import LIVE_FILE, OFF_SUFFIX, VERDICTS_FILE, Fleet, Judged, ProcessState, ProcessStatus
@@ -124,6 +127,36 @@ class Compose:
         """The last lines that a process wrote."""
         said = docker("logs", "--tail", str(lines), self._home(name).id)
         return tuple(said.decode(errors="replace").splitlines())
+
+    @contextmanager
+    def operating(self) -> Iterator[Callable[[str, bytes], None]]:
+        """A session of the operator: each put is a container of its own, with the operator's keys and no others."""
+        yield self._put
+
+    def _put(self, key: str, data: bytes) -> None:
+        agent = next((one for one in map(self._find, self.system.design.agents) if one is not None and one.runs), None)
+        if agent is None:
+            raise DockerError(f"no agent of {self.where} runs; `roco agent start` starts one")
+        options = [f"--env={one}" for one in agent.config.env if one.startswith("ROCO_")]
+        options += [f"--network={name}" for name in list(agent.network_settings.networks)[:1]]
+        if agent.variable(KEYS_VARIABLE):
+            options.append(f"--volume={self.project}_keys-{OPERATOR}:{agent.variable(KEYS_VARIABLE)}:ro")
+        options.append("--entrypoint=python")
+        words = (agent.config.image, "-m", "operate.cli.fleet.operating", key, data.hex())
+        docker("run", "--rm", *options, *GUARDED, *words, timeout_s=END_S)
+
+    def logging(self) -> tuple[str, ...]:
+        """The agents that run, and the monitor: each has a log of JSON lines."""
+        names = (*self.system.design.agents, MONITOR)
+        return tuple(name for name in names if (found := self._find(name)) is not None and found.runs)
+
+    def logged(self, name: str, offset: int) -> bytes:
+        """What stands in the log of a process from a byte on, JSON lines; b"" while its container does not run."""
+        file = f'"${RUN_FOLDER_VARIABLE}/logs/{name}.jsonl"'
+        try:
+            return self._shell(name, f"[ -e {file} ] && tail -c +{offset + 1} {file}; :")
+        except DockerError:
+            return b""
 
     def _containers(self) -> list[Container]:
         """The services, in the order of a start."""

@@ -11,7 +11,8 @@ from operate.cli.errors import DockerError
 
 ANSWER_S = 20.0
 """An answer takes 0.1 s; a loaded machine some seconds (estimate)."""
-IMAGES = "robot-companion/"
+IMAGES, SYSTEM = "robot-companion/", "robot-companion.system"
+"""Beginning of the names of our images; label of a container with any image: the system of its fleet."""
 PROJECT, SERVICE = "com.docker.compose.project", "com.docker.compose.service"
 
 
@@ -62,6 +63,10 @@ class Container(msgspec.Struct, rename="pascal"):
         return self.config.labels.get(PROJECT, "")
 
     @property
+    def ours(self) -> bool:
+        return SYSTEM in self.config.labels or self.config.image.startswith(IMAGES)
+
+    @property
     def runs(self) -> bool:
         return self.state.status == "running"
 
@@ -95,9 +100,9 @@ def docker(*words: str, timeout_s: float = ANSWER_S, data: bytes = b"") -> bytes
 
 
 def ours() -> list[Container]:
-    """The containers of compose projects with images of ours, also those that have ended."""
+    """Return the containers of compose projects that are fleets, also those that have ended."""
     listed = docker("ps", "--all", "--quiet", "--no-trunc", "--filter", f"label={PROJECT}").decode().split()
-    return [one for one in inspected(listed) if one.config.image.startswith(IMAGES)]
+    return [one for one in inspected(listed) if one.ours]
 
 
 def inspected(ids: list[str]) -> list[Container]:

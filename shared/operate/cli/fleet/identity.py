@@ -10,6 +10,9 @@ from agent_runtime.io.secured import client_tls
 from operate.cli.errors import ConsoleError
 from operate.run_folder import Fleet
 
+OPERATOR = "operator"
+"""The identity that may write orders to agents, where there are keys: not the one that listens."""
+
 
 def tls(run: Path, fleet: Fleet, identity: str) -> dict[str, Any] | None:
     """How a session to a fleet says who it is; None where the fleet has no keys. ConsoleError: they are missing."""

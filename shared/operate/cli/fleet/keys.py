@@ -7,6 +7,7 @@ import typer
 
 from agent_runtime.io import issuing, keys
 from agent_runtime.io.secured import RIGHTS
+from operate.cli import completion
 from operate.cli.errors import ConsoleError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.system import here, of_design
@@ -20,6 +21,7 @@ def make(
         typer.Option(
             envvar=["ROCO_SYSTEMS", "ROCO_SYSTEM"],
             help="Prefix of every key; several behind one router; else the system's own.",
+            autocompletion=completion.systems,
         ),
     ] = None,
     host: Annotated[list[str] | None, typer.Option(help="One more name or address of the router's host.")] = None,

@@ -1,6 +1,8 @@
 """A fleet of processes on this machine, kept by a supervisor: seen through its run folder and /proc."""
 
 import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import cached_property
 from pathlib import Path
 
@@ -73,6 +75,20 @@ class Local:
             return tuple((self.run / f"{name}.log").read_text(errors="replace").splitlines()[-lines:])
         except OSError:
             return ()
+
+    def operating(self) -> AbstractContextManager[Callable[[str, bytes], None]]:
+        """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
+        from operate.cli.fleet import operating  # most verbs need no session
+
+        return operating.session(self.run)
+
+    def logging(self) -> tuple[str, ...]:
+        """The processes that have a log of JSON lines."""
+        return tuple(sorted(file.stem for file in (self.run / "logs").glob("*.jsonl")))
+
+    def logged(self, name: str, offset: int) -> bytes:
+        """What stands in the log of a process from a byte on, JSON lines."""
+        return of_file(self.run / "logs" / f"{name}.jsonl")(offset)
 
     def _supervised(self, name: str) -> Fleet:
         told = folders.living(self.run)

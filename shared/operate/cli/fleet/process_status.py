@@ -8,12 +8,16 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
+from agent_runtime.core.control import Answer, Value
+from agent_runtime.core.inside import Inside
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 PAGE = os.sysconf("SC_PAGE_SIZE")
 LATE_S = 10.0
 """An older heartbeat is one of a process that hangs, as for deploy/healthy: an agent may be busy for some seconds."""
+PAUSED = "paused"
+"""State of an agent that takes no step until it is resumed."""
 FROZEN = "T"
 """State of a process that was stopped by a signal (man 5 proc)."""
 
@@ -31,7 +35,7 @@ class Beat(msgspec.Struct, frozen=True):
     """What is wanted of a heartbeat file; a process that is no agent says its name and pid only.
 
     `peers`: their incarnations, 0 of who is not there; `unreceipted`, `due`: communicates that wait, by peer: for a
-    receipt, and for being said.
+    receipt, and for being said. `level`: least of its log lines shown; `answer`: to the operator's last order.
     """
 
     pid: int = 0
@@ -44,6 +48,11 @@ class Beat(msgspec.Struct, frozen=True):
     due: dict[str, int] = {}
     counts: dict[str, int] = {}
     unheard: tuple[Unheard, ...] = ()
+    paused: bool = False
+    level: str = ""
+    parameters: dict[str, Value] = {}
+    answer: Answer = Answer()
+    inside: Inside | None = None
 
 
 class Used(msgspec.Struct, frozen=True):
@@ -110,7 +119,7 @@ def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
     return Row(
         name=status.name,
         process=status.state,
-        state=beat.state if beat is not None and beat.state and lives else str(status.state),
+        state=_state(beat) if beat is not None and beat.state and lives else str(status.state),
         heartbeat_s=one.age_s if status.pid else None,
         restarts=status.restarts,
         cpu=cpu(before, one, span_s),
@@ -120,6 +129,10 @@ def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
         waiting=sum(beat.unreceipted.values()) + sum(beat.due.values()) if beat is not None and agent else None,
         trouble=trouble(one),
     )
+
+
+def _state(beat: Beat) -> str:
+    return PAUSED if beat.paused else beat.state
 
 
 def cpu(before: Seen | None, now: Seen, span_s: float) -> float | None:

@@ -22,7 +22,7 @@ from operate.run_folder import Fleet, ProcessState, ProcessStatus
 class Status(msgspec.Struct, frozen=True):
     """The fleet, the tasks, whether the robot is held; `problem`: why no task is known; `troubles`: by process.
 
-    `unheard`: who is not heard by whom, a sentence each.
+    `unheard`: who is not heard by whom, a sentence each; `paused`: agents that take no step.
     """
 
     run: str
@@ -32,6 +32,7 @@ class Status(msgspec.Struct, frozen=True):
     problem: str = ""
     troubles: dict[str, str] = {}
     unheard: tuple[str, ...] = ()
+    paused: tuple[str, ...] = ()
 
 
 def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
@@ -66,7 +67,8 @@ def state_of(fleet: Target) -> Status:
     told, problem = tasks.of(fleet)
     now = fleet.look()
     troubles = {one.name: words for one in now.seen if one.status.pid and (words := trouble(one))}
-    return Status(fleet.where, now.fleet, told, now.stop_held, problem, troubles, tuple(unheard(now)))
+    paused = tuple(one.name for one in now.seen if one.status.pid and one.beat is not None and one.beat.paused)
+    return Status(fleet.where, now.fleet, told, now.stop_held, problem, troubles, tuple(unheard(now)), paused)
 
 
 def unheard(now: Look) -> Iterator[str]:
@@ -106,4 +108,5 @@ def note(status: ProcessStatus, now: Status) -> str:
     """What is wrong with a process, and what to do where its state does not say it."""
     if status.state is ProcessState.STOPPED and now.fleet is not None and any(one.pid for one in now.fleet.processes):
         return f"{status.note or 'stopped'}: `roco agent start {status.name}`"
-    return now.troubles.get(status.name, status.note)
+    paused = f"paused: `roco agent resume {status.name}`" if status.name in now.paused else ""
+    return now.troubles.get(status.name, status.note) or paused

@@ -6,6 +6,8 @@ was left.
 """
 
 import os
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Annotated, Protocol
 
@@ -31,6 +33,10 @@ Name = Annotated[
         autocompletion=completion.targets,
     ),
 ]
+
+
+Put = Callable[[str, bytes], None]
+"""Puts data on a key."""
 
 
 class Target(Protocol):
@@ -67,6 +73,15 @@ class Target(Protocol):
     def log(self, name: str, lines: int) -> tuple[str, ...]:
         """The last lines that a process wrote."""
 
+    def operating(self) -> AbstractContextManager[Put]:
+        """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
+
+    def logging(self) -> tuple[str, ...]:
+        """The processes that have a log of JSON lines."""
+
+    def logged(self, name: str, offset: int) -> bytes:
+        """What stands in the log of a process from a byte on, JSON lines."""
+
 
 def find(name: str = "", run_dir: Path | None = None) -> Target:
     """The fleet that is meant. Raises NoRunError, or UsageError where it cannot be told which."""
@@ -92,9 +107,11 @@ def about(name: str = "", run_dir: Path | None = None) -> System:
 
 def _named(name: str) -> Target:
     for folder in (Path(name), folders.RUNS / name):
-        if name != COMPOSE and folder.is_dir():
+        if name != COMPOSE and folder.is_dir() and folders.fleet(folder) is not None:
             return Local(folder.resolve())
     found = _compose(name)
+    if found is None and name != COMPOSE and Path(name).is_dir():  # a run whose fleet.json is gone, or not there yet
+        return Local(Path(name).resolve())
     if found is None:
         what = "no compose project of ours runs" if name == COMPOSE else f"{name!r} is no folder and no compose project"
         begin = "`docker compose -f deploy/compose.yaml up -d` starts one, `roco up` a local one"

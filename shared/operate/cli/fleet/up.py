@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from operate.cli import interrupts
+from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import running_fleets, starting, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_problem, waiting
@@ -47,7 +47,9 @@ def up(
     seed: Seed = 1,
     speed: Rate = Speed.REAL,
     scene: SceneFile = None,
-    only: Annotated[str, typer.Option(help="Names of processes, comma between; else all.")] = "",
+    only: Annotated[
+        str, typer.Option(help="Names of processes, comma between; else all.", autocompletion=completion.started)
+    ] = "",
     insecure: Insecure = False,
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
     seconds: For = None,

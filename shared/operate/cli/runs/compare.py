@@ -19,11 +19,19 @@ MOST_SEEDS = 5
 
 
 def compare(
-    a: Annotated[Path, typer.Argument(help="What was: an experiment's folder, a run's, a recording.", exists=True)],
+    a: Annotated[
+        Path,
+        typer.Argument(
+            help="What was: an experiment's folder, a run's, a recording.", exists=True, autocompletion=completion.runs
+        ),
+    ],
     b: Annotated[Path, typer.Argument(help="What is now, likewise.", exists=True, autocompletion=completion.runs)],
     threshold: Annotated[
         list[str] | None,
-        typer.Option(help="PERCENT for all, or success=, latency=, energy=, traffic=PERCENT; may be repeated."),
+        typer.Option(
+            help="PERCENT for all, or success=, latency=, energy=, traffic=PERCENT; may be repeated.",
+            autocompletion=completion.thresholds,
+        ),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:

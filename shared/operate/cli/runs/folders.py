@@ -13,6 +13,8 @@ from operate.cli.errors import NoRunError
 from operate.run_folder import FLEET_FILE, LATEST, Fleet, ProcessState, ProcessStatus
 
 RUNS = Path("runs")
+NAME = "%Y-%m-%d_%H-%M-%S"
+"""Name of a run's folder: when it began, in local time."""
 SUPERVISORS = ("operate.supervisor", "services.supervisor")
 """Modules that keep a fleet: that of any system, and the one that containers of the Robot Companion run."""
 T = TypeVar("T")
@@ -20,7 +22,7 @@ T = TypeVar("T")
 
 def new_run(now: datetime) -> Path:
     """The folder of a run that starts now."""
-    return RUNS / now.strftime("%Y-%m-%d_%H-%M-%S")
+    return RUNS / now.strftime(NAME)
 
 
 def near(path: Path) -> Path:

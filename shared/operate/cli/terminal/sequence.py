@@ -49,28 +49,39 @@ def seconds(span: float) -> str:
     return f"{span:.2f} s" if span < 100 else f"{span:.0f} s"
 
 
+def style_of(one: Judged) -> str:
+    """Return the style of what the judge says of a communicate; "" where there is nothing to say."""
+    return "red" if one.violation else QUIET.get(Verdict(one.verdict), "")
+
+
+def mark(one: Judged) -> str:
+    """Return the verdict in a word, where it is not simply legal."""
+    return one.verdict.upper() if one.violation else MARKS.get(Verdict(one.verdict), "")
+
+
+def fit(words: str, room: int) -> str:
+    """As much of it as there is room for."""
+    return words if cell_len(words) <= room else set_cell_size(words, max(0, room - 1)) + "…" * (room > 0)
+
+
 def _step(one: Judged, begin: float, initiator: str, side: int, gap: int, width: int) -> Text:
     """The lines of one communicate."""
-    style = "red" if one.violation else QUIET.get(Verdict(one.verdict), "")
+    style = style_of(one)
     forth = one.sender == initiator
     margin, blank = " " * (TIME + 1), " " * side
-    label = _fit(f"{one.performative}  {_size(one.bytes)}", gap)
-    left, right = (_fit(one.initiator, side).rjust(side), one.participant) if one.initiator else (blank, "")
+    label = fit(f"{one.performative}  {_size(one.bytes)}", gap)
+    left, right = (fit(one.initiator, side).rjust(side), one.participant) if one.initiator else (blank, "")
     text = Text(no_wrap=True)
     text.append(f"{'+' + seconds(one.t - begin):>{TIME}} ", "dim").append(blank).append(f" │{label:^{gap}}│\n", style)
     arrow = "─" * (gap - 1)
     text.append(margin).append(left, "dim").append(f" │{arrow + '▶' if forth else '◀' + arrow}│ ", style)
-    text.append(f"{_fit(right, max(0, width - TIME - side - gap - 6))}\n", "dim")
-    for words in (one.text, _mark(one)):
+    text.append(f"{fit(right, max(0, width - TIME - side - gap - 6))}\n", "dim")
+    for words in (one.text, mark(one)):
         if words:
-            text.append(f"{margin}{blank} │").append(f"{_fit(words, gap):^{gap}}", style or "italic").append("│\n")
+            text.append(f"{margin}{blank} │").append(f"{fit(words, gap):^{gap}}", style or "italic").append("│\n")
     if one.violation and one.why:
         text.append_text(_reason(one.why, len(margin) + side + 3, width))
     return text
-
-
-def _mark(one: Judged) -> str:
-    return one.verdict.upper() if one.violation else MARKS.get(Verdict(one.verdict), "")
 
 
 def _reason(why: str, indent: int, width: int) -> Text:
@@ -86,8 +97,3 @@ def _reason(why: str, indent: int, width: int) -> Text:
 
 def _size(count: int) -> str:
     return f"{count} B" if count < 1000 else f"{count / 1000:.3g} kB"
-
-
-def _fit(words: str, room: int) -> str:
-    """As much of it as there is room for."""
-    return words if cell_len(words) <= room else set_cell_size(words, max(0, room - 1)) + "…" * (room > 0)

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fipa_codec.tables import NOT_UNDERSTOOD, Protocol, Role
+from operate.cli import completion
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
@@ -36,6 +37,16 @@ class Conversation(msgspec.Struct, frozen=True):
     states: tuple[str, str]
     violations: int
     said: tuple[Judged, ...]
+
+
+def names(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the conversations of the run that the options before the word name, for the shell to complete."""
+    recording, run_dir = (completion.path_given(ctx, name) for name in ("run", "run_dir"))
+    try:
+        lines = _lines(recording, run_dir, ctx.params.get("target") or "")
+    except ConsoleError:
+        return []
+    return [name for name in dict.fromkeys(one.conversation for one in lines) if name.startswith(incomplete)]
 
 
 def list_(
@@ -77,7 +88,9 @@ def list_(
 
 
 def show(
-    id: Annotated[str, typer.Argument(help="A conversation, as `roco conversation list` names it.")],
+    id: Annotated[
+        str, typer.Argument(help="A conversation, as `roco conversation list` names it.", autocompletion=names)
+    ],
     run: Recorded = None,
     target: targets.Name = "",
     run_dir: RunDir = None,

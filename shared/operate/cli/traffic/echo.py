@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -75,21 +76,35 @@ def echo(
 def _print(heard: Source, which: Filter, form: Form, *, count: int, seconds: float, wrong: bool) -> None:
     console = Console(highlight=False)
     width = console.width if console.is_terminal else ENDLESS
-    printed, names = 0, _widest(heard.system)
-    try:
-        for one, communicate in echoed(heard, seconds):
-            if not which.keeps(one) or (wrong and not one.violation):
-                continue
+    names = _widest(heard.system)
+    with suppress(KeyboardInterrupt):
+        for one, communicate in chosen(heard, which, count=count, seconds=seconds, wrong=wrong):
             if form is Format.JSON:
-                tell_json(fields(one, communicate))
-                sys.stdout.flush()
+                tell_line(one, communicate)
             else:
                 console.print(drawn(one, width, names), soft_wrap=True)
-            printed += 1
-            if printed == count:
-                break
-    except KeyboardInterrupt:
-        pass
+    tell_lost(heard)
+
+
+def chosen(heard: Source, which: Filter, *, count: int, seconds: float, wrong: bool) -> Iterator[Echoed]:
+    """Yield what is meant of what is said, as it is judged: `count` of it at most, 0: all; `wrong`: violations only."""
+    found = 0
+    for one, communicate in echoed(heard, seconds):
+        if which.keeps(one) and (one.violation or not wrong):
+            yield one, communicate
+            found += 1
+            if found == count:
+                return
+
+
+def tell_line(one: Judged, communicate: Communicate | None) -> None:
+    """Print a communicate for programs, at once."""
+    tell_json(fields(one, communicate))
+    sys.stdout.flush()
+
+
+def tell_lost(heard: Source) -> None:
+    """Say on standard error how many came faster than they could be taken, if any did."""
     if lost := heard.lost():
         print(f"roco: {lost.removeprefix('; ')}", file=sys.stderr)
 

@@ -27,7 +27,12 @@ Performatives = Annotated[
     typer.Option("--performative", help="Only this act; may be repeated.", autocompletion=completion.performatives),
 ]
 Recorded = Annotated[
-    Path | None, typer.Option("--run", help="A recording, or the folder of a run that has one; else a running fleet.")
+    Path | None,
+    typer.Option(
+        "--run",
+        help="A recording, or the folder of a run that has one; else a running fleet.",
+        autocompletion=completion.runs,
+    ),
 ]
 Count = Annotated[int, typer.Option("--count", min=0, help="End after so many communicates; 0: go on.")]
 Seconds = Annotated[float, typer.Option("--for", min=0.0, help="End after so many seconds; 0: go on till Ctrl-C.")]

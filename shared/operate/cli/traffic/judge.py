@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from operate.cli import completion
 from operate.cli.output import Form, Format, problems
 from operate.cli.traffic.verdicts import JudgeError, judged
 from operate.run_folder import Judged
@@ -32,7 +33,9 @@ class Judgements(msgspec.Struct, frozen=True):
 
 
 def judge(
-    file: Annotated[Path, typer.Argument(help="A run folder, a traffic.mcap or a live.jsonl.")],
+    file: Annotated[
+        Path, typer.Argument(help="A run folder, a traffic.mcap or a live.jsonl.", autocompletion=completion.runs)
+    ],
     design: Annotated[Path | None, typer.Option(help="Another system's design file; else this system's.")] = None,
     languages: Annotated[
         str, typer.Option(help="That system's Languages, as package.module:NAME; else its contents are not read.")

@@ -52,7 +52,11 @@ def sentence(done: Replayed) -> str:
 class Player:
     """Says samples again, on time."""
 
-    def __init__(self, stage: Stage, samples: list[Sample], fast: float | None) -> None:
+    def __init__(
+        self, stage: Stage, samples: list[Sample], fast: float | None, seen: Callable[[Sample], None] = lambda _: None
+    ) -> None:
+        """`seen`: is told each sample as it was put."""
+        self._seen = seen
         self._stage, self._samples, self._fast = stage, samples, fast
         self._communicates = self._others = self._loops = 0
         self._late, self._began = 0.0, time.monotonic()
@@ -79,8 +83,10 @@ class Player:
     def _say(self, sample: Sample) -> None:
         key, one = sample.key.split("/", 2)[2], said(sample)
         communicate = one.communicate() if one is not None else None
-        data = sample.data if communicate is None else encode(moved(communicate, sample.at, time.time(), self._fast))
+        now = time.time()
+        data = sample.data if communicate is None else encode(moved(communicate, sample.at, now, self._fast))
         self._stage.put(key, data)
+        self._seen(Sample(f"roco/{self._stage.system}/{key}", data, now))
         self._communicates += one is not None
         self._others += one is None
 

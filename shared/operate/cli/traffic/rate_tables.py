@@ -35,8 +35,11 @@ def span(value: float) -> str:
 
 
 def size(value: float) -> str:
-    """Bytes, or more."""
-    return f"{value:.0f} B" if value < 1000 else f"{value / 1000:.3g} kB" if value < 1e6 else f"{value / 1e6:.3g} MB"
+    """Return bytes, kilobytes or more, with three digits."""
+    for unit, factor in (("B", 1.0), ("kB", 1e3), ("MB", 1e6)):
+        if value < 999.5 * factor:
+            return f"{value / factor:.{3 if factor > 1 else 0}{'g' if factor > 1 else 'f'}} {unit}"
+    return f"{value / 1e9:.3g} GB"
 
 
 def speed(value: float) -> str:

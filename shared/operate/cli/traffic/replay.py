@@ -4,11 +4,12 @@ By default on a router and under a system name of its own; never where an agent 
 """
 
 import contextlib
+import subprocess
 import time
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import IO, Annotated
 
 import msgspec
 import typer
@@ -17,6 +18,8 @@ from rich.console import Console
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.io.tap import Sample
 from agent_runtime.testing.scripted_peers import Stage
+from operate.cli import completion
+from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
@@ -25,7 +28,7 @@ from operate.cli.traffic.filter_options import Agents, Channels, Performatives, 
 from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import Player, Replayed, sentence
 from operate.filters import Filter
-from operate.run_folder import FLEET_FILE, Fleet
+from operate.run_folder import FLEET_FILE, LIVE_FILE, Fleet
 from operate.system import System, of_run
 
 SYSTEM = "replay"
@@ -37,18 +40,28 @@ FOREVER = 1 << 62
 
 
 def replay(
-    file: Annotated[Path, typer.Argument(help="A recording, or the folder of a run that has one.")],
-    speed: Annotated[str, typer.Option(help="So many times as fast as it was recorded, or max.")] = "1",
+    file: Annotated[
+        Path, typer.Argument(help="A recording, or the folder of a run that has one.", autocompletion=completion.runs)
+    ],
+    speed: Annotated[
+        str, typer.Option(help="So many times as fast as it was recorded, or max.", autocompletion=completion.speeds)
+    ] = "1",
     loop: Annotated[bool, typer.Option("--loop", help="Again and again until Ctrl-C.")] = False,
     only: Annotated[
-        list[str] | None, typer.Option(help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...")
+        list[str] | None,
+        typer.Option(
+            help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...", autocompletion=completion.choices
+        ),
     ] = None,
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
     performative: Performatives = None,
     telemetry: Annotated[bool, typer.Option("--telemetry", help="Also what robot and agents publish.")] = False,
-    replace_: Annotated[str, typer.Option("--replace", help="Run this agent; the others are as recorded.")] = "",
+    replace_: Annotated[
+        str,
+        typer.Option("--replace", help="Run this agent; the others are as recorded.", autocompletion=completion.agents),
+    ] = "",
     seed: Annotated[int | None, typer.Option(help="With --replace: its seed; else the recorded one.")] = None,
     system: Annotated[str, typer.Option(help="The system's name in all keys.")] = SYSTEM,
     connect: Annotated[str, typer.Option(help="A router to say it on; else one of its own.")] = "",
@@ -115,7 +128,8 @@ def _played(
     if not samples:
         raise UsageError(f"{file} holds nothing that is meant; choose more, or leave filters out")
     stage = Stage(*where)
-    player = Player(stage, samples, fast)
+    shown = Shown(_folder(stage), of_run(file))
+    player = Player(stage, samples, fast, shown.take)
     console = Console(stderr=True, quiet=form is Format.JSON)
     try:
         with _told(stage, of_run(file)), console.status("replaying") as line:
@@ -123,12 +137,53 @@ def _played(
             console.print(f"system {stage.system} at {stage.endpoint}; {where_to}", highlight=False, soft_wrap=True)
             player.wait(time.monotonic() + after)
             for _ in range(FOREVER if loop else 1):
+                shown.begin()
                 player.play(lambda text: line.update(f"replaying {text}"))
     except KeyboardInterrupt:
         pass
     finally:
         stage.close()
+        shown.close()
     return player.done()
+
+
+class Shown:
+    """What is replayed, as the lines of live.jsonl from which `roco top` and `roco graph` are drawn.
+
+    A process of the recorder writes them, whose business they are.
+    """
+
+    def __init__(self, folder: Path, system: System) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder, asked, pipe = folder, command("replayed", str(folder)), subprocess.PIPE
+        self._process = subprocess.Popen(asked, env=environment(system), stdin=pipe, start_new_session=True)
+
+    def begin(self) -> None:
+        """Show everything once more: what is said again in a new round is not a copy."""
+        self._write(b"\n")
+
+    def take(self, sample: Sample) -> None:
+        """Have the lines of a sample written."""
+        self._write(msgspec.json.encode(sample) + b"\n")
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        with contextlib.suppress(BrokenPipeError):
+            self._pipe.close()
+        self._process.wait()
+        (self._folder / LIVE_FILE).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self._folder.rmdir()
+
+    @property
+    def _pipe(self) -> IO[bytes]:
+        assert self._process.stdin is not None
+        return self._process.stdin
+
+    def _write(self, data: bytes) -> None:
+        with contextlib.suppress(BrokenPipeError):  # the replay goes on without its picture
+            self._pipe.write(data)
+            self._pipe.flush()
 
 
 def _meant(file: Path, which: Filter, *, telemetry: bool) -> Iterator[Sample]:
@@ -162,5 +217,3 @@ def _told(stage: Stage, system: System) -> Iterator[None]:
         yield
     finally:
         (folder / FLEET_FILE).unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            folder.rmdir()

@@ -17,11 +17,13 @@ from agent_runtime.core.errors import RuntimeFault
 from fipa_codec.communicate import Communicate, encode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.performatives import Performative
+from operate.cli import completion
 from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_problem
 from operate.cli.traffic import speak
+from operate.cli.traffic.conversation import names as conversation_names
 from operate.system import System
 from topdown.judge.admission import Admission
 from topdown.model.design import Design, Rule
@@ -37,14 +39,25 @@ class Usage(Exception):
 
 
 def send(
-    sender: Annotated[str, typer.Option("--as", help="The agent you are.")] = "",
-    receiver: Annotated[str, typer.Option("--to", help="The agent you talk to.")] = "",
-    protocol: Annotated[str, typer.Option(help="The protocol, as the design names what it follows.")] = "",
-    performative: Annotated[str, typer.Option(help="The act.")] = "",
-    language: Annotated[str, typer.Option(help="The content's language; else the design's.")] = "",
-    ontology: Annotated[str | None, typer.Option(help="The ontology; else the design's.")] = None,
+    sender: Annotated[str, typer.Option("--as", help="The agent you are.", autocompletion=completion.agents)] = "",
+    receiver: Annotated[
+        str, typer.Option("--to", help="The agent you talk to.", autocompletion=completion.agents)
+    ] = "",
+    protocol: Annotated[
+        str,
+        typer.Option(help="The protocol, as the design names what it follows.", autocompletion=completion.protocols),
+    ] = "",
+    performative: Annotated[str, typer.Option(help="The act.", autocompletion=completion.performatives)] = "",
+    language: Annotated[
+        str, typer.Option(help="The content's language; else the design's.", autocompletion=completion.languages)
+    ] = "",
+    ontology: Annotated[
+        str | None, typer.Option(help="The ontology; else the design's.", autocompletion=completion.ontologies)
+    ] = None,
     content: Annotated[str, typer.Option(help="""The content as JSON, such as '{"type":"Done"}'.""")] = "",
-    conversation: Annotated[str, typer.Option(help="The conversation to go on with; else a new one.")] = "",
+    conversation: Annotated[
+        str, typer.Option(help="The conversation to go on with; else a new one.", autocompletion=conversation_names)
+    ] = "",
     in_reply_to: Annotated[str, typer.Option(help="The m_w of what this answers.")] = "",
     reply_with: Annotated[str, typer.Option(help="The m_w of this one; else the id, where an answer names it.")] = "",
     reply_by: Annotated[float | None, typer.Option(help="Seconds from now until which an answer is wanted.")] = None,

@@ -1,0 +1,57 @@
+"""A session of the operator to the router of a fleet, by which orders are put.
+
+`python -m operate.cli.fleet.operating KEY HEX` puts one, in a container beside the agents.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from agent_runtime.io.run_files import KEYS_VARIABLE
+from agent_runtime.io.secured import client_tls
+from agent_runtime.io.zenoh_wire import open_client
+from operate.cli.errors import FleetError
+from operate.cli.fleet import identity
+from operate.cli.fleet.identity import OPERATOR
+from operate.cli.runs import folders
+
+CONNECT_VARIABLE = "ROCO_CONNECT"
+ROUTER_S = 5.0
+"""How long a router is waited for (estimate: it answers in milliseconds)."""
+
+
+@contextmanager
+def session(run: Path) -> Iterator[Callable[[str, bytes], None]]:
+    """Return what puts data on a key. Raises FleetError: no router answers; ConsoleError: keys are missing."""
+    fleet = folders.living(run)
+    if fleet is None:
+        raise FleetError(f"nothing runs in {run}; `roco up` starts a fleet")
+    with _session(fleet.connect, identity.tls(run, fleet, OPERATOR)) as put:
+        yield put
+
+
+@contextmanager
+def _session(connect: str, tls: dict[str, Any] | None) -> Iterator[Callable[[str, bytes], None]]:
+    until = time.monotonic() + ROUTER_S
+    opened = open_client(connect, lambda: time.monotonic() > until, tls=tls)
+    if opened is None:
+        raise FleetError(f"no router answers at {connect}; `roco status` says whether it runs")
+    try:
+        yield lambda key, data: opened.put(key, data)
+    finally:
+        opened.close()  # type: ignore[no-untyped-call]
+
+
+def main(key: str, data: str) -> None:
+    """Put one order as the environment of this container says. Raises FleetError, KeysError."""
+    keys = os.environ.get(KEYS_VARIABLE)
+    with _session(os.environ[CONNECT_VARIABLE], client_tls(Path(keys), OPERATOR) if keys else None) as put:
+        put(key, bytes.fromhex(data))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

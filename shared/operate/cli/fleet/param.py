@@ -1,0 +1,136 @@
+"""`roco param list|get|set`: the parameters of the design's agents, and their values now."""
+
+from collections.abc import Iterator
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from agent_runtime.core.control import SetParameter, Value
+from operate.cli import completion
+from operate.cli.fleet import operator, targets
+from operate.cli.fleet.orders import Agent
+from operate.cli.fleet.targets import Target
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from topdown.model.parameters import Parameters, allowed, worded
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help="A parameter of it.", autocompletion=completion.parameters)]
+
+
+class Shown(msgspec.Struct, frozen=True):
+    """A parameter. `value`: now, the default where the agent never ran; `allowed`: what it can be, in words."""
+
+    agent: str
+    name: str
+    value: Value
+    default: Value
+    allowed: str
+    says: str
+
+
+class Listed(msgspec.Struct, frozen=True):
+    """`roco param list --format json`."""
+
+    where: str
+    parameters: tuple[Shown, ...]
+
+
+def list_(
+    agent: Annotated[
+        str, typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=completion.agents)
+    ] = "",
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """List the parameters of all agents or of one: value now, default, what it can be, what it does.
+
+    Examples:
+      roco param list
+      roco param list AGENT --format json
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        names = (operator.agent_of(fleet, agent),) if agent else tuple(fleet.system.design.agents)
+        told = Listed(fleet.where, tuple(one for name in names for one in shown(fleet, name)))
+        if form is Format.JSON:
+            tell_json(told)
+        elif told.parameters:
+            Console().print(table(told.parameters))
+        else:
+            print(f"{agent or fleet.system.name} has no parameters; docs/parameters.md says how to give it some")
+
+
+def get(agent: Agent, name: Name, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """Show the value of a parameter now.
+
+    Examples:
+      roco param get AGENT NAME
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        _tell(one_of(fleet, agent, name), form)
+
+
+def set_(
+    agent: Agent,
+    name: Name,
+    value: Annotated[
+        str, typer.Argument(metavar="VALUE", help="Its value from now on.", autocompletion=completion.parameter_values)
+    ],
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Set a parameter of an agent while it runs; its next step reads it, and a restart keeps it.
+
+    Exits with 2 where the value does not fit the design.
+
+    Examples:
+      roco param set AGENT NAME 5
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        operator.order(fleet, agent, SetParameter(name, of(fleet, agent).read(name, value)))
+        _tell(one_of(fleet, agent, name), form)
+
+
+def of(fleet: Target, agent: str) -> Parameters:
+    """The parameters of an agent. Raises UsageError where there is no such agent."""
+    return Parameters(fleet.system.design.agent(operator.agent_of(fleet, agent)))
+
+
+def one_of(fleet: Target, agent: str, name: str) -> Shown:
+    """A parameter with its value. Raises NoSuchParameter, which lists those there are."""
+    of(fleet, agent).entry(name)
+    return next(one for one in shown(fleet, agent) if one.name == name)
+
+
+def shown(fleet: Target, agent: str) -> Iterator[Shown]:
+    """The parameters of an agent, with the values of its last heartbeat."""
+    parameters = of(fleet, agent)
+    beat = operator.heartbeat(fleet, agent) if parameters.entries else None
+    now = parameters.defaults | (beat.parameters if beat is not None else {})
+    for name, entry in parameters.entries.items():
+        yield Shown(agent, name, now[name], parameters.defaults[name], allowed(entry), entry.says)
+
+
+def table(found: tuple[Shown, ...]) -> Table:
+    """A line for each; a value that was set is bold."""
+    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("agent", "parameter", "value", "default", "allowed", "says"):
+        drawn.add_column(name, overflow="fold")
+    for one in found:
+        value = Text(worded(one.value), "" if one.value == one.default else "bold")
+        drawn.add_row(one.agent, one.name, value, worded(one.default), Text(one.allowed), one.says)
+    return drawn
+
+
+def _tell(one: Shown, form: Format) -> None:
+    if form is Format.JSON:
+        tell_json(one)
+    else:
+        print(worded(one.value))

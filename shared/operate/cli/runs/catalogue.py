@@ -1,0 +1,199 @@
+"""`roco runs`: the runs that were kept in a folder, with begin, duration, size on disk, system and result.
+
+A run is a folder with one of the files that only a fleet or its recorder writes; other folders are nobody's business
+here, so that `roco runs remove` cannot take them.
+"""
+
+import os
+import socket
+import time
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from operate.cli.errors import NoRunError
+from operate.cli.fleet import running_fleets
+from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.runs import folders
+from operate.cli.traffic.rate_tables import size as bytes_in_words
+from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, TRAFFIC_FILE, Fleet, ProcessState
+
+MARKS = (FLEET_FILE, TRAFFIC_FILE, REPORT_FILE, "steps")
+"""A folder with one of these is a run."""
+UP, SUCCESS, FAILED, ENDED, UNKNOWN = "up", "success", "failed", "ended", "unknown"
+COLOURS = {UP: "green", SUCCESS: "green", FAILED: "red"}
+BLOCK = 512
+"""Bytes of a unit of st_blocks (man 2 stat)."""
+ANSWER_S = 0.5
+In = Annotated[Path, typer.Option("--in", help="The folder that the runs are in.", file_okay=False)]
+
+
+class Run(msgspec.Struct, frozen=True):
+    """A run. `begin` [unix s]; `duration_s` None: no fleet tells; `bytes` on disk; `why` it failed, or what is up."""
+
+    name: str
+    begin: float
+    duration_s: float | None
+    bytes: int
+    system: str
+    result: str
+    why: str = ""
+    latest: bool = False
+
+    @property
+    def up(self) -> bool:
+        """Whether something of it runs, so that its folder must stay."""
+        return self.result == UP
+
+    @property
+    def failed(self) -> bool:
+        """Whether its result is a failure."""
+        return self.result == FAILED
+
+
+class _Report(msgspec.Struct, frozen=True):
+    """What is wanted of report.json."""
+
+    success: bool | None = None
+    failure: str | None = ""
+
+
+def runs(within: In = folders.RUNS, form: Form = Format.TEXT) -> None:
+    """List the runs that were kept: begin, duration, size on disk, system, result.
+
+    A run `failed` if its report says so, if a process of it was given up, or if its processes died without an end in
+    order; `ended` has a system without a verdict of its own. Exits with 3 where there is none.
+
+    Examples:
+      roco runs
+      roco runs --in experiments/pour/runs --format json
+    """
+    with problems(form):
+        found = catalogue(within)
+        if form is Format.JSON:
+            tell_json(found)
+        elif found:
+            console = Console()
+            console.print(table(found))
+            console.print(f"{len(found)} run{'s' * (len(found) != 1)}, {words_of(found)}", style="dim")
+        if not found:
+            raise NoRunError(str(within), f"no run is in {within}; `roco up` starts one, --in names another folder")
+
+
+def catalogue(within: Path) -> list[Run]:
+    """Return the runs of a folder, newest first."""
+    places = [path for path in within.glob("*") if path.is_dir() and not path.is_symlink() and is_run(path)]
+    return sorted(map(described, places), key=lambda one: (one.begin, one.name), reverse=True)
+
+
+def is_run(folder: Path) -> bool:
+    """Whether a fleet or its recorder wrote to this folder."""
+    return any((folder / name).exists() for name in MARKS)
+
+
+def described(folder: Path) -> Run:
+    """Return what is known of a run."""
+    told = folders.fleet(folder)
+    result, why = outcome(folder, told)
+    end = time.time() if result == UP else (folder / FLEET_FILE).stat().st_mtime if told else None
+    latest = folder.parent / LATEST
+    return Run(
+        name=folder.name,
+        begin=told.started if told else _named_time(folder),
+        duration_s=round(max(0.0, end - told.started), 1) if told and end else None,
+        bytes=size(folder),
+        system=told.system if told else "",
+        result=result,
+        why=why,
+        latest=latest.is_symlink() and latest.resolve() == folder.resolve(),
+    )
+
+
+def outcome(folder: Path, told: Fleet | None) -> tuple[str, str]:
+    """Return the result of a run, and why it failed or what of it is up."""
+    if up := living(folder, told):
+        return UP, up
+    report = folders.read(folder / REPORT_FILE, _Report) or _Report()
+    if report.success is not None:
+        return (SUCCESS, "") if report.success else (FAILED, report.failure or "")
+    if told is None:
+        return UNKNOWN, ""
+    broken = [one for one in told.processes if one.state is ProcessState.GIVEN_UP]
+    left = [one for one in told.processes if one.state is not ProcessState.STOPPED and one not in broken]
+    if broken:
+        return FAILED, f"given up: {', '.join(one.name for one in broken)}"
+    return (FAILED, "its processes died without an end in order") if left else (ENDED, "")
+
+
+def living(folder: Path, told: Fleet | None) -> str:
+    """Return what of a run is up, in words; "" where nothing is."""
+    for one in running_fleets.living(folder):
+        kept = "" if one.fleet.supervisor else ", and no supervisor"
+        return f"{len(one.names)} process{'es' * (len(one.names) != 1)}{kept}"
+    replayed = told is not None and not told.supervisor and not told.processes
+    return "a replay" if told and replayed and answers(told.connect) else ""
+
+
+def answers(endpoint: str) -> bool:
+    """Whether somebody listens at a router's endpoint, such as tcp/127.0.0.1:7447."""
+    host, _, port = endpoint.rpartition("/")[2].rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), ANSWER_S).close()
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def size(folder: Path) -> int:
+    """Return the bytes that a folder takes on disk; links are not followed, what vanishes meanwhile counts nothing."""
+    taken = 0
+    for path, _, files in os.walk(folder):
+        for name in (*files, "."):
+            with suppress(OSError):
+                taken += os.lstat(os.path.join(path, name)).st_blocks * BLOCK
+    return taken
+
+
+def table(found: list[Run]) -> Table:
+    """Return the runs, a line for each."""
+    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("run", "begin", "took", "on disk", "system"):
+        drawn.add_column(name, no_wrap=True, justify="right" if name in ("took", "on disk") else "left")
+    drawn.add_column("result")
+    for one in found:
+        named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
+        result = Text(f"{one.result}: {one.why}" if one.why else one.result, COLOURS.get(one.result, ""))
+        begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
+        drawn.add_row(named, begin, span(one.duration_s), bytes_in_words(one.bytes), one.system, result)
+    return drawn
+
+
+def words_of(found: list[Run]) -> str:
+    """Return the size of these runs together."""
+    return bytes_in_words(sum(one.bytes for one in found))
+
+
+def span(seconds: float | None) -> str:
+    """Return a duration in few characters: 42 s, 3 min 05 s, 2 h 10 min; "-" for None."""
+    if seconds is None:
+        return "-"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes:02} min"
+    return f"{minutes} min {rest:02} s" if minutes else f"{rest} s"
+
+
+def _named_time(folder: Path) -> float:
+    """Return when a run began that no fleet tells of: by its name, else when its folder was written last [unix s]."""
+    try:
+        return datetime.strptime(folder.name, folders.NAME).timestamp()
+    except ValueError:
+        return folder.stat().st_mtime

@@ -1,0 +1,62 @@
+"""What an agent has at hand, as its heartbeat's file tells it: what waits, what is open, what it did last."""
+
+from collections import deque
+
+from driven import Driven, agree, recording, request
+from toy_agents import Want, wirings
+
+from agent_runtime.core.control import Command, Pause
+from agent_runtime.core.effects import Deed
+from agent_runtime.core.events import Local, Ordered
+from agent_runtime.core.inside import SHOWN, looked_into
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+
+_, TO_ASKER = wirings()
+
+
+def test_what_waits_is_told_in_its_order() -> None:
+    """A communicate by act, sender and protocol; a word of the own side by its class."""
+    one = Driven(recording(said=agree), TO_ASKER)
+    one.step(Ordered(Command("1", Pause())))
+    one.step(request(1))
+    one.step(Local(Want(1)))
+    found = looked_into(one.state, deque())
+    assert [(each.what, each.peer, each.protocol) for each in found.inbox] == [
+        ("request", "asker", "request"),
+        ("Local", "", ""),
+    ]
+    assert (found.waiting, found.open) == (2, 0)
+
+
+def test_more_than_is_shown_is_counted() -> None:
+    """The first ones are shown."""
+    one = Driven(recording(), TO_ASKER)
+    one.step(Ordered(Command("1", Pause())))
+    for number in range(SHOWN + 5):
+        one.step(Local(Want(number)))
+    found = looked_into(one.state, deque())
+    assert (found.waiting, len(found.inbox)) == (SHOWN + 5, SHOWN)
+
+
+def test_open_conversations_are_told_until_they_end() -> None:
+    """With the state they are in, as this side sees it."""
+    one = Driven(recording(said=agree), TO_ASKER)
+    one.step(request(1, conversation="b"))
+    (talk,) = looked_into(one.state, deque()).talks
+    assert (talk.id, talk.peer, talk.protocol, talk.role, talk.state) == (
+        "b",
+        "asker",
+        "request",
+        "participant",
+        "agreed",
+    )
+
+
+def test_a_step_is_told_in_the_words_of_the_design() -> None:
+    """What was taken, what was said with its guard word, where it led."""
+    deed = Deed("idle", "Received", ("order", P.REQUEST, Kind.PLAIN), (("order", P.INFORM, Kind.CANCEL),), "busy")
+    one = Driven(recording(), TO_ASKER)
+    steps = looked_into(one.state, deque([(1.0, deed), (2.0, Deed("busy", "Woken", None, (), "idle"))])).steps
+    assert (steps[0].event, steps[0].said) == ("order request", ("order inform[cancel]",))
+    assert [(step.before, step.event, step.after) for step in steps][1] == ("busy", "Woken", "idle")

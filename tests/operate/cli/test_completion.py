@@ -1,0 +1,159 @@
+"""Completion: each parameter of each verb has names to complete, or a reason why there are none; and they are right."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from companion.design import DESIGN
+from companion.tools.verbs.table import VERBS as OWN
+from operate.cli import lazy
+from operate.cli.verbs import GROUP, VERBS, merged
+
+ROOT = Path(__file__).parents[3]
+POUR = ROOT / "tests/histories/pour_seed_7"
+DEPOT = ROOT / "examples/depot/depot/design.toml"
+CHOICES, PATHS = ("choice", "boolean"), ("path", "file", "directory")
+"""Types that the command line completes by itself, and those that the shell does."""
+A_NUMBER, A_NAME, A_TEXT = "a number of one's own", "a name that is not there yet", "a text of one's own"
+FREE = {
+    ("*", "count"): A_NUMBER,
+    ("*", "for_"): A_NUMBER,
+    ("*", "seed"): A_NUMBER,
+    ("*", "seconds"): A_NUMBER,
+    ("*", "another"): A_NAME,
+    ("graph", "window"): A_NUMBER,
+    ("top", "period"): A_NUMBER,
+    ("ask", "at"): A_NUMBER,
+    ("ask", "rows"): A_NUMBER,
+    ("ask", "question"): A_TEXT,
+    ("say", "text"): A_TEXT,
+    ("replay", "after"): A_NUMBER,
+    ("replay", "system"): A_NAME,
+    ("replay", "connect"): "the address of a router of another machine",
+    ("traffic judge", "languages"): "a place in code that is not this system's",
+    ("send", "content"): A_TEXT,
+    ("send", "in_reply_to"): "a label that is in no list: `roco traffic echo --format json` shows it",
+    ("send", "reply_with"): A_NAME,
+    ("send", "id"): A_NAME,
+    ("send", "reply_by"): A_NUMBER,
+    ("send", "wait"): A_NUMBER,
+    ("acl show", "source"): "a message's own text; of a file the shell completes the name",
+    ("runs remove", "keep"): A_NUMBER,
+    ("logs", "lines"): A_NUMBER,
+    ("*", "runs"): A_NUMBER,
+    ("*", "most_load"): A_NUMBER,
+    ("*", "timeout"): A_NUMBER,
+    ("design estimate", "within"): A_NUMBER,
+    ("design export", "faults"): A_NUMBER,
+    ("design new", "name"): A_NAME,
+    ("keys make", "days"): A_NUMBER,
+    ("keys make", "keep"): A_NUMBER,
+    ("keys make", "host"): "a name or an address of another machine",
+}
+"""(verb, or * for all; parameter) -> why nothing can be completed."""
+
+
+def parameters() -> Iterator[tuple[str, Any]]:
+    """Every parameter of every verb."""
+    for rows in merged(VERBS, OWN).values():
+        for words, (place, _) in rows.items():
+            if place is not GROUP:
+                module, name = place.split(":")
+                function = getattr(import_module(module, lazy.ROOM), name)
+                yield from ((words, one) for one in lazy.made(words.split()[-1], function).params)
+
+
+def completed(one: Any) -> bool:
+    """Whether a completer, a choice, or the shell's files complete it; a flag has no value."""
+    by_itself = getattr(one, "is_flag", False) or one.type.name in (*CHOICES, *PATHS)
+    return by_itself or one._custom_shell_complete is not None
+
+
+def test_every_parameter_is_completed_or_has_a_reason() -> None:
+    """Who adds one gives it a completer, or says in FREE why there are no names to give."""
+    bare = [(verb, one.name) for verb, one in parameters() if not completed(one)]
+    assert [row for row in bare if row not in FREE and ("*", row[1]) not in FREE] == []
+
+
+def test_no_reason_is_left_over() -> None:
+    """A row of FREE is of a parameter that has nothing to complete."""
+    bare = {(verb, one.name) for verb, one in parameters() if not completed(one)}
+    used = bare | {("*", name) for _, name in bare}
+    assert [row for row in FREE if row not in used] == []
+
+
+def test_no_parameter_is_of_a_kind_that_would_pass_unseen() -> None:
+    """The test above can fail: plain texts and numbers are not completed by themselves."""
+    kinds = {one.type.name for _, one in parameters() if one._custom_shell_complete is None}
+    assert {"str", "int range", "float range"} & kinds
+    assert not {"str", "int", "float", "int range", "float range"} & {*CHOICES, *PATHS}
+
+
+def asked(words: str, folder: Path) -> list[str]:
+    """What a shell is answered in this folder."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+    environment |= {
+        "_ROCO_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split(" ")) - 1),
+        "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1",
+    }
+    code = "from operate.cli.__main__ import app; app(prog_name='roco')"
+    done = subprocess.run([sys.executable, "-c", code], env=environment, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two runs, the newer one a recorded pour."""
+    made = tmp_path_factory.mktemp("completed")
+    (made / "runs").mkdir()
+    (made / "runs" / "2026-01-01").mkdir()
+    (made / "runs" / "2026-01-02").symlink_to(POUR)
+    return made
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        ("traffic echo --channel C", list(DESIGN.channels)),
+        ("traffic echo --run runs/2026-01-0", ["runs/2026-01-02", "runs/2026-01-01"]),
+        ("traffic echo --protocol q", ["query"]),
+        ("sniff --performative inform-", ["inform-if", "inform-ref"]),
+        ("send --as p", ["pl"]),
+        ("send --language R", ["RC", "RS"]),
+        ("directory --ontology ", ["RoCo"]),
+        ("replay runs/x --only ch", ["channel="]),
+        ("replay runs/x --only agent=pl,k", ["agent=pl,km"]),
+        ("up --only router,mo", ["router,monitor"]),
+        ("runs remove 2026-01-01", ["2026-01-01"]),
+        ("runs re", ["remove"]),
+        ("record in", ["info"]),
+        ("design export --pair ta-", ["-".join(one.ends) for one in DESIGN.channels.values() if one.ends[0] == "ta"]),
+        ("design verify --layer ", ["1", "2", "3"]),
+        ("param get pl a", ["attempts"]),
+        ("param set pl attempts ", [str(DESIGN.agents["pl"].parameter[0].default)]),
+        ("design show --what req", ["requirements"]),
+        ("conversation show --run runs/2026-01-02 ta-1-2", ["ta-1-2", "ta-1-24"]),
+        (f"design show {DEPOT} --agent m", ["mule"]),
+        (f"design export {DEPOT} --use tender_", ["tender_mule", "tender_ox"]),
+    ],
+)
+def test_a_shell_is_answered_with_what_there_is(folder: Path, words: str, names: list[str]) -> None:
+    """Of the system here, or of the design file or the run that is named before."""
+    assert asked(f"roco {words}", folder) == names
+
+
+@pytest.mark.process
+def test_in_a_folder_without_a_system_nothing_is_invented(tmp_path: Path) -> None:
+    """A design file that cannot be read gives no names, and no traceback."""
+    (tmp_path / "design.toml").write_text("nonsense")
+    assert asked("roco design show design.toml --agent ", tmp_path) == []

@@ -1,0 +1,220 @@
+"""`roco runs`: what is listed of real fleets that are up, ended or died, and what a rule removes."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from operate.cli.__main__ import app
+from operate.cli.errors import UsageError
+from operate.cli.runs.catalogue import FAILED, Run, is_run, size, span
+from operate.cli.runs.remove import Rule, age
+from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, Fleet, ProcessState, ProcessStatus
+
+NOW = 1_700_000_000.0
+DAY = 86400.0
+ENDED = (ProcessStatus("ox", ProcessState.STOPPED),)
+Told = list[Run]
+
+
+def kept(
+    folder: Path, name: str, days: float = 0.0, processes: tuple[ProcessStatus, ...] = ENDED, **more: object
+) -> Path:
+    """Make the folder of a run that began so many days before NOW and took a minute."""
+    run = folder / name
+    run.mkdir(parents=True)
+    fleet = Fleet("depot", "tcp/127.0.0.1:1", 0, NOW - days * DAY, processes)
+    (run / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
+    os.utime(run / FLEET_FILE, (fleet.started + 60.0,) * 2)
+    if more:
+        (run / REPORT_FILE).write_text(json.dumps(more))
+    return run
+
+
+def roco(folder: Path, *words: str, code: int = 0) -> str:
+    """What `roco runs` prints about this folder; its exit code must be `code`."""
+    done = CliRunner().invoke(app, ["runs", *words, "--in", str(folder)], env={"COLUMNS": "200"})
+    assert done.exit_code == code, done.output
+    return done.output
+
+
+def listed(folder: Path) -> dict[str, Run]:
+    """The list, for programs, by name."""
+    found = msgspec.json.decode(roco(folder, "--format", "json"), type=Told)
+    return {one.name: one for one in found}
+
+
+@pytest.fixture
+def up(tmp_path: Path) -> Iterator[Path]:
+    """A folder whose run has a process that lives, and no supervisor."""
+    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(300)", "depot.ox"])
+    for _ in range(500):  # until the kernel shows the command line of the new program
+        if b"depot.ox" in Path(f"/proc/{process.pid}/cmdline").read_bytes():
+            break
+        time.sleep(0.01)
+    kept(tmp_path, "up", 30.0, (ProcessStatus("ox", ProcessState.READY, process.pid, module="depot.ox"),))
+    yield tmp_path
+    process.kill()
+    process.wait()
+
+
+def test_a_run_is_told_with_begin_duration_and_system(tmp_path: Path) -> None:
+    """Newest first, with the newest marked where runs/latest points to it."""
+    kept(tmp_path, "old", 2.0)
+    kept(tmp_path, "new", 1.0)
+    (tmp_path / LATEST).symlink_to("new")
+    found = listed(tmp_path)
+    assert list(found) == ["new", "old"]
+    assert (found["old"].begin, found["old"].duration_s, found["old"].system) == (NOW - 2 * DAY, 60.0, "depot")
+    assert [one.latest for one in found.values()] == [True, False]
+    assert "new (latest)" in roco(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("processes", "report", "result", "why"),
+    [
+        (ENDED, {"success": True}, "success", ""),
+        (ENDED, {"success": False, "failure": "the jar fell"}, "failed", "the jar fell"),
+        (ENDED, {"success": None}, "ended", ""),
+        (ENDED, {}, "ended", ""),
+        ((ProcessStatus("ox", ProcessState.GIVEN_UP),), {}, "failed", "given up: ox"),
+        ((ProcessStatus("ox", ProcessState.READY, 4_000_000, module="depot.ox"),), {}, "failed", "died without"),
+    ],
+)
+def test_the_result_of_a_run(
+    tmp_path: Path, processes: tuple[ProcessStatus, ...], report: dict[str, object], result: str, why: str
+) -> None:
+    """By its report, else by how its processes ended."""
+    kept(tmp_path, "run", 1.0, processes, **report)
+    one = listed(tmp_path)["run"]
+    assert one.result == result
+    assert why in one.why
+
+
+def test_the_size_is_that_on_disk(tmp_path: Path) -> None:
+    """As du counts it: blocks, a link's target not at all."""
+    run = kept(tmp_path, "run")
+    (run / "traffic.mcap").write_bytes(b"x" * 1_000_000)
+    (run / "away").symlink_to("/usr/bin")
+    counted = subprocess.run(["du", "-s", "--block-size=1", run], capture_output=True, text=True, check=True)
+    assert size(run) == listed(tmp_path)["run"].bytes == int(counted.stdout.split()[0]) >= 1_000_000
+
+
+def test_a_folder_that_no_fleet_wrote_is_not_a_run(tmp_path: Path) -> None:
+    """It is neither listed nor removed, even by its name."""
+    kept(tmp_path, "run", 100.0)
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").touch()
+    assert list(listed(tmp_path)) == ["run"]
+    assert "no run 'thesis'" in roco(tmp_path, "remove", "thesis", code=2)
+    roco(tmp_path, "remove", "--keep", "0")
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis"]
+
+
+def test_a_recording_without_a_fleet_is_a_run_too(tmp_path: Path) -> None:
+    """It began when its folder's name says; how long it took nobody tells."""
+    (tmp_path / "2026-01-31_12-00-00").mkdir()
+    (tmp_path / "2026-01-31_12-00-00" / "traffic.mcap").touch()
+    (one,) = listed(tmp_path).values()
+    assert (one.result, one.duration_s) == ("unknown", None)
+    assert "2026-01-31 12:00:00" in roco(tmp_path)
+
+
+def test_without_a_run_it_says_what_would_be_right(tmp_path: Path) -> None:
+    """Exit code 3: there is nothing to ask."""
+    assert "no run is in" in roco(tmp_path, code=3)
+
+
+def test_what_is_up_is_never_removed(up: Path) -> None:
+    """By a rule it is passed over, by its name it is refused, and nothing else goes either."""
+    kept(up, "other", 40.0)
+    assert listed(up)["up"].result == "up"
+    assert "up is up (1 process, and no supervisor); `roco down" in roco(up, "remove", "up", "other", code=2)
+    assert (up / "other").exists()
+    roco(up, "remove", "--older-than", "1d")
+    assert [path.name for path in up.iterdir()] == ["up"]
+
+
+def test_a_replay_that_goes_on_is_up(tmp_path: Path) -> None:
+    """It has neither supervisor nor processes: its router is asked."""
+    with closing(socket.create_server(("127.0.0.1", 0))) as router:
+        run = kept(tmp_path, "replay", 1.0, ())
+        fleet = Fleet("replay", f"tcp/127.0.0.1:{router.getsockname()[1]}", 0, NOW, ())
+        (run / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
+        assert listed(tmp_path)["replay"].up
+    assert not listed(tmp_path)["replay"].up
+
+
+@pytest.mark.parametrize(
+    ("words", "gone"),
+    [
+        (["--older-than", "2d"], {"c", "d"}),
+        (["--keep", "1"], {"b", "c", "d"}),
+        (["--keep", "3"], {"d"}),
+        (["--failed"], {"b", "d"}),
+        (["--failed", "--older-than", "2d"], {"d"}),
+        (["--older-than", "36h", "--keep", "3"], {"d"}),
+        (["a", "c"], {"a", "c"}),
+        (["latest"], {"a"}),
+        (["a", "d", "--failed"], {"d"}),
+    ],
+)
+def test_a_rule_removes_what_fits_all_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], gone: set[str]
+) -> None:
+    """Runs of 0.5, 1.5, 2.5 and 3.5 days; b and d failed. With --dry-run the same is told and nothing goes."""
+    for name, days in {"a": 0.5, "b": 1.5, "c": 2.5, "d": 3.5}.items():
+        kept(tmp_path, name, days, success=name in "ac")
+    (tmp_path / LATEST).symlink_to("a")
+    monkeypatch.setattr(time, "time", lambda: NOW)
+    before = listed(tmp_path)
+    told = json.loads(roco(tmp_path, "remove", *words, "--dry-run", "--format", "json"))
+    assert {path.name for path in tmp_path.iterdir()} == {*before, LATEST}
+    assert {one["name"] for one in told["removed"]} == gone
+    assert told["bytes"] == sum(before[name].bytes for name in gone) > 0
+    said = roco(tmp_path, "remove", *words)
+    left = {path.name for path in tmp_path.iterdir()} - {LATEST}
+    assert left == before.keys() - gone
+    assert (tmp_path / LATEST).is_symlink() == ("a" in left)
+    assert "; freed " in said
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["--older-than", "7"], ["--older-than", "7y"], ["--older-than", "-1d"], ["nobody"]]
+)
+def test_a_removal_that_is_not_clear_is_refused(tmp_path: Path, words: list[str]) -> None:
+    """Exit code 2, and nothing goes; without a rule nothing is meant, rather than all."""
+    kept(tmp_path, "run", 100.0, success=False)
+    roco(tmp_path, "remove", *words, code=2)
+    assert is_run(tmp_path / "run")
+
+
+def test_an_option_before_the_verb_below_is_refused(tmp_path: Path) -> None:
+    """It would be of `roco runs`, and have no effect on what is removed."""
+    done = CliRunner().invoke(app, ["runs", "--format", "json", "remove", "--failed"])
+    assert done.exit_code == 2
+    assert "roco runs remove --option" in done.output
+
+
+def test_durations() -> None:
+    """What may be written, and how a run's duration reads."""
+    assert [age(text) for text in ("90s", "30min", "12h", "7d", "2w")] == [90.0, 1800.0, 43200.0, 604800.0, 1209600.0]
+    assert [span(seconds) for seconds in (4.4, 185.0, 7810.0)] == ["4 s", "3 min 05 s", "2 h 10 min"]
+    with pytest.raises(UsageError, match="7d"):
+        age("seven days")
+
+
+def test_no_rule_takes_a_run_that_is_up() -> None:
+    """Whatever the rule."""
+    up = Run("run", 0.0, 1.0, 1, "depot", "up")
+    assert Rule(names=frozenset(["run"]), keep=0, age_s=0.0).chosen([up], NOW) == []
+    assert Rule(keep=0).chosen([msgspec.structs.replace(up, result=FAILED)], NOW) != []

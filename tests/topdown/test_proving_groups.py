@@ -1,0 +1,175 @@
+"""A group as an end of a channel: the other end must stand whatever the group says, and nothing more is asked of it."""
+
+from typing import NamedTuple
+
+import pytest
+from msgspec.structs import replace
+from small import ASKER, LAMP, STUCK, WATCHED, WATCHER, design, fleet, found, kinds, labels, less
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from topdown.model import elements
+from topdown.model.design import Design
+from topdown.model.errors import DesignError
+from topdown.prove.engine import WRONG, explore
+from topdown.prove.fleet import ANY, QUEUE_BOUND
+from topdown.prove.paths import Follower
+from topdown.prove.verify import tasks
+
+HAND = (
+    '{ in = ["idle"], on = "person wish", say = ["switch request"], to = "waiting" }',
+    '{ in = ["waiting"], on = "person regret", say = ["switch cancel"] }',
+    '{ in = ["waiting"], on = "switch agree" }',
+    '{ in = ["waiting"], on = "switch inform[progress]" }',
+    '{ in = ["waiting"], on = "switch refuse", when = ["switch refused"], to = "idle" }',
+    '{ in = ["waiting"], on = "switch refuse", when = ["switch overtaken"] }',
+    '{ in = ["waiting"], on = "switch inform", when = ["switch done"], to = "idle" }',
+    '{ in = ["waiting"], on = "switch inform", when = ["switch overtaken"] }',
+    '{ in = ["waiting"], on = "switch failure", when = ["switch failed"], to = "idle" }',
+    '{ in = ["waiting"], on = "switch failure", when = ["switch overtaken"] }',
+    '{ in = ["waiting"], on = "switch inform[cancel]", to = "idle" }',
+    '{ in = ["waiting"], on = "switch failure[cancel]", to = "idle" }',
+)
+"""Takes whatever the table of request lets a lamp say."""
+ANSWERED = (*ASKER, '{ in = ["asking"], on = "ask failure", to = "idle" }')
+LISTENER = (
+    '{ in = ["idle"], on = "back lamp", drop = ["watch"], say = ["watch subscribe"] }',
+    '{ in = ["idle"], on = "own renewal", when = ["watch none"], say = ["watch subscribe"] }',
+    *less(WATCHER, "back"),
+    '{ in = ["idle"], on = "watch refuse" }',
+    '{ in = ["idle"], on = "watch failure" }',
+)
+WATCHED_ANY = (*WATCHED, '{ in = ["idle", "busy", "lit"], on = "watch cancel", say = ["watch inform[cancel]"] }')
+
+
+def with_group(group: str, rows: tuple[str, ...], *uses: str, acts: str = "") -> Design:
+    """The small design in which one of the two is a group; `acts`: what it says, where not all that the use lists."""
+    made = design(*((rows, ()) if group == "lamp" else ((), rows)), *uses)
+    left = tuple(agent for agent in made.file.agent if agent.name != group)
+    said = tuple(replace(use, message=_kept(use, group, acts)) for use in made.file.protocol)
+    return Design(replace(made.file, agent=left, protocol=said, group=(elements.Group(group),)), made.path)
+
+
+def _kept(use: elements.Protocol, group: str, acts: str) -> tuple[elements.Message, ...]:
+    return tuple(one for one in use.message if one.sender != group or not acts or one.performative in acts.split())
+
+
+@pytest.mark.parametrize("most", [0, 1, ANY])
+@pytest.mark.parametrize(
+    ("group", "rows", "use"),
+    [
+        ("lamp", HAND, "switch"),
+        ("hand", LAMP, "switch"),
+        ("lamp", ANSWERED, "ask"),
+        ("hand", ('{ in = ["idle"], on = "ask query-ref", say = ["ask inform"] }',), "ask"),
+        ("lamp", LISTENER, "watch"),
+        ("hand", WATCHED_ANY, "watch"),
+    ],
+)
+def test_who_thinks_of_all_that_a_group_may_say_holds(group: str, rows: tuple[str, ...], use: str, most: int) -> None:
+    """Durable, asked or observed, whichever end the group is, whatever dies."""
+    acts = "agree refuse inform" if use == "watch" and group == "lamp" else ""
+    model = fleet(with_group(group, rows, use, acts=acts), most)
+    assert explore(model).holds
+    assert model.not_silent() == ()
+    assert {note for note in model.unused() if "watch failure" not in note} == set() or most == 0
+
+
+def test_a_subscription_that_a_group_ends_may_stay_unheard() -> None:
+    """Its failure is said once, and may be lost: then the hand takes for live what is over."""
+    made = with_group("lamp", LISTENER, "watch")
+    assert not kinds(made, 0)
+    assert kinds(made, 1) & set(STUCK)
+
+
+@pytest.mark.parametrize("row", [row for row in HAND if "person" not in row])
+def test_a_word_of_the_group_that_no_row_takes_is_found(row: str) -> None:
+    """Each of them may come."""
+    assert kinds(with_group("lamp", tuple(one for one in HAND if one != row), "switch")) & {*STUCK, WRONG}
+
+
+@pytest.mark.parametrize("words", ["own lit", "cancel"])
+def test_an_agent_that_lets_a_group_wait_is_found(words: str) -> None:
+    """The lamp never says that it is lit; it does not take a cancel, so that its end must come by itself."""
+    assert bool(kinds(with_group("hand", less(LAMP, words), "switch")) & set(STUCK)) is (words == "own lit")
+
+
+def test_a_group_says_only_what_its_messages_list() -> None:
+    """A lamp that lists `inform` alone neither refuses nor fails; the runtime still answers a cancel."""
+    rows = less(HAND, "agree", "progress", "refuse", '"switch failure"')
+    assert not kinds(with_group("lamp", rows, "switch", acts="inform"))
+    told = labels(with_group("lamp", rows, "switch", acts="inform"))
+    assert "lamp: says; switch inform -> hand" in told
+    assert not any("refuse" in words or "agree" in words for words in told)
+
+
+def test_nobody_waits_for_a_free_choice_of_a_group() -> None:
+    """That it asks, calls off or asks again is no way to rest."""
+    asked = '{ in = ["idle"], on = "own start", to = "busy" }'
+    served = '{ in = ["idle", "busy"], on = "switch request", say = ["switch refuse"], to = "idle" }'
+    assert kinds(with_group("hand", (asked, served), "switch")) & set(STUCK)
+    regret = less(LAMP, "own lit")
+    assert kinds(with_group("hand", regret, "switch")) & set(STUCK)
+
+
+def test_a_group_waits_where_its_queue_is_full() -> None:
+    """Progress that matters may be told for ever; the runtime holds the group back, so this is nothing wrong."""
+    rows = less(HAND, "regret", "progress")
+    rows = (*rows, '{ in = ["waiting"], on = "switch inform[progress]", say = ["switch cancel"] }')
+    rows = (*rows, '{ in = ["waiting"], on = "switch inform[progress]", when = ["switch cancelling|overtaken"] }')
+    result = found(with_group("lamp", rows, "switch"))
+    assert result.holds
+    model = fleet(with_group("lamp", rows, "switch"))
+    explore(model)
+    assert max(map(len, model.parts.queues.values)) >= QUEUE_BOUND
+
+
+def test_an_end_that_is_nobody_is_said_in_words() -> None:
+    """Neither an agent nor a group."""
+    made = with_group("lamp", HAND, "switch")
+    nobody = Design(replace(made.file, group=()), made.path)
+    with pytest.raises(DesignError, match="protocol switch: 'lamp' is neither an agent nor a group; agents are hand"):
+        fleet(nobody)
+
+
+def test_a_group_may_be_gone_for_good() -> None:
+    """The hand's wish has no end then."""
+    made = with_group("lamp", less(HAND, "regret"), "switch")
+    last = [task.run(None) for task in tasks(made, layers=(3,), gone=["lamp"])][-1]
+    assert {one.kind for one in last.findings} & set(STUCK)
+
+
+def test_what_a_group_says_is_in_the_story() -> None:
+    """By its name, as a lifeline of its own."""
+    rows = less(HAND, "agree", "regret")
+    (one,) = found(with_group("lamp", rows, "switch")).findings
+    assert one.start == {"hand": "idle", "lamp": "anything"}
+    assert [step.who for step in one.trace] == ["hand", "lamp", "lamp", "lamp"]
+
+
+def test_a_question_to_a_group_may_fail() -> None:
+    """Which the hand has not thought of."""
+    assert kinds(with_group("lamp", ASKER, "ask")) & {*STUCK, WRONG}
+
+
+class Done(NamedTuple):
+    """A step of a running agent."""
+
+    before: str
+    event: str
+    took: tuple[str, P, Kind] | None
+    said: tuple[tuple[str, P, Kind], ...]
+    after: str
+    owed: tuple[str, ...] = ()
+
+
+def test_a_run_beside_a_group_is_followed() -> None:
+    """What the group does shows in no step: the hand hears an answer, and could not have heard another one."""
+    asks = Done("idle", "Local wish", None, (("switch", P.REQUEST, Kind.PLAIN),), "waiting")
+    heard = Done("waiting", "Taken", ("switch", P.INFORM, Kind.PLAIN), (), "idle")
+    again = Done("waiting", "Taken", ("switch", P.INFORM, Kind.CANCEL), (), "idle")
+    made = with_group("lamp", HAND, "switch")
+    assert Follower(made).follow([("hand", asks), ("hand", heard)]) is None
+    wrong = Follower(made).follow([("hand", asks), ("hand", again)])
+    assert wrong is not None
+    assert wrong.number == 2
