@@ -20,7 +20,7 @@ from services.executor.simulation import InProcess, receptor, things
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation, beginning
 from services.knowledge.answers import ask
-from services.knowledge.observe import apply
+from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 from services.planner.search.search import search
@@ -73,7 +73,7 @@ class Run:
         """What ta tells km after an act."""
         for observation in self.observations(outcome):
             self.version += 1
-            apply(self.store, observation, (1, self.version))
+            self.store.write(observed(self.store.scene, observation, (1, self.version)))
 
     def observations(self, outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnyObservation]:
         from services.task.words import observations

@@ -1,4 +1,4 @@
-"""How messages, and late replies, change the tasks of co, in any state: the rows of co on channels C1, C2 and C3.
+"""Effects of messages and late replies on the tasks of co, in any state: the rows of co on channels C1, C2 and C3.
 
 The rows are proven with the scheme of delivery. Every inform of ta is confirmed in the step that takes it. A cancel of
 hi is answered after the last message of pl or ta. When a reply-by passes, hi is told at once, the peer is cancelled,

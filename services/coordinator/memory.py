@@ -11,7 +11,7 @@ from companion.languages import cmd, hfsm
 
 
 class Limits(msgspec.Struct, frozen=True):
-    """How long co waits, how many tasks it takes. Seconds of wall time, except where `speed` scales them."""
+    """Waiting times of co, and its largest number of tasks. Seconds of wall time, except where `speed` scales them."""
 
     planning_s: float = (
         180.0  # reply-by of a request for a plan: 6 s on two cores, over 60 s at a load of 17 (measured)

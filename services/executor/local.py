@@ -104,7 +104,7 @@ class Stands(Message, frozen=True):
 
 
 class Moved(Message, frozen=True):
-    """How a motion ended."""
+    """The end of a motion."""
 
     felt: Felt
 

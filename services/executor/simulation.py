@@ -1,9 +1,18 @@
-"""The simulated world as ex's own processes need it: its scene and its receptor."""
+"""The simulated world as ex's own processes need it: its scene, its receptor, and the loop in the same process.
+
+The agent reaches the loop through slots in another process; tests and benchmarks use InProcess. Both give the skills
+the same Sensed.
+"""
 
 from pathlib import Path
 
+import numpy as np
+
 from services.executor.local import Setup
+from services.executor.loop.core import LoopCore
+from services.executor.loop.program import Motion
 from services.executor.receptor import Receptor
+from services.executor.skills.skill import Sensed
 from velma.model import scene as scenes
 from velma.model.scene import Model, Scene
 from velma.sim.mujoco_backend import compiled
@@ -26,3 +35,30 @@ def things(scene: Scene) -> dict[str, str]:
 def receptor(scene: Scene) -> Receptor:
     """Return the receptor of a scene, with its own copy of the world."""
     return Receptor(compiled(scene), tuple(t.id for t in scene.things), scene.noise.position, scene.noise.seed)
+
+
+class InProcess:
+    """A loop and a receptor in this process, called one after the other."""
+
+    def __init__(self, core: LoopCore, eye: Receptor) -> None:
+        self.core, self.eye = core, eye
+
+    def do(self, motion: Motion) -> Sensed:
+        """Run a motion to its end, then look."""
+        self.core.run(motion)
+        return self.sensed()
+
+    def sensed(self) -> Sensed:
+        """Return how the last motion ended and what is seen now."""
+        report, state = self.core.report, self.core.state
+        return Sensed(
+            ended=str(report.phase),
+            reason=report.reason,
+            q=self.core.setpoint.copy(),
+            measured=state.q.copy(),
+            touched={"right": report.right.touched, "left": report.left.touched},
+            fingers={"right": float(np.mean(report.right.proximal)), "left": float(np.mean(report.left.proximal))},
+            head=(float(state.head[0]), float(state.head[1])),
+            sights=self.eye.look(self.core.backend.configuration()),
+            time=float(state.time),
+        )

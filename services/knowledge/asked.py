@@ -40,7 +40,7 @@ def unescaped(text: str) -> str:
 
 
 def refusal(text: str) -> str:
-    """Why a query (without escapes) is not evaluated, "" where it may be."""
+    """Return why a query (without escapes) is not evaluated, "" if it may be."""
     plain = _QUIET.sub(" ", text).upper()
     words = _WORD.findall(plain)
     first = next((word for word in words if word in {"SELECT", "ASK", *_UPDATES, *_GRAPHS}), "")

@@ -21,7 +21,7 @@ from services.knowledge.store import Subject, subjects
 
 
 class Source(msgspec.Struct, frozen=True):
-    """Who told km of an observation or a hypothetical state, and when [unix s]; `name`: subject with version, or state.
+    """Source and time [unix s] of an observation or a hypothetical state of km; `name`: subject with version, or state.
 
     `about`: key of the subject (services.knowledge.observe.subject_of); `parent`: what a state was made from.
     """

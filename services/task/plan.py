@@ -1,4 +1,4 @@
-"""How a plan (an HFSM) runs: the next leaf, the end, the machine that makes it safe. Pure functions of the plan.
+"""Execution of a plan (an HFSM): the next leaf, the end, the machine that makes it safe. Pure functions of the plan.
 
 A position is the path of names from a child of the root to a leaf; ta remembers nothing else of a running plan (paper,
 Table 6: running is the super-state defined by the HFSM). A plan that passed `check` ends: its arcs lead to later states

@@ -1,4 +1,4 @@
-"""Where the head looks when it looks around: points that show what stands in front of the robot."""
+"""Points at which the head looks when it looks around: they show the things in front of the robot."""
 
 import math
 

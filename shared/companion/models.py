@@ -155,7 +155,7 @@ class GraspKind(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Closing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a hand closes on things of a model and takes them out (models.toml says what the numbers mean)."""
+    """Grasps of things of a model, and the way out (models.toml says what the numbers mean)."""
 
     model: str
     squeeze_deg: float

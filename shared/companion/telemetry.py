@@ -20,7 +20,7 @@ MOST_PIXELS = 640 * 480
 
 
 class Lateness(msgspec.Struct, frozen=True):
-    """How late cycles of the loop began after their deadlines, or how long they took [us]."""
+    """Lateness of the loop's cycles after their deadlines, or their duration [us]."""
 
     p50: float = 0.0
     p99: float = 0.0
@@ -60,7 +60,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Contact(msgspec.Struct, frozen=True, array_like=True):
-    """Where the robot touches a thing [m] and the force on the thing [N], both in the world frame."""
+    """Contact of the robot with a thing [m] and the force on the thing [N], both in the world frame."""
 
     at: Vector
     force_N: Vector

@@ -1,4 +1,4 @@
-"""Which communicates are meant: by channel, agent, protocol, performative. For tools that show, record or replay them.
+"""Filters of communicates: by channel, agent, protocol, performative. For tools that show, record or replay them.
 
 Of one kind any name may fit, of the kinds all must. Pure; must not know where communicates come from.
 """
@@ -21,7 +21,7 @@ class Said(Protocol):
 
     @property
     def sender(self) -> str:
-        """Who says it."""
+        """Return the sender."""
 
     @property
     def receiver(self) -> str:
@@ -29,7 +29,7 @@ class Said(Protocol):
 
     @property
     def protocol(self) -> str:
-        """What it belongs to."""
+        """Return the use of a protocol that it belongs to."""
 
     @property
     def performative(self) -> str:

@@ -68,7 +68,7 @@ def decide(memory: Calling, group: Multicast, turn: Turn) -> Calling:
             group, rounds = tell(group, group.call_again(group.offers[0]), turn), 2
         else:
             group = tell(group, group.award(group.offers[0]), turn)
-    outcomes = {peer: group.outcome(peer, turn.now) for peer in CROWD} if group.over else {}
+    outcomes = {peer: group.outcome(peer, turn.now) for peer in CROWD} if group.over(turn.now) else {}
     return msgspec.structs.replace(memory, group=group, rounds=rounds, outcomes=outcomes)
 
 

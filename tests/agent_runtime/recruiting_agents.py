@@ -96,8 +96,8 @@ def broke(memory: Broking, turn: Turn) -> Broking:
                 return found(memory, turn, proxying.proxy_request(content), talk.id, heard.protocol)
             if memory.inner is not None:
                 group = memory.inner.noted(talk, turn.now)
-                turn.say(memory.outer, P.INFORM, proxying.relay_content(heard, last=group.over))
-                return Broking() if group.over else Broking(memory.outer, group)
+                turn.say(memory.outer, P.INFORM, proxying.relay_content(heard, last=group.over(turn.now)))
+                return Broking() if group.over(turn.now) else Broking(memory.outer, group)
     return memory
 
 

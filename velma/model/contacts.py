@@ -1,4 +1,4 @@
-"""Which bodies can collide, as classes of geoms and excluded pairs of MJCF.
+"""Pairs of bodies that can collide, as classes of geoms and excluded pairs of MJCF.
 
 Classes are bit masks: two geoms are compared if the contype of one has a bit of the conaffinity of the other. Grains
 never touch the robot, since each would cost a contact island. The inside of the jar is a separate ring that only grains

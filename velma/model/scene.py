@@ -69,7 +69,8 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Spread(msgspec.Struct, frozen=True):
-    """How far a seed moves things: cabinet in the world, jar and bowl along the cabinet's depth (x) and width (y).
+    """Largest shifts of things by a seed: cabinet in the world, jar and bowl along the cabinet's depth (x) and width
+    (y).
 
     m and rad. The task succeeded in 20 of 20 runs within it. Estimate of the scatter in a laboratory.
     """

@@ -45,7 +45,7 @@ class Check(msgspec.Struct, frozen=True):
 
 
 class Verdict(StrEnum):
-    """How a check ended."""
+    """The result of a check."""
 
     PASSED = "passed"
     FAILED = "FAILED"

@@ -27,7 +27,7 @@ IDLE_S = 0.002  # pause between two looks while time stands still
 
 
 class Speed(StrEnum):
-    """How fast simulated time goes."""
+    """Speed of simulated time."""
 
     REAL = "1"
     MAX = "max"

@@ -123,7 +123,7 @@ class Release(msgspec.Struct, frozen=True, tag=True):
 
 
 class Mode(StrEnum):
-    """Which law moves the joints."""
+    """The law that moves the joints."""
 
     MOTION = "motion"  # Cartesian impedance: a motion, or its last set-point
     DAMPING = "damping"  # after a fault

@@ -1,4 +1,4 @@
-"""When a cycle starts: absolute deadlines, real-time priority if the kernel grants it, and lateness.
+"""Timing of cycles: absolute deadlines, real-time priority if the kernel grants it, and lateness.
 
 Lateness is counted in a fixed number of bins, so that memory does not grow while the robot runs.
 """

@@ -1,4 +1,4 @@
-"""Where to put something down at once: right here, where it stood before, else on a free spot of a surface.
+"""Places to put something down at once: right here, where it stood before, else on a free spot of a surface.
 
 Used when a plan is cancelled. ex knows the furniture that it has seen, and plans the path itself.
 """

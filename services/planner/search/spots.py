@@ -1,4 +1,4 @@
-"""Where something can be put down: free spots on flat surfaces that km knows, in reach of the arm, best first."""
+"""Places to put something down: free spots on flat surfaces that km knows, in reach of the arm, best first."""
 
 import math
 from collections.abc import Iterable, Iterator

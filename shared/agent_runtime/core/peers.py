@@ -1,4 +1,5 @@
-"""Who is alive, told apart from "I lost the router": tokens and transport events in, PeerChanged and LinkChanged out.
+"""Liveness of peers, told apart from "I lost the router": tokens and transport events in, PeerChanged and LinkChanged
+out.
 
 When the router dies, all tokens vanish within 5 ms, before or after the transport's own end is told; so a vanished
 token is believed only after GRACE_S with the router still there. After a reconnect tokens come back by themselves; one
@@ -51,5 +52,5 @@ class Peers:
 
     @property
     def look_at(self) -> float | None:
-        """When to ask `gone` next."""
+        """Return the time at which to ask `gone` next."""
         return min(self._doubted.values(), default=None)

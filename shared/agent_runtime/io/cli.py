@@ -27,7 +27,7 @@ class Level(StrEnum):
 
 
 class Speed(StrEnum):
-    """How fast simulated time goes."""
+    """Speed of simulated time."""
 
     REAL = "1"
     MAX = "max"

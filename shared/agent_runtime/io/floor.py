@@ -1,4 +1,4 @@
-"""Who steps an agent: its loop thread, or a thread that hears, where nothing waits before what it heard.
+"""The thread that steps an agent: its loop thread, or a thread that hears, where nothing waits before what it heard.
 
 Who steps has the floor, one at a time. What is heard while the floor is free is taken at once by the thread that heard
 it, and no second thread has to be woken for it: with that, a question and its answer took a tenth longer

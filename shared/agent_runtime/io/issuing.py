@@ -45,7 +45,7 @@ class Issued(msgspec.Struct, frozen=True):
 def seats(
     folder: Path, design: Design, systems: Sequence[str], *, apart: bool = False, linked: bool = False
 ) -> tuple[Seat, ...]:
-    """Where each certificate goes."""
+    """Return the folder of each certificate."""
     found = []
     for name, pairs in common_names(design, systems, linked=linked).items():
         identity, system = pairs[0]

@@ -22,7 +22,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from agent_runtime.io.secured import AUTHORITY, RIGHTS, Rights, certificate_file, key_file
 
 DAYS = 7.0
-"""How long certificates hold (a week: as long as a stolen one is of use)."""
+"""Lifetime of certificates (a week: as long as a stolen one is of use)."""
 BACK = dt.timedelta(minutes=5)
 """They hold from a little before now, for machines whose clocks differ (estimate)."""
 HOSTS = ("localhost", "127.0.0.1", "::1", "router")

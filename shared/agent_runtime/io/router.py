@@ -70,7 +70,7 @@ def _awaited(options: Options, ended: threading.Event) -> int | None:
 
 
 def _age(options: Options) -> int | None:
-    """When the router's key was written: the last of all keys that are made together. None: there is none (now)."""
+    """Return when the router's key, the last of all keys made together, was written. None: there is none (now)."""
     if options.keys is None:
         return None
     try:

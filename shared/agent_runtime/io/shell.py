@@ -196,7 +196,7 @@ class Shell:
         return bool(stopping)
 
     def _next_at(self) -> float:
-        """When something is to be done though nothing happens [unix s]."""
+        """Return the time of the next work that needs no event [unix s]."""
         at = self._beat_at
         for other in (self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None):
             if other is not None and other < at:

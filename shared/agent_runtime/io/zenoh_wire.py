@@ -35,7 +35,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # glibc's malloc.h; its largest m
 _QUEUE = {"interactive_high": 16, "data": 16, "data_low": 16}
 """Batches (64 kB each) of a priority that may be on the way; the default of 2 holds an answer of 852 kB up by 20 %."""
 ROUTER_PATIENCE_MS, CLIENT_PATIENCE_MS = 100, LEASE_MS
-"""How long a receiver that takes nothing delays its senders, before its session is closed.
+"""Longest time that a receiver that takes nothing delays its senders, before its session is closed.
 
 The router must lose its patience well before a client does: while it waits for a slow monitor, it reads nothing from
 the sender either. With 500 ms at both the sender's session was closed, and a healthy receiver got 45, 88, 150 of 150
@@ -187,7 +187,7 @@ def free_endpoint() -> str:
 
 
 class Entrance(Protocol):
-    """Where the wire leaves what it hears: an Inbox, or the Floor before one."""
+    """The place in which the wire leaves samples: an Inbox, or the Floor before one."""
 
     def put(self, kind: Class, item: Any) -> object:
         """Take it, or keep it, or drop it; must not wait."""

@@ -28,7 +28,7 @@ from fipa_codec.errors import MalformedError
 FIRST_MEMORY = msgspec.Raw(b"\x80")
 """An empty map: memory of an agent that never lived, each field its default."""
 LOOK_S = 1.0
-"""How long liveliness tokens are waited for; estimate: the router answers within ms."""
+"""Longest wait for liveliness tokens [s]; estimate: the router answers within ms."""
 
 
 class StandInError(RuntimeFault):
@@ -104,7 +104,7 @@ class StandIn:
 
     @property
     def incarnation(self) -> int:
-        """Which life of the agent this is."""
+        """Return the number of this life of the agent."""
         return self._record.incarnation
 
     def name(self) -> str:
@@ -113,7 +113,7 @@ class StandIn:
         return f"{self._record.agent}-{self._record.incarnation}-{self._record.counter}"
 
     def unreceipted(self, peer: str) -> int:
-        """How many durable messages the peer has not receipted; the next life sends them again."""
+        """Return the number of durable messages without a receipt; the next life sends them again."""
         return len(self._record.outbox.get(peer, ()))
 
     def say(self, communicate: Communicate, *, labelled: bool) -> Communicate:

@@ -31,7 +31,7 @@ LATENCY_S = 0.0005
 
 
 class Point(StrEnum):
-    """Where in a step an agent dies."""
+    """Point of a step at which an agent dies."""
 
     BEFORE = "before"
     """The input is lost, nothing happened."""

@@ -14,7 +14,7 @@ from companion.languages.wm import AnyQuery
 
 
 class Outcome(StrEnum):
-    """How a state of a plan ends."""
+    """End of a state of a plan."""
 
     SUCCEEDED = "succeeded"
     FAILED = "failed"

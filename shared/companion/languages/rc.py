@@ -123,7 +123,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
 
 
 class NotDoneKind(StrEnum):
-    """Why an act was not done, for those who decide what comes next."""
+    """Reason why an act was not done, to decide what comes next."""
 
     REFUSED = "refused"
     BUSY = "busy"

@@ -106,7 +106,7 @@ class Live:
         yield from self._unheard(beat, house.received)
 
     def _unheard(self, beat: _Beat, t: float) -> Iterator[Happened]:
-        """Who does not hear whom, once for each time."""
+        """Agents that do not hear a peer, once for each time."""
         before = self._not_heard.get(beat.agent, ())
         self._not_heard[beat.agent] = beat.unheard
         yield from (

@@ -1,4 +1,4 @@
-"""How the viewer lays out a run: the views that every system has, and their arrangement where it has no others."""
+"""Layout of a run in the viewer: the views that every system has, and their arrangement where it has no others."""
 
 import rerun as rr
 import rerun.blueprint as rrb

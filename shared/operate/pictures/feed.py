@@ -82,7 +82,7 @@ class Feed:
 
     @property
     def dropped(self) -> int:
-        """How many items found no room so far."""
+        """Return the number of items that found no room so far."""
         return self._queue.dropped
 
     @property

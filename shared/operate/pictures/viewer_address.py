@@ -1,4 +1,4 @@
-"""Where pictures are served: ROCO_VIEW, ROCO_VIEW_BIND, ROCO_VIEW_GRPC, ROCO_VIEW_WEB; view.json says it to people."""
+"""Address at which pictures are served: ROCO_VIEW, ROCO_VIEW_BIND, ROCO_VIEW_GRPC, ROCO_VIEW_WEB; also in view.json."""
 
 import socket
 from collections.abc import Mapping

@@ -87,7 +87,7 @@ class History(msgspec.Struct, frozen=True):
 
     @property
     def begin(self) -> float:
-        """When the first communicate was heard; without one the first record [unix s]."""
+        """Return the time of the first communicate, or without one of the first record [unix s]."""
         times = [self.said[0].received] if self.said else [at for at, _ in self.told[:1]]
         return min(times, default=0.0)
 
@@ -107,7 +107,7 @@ def load(run: Path, system: System) -> History:
 
 
 def _down(run: Path) -> tuple[ProcessStatus, ...]:
-    """Who did not run in the end, by the supervisor's file; nobody where there is none: in a container, for one."""
+    """Return the processes that did not run in the end, by the supervisor's file; () without one."""
     try:
         told = msgspec.json.decode((run / FLEET_FILE).read_bytes(), type=Fleet)
     except (OSError, msgspec.DecodeError):

@@ -24,7 +24,7 @@ SETTING = "setting"
 
 
 class Origin(StrEnum):
-    """Who heard a communicate."""
+    """The listener that heard a communicate."""
 
     TAP = "tap"
     STEPS = "steps"
@@ -71,7 +71,7 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def kind(self) -> Kind:
-        """Which use of its performative its content makes."""
+        """Return the use that its content makes of its performative."""
         return self._read[1]
 
     def read_in(self, languages: Languages | None) -> "Spoken":

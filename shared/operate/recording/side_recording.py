@@ -32,7 +32,7 @@ NO_ROUTER = 3
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """How far a recording is: communicates, all records, bytes of the file, since when [s], what came too fast."""
+    """Progress of a recording: communicates, all records, bytes of the file, since when [s], what came too fast."""
 
     communicates: int
     records: int
@@ -42,7 +42,7 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 class Asked(msgspec.Struct, frozen=True):
-    """Where to, and what of it; `count` communicates or `seconds`, 0: until it is stopped."""
+    """Target and filter of a recording; `count` communicates or `seconds`, 0: until it is stopped."""
 
     out: Path
     which: Filter
@@ -78,7 +78,7 @@ class Keeper:
         self.communicates += isinstance(record, Spoken)
 
     def kept(self, dropped: int) -> Kept:
-        """How far it is, all of it with the operating system."""
+        """Return the progress, after handing all to the operating system."""
         self._recording.flush()
         size = self._asked.out.stat().st_size
         return Kept(self.communicates, self.records, size, round(time.time() - self._began, 3), dropped)

@@ -49,7 +49,7 @@ def template(file: Path) -> jinja2.Template:
 
 
 def heat(communicates: Communicates) -> dict[tuple[str, str], float]:
-    """How strongly a cell of the count matrix is shaded: by the root, so that small counts show beside large ones."""
+    """Return the shade of a cell of the count matrix: by the root, so that small counts show beside large ones."""
     counts = {(s, r): n for s, row in communicates.matrix.items() for r, n in row.items()}
     most = max(counts.values(), default=0) or 1
     return {pair: (n / most) ** 0.5 for pair, n in counts.items()}

@@ -37,17 +37,17 @@ def ready_file(run: Path, name: str) -> Path:
 
 
 def pid_file(run: Path, name: str) -> Path:
-    """Where the process id stands while a process runs."""
+    """Return the file of the process id while a process runs."""
     return run / f"{name}.pid"
 
 
 def log_file(run: Path, name: str) -> Path:
-    """Where a process's standard output and error go."""
+    """Return the file of a process's standard output and error."""
     return run / f"{name}.log"
 
 
 def off(run: Path) -> frozenset[str]:
-    """Who shall not run: for each there is a file NAME.off."""
+    """Return the processes that shall not run: each has a file NAME.off."""
     return frozenset(path.name.removesuffix(OFF_SUFFIX) for path in run.glob(f"*{OFF_SUFFIX}"))
 
 

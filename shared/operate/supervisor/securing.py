@@ -1,4 +1,4 @@
-"""Which keys the processes of a fleet get, and at which address they meet: TLS, unless it is forbidden.
+"""Keys of the processes of a fleet, and the address at which they meet: TLS, unless it is forbidden.
 
 The process that starts the router makes the keys, in the run folder: new ones at each start, and before they expire. A
 supervisor of a part of the fleet takes those that it is given.
@@ -19,14 +19,14 @@ from topdown.model.design import Design
 TLS, PLAIN = "tls/", "tcp/"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 DAYS = 7.0
-"""How long keys hold, as agent_runtime.io.keys has it (a test compares): that module is loaded beside the start."""
+"""Lifetime of keys, as agent_runtime.io.keys has it (a test compares): that module is loaded beside the start."""
 LAST = 1 / 7
 """Of the time that keys hold: then they are renewed (of a week its last day: as long as a machine may sleep)."""
 AGAIN_S = 60.0  # estimate: a day is left
 
 
 class Keys:
-    """Where the router is, and the folder of keys: None where nothing is encrypted.
+    """Address of the router, and the folder of keys: None where nothing is encrypted.
 
     `own`: where the processes of this host meet; `listen`: where the router listens. One that others reach, too, has a
     listener on loopback for its own: a flood of handshakes locks the listener that it hits, and no other.

@@ -113,7 +113,7 @@ class _Model:
         return [(message, count * times) for message, count, times in zip(use.message, counts, opened, strict=True)]
 
     def _shortest(self, use: elements.Protocol) -> list[float]:
-        """How often each message stands in the shortest conversation; an act that is listed twice counts once."""
+        """Return the count of each message in the shortest conversation; an act that is listed twice counts once."""
         table = self.design.tables.get(use.follows)
         steps = shortest(restricted(table, listed(use))) if table else ()
         ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
@@ -142,7 +142,7 @@ class _Model:
         return self.opened[use.name] * use.typical_s / self.seconds
 
     def _going_on(self, use: elements.Protocol) -> float:
-        """How long that goes on within which the use's conversations are opened."""
+        """Return the duration of the uses within which this one's conversations are opened [s]."""
         around = use.within
         while around and self.uses[around].alongside:
             around = self.uses[around].within

@@ -78,7 +78,7 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
 
 
 def _spans(some: Iterable[Observation]) -> list[float]:
-    """How long each conversation lasted, from its first word to its last."""
+    """Return the duration of each conversation, from its first message to its last [s]."""
     first: dict[str, float] = {}
     last: dict[str, float] = {}
     for one in some:

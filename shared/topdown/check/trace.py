@@ -148,7 +148,7 @@ def _looked_for(design: Design, one: Evidence, run: Observed | None, exists: Exi
 
 
 def _heard(design: Design, wanted: Said, run: Observed) -> int:
-    """How often a communicate was heard."""
+    """Return the number of times that a communicate was heard."""
     found = 0
     for one in run.communicates:
         use = use_of(design, one)

@@ -58,7 +58,7 @@ def size_of(css: str) -> float:
 
 
 def width_of(words: str, css: str = "") -> float:
-    """How wide words are, rather too wide than too narrow [px]."""
+    """Return the width of words, rather too wide than too narrow [px]."""
     ems = sum(0.34 if c in _NARROW else 0.92 if c in _WIDE else 0.7 if c.isupper() else 0.57 for c in words)
     return ems * size_of(css) * (1.07 if "strong" in css else 1.0)
 

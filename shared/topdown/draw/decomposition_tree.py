@@ -33,7 +33,7 @@ class Node(msgspec.Struct, frozen=True):
 
     @property
     def depth(self) -> int:
-        """How many levels are below."""
+        """Return the number of levels below."""
         return 1 + max(half.depth for half in self.halves) if self.halves else 0
 
 
@@ -184,7 +184,7 @@ class _Drawing:
 
 
 def _free(low: float, high: float, words: str, upright: list[float]) -> float:
-    """Where on a line words meet no line that goes down: near the middle, if possible."""
+    """Return a place on a line where words meet no line that goes down: near the middle, if possible."""
     half = width_of(words, "strong small") / 2 + 6
     middle = (low + high) / 2
     room = max(0.0, (high - low) / 2 - half)

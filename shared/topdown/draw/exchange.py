@@ -27,7 +27,7 @@ class Said(msgspec.Struct, frozen=True, tag=True):
 
 
 class Remark(msgspec.Struct, frozen=True, tag=True):
-    """How it stands here: ended, where it goes on, a name that is referred to."""
+    """State of the conversation here: ended, where it goes on, a name that is referred to."""
 
     text: str
 

@@ -30,7 +30,7 @@ class Edge(NamedTuple):
 
     @property
     def said(self) -> tuple[Role, str]:
-        """Who says which word."""
+        """Return the sender and its words."""
         return self.sender, self.sent.word
 
 

@@ -207,5 +207,5 @@ class _Drawing:
             self.canvas.words((x + 7, top + 17), label, "small")
 
     def _steps(self, arc: Arc) -> int:
-        """How many layers an arc leads down."""
+        """Return the number of layers that an arc leads down."""
         return self.rank[arc.target] - self.rank[arc.source]

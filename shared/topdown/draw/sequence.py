@@ -25,7 +25,7 @@ Carried = Mapping[tuple[Role, Performative], tuple[Content, ...]]
 
 
 class Cast(msgspec.Struct, frozen=True):
-    """Who plays the roles, and what each act carries."""
+    """Names of the roles, and the contents of each act."""
 
     initiator: str
     participant: str
@@ -57,7 +57,7 @@ def words_of(said: Said) -> str:
 
 
 def depth_of(parts: tuple[Part, ...]) -> int:
-    """How deep frames stand in each other."""
+    """Return the depth of nested frames."""
     inner = [depth_of(branch) for part in parts if isinstance(part, Frame) for branch in part.branches]
     return 1 + max(inner) if inner else 0
 

@@ -29,12 +29,12 @@ class Join(msgspec.Struct, frozen=True):
 
     @property
     def width(self) -> float:
-        """How wide its label is [px]."""
+        """Return the width of its label [px]."""
         return max(width_of(self.label[0], "strong"), *(width_of(line, "small") for line in self.label[1:]), 0.0) + 8
 
     @property
     def height(self) -> float:
-        """How high its label is [px]."""
+        """Return the height of its label [px]."""
         return LINE * len(self.label) + 6
 
 

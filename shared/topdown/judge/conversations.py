@@ -21,7 +21,7 @@ QUIET_S = 3600.0
 OVER = 20_000
 """Ended conversations whose names are remembered, so that a straggler is recognised (estimate)."""
 SWEEP_S = 10.0
-"""How often is looked which of them are to be kept no longer (estimate: that is 1 us for each that is open)."""
+"""Seconds between two looks for conversations to forget (estimate: that is 1 us for each that is open)."""
 
 Name = tuple[str, str, str, str]
 """m_c, protocol and the two agents, sorted: with several participants each has a conversation of its own."""
@@ -59,7 +59,7 @@ class Talk:
         self.pending: list[Entry] = []
         self.waits: dict[Role, Waits] = {}
         self.opened: tuple[float, elements.Protocol] | None = None
-        """When it was opened [s], and in which use; None once it was answered."""
+        """Return when it was opened [s], and in which use; None once it was answered."""
         self.opening: str | None = None
         """m_w of the opening."""
 

@@ -38,7 +38,7 @@ class Said(NamedTuple):
 
 
 class Moves:
-    """Which states follow which, for one role: by its table and by the rule of not-understood outside it.
+    """Successors of states for one role: by its table and by the rule of not-understood outside it.
 
     `forgetful`: what ended is forgotten, so a participant may begin again (conversations that no journal keeps). Pure,
     so each answer is looked up in the table once only.
@@ -46,12 +46,12 @@ class Moves:
 
     def __init__(self, table: Table, role: Role, *, forgetful: bool) -> None:
         self.table = table
-        self.begins_anew = forgetful and role is Role.PARTICIPANT
+        self.may_reopen = forgetful and role is Role.PARTICIPANT
         self.over = table.ended | {NOT_UNDERSTOOD}
         self._known: dict[tuple[object, ...], States] = {}
 
     def saying(self, states: States, said: Said) -> States:
-        """Where it may stand after it said this; none: it may not."""
+        """Return the states it may be in after saying this; none: it may not say it."""
         key = (states, said.performative, said.kinds)
         found = self._known.get(key)
         if found is None:
@@ -86,7 +86,7 @@ class Moves:
         if state in table.urgent:
             return ()
         over = state in table.ended
-        begins = (state, START) if over and self.begins_anew else (state,)
+        begins = (state, START) if over and self.may_reopen else (state,)
         rows = (table.find(one, RECEIVE, act, kind) for one in begins for kind in said.kinds)
         found = [row.to for row in rows if row is not None]
         return found or ((state,) if over else ())  # an ended role drops a stray
@@ -109,7 +109,7 @@ def moves(protocol: Protocol, role: Role, durable: bool) -> Moves:
 
 
 class Side:
-    """Where one role may stand: `_at[i]` are its states if it has taken `i` of the messages `_ahead`.
+    """States that one role may be in: `_at[i]` are its states if it has taken `i` of the messages `_ahead`.
 
     `likely`: where it stands if nothing that was said to it is lost, and it takes it as soon as it can.
     """
@@ -164,7 +164,7 @@ class Side:
 
     def forget(self) -> None:
         """The agent died and came back: of a conversation that no journal keeps a participant knows nothing."""
-        if self._moves.begins_anew:
+        if self._moves.may_reopen:
             self._settle([states | BEGIN for states in self._at])
 
     def may_say(self) -> str:
@@ -172,7 +172,7 @@ class Side:
         return self._moves.words(frozenset().union(*self._at))
 
     def _last(self) -> States:
-        """Where it stands once it has taken all it can."""
+        """Return its state once it has taken all it can."""
         return next((states for states in reversed(self._at) if states), NOWHERE)
 
     def _drop(self) -> None:

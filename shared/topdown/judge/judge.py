@@ -20,7 +20,7 @@ from topdown.judge.verdicts import Heard, Judgement, Verdict
 from topdown.model.design import Design
 
 PATIENCE_S = 3.0
-"""How long what is not explained waits for its explanation. Longer than the longest wait between two sendings of a
+"""Longest wait of a communicate for its explanation [s]. Longer than the longest wait between two sendings of a
 durable communicate (2 s, agent_runtime.core.streams), by which time a lost one was heard."""
 SETTLED_S = 0.25
 """At the end of a recording, what was heard so long before it waits for nothing more: on one host the order differs by

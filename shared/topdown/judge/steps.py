@@ -46,7 +46,7 @@ class Steps(Machine):
     """The rows of an agent, asked about the steps it really made."""
 
     def why_not(self, deed: Done) -> str:
-        """Why a step is none of the design's, "" where it is one."""
+        """Return why a step is not one of the design's, "" if it is."""
         if deed.event.partition(" ")[0] in NOT_UNDERSTOOD or deed.before not in self.waits:
             return ""
         if deed.took is not None and deed.took[1] is Performative.NOT_UNDERSTOOD:

@@ -83,7 +83,7 @@ class Interface(Entry, frozen=True):
 
 
 class Message(Entry, frozen=True):
-    """Who says which act, in which language; `content`: class names of that language ("*set": those of an interface),
+    """Sender, act and language of a message; `content`: class names of that language ("*set": those of an interface),
     none = no content.
 
     `bytes`: the largest size of the whole communicate; 0: no budget is stated. For estimates: `typical_bytes`, and

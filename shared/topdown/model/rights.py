@@ -1,4 +1,4 @@
-"""Who may do what on which key: derived from a design, and written as the access rules of a Zenoh router.
+"""Rights of each identity on each key: derived from a design, and written as the access rules of a Zenoh router.
 
 Default deny. An agent may put exactly the communicates that the design lets it say (sender, receiver, protocol,
 performative) and hear exactly what is said to it; of samples that are not communicates it may write its own keys where
@@ -203,7 +203,7 @@ def _is_token(house: House) -> bool:
 
 
 def _hearers(design: Design, family: Family) -> tuple[str, ...]:
-    """Who may hear it: of a communicate its receiver and the recorders, else the readers."""
+    """Return the identities that may hear it: of a communicate its receiver and the recorders, else the readers."""
     if family.act:
         return (family.peer, *design.file.system.recorders)
     readers = design.houses[family.what].readers

@@ -15,7 +15,7 @@ from companion.look_around import POINTS
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion, Phase
 from services.executor.receptor import Receptor
-from services.executor.simulation import receptor, things
+from services.executor.simulation import InProcess, receptor, things
 from services.executor.skills import own_paths
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation, beginning
@@ -35,33 +35,6 @@ OUT_M, LIFT_M = 0.28, 0.03  # task runs with the true robot model
 WAYS_IN_TRIED = 4
 
 CancelWhen = Callable[[Motion, LoopCore], bool]
-
-
-class InProcess:
-    """A loop and a receptor in this process, called one after the other."""
-
-    def __init__(self, core: LoopCore, eye: Receptor) -> None:
-        self.core, self.eye = core, eye
-
-    def do(self, motion: Motion) -> Sensed:
-        """Run a motion to its end, then look."""
-        self.core.run(motion)
-        return self.sensed()
-
-    def sensed(self) -> Sensed:
-        """Return how the last motion ended and what is seen now."""
-        report, state = self.core.report, self.core.state
-        return Sensed(
-            ended=str(report.phase),
-            reason=report.reason,
-            q=self.core.setpoint.copy(),
-            measured=state.q.copy(),
-            touched={"right": report.right.touched, "left": report.left.touched},
-            fingers={"right": float(np.mean(report.right.proximal)), "left": float(np.mean(report.left.proximal))},
-            head=(float(state.head[0]), float(state.head[1])),
-            sights=self.eye.look(self.core.backend.configuration()),
-            time=float(state.time),
-        )
 
 
 class Interruptible(InProcess):

@@ -1,4 +1,4 @@
-"""How the viewer lays out a run of the Robot Companion: a tab for the run, one for numbers."""
+"""Layout of a run of the Robot Companion in the viewer: a tab for the run, one for numbers."""
 
 import rerun.blueprint as rrb
 

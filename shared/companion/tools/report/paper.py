@@ -6,7 +6,7 @@ import msgspec
 
 
 class PaperPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a plan was made there; None: not said."""
+    """The making of a plan in the paper; None: not stated."""
 
     number: int
     wall_s: float

@@ -11,7 +11,7 @@ from operate.experiments.run_figures import Figures
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """How a plan was made (companion.tools.report.report.Plan)."""
+    """The making of a plan (companion.tools.report.report.Plan)."""
 
     number: int
     t: float = 0.0

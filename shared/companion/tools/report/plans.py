@@ -110,7 +110,7 @@ def task_command(history: History) -> Spoken | None:
 
 
 def outcome(end: Spoken | None) -> str:
-    """How a command ended: a state of its task, or that it was refused, and never became one; "" where it did not."""
+    """Return the end of a command: a state of its task, or that it was refused; "" if it did not end."""
     if end is None:
         return ""
     return REFUSED if end.performative in REFUSALS else str(getattr(end.content, "state", end.performative))

@@ -28,7 +28,7 @@ class Happened(msgspec.Struct, frozen=True):
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """How a plan was made, and how it ended when it was carried out (null: it was not, or did not end).
+    """The making of a plan, and its end when it was carried out (null: it was not, or did not end).
 
     `wall_s`: from co's request to pl's answer; `km_s`: in which pl waited for km, `km_longest_s` for one answer alone.
     """

@@ -53,7 +53,7 @@ def poured(history: History) -> Poured:
 
 
 def failure(history: History) -> str | None:
-    """Why the run did not do the main job, in words; None: it did."""
+    """Return why the run did not do the main job, in words; None: it did."""
     command = task_command(history)
     if command is not None and not isinstance(command.content, cmd.PourInto):
         return f"nobody asked to pour, but to {asked(command)}"

@@ -18,7 +18,7 @@ from operate.cli.traffic.filter_options import Recorded
 
 
 class As(StrEnum):
-    """How rows are printed: csv and json as the W3C writes results of SPARQL."""
+    """Format of printed rows: csv and json as the W3C writes results of SPARQL."""
 
     TEXT = "text"
     JSON = "json"

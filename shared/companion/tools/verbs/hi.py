@@ -79,7 +79,7 @@ def _reason(data: bytes) -> str:
 
 
 def address(fleet: Target) -> HiAddress:
-    """Where the human interface of a fleet listens. Raise HiError where it never said."""
+    """Return the address of a fleet's human interface. Raise HiError if it never published one."""
     try:
         told = fleet.read(HI, HI_FILE)
         return msgspec.json.decode(told, type=HiAddress)
