@@ -25,7 +25,7 @@ ASKED: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("graph", (*AGENTS, *CHANNELS)),
     ("top --count 1", (*AGENTS, *CHANNELS)),
     ("conversation list --channel C2", ("desk > dispatcher", "request")),
-    ("conversation show desk-1-1", ("desk-1-1  request on C2  ended",)),
+    ("conversation show desk-1-1", ("desk-1-1  ", " on C2  ")),
     ("agent info ox", ("dispatcher on C5", "traffic on C7")),
     ("directory --up", (*AGENTS, "cfp")),
     ("logs -n 20", ("dispatcher", "performative=")),
