@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import pytest
 from msgspec.structs import replace
-from small import ASKER, LAMP, STUCK, WATCHED, WATCHER, design, fleet, found, kinds, labels, less
+from small import ANSWERER, ASKER, LAMP, STUCK, WATCHED, WATCHER, design, fleet, found, kinds, labels, less
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -61,7 +61,7 @@ def _kept(use: elements.Protocol, group: str, acts: str) -> tuple[elements.Messa
         ("lamp", HAND, "switch"),
         ("hand", LAMP, "switch"),
         ("lamp", ANSWERED, "ask"),
-        ("hand", ('{ in = ["idle"], on = "ask query-ref", say = ["ask inform"] }',), "ask"),
+        ("hand", ANSWERER, "ask"),
         ("lamp", LISTENER, "watch"),
         ("hand", WATCHED_ANY, "watch"),
     ],
@@ -101,6 +101,9 @@ def test_a_group_says_only_what_its_messages_list() -> None:
     told = labels(with_group("lamp", rows, "switch", acts="inform"))
     assert "lamp: says; switch inform -> hand" in told
     assert not any("refuse" in words or "agree" in words for words in told)
+    told = labels(with_group("lamp", HAND, "switch", acts="refuse"))
+    assert "hand: switch inform[cancel] <- lamp" in told
+    assert "hand: switch inform <- lamp" not in told
 
 
 def test_nobody_waits_for_a_free_choice_of_a_group() -> None:
@@ -110,6 +113,28 @@ def test_nobody_waits_for_a_free_choice_of_a_group() -> None:
     assert kinds(with_group("hand", (asked, served), "switch")) & set(STUCK)
     regret = less(LAMP, "own lit")
     assert kinds(with_group("hand", regret, "switch")) & set(STUCK)
+
+
+def test_a_group_asks_again_only_as_the_model_does() -> None:
+    """And it may give its question up, as anybody may; what it observed it owes, and does not merely say."""
+    model = fleet(with_group("hand", ANSWERER, "ask"), 1)
+    asked = next(there for who, _, there, _, _ in model.moves(model.start) if who == "hand")
+    assert {what for who, what, *_ in model.moves(asked) if who == "hand"} == {
+        "late ask",
+        "dies and comes back",
+    }
+    assert "lamp: says; watch inform -> hand" not in labels(with_group("lamp", LISTENER, "watch"), 1)
+
+
+def test_what_a_group_owes_it_says_in_the_same_step() -> None:
+    """A subscription that is called off is answered at once."""
+    bored = '{ in = ["idle"], on = "person bored", say = ["watch cancel"] }'
+    ends = tuple(f'{{ in = ["idle"], on = "watch {word}[cancel]" }}' for word in ("inform", "failure"))
+    made = with_group("lamp", (*LISTENER, bored, *ends), "watch", acts="agree refuse inform")
+    assert not kinds(made)
+    told = labels(made)
+    assert "lamp: watch cancel <- hand; watch inform[cancel] -> hand" in told
+    assert "lamp: watch cancel <- hand" not in told
 
 
 def test_a_group_waits_where_its_queue_is_full() -> None:
@@ -122,6 +147,7 @@ def test_a_group_waits_where_its_queue_is_full() -> None:
     model = fleet(with_group("lamp", rows, "switch"))
     explore(model)
     assert max(map(len, model.parts.queues.values)) >= QUEUE_BOUND
+    assert fleet(with_group("lamp", HAND, "switch")).endless() == ()
 
 
 def test_an_end_that_is_nobody_is_said_in_words() -> None:

@@ -200,3 +200,10 @@ def test_progress_without_end_is_told_among_what_is_not_proven(row: str, endless
     assert start.beyond == ()
     assert bool(last.beyond) is endless
     assert not endless or "how many `switch inform[progress]` of lamp wait for hand: in busy on" in last.beyond[0]
+
+
+def test_a_question_without_end_fills_no_queue() -> None:
+    """Only the newest of it is on the way."""
+    muses = '{ in = ["idle"], on = "own muse", may = ["ask query-ref"] }'
+    answers = ('{ in = ["idle"], on = "ask query-ref", say = ["ask inform"] }',)
+    assert verdicts(design((*ASKER, muses), answers, "ask"))[-1].beyond == ()
