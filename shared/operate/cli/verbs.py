@@ -28,7 +28,7 @@ VERBS: Table = {
         ),
         "directory": (
             ".fleet.directory:directory",
-            "Show who offers which protocol, ontology, language and query kinds, and is it up.",
+            "Show who offers which protocol, ontology, language and query kinds, and who is up.",
         ),
         "agent pause": (".fleet.orders:pause", "Let an agent take no step until it is resumed."),
         "agent resume": (".fleet.orders:resume", "Let a paused agent go on with what waits."),

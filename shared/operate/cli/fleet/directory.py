@@ -1,4 +1,4 @@
-"""`roco directory`: who offers which protocol, ontology, language and acts, and is it up.
+"""`roco directory`: who offers which protocol, ontology, language and acts, and who is up.
 
 What FIPA's directory facilitator answers to a search (SC00023, 4.1): descriptions of agents with their services. Here
 nobody registers: the design says what each agent offers, the fleet who is up.
@@ -104,7 +104,7 @@ def directory(
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show who offers which protocol, ontology, language and query kinds, and is it up.
+    """Show who offers which protocol, ontology, language and query kinds, and who is up.
 
     What is offered stands in the design, as the participant of a protocol; without a fleet that is all there is to
     tell. Exits with 1 where nobody fits.
