@@ -50,7 +50,7 @@ ILLEGAL: list[tuple[Protocol, tuple[Line, ...], Line]] = [
 def taken(followed: Followed, one: Line) -> bool:
     """Whether a message is in sequence, its labels included."""
     role, act, label, answers, kind = one
-    if followed.copied(role, act, label):
+    if followed.mislabelled(role, act, label):
         return False
     said = followed.read(role, act, label, answers, (kind,))
     return not isinstance(said, str) and followed.take(role, said)

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from fipa_codec.communicate import Communicate
-from fipa_codec.labels import Needs, needs
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
@@ -60,8 +59,6 @@ class Talk:
         self.waits: dict[Role, Waits] = {}
         self.opened: tuple[float, elements.Protocol] | None = None
         """Return when it was opened [s], and in which use; None once it was answered."""
-        self.opening: str | None = None
-        """m_w of the opening."""
 
     @property
     def agents(self) -> tuple[str, str]:
@@ -102,9 +99,9 @@ class Talk:
             self.followed.doubt(role, said)
             return None
         side = self.followed.sides[role]
-        again = self._said_again(entry)
-        if again is not None:
-            return again
+        wrong = self.followed.mislabelled(role, said.performative, entry.communicate.reply_with)
+        if wrong:
+            return wrong
         if self.followed.take(role, said):
             return None
         kinds = "|".join(kind for kind in said.kinds if kind)
@@ -147,19 +144,6 @@ class Talk:
             why = f"{1000 * took:.1f} ms after it was asked; {use.name} allows {1000 * use.latency_s:g} ms"
             return Verdict.SLOW, why
         return Verdict.LEGAL, ""
-
-    def _said_again(self, entry: Entry) -> str | None:
-        """An opening is said again with the same label, a cancel or a new round with another one. What is wrong."""
-        one = entry.communicate
-        assert self.followed is not None
-        if self.followed.copied(self.role(one.sender), one.performative, one.reply_with):
-            return f"{one.performative} with reply-with {one.reply_with!r} again; that was used before"
-        need = needs(self.followed.protocol, one.performative)
-        if need is Needs.SAME and self.opening not in (None, one.reply_with):
-            return f"asked again with reply-with {one.reply_with!r}; it was {self.opening!r}"
-        if need in (Needs.SAME, Needs.NEW):
-            self.opening = one.reply_with
-        return None
 
 
 class Talks:

@@ -196,7 +196,7 @@ class Followed:
         self.protocol, self.durable = protocol, durable
         self.sides = {role: Side(moves(protocol, role, durable)) for role in Role}
         self._labels: dict[Role, dict[str, dict[Performative, tuple[Kind, ...]]]] = {role: {} for role in Role}
-        self._round = ""
+        self._round: str | None = None
 
     @property
     def states(self) -> tuple[str, str]:
@@ -232,15 +232,18 @@ class Followed:
                 kinds = (Kind.CANCEL,) if len(uses) == 1 else (*kinds, Kind.CANCEL)
         return Said(act, kinds, label, answers, self.durable)
 
-    def copied(self, role: Role, act: Performative, label: str) -> bool:
-        """Whether a cancel or a new round has a label that was used before, so that it is a copy.
+    def mislabelled(self, role: Role, act: Performative, label: str) -> str:
+        """What is wrong with the label of a message that is said again, "" where nothing is (fipa_codec.labels).
 
-        A cancel may have the label of the opening it cancels (fipa_codec.labels).
+        A repeated opening has the same one; a new round has another one. So has a cancel, but for that of its opening.
         """
         need, uses = needs(self.protocol, act), self._labels[role].get(label, {})
-        if need is Needs.NEW:
-            return act in uses
-        return need is Needs.OWN and bool(uses) and (label != self._round or act in uses)
+        if need is Needs.SAME and self._round not in (None, label):
+            return f"asked again with reply-with {label!r}; it was {self._round!r}"
+        other = bool(uses) and (label != self._round or act in uses)
+        if (need is Needs.NEW and act in uses) or (need is Needs.OWN and other):
+            return f"{act} with reply-with {label!r} again; that was used before"
+        return ""
 
     def take(self, role: Role, said: Said) -> bool:
         """`role` says this; False, and nothing changes, where it may not."""

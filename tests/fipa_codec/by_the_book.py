@@ -1,0 +1,280 @@
+"""Conversations written from the text of FIPA's specifications, one a line, and how a line is read.
+
+`i.request/R1` the initiator says request with reply-with R1; `p.agree>R1` the participant says agree in reply to R1.
+The last message of a line that begins with `!` is illegal, all others are legal. `a` or `b` before the protocol: only
+our initiator, or only our participant, is tried, since the other side does what ours never does (labels on every
+message).
+"""
+
+from typing import NamedTuple
+
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
+
+
+class Message(NamedTuple):
+    """A message: who says it, the act, its reply-with and its in-reply-to."""
+
+    role: Role
+    act: Performative
+    label: str
+    answers: str
+
+
+class Line(NamedTuple):
+    """A conversation. `ours`: the roles that are ours; `legal`: whether its last message is."""
+
+    protocol: str
+    ours: tuple[Role, ...]
+    messages: tuple[Message, ...]
+    legal: bool
+
+
+ROLES = {"i": Role.INITIATOR, "p": Role.PARTICIPANT}
+OURS = {"": tuple(Role), "a": (Role.INITIATOR,), "b": (Role.PARTICIPANT,)}
+
+
+def line(text: str) -> Line:
+    """Read a line."""
+    head, _, rest = text.partition(": ")
+    legal = not head.startswith("!")
+    protocol, _, ours = reversed_words(head.lstrip("!"))
+    return Line(protocol, OURS[ours], tuple(message(word) for word in rest.split()), legal)
+
+
+def reversed_words(head: str) -> tuple[str, str, str]:
+    """Return protocol, blank and side of `a request` or `request`."""
+    side, blank, protocol = head.rpartition(" ")
+    return protocol, blank, side
+
+
+def message(word: str) -> Message:
+    """Read a message."""
+    said, _, answers = word.partition(">")
+    said, _, label = said.partition("/")
+    role, _, act = said.partition(".")
+    return Message(ROLES[role], Performative(act), label, answers)
+
+
+REQUEST = """
+request: i.request/R1 p.agree>R1 p.inform>R1
+request: i.request/R1 p.agree>R1 p.failure>R1
+request: i.request/R1 p.refuse>R1
+request: i.request/R1 p.inform>R1
+request: i.request/R1 p.failure>R1
+request: i.request/R1 p.agree p.inform
+request: i.request/R1 p.refuse
+request: i.request/R1 p.not-understood>R1
+request: i.request/R1 p.agree>R1 p.not-understood>R1
+request: i.request/R1 p.agree>R1 i.not-understood
+request: i.request/R1 i.cancel/R2 p.inform>R2
+request: i.request/R1 i.cancel/R2 p.failure>R2
+request: i.request/R1 i.cancel/R2 p.not-understood>R2
+request: i.request/R1 i.cancel/R2 p.refuse>R1 p.failure>R2
+request: i.request/R1 i.cancel/R2 p.inform>R1 p.failure>R2
+request: i.request/R1 p.agree>R1 i.cancel/R2 p.inform>R2
+request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2
+request: i.request/R1 p.agree>R1 i.cancel/R2 p.inform>R1 p.failure>R2
+request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R1 p.failure>R2
+!request: p.agree
+!request: p.inform
+!request: i.inform
+!request: i.agree
+!request: i.query-ref/R1
+!request: i.subscribe/R1
+!request: i.request/R1 p.propose>R1
+!request: i.request/R1 p.confirm>R1
+!request: i.request/R1 p.inform-ref>R1
+!request: i.request/R1 p.accept-proposal>R1
+!request: i.request/R1 p.agree>R9
+!request: i.request/R1 p.refuse>R9
+!request: i.request/R1 p.agree>R1 p.agree>R1
+!request: i.request/R1 p.agree>R1 p.refuse>R1
+!request: i.request/R1 p.agree>R1 p.inform>R9
+!request: i.request/R1 p.agree>R1 p.request/R1
+!request: i.request/R1 i.inform
+!request: i.request/R1 i.agree
+!request: i.request/R1 i.confirm
+!request: i.request/R1 p.agree>R1 i.inform
+!request: i.request/R1 p.agree>R1 i.agree
+!request: i.request/R1 p.cancel/C1
+!request: i.request/R1 p.agree>R1 p.cancel/C1
+!request: i.request/R1 i.cancel
+!request: i.request/R1 i.cancel/R2 i.cancel/R3
+!request: i.request/R1 i.cancel/R2 p.inform>R9
+!request: i.request/R1 i.cancel/R2 p.inform>R2 p.inform>R1
+!request: i.request/R1 p.refuse>R1 p.inform>R1
+!request: i.request/R1 p.failure>R1 p.inform>R1
+!request: i.request/R1 p.inform>R1 p.inform>R1
+!request: i.request/R1 p.inform>R1 p.failure>R1
+"""
+"""SC00026H. A failed cancel ends our request: docs/rulings.md."""
+
+REQUEST_WHEN = """
+request-when: i.request-when/R1 p.agree>R1 p.inform>R1
+request-when: i.request-when/R1 p.agree>R1 p.failure>R1
+request-when: i.request-when/R1 p.refuse>R1
+request-when: i.request-when/R1 p.not-understood>R1
+request-when: i.request-when/R1 p.agree>R1 i.cancel/R2 p.inform>R2
+request-when: i.request-when/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1
+request-when: i.request-when/R1 i.cancel/R2 p.inform>R2
+!request-when: i.request/R1
+!request-when: i.request-when/R1 p.inform>R1
+!request-when: i.request-when/R1 p.failure>R1
+!request-when: i.request-when/R1 p.agree>R1 p.refuse>R1
+!request-when: i.request-when/R1 p.agree>R1 p.inform>R1 p.inform>R1
+!request-when: i.request-when/R1 p.agree>R1 p.agree>R1
+"""
+"""SC00028H: the agreement is explicit, the act is done once."""
+
+QUERY = """
+query: i.query-ref/R1 p.inform>R1
+query: i.query-if/R1 p.inform>R1
+query: i.query-ref/R1 p.refuse>R1
+query: i.query-if/R1 p.refuse>R1
+query: i.query-ref/R1 p.failure>R1
+query: i.query-if/R1 p.failure>R1
+query: i.query-ref/R1 p.not-understood>R1
+query: i.query-ref/R1 p.inform
+!query: i.request/R1
+!query: i.inform
+!query: p.inform
+!query: i.query-ref/R1 p.propose>R1
+!query: i.query-ref/R1 p.confirm>R1
+!query: i.query-ref/R1 p.inform>R9
+!query: i.query-ref/R1 i.inform
+!query: i.query-ref/R1 p.query-ref/R1
+"""
+"""SC00027H, but for agree and cancel: docs/rulings.md."""
+
+CONTRACT_NET = """
+cfp: i.cfp/R1 p.propose>R1 i.accept-proposal p.inform>R1
+cfp: i.cfp/R1 p.propose>R1 i.accept-proposal p.failure>R1
+cfp: i.cfp/R1 p.propose>R1 i.reject-proposal
+cfp: i.cfp/R1 p.refuse>R1
+cfp: i.cfp/R1 p.not-understood>R1
+cfp: i.cfp/R1 p.propose i.accept-proposal p.inform
+cfp: i.cfp/R1 p.propose>R1 i.not-understood
+cfp: i.cfp/R1 i.cancel/R2 p.inform>R2
+cfp: i.cfp/R1 p.propose>R1 i.cancel/R2 p.inform>R2
+cfp: i.cfp/R1 p.propose>R1 i.accept-proposal i.cancel/R2 p.inform>R2
+cfp: i.cfp/R1 p.propose>R1 i.accept-proposal i.cancel/R2 p.failure>R2 p.inform>R1
+b cfp: i.cfp p.propose i.accept-proposal p.inform
+b cfp: i.cfp/R1 p.propose>R1 i.accept-proposal/R2 p.inform>R2
+b cfp: i.cfp/R1 p.propose>R1 i.accept-proposal/R2 p.inform>R1
+b cfp: i.cfp/R1 p.propose>R1 i.accept-proposal/R2 p.failure>R2
+b cfp: i.cfp/R1 p.propose>R1 i.reject-proposal/R2
+a cfp: i.cfp/R1 p.propose/P1>R1 i.accept-proposal>P1 p.inform>R1
+a cfp: i.cfp/R1 p.propose/P1>R1 i.reject-proposal>P1
+!cfp: i.propose
+!cfp: p.propose
+!cfp: i.accept-proposal
+!cfp: i.request/R1
+!cfp: i.cfp/R1 i.accept-proposal
+!cfp: i.cfp/R1 i.reject-proposal
+!cfp: i.cfp/R1 p.inform>R1
+!cfp: i.cfp/R1 p.agree>R1
+!cfp: i.cfp/R1 p.accept-proposal>R1
+!cfp: i.cfp/R1 p.propose>R9
+!cfp: i.cfp/R1 p.propose>R1 p.propose>R1
+!cfp: i.cfp/R1 p.propose>R1 p.refuse>R1
+!cfp: i.cfp/R1 p.propose>R1 p.inform>R1
+!cfp: i.cfp/R1 p.propose>R1 p.accept-proposal>R1
+!cfp: i.cfp/R1 p.propose>R1 i.inform
+!cfp: i.cfp/R1 p.propose>R1 i.cfp/R2
+!cfp: i.cfp/R1 p.propose>R1 i.accept-proposal i.reject-proposal
+!cfp: i.cfp/R1 p.propose>R1 i.accept-proposal p.refuse>R1
+!cfp: i.cfp/R1 p.propose>R1 i.accept-proposal p.inform>R9
+!cfp: i.cfp/R1 p.propose>R1 i.accept-proposal p.inform>R1 p.inform>R1
+!cfp: i.cfp/R1 p.propose>R1 i.reject-proposal p.inform>R1
+!cfp: i.cfp/R1 p.refuse>R1 p.propose>R1
+!cfp: i.cfp/R1 p.refuse>R1 i.accept-proposal
+!cfp: i.cfp/R1 p.cancel/C1
+!cfp: i.cfp/R1 i.cancel
+"""
+"""SC00029H; JADE's labels on accept-proposal."""
+
+ITERATED = """
+icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 p.propose>R2 i.accept-proposal p.inform>R2
+icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 p.refuse>R2
+icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 p.propose>R2 i.reject-proposal
+icfp: i.cfp/R1 p.propose>R1 i.accept-proposal p.inform>R1
+icfp: i.cfp/R1 p.propose>R1 i.reject-proposal
+icfp: i.cfp/R1 p.refuse>R1
+icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 i.cancel/R3 p.inform>R3
+b icfp: i.cfp p.propose i.cfp p.propose i.accept-proposal p.inform
+b icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 p.propose>R2 i.accept-proposal/R3 p.inform>R3
+!icfp: i.cfp/R1 i.cfp/R2
+!icfp: i.cfp/R1 p.propose>R1 i.cfp/R1
+!icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 p.propose>R1
+!icfp: i.cfp/R1 p.refuse>R1 i.cfp/R2
+!icfp: i.cfp/R1 p.propose>R1 i.accept-proposal i.cfp/R2
+!icfp: i.cfp/R1 p.propose>R1 i.reject-proposal i.cfp/R2
+!icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 i.accept-proposal
+"""
+"""SC00030H: a new round only to who proposed, none after an award."""
+
+PROPOSE = """
+propose: i.propose/R1 p.accept-proposal>R1
+propose: i.propose/R1 p.reject-proposal>R1
+propose: i.propose/R1 p.not-understood>R1
+propose: i.propose/R1 i.cancel/R2 p.inform>R2
+!propose: i.propose/R1 p.agree>R1
+!propose: i.propose/R1 p.refuse>R1
+!propose: i.propose/R1 i.inform
+!propose: i.propose/R1 p.accept-proposal>R1 p.inform>R1
+!propose: i.propose/R1 p.accept-proposal>R1 i.inform
+!propose: i.propose/R1 p.accept-proposal>R1 p.reject-proposal>R1
+!propose: i.propose/R1 p.accept-proposal>R9
+!propose: i.cfp/R1
+"""
+"""SC00036H: the report on the act is not part of it."""
+
+SUBSCRIBE = """
+subscribe: i.subscribe/R1 p.agree>R1 p.inform>R1 p.inform>R1 p.inform>R1
+subscribe: i.subscribe/R1 p.inform>R1 p.inform>R1
+subscribe: i.subscribe/R1 p.refuse>R1
+subscribe: i.subscribe/R1 p.agree>R1 p.failure>R1
+subscribe: i.subscribe/R1 p.agree>R1 p.inform>R1 p.failure>R1
+subscribe: i.subscribe/R1 p.failure>R1
+subscribe: i.subscribe/R1 p.not-understood>R1
+subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.inform>R2
+subscribe: i.subscribe/R1 p.agree>R1 p.inform>R1 i.cancel/R2 p.inform>R2
+subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2
+subscribe: i.subscribe/R1 i.cancel/R2 p.inform>R2
+b subscribe: i.subscribe/R1 p.agree>R1 p.inform>R1 i.cancel/R1 p.inform>R1
+b subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R1 p.failure>R1
+a subscribe: i.subscribe/R1 p.agree>R1 p.inform/P1>R1 p.inform/P2>R1 i.cancel/R2 p.inform>R2
+!subscribe: i.request/R1
+!subscribe: p.inform
+!subscribe: i.subscribe/R1 p.agree>R1 p.refuse>R1
+!subscribe: i.subscribe/R1 p.refuse>R1 p.inform>R1
+!subscribe: i.subscribe/R1 p.failure>R1 p.inform>R1
+!subscribe: i.subscribe/R1 p.agree>R1 p.propose>R1
+!subscribe: i.subscribe/R1 p.agree>R1 p.inform>R9
+!subscribe: i.subscribe/R1 p.agree>R1 i.inform
+!subscribe: i.subscribe/R1 p.cancel/C1
+!subscribe: i.subscribe/R1 p.agree>R1 i.cancel
+!subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.inform>R2 p.inform>R1
+!subscribe: i.subscribe/R1 p.agree>R1 i.subscribe/R2
+"""
+"""SC00035H; JADE's cancel carries the subscription's label."""
+
+PROXY = """
+brokering: i.proxy/R1 p.refuse>R1
+brokering: i.proxy/R1 p.agree>R1 p.failure>R1
+brokering: i.proxy/R1 p.not-understood>R1
+recruiting: i.proxy/R1 p.refuse>R1
+recruiting: i.proxy/R1 p.agree>R1 p.failure>R1
+recruiting: i.proxy/R1 p.agree>R1 p.inform>R1
+!brokering: i.request/R1
+!brokering: i.proxy/R1 p.propose>R1
+!brokering: i.proxy/R1 p.agree>R1 p.refuse>R1
+!brokering: i.proxy/R1 p.refuse>R1 p.inform>R1
+!recruiting: i.proxy/R1 p.inform>R1
+!recruiting: i.proxy/R1 p.agree>R1 p.agree>R1
+"""
+"""SC00033H and SC00034H."""
+
+BOOK = (REQUEST, REQUEST_WHEN, QUERY, CONTRACT_NET, ITERATED, PROPOSE, SUBSCRIBE, PROXY)
+LINES = [text for page in BOOK for text in page.strip().splitlines()]

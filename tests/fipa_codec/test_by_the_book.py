@@ -1,0 +1,96 @@
+"""Conversations from the text of FIPA's specifications: both sides of ours, and a judge beside them, say the same."""
+
+import pytest
+from by_the_book import LINES, Line, Message, line
+
+from fipa_codec.communicate import Communicate
+from fipa_codec.conversation import Conversation
+from fipa_codec.errors import FipaError
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.protocols import named
+from fipa_codec.tables import Role
+from topdown.judge.follow import Followed
+
+AGENTS = {Role.INITIATOR: "ina", Role.PARTICIPANT: "pit"}
+REQUIRED = 150
+
+
+class Play:
+    """A line: our sides of it, where they are ours, and a judge who hears everything."""
+
+    def __init__(self, played: Line) -> None:
+        self.protocol, self.ours = named(played.protocol), played.ours
+        self.judge = Followed(self.protocol, durable=True)
+        self.sides = {
+            role: Conversation.open(self.protocol, role, id="C1", me=AGENTS[role], peer=AGENTS[role.other])
+            for role in played.ours
+        }
+
+    def on_the_wire(self, said: Message) -> Communicate:
+        return Communicate(
+            performative=said.act,
+            protocol=self.protocol.name,
+            reply_with=said.label,
+            in_reply_to=said.answers,
+            conversation="C1",
+            sender=AGENTS[said.role],
+            receiver=AGENTS[said.role.other],
+        )
+
+    def verdicts(self, said: Message) -> set[bool]:
+        """Whether it is legal, as each of our sides and the judge say; who takes it goes on."""
+        found = {self._judged(said)}
+        if said.role in self.sides:
+            found.add(self._sent(said))
+        if said.role.other in self.sides:
+            found.add(self._received(said))
+        return found
+
+    def _kind(self, said: Message) -> Kind:
+        """Of an answer: that of the cancel where its label says so, as agents that know what they answer say it."""
+        side = self.sides.get(said.role)
+        cancelled = side is not None and said.answers != "" and said.answers == side.cancel
+        return Kind.CANCEL if cancelled else Kind.PLAIN
+
+    def _sent(self, said: Message) -> bool:
+        side, label = self.sides[said.role], said.label or "X1"
+        words = {"in_reply_to": said.answers, "kind": self._kind(said)}
+        try:
+            after, message = side.send(said.act, id=label, now=1.0, **words)
+        except FipaError:
+            return False
+        if said.act is Performative.CANCEL and not said.label:
+            return False  # ours always has one
+        assert not said.label or message.reply_with == said.label
+        self.sides[said.role] = after
+        return True
+
+    def _received(self, said: Message) -> bool:
+        side = self.sides[said.role.other]
+        try:
+            self.sides[said.role.other] = side.receive(self.on_the_wire(said))
+        except FipaError:
+            return False
+        return True
+
+    def _judged(self, said: Message) -> bool:
+        if self.judge.mislabelled(said.role, said.act, said.label):
+            return False
+        read = self.judge.read(said.role, said.act, said.label, said.answers, (Kind.PLAIN,))
+        return not isinstance(read, str) and self.judge.take(said.role, read)
+
+
+@pytest.mark.parametrize("text", LINES)
+def test_a_conversation_of_the_book(text: str) -> None:
+    """Every message but an illegal last one is legal; all who look at it agree."""
+    played = line(text)
+    play = Play(played)
+    for said in played.messages[:-1]:
+        assert play.verdicts(said) == {True}, said
+    assert play.verdicts(played.messages[-1]) == {played.legal}
+
+
+def test_there_are_enough_of_them() -> None:
+    """And none twice."""
+    assert len(set(LINES)) == len(LINES) >= REQUIRED
