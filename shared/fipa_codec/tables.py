@@ -93,6 +93,11 @@ class Table:
         """All states of the rows."""
         return frozenset(state for row in self for state in (row.state, row.to))
 
+    def same_as(self, other: "Table") -> bool:
+        """Whether both have the same rows, and states of the same meaning."""
+        mine = (self._rows, self.ended, self.urgent, self.resting)
+        return mine == (other._rows, other.ended, other.urgent, other.resting)
+
     def find(self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN) -> Row | None:
         """Return the row, or None if the message is not allowed in this state."""
         return self._rows.get((state, way, performative, kind))
@@ -146,6 +151,12 @@ class Protocol:
     def __repr__(self) -> str:
         return f"Protocol({self.name!r})"
 
+    def same_as(self, other: "Protocol") -> bool:
+        """Whether both have the same names, tables and rules."""
+        mine = (self.name, self.aliases, self.confirmed, self.rounds)
+        alike = mine == (other.name, other.aliases, other.confirmed, other.rounds)
+        return alike and all(table.same_as(other.tables[role]) for role, table in self.tables.items())
+
     def with_tables(self, *, initiator: Table | None = None, participant: Table | None = None) -> Self:
         """Return the protocol with other tables: a variant to be explored, not to be registered."""
         return type(self)(
@@ -173,9 +184,10 @@ The protocol of a system is known once the module that registers it is imported.
 def register(protocol: Protocol) -> Protocol:
     """Make a protocol known by its name and aliases, for conversations read from a wire or a journal; return it.
 
-    Raise LocalProtocolError if another protocol has one of the names.
+    One that is registered again, since its module was read twice, is the same. Raise LocalProtocolError if another
+    protocol has one of the names.
     """
     for name in (protocol.name, *protocol.aliases):
-        if _registered.setdefault(name, protocol) is not protocol:
+        if not _registered.setdefault(name, protocol).same_as(protocol):
             raise LocalProtocolError("protocol", f"{name!r} is already another protocol")
     return protocol

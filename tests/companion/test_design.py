@@ -76,7 +76,7 @@ def test_what_is_no_communicate_travels_on_the_key_of_the_design() -> None:
         names = {"owner": "ta", "peer": "co", "incarnation": "3"}
         rest = [names[name] for name in ("peer", "incarnation") if f"{{{name}}}" in house.key]
         assert DESIGN.house_key(house.kind, system="lab", **names) == service_key("lab", house.kind, "ta", *rest)
-    assert set(DESIGN.houses) == {"alive", "receipt", "ping", "pong", "telemetry", "truth", "state"}
+    assert set(DESIGN.houses) == {"alive", "receipt", "ping", "pong", "telemetry", "truth", "state", "control"}
 
 
 def test_every_rule_has_its_own_key() -> None:

@@ -35,7 +35,7 @@ ATLAS = """row = [
 """
 ROWS: list[Change] = [
     ("[agent.sends]\nperformatives = [\"request\"", DESK + "\n[agent.sends]\nperformatives = [\"request\""),
-    ("[[agent]]\nname = \"atlas\"", NAV + "\n[[agent]]\nname = \"atlas\""),
+    ("[[agent.parameter]]\nname = \"tries\"", NAV + "\n[[agent.parameter]]\nname = \"tries\""),
     ("[agent.sends]\nperformatives = [\"inform\"", ATLAS + "\n[agent.sends]\nperformatives = [\"inform\""),
 ]  # fmt: skip
 

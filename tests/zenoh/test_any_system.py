@@ -201,7 +201,7 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
         "agents": Row(has=("asker", "doer", "MiB")),
         "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),  # its stubs say nothing yet
         "send": Row(("--list",), has=("asker", "doer")),
-        "runs": Row(has=("depot", "up: 7 processes", "(latest)")),
+        "runs": Row(has=("shop", "up: 4 processes", "(latest)")),
         "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
         "down": Row(has=("ended router, monitor, asker, doer",)),
     }

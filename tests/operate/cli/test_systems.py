@@ -5,13 +5,16 @@ import os
 from itertools import pairwise
 from pathlib import Path
 
+import click
 import pytest
+import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
 from operate.cli import completion
 from operate.cli.__main__ import app
+from operate.cli.fleet import living_names
 from operate.cli.runs import folders
 from operate.cli.verbs import merged
 
@@ -69,8 +72,10 @@ def test_help_and_completion_need_no_system(project: str, request: pytest.Fixtur
     """The verbs that serve any system are listed; an unknown one is told with the reason."""
     request.getfixturevalue(project)
     assert "conversation" in roco("--help").stdout
-    for names in (completion.agents, completion.channels, completion.protocols, completion.processes):
-        assert names("") == []
+    context = typer.Context(click.Command("roco"))
+    for names in (completion.agents, completion.channels, completion.protocols):
+        assert names(context, "") == []
+    assert living_names.processes(context, "") == []
     done = roco("say", "pour", "--format", "json")
     assert done.exit_code == 2
     assert "no system here that could add one" in json.loads(done.stderr)["error"]
