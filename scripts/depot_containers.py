@@ -41,8 +41,16 @@ ASKED: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("doctor", ("7 processes of compose project", "all ready")),
 )
 """Words of a verb, and what it tells."""
-HEARS = ("traffic echo --count 2", ("desk", "dispatcher", "C2"))
-"""The same of one that listens; a restarted desk has something to say."""
+HEARS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("traffic echo --count 2", ("desk", "dispatcher", "C2")),
+    ("traffic hz --for 6", ("C2",)),
+    ("traffic bw --for 6", ("C2",)),
+    ("traffic size --for 6", ("C2",)),
+    ("traffic stats --for 6", ("C2",)),
+    ("sniff --count 2", ("desk", "dispatcher", "C2")),
+    ("record --for 6 --out part.mcap", ("communicates", "part.mcap")),
+)
+"""The same of those that listen; a restarted desk has something to say."""
 
 
 def check(docker: Docker, say: Callable[[str], None]) -> None:
@@ -59,8 +67,12 @@ def check(docker: Docker, say: Callable[[str], None]) -> None:
             say(f"depot: up, and the first order is delivered after {time.monotonic() - began:.1f} s")
             for words, has in ASKED:
                 _ask(place, fleet.project, words, has)
-            _hear(place, fleet)
-            say(f"depot: {len(ASKED) + 1} verbs tell of its containers, in {time.monotonic() - began:.1f} s")
+            for words, has in HEARS:
+                _hear(place, fleet, words, has)
+            _ask(place, fleet.project, "down", ("ended",))
+            say(
+                f"depot: {len(ASKED) + len(HEARS) + 1} verbs tell of its containers, in {time.monotonic() - began:.1f} s"
+            )
         finally:
             fleet.compose("down", "-v", "-t", "10", within_s=UP_S)
 
@@ -81,9 +93,8 @@ def _ask(place: Path, project: str, words: str, has: tuple[str, ...]) -> None:
     _told(words, process.returncode, said, has)
 
 
-def _hear(place: Path, fleet: Docker) -> None:
+def _hear(place: Path, fleet: Docker, words: str, has: tuple[str, ...]) -> None:
     """Have a verb listen, and restart an agent until it has heard enough."""
-    words, has = HEARS
     process, end = _begun(place, fleet.project, words), time.monotonic() + VERB_S
     while process.poll() is None:
         if time.monotonic() > end:
