@@ -70,9 +70,8 @@ def check(docker: Docker, say: Callable[[str], None]) -> None:
             for words, has in HEARS:
                 _hear(place, fleet, words, has)
             _ask(place, fleet.project, "down", ("ended",))
-            say(
-                f"depot: {len(ASKED) + len(HEARS) + 1} verbs tell of its containers, in {time.monotonic() - began:.1f} s"
-            )
+            count = len(ASKED) + len(HEARS) + 1
+            say(f"depot: {count} verbs tell of its containers, in {time.monotonic() - began:.1f} s")
         finally:
             fleet.compose("down", "-v", "-t", "10", within_s=UP_S)
 
