@@ -1,8 +1,8 @@
-"""What reading ACL text costs as it gets longer: each kind of text in eight lengths, nanoseconds for a byte.
+"""Time to read ACL text of growing length: each kind of text in eight lengths, in nanoseconds per byte.
 
     python benchmarks/acl_text.py
 
-Linear where the last column does not grow. Texts that are refused count, too: a stranger sends them.
+Linear where a row stays level. Texts that are refused are measured too, since a stranger may send them.
 """
 
 import time

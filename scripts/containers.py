@@ -25,10 +25,15 @@ class Docker:
     """The docker client and compose on one project."""
 
     def __init__(
-        self, client: str, compose: list[str], project: str, environment: dict[str, str], files: tuple[Path, ...] = ()
+        self,
+        client: str,
+        compose: list[str],
+        project: str,
+        environment: dict[str, str],
+        files: tuple[Path, ...] = (FILE,),
     ) -> None:
         self.client, self.project, self.environment = client, project, environment
-        named = [part for file in (FILE, *files) for part in ("-f", str(file))]
+        named = [part for file in files for part in ("-f", str(file))]
         self._base = [*compose, "-p", project]
         self._compose = [*self._base, *named]
 
@@ -55,13 +60,11 @@ class Docker:
 
     def elsewhere(self, project: str, file: Path) -> "Docker":
         """Return another project, of a file of its own."""
-        found = Docker(self.client, self._base[:-2], project, self.environment)
-        found._compose = [*found._base, "-f", str(file)]
-        return found
+        return Docker(self.client, self._base[:-2], project, self.environment, (file,))
 
     def over(self, *files: Path) -> "Docker":
         """The same project with override files."""
-        return Docker(self.client, self._base[:-2], self.project, self.environment, files)
+        return Docker(self.client, self._base[:-2], self.project, self.environment, (FILE, *files))
 
     def container(self, service: str) -> str:
         """The id of a service's container; Failed where none runs. Names differ between versions of Compose."""

@@ -146,10 +146,11 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             )
         try:
             row = self._row(table, RECEIVE, performative, self.kind_of(performative, reply_to, kind))
-            self._require_labels(protocol, RECEIVE, performative, communicate.reply_with, reply_to)
+            need = needs(protocol, performative)
+            self._require_labels(need, RECEIVE, performative, communicate.reply_with, reply_to)
         except LocalProtocolError as error:
             raise RemoteProtocolError(error.field, error.reason) from None
-        return self._after(protocol, table, row, communicate)
+        return self._after(table, row, need, communicate)
 
     def send(
         self,
@@ -170,10 +171,12 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         message; the cancel if `kind` is CANCEL or only the cancel can be answered in this state. `now`, `reply_by`:
         unix seconds. Raise LocalProtocolError if the message is not allowed, or the performative is not one of FIPA's.
         """
-        performative = _act(performative)
+        if type(performative) is not Performative:
+            performative = _act(performative)
         protocol = named(self.protocol)
         table = protocol.tables[self.role]
-        reply_to = self._default_reply(protocol, performative, kind) if in_reply_to is None else in_reply_to
+        need = needs(protocol, performative)
+        reply_to = self._default_reply(need, performative, kind) if in_reply_to is None else in_reply_to
         communicate = Communicate(
             performative=performative,
             content=msgspec.UNSET if content is None else content,
@@ -181,7 +184,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             ontology=ontology,
             protocol=self.protocol,
             reply_by=reply_by,
-            reply_with=self._label(protocol, performative, id),
+            reply_with=self._label(need, id),
             in_reply_to=reply_to,
             conversation=self.id,
             sender=self.me,
@@ -196,8 +199,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                 )
             return self._after_not_understood(SEND, reply_to), communicate
         row = self._row(table, SEND, performative, self.kind_of(performative, reply_to, kind))
-        self._require_labels(protocol, SEND, performative, communicate.reply_with, reply_to)
-        return self._after(protocol, table, row, communicate), communicate
+        self._require_labels(need, SEND, performative, communicate.reply_with, reply_to)
+        return self._after(table, row, need, communicate), communicate
 
     @property
     def _here(self) -> str:
@@ -246,13 +249,12 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                 raise RemoteProtocolError(field, f"{self._here} got {value!r}, expected {wanted[0]!r}")
 
     def _require_labels(
-        self, protocol: Protocol, way: Way, performative: Performative, reply_with: str, reply_to: str
+        self, need: Needs, way: Way, performative: Performative, reply_with: str, reply_to: str
     ) -> None:
         """Raise LocalProtocolError if m_w is missing or was used before, or m_t is not an m_w of the other side."""
-        need = needs(protocol, performative)
         if need is not _NOTHING:
             self._require_label(need, performative, reply_with)
-        if reply_to in ("", self.cancel) or reply_to in self._answerable(way):
+        if not reply_to or reply_to == self.cancel or reply_to in self._answerable(way):
             return
         if all(reply_to != label for label, _ in self.unconfirmed):
             raise LocalProtocolError(
@@ -273,31 +275,29 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     def _answerable(self, way: Way) -> tuple[str, ...]:
         """Return m_w that a message of the sender may answer: those of the other side."""
-        if (way is SEND) is (self.role is _PARTICIPANT):  # the participant says it
-            return (self.asked, *self.heard) if way is SEND else (self.asked,)
-        return self.heard if way is SEND else ()
+        if way is SEND:
+            return (self.asked, *self.heard) if self.role is _PARTICIPANT else self.heard
+        return (self.asked,) if self.role is _INITIATOR else ()
 
     def _means_the_opening(self, performative: Performative) -> bool:
         """Whether an answer to the cancel's label answers the opening, which has the same: as the state allows."""
         return self.cancel == self.asked and not self._answers_only_cancel(performative, _PLAIN)
 
-    def _label(self, protocol: Protocol, performative: Performative, id: str) -> str:
+    def _label(self, need: Needs, id: str) -> str:
         """Return m_w, "" if nothing will refer to the message; a repeated opening has that of the first one."""
         if not is_label(id):
             raise LocalProtocolError("id", f"{self._here}: a message needs an id that matches {LABEL}, not {id!r}")
-        if performative in protocol.openings and performative not in protocol.rounds:
+        if need is _SAME:
             return self.asked or id
-        if performative is _CANCEL or performative in protocol.rounds:
-            return id
-        return id if performative in protocol.confirmed else ""
+        return "" if need is _NOTHING else id
 
-    def _default_reply(self, protocol: Protocol, performative: Performative, kind: Kind) -> str:
+    def _default_reply(self, need: Needs, performative: Performative, kind: Kind) -> str:
         """Return m_t. In coordinate the paper leaves it empty in request, inform and cancel, and sets it in confirm."""
         if kind is _OF_CANCEL or (self.cancel and self._answers_only_cancel(performative, kind)):
             return self.cancel
         if performative is _CONFIRM:
             return self.unconfirmed[0][0] if self.unconfirmed else ""
-        if performative in protocol.confirmed:
+        if need is _ANY:
             return ""
         if self.heard:
             return self.heard[-1]
@@ -309,19 +309,23 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             find(self.state, SEND, performative, _OF_CANCEL)
         )
 
-    def _after(self, protocol: Protocol, table: Table, row: Row, communicate: Communicate) -> Self:
+    def _after(self, table: Table, row: Row, need: Needs, communicate: Communicate) -> Self:
         performative, label = communicate.performative, communicate.reply_with
         unconfirmed = self.unconfirmed
-        if performative in protocol.confirmed:
+        if need is _ANY:
             unconfirmed = (*unconfirmed, (label, row.kind))
         elif performative is _CONFIRM:
             unconfirmed = tuple(entry for entry in unconfirmed if entry[0] != communicate.in_reply_to)
-        opens = performative in protocol.openings and (self.state == START or performative in protocol.rounds)
+        opens = need is _NEW or (need is _SAME and self.state == START)
         state, deadline = str(row.to), None if row.to in table.ended else communicate.reply_by
         if deadline is None and row.to not in table.ended:
             deadline = self._next_deadline(row)
-        numbered = label and row.way is RECEIVE and not opens and performative not in protocol.openings
-        plain = row.kind is not _OF_CANCEL and performative is not _CANCEL and not numbered
+        heard = self.heard
+        if opens:
+            heard = ()  # those of an earlier round
+        elif label and row.way is RECEIVE and need is _NOTHING:
+            heard = (*heard, label)[-MOST_HEARD:]
+        plain = row.kind is not _OF_CANCEL and performative is not _CANCEL and heard is self.heard
         if plain and unconfirmed is self.unconfirmed and not (opens and self.asked):
             asked = label if opens else self.asked
             return msgspec.structs.replace(self, state=state, deadline=deadline, asked=asked)
@@ -333,24 +337,16 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             cancel=label if performative is _CANCEL else self._cancel_after(row),
             unconfirmed=unconfirmed,
             past=self._past_after(row, opens),
-            heard=self._heard_after(protocol, performative, label, opens) if row.way is RECEIVE else self.heard,
+            heard=heard,
         )
 
     def _cancel_after(self, row: Row) -> str:
         """Return m_w of the pending cancel; none after a cancel that failed without ending the conversation."""
         return "" if row.kind is _OF_CANCEL and row.to not in self.table.ended else self.cancel
 
-    def _heard_after(self, protocol: Protocol, performative: Performative, label: str, opens: bool) -> tuple[str, ...]:
-        """Return the labels of the peer that may be answered after a message of it; a new round forgets them."""
-        if opens:
-            return ()
-        if not label or performative is _CANCEL or performative in protocol.confirmed | protocol.openings:
-            return self.heard
-        return (*self.heard, label)[-MOST_HEARD:]
-
     def _past_after(self, row: Row, opens: bool) -> tuple[str, ...]:
         if opens:
-            return (*self.past, *filter(None, (self.asked,)), *(self.heard if row.way is RECEIVE else ()))
+            return (*self.past, *filter(None, (self.asked,)), *self.heard)
         over = self.cancel if self._cancel_after(row) != self.cancel else ""
         return (*self.past, over) if over else self.past
 

@@ -6,6 +6,7 @@ side.
 """
 
 from enum import StrEnum
+from functools import lru_cache
 
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Protocol
@@ -26,8 +27,9 @@ class Needs(StrEnum):
     """It may have one; a new round is not the copy of an earlier one."""
 
 
+@lru_cache(maxsize=1024)
 def needs(protocol: Protocol, performative: Performative) -> Needs:
-    """Return what a message of this protocol needs.
+    """Return what a message of this protocol needs; looked up once for each act, since it is asked of every message.
 
     A cancel may carry the label of the opening it cancels (JADE 4.6.5 sends a subscription's own again), and a cfp none
     at all: FIPA requires no reply-with of any act (SC00061G).

@@ -38,14 +38,8 @@ def line(text: str) -> Line:
     """Read a line."""
     head, _, rest = text.partition(": ")
     legal = not head.startswith("!")
-    protocol, _, ours = reversed_words(head.lstrip("!"))
+    ours, _, protocol = head.lstrip("!").rpartition(" ")
     return Line(protocol, OURS[ours], tuple(message(word) for word in rest.split()), legal)
-
-
-def reversed_words(head: str) -> tuple[str, str, str]:
-    """Return protocol, blank and side of `a request` or `request`."""
-    side, blank, protocol = head.rpartition(" ")
-    return protocol, blank, side
 
 
 def message(word: str) -> Message:

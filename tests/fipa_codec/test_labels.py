@@ -12,6 +12,7 @@ from fipa_codec.conversation import MOST_HEARD, Conversation
 from fipa_codec.errors import LocalProtocolError, MalformedError, RemoteProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
+from fipa_codec.tables import Role
 
 ME, PEER = "ta", "jade"
 
@@ -49,10 +50,21 @@ def test_a_result_may_still_answer_the_call() -> None:
 
 def test_an_initiator_answers_the_proposal() -> None:
     """A proposal with a reply-with of its own is accepted under it."""
-    side = Conversation.open("cfp", "initiator", id="C1", me=ME, peer=PEER)
+    side = Conversation.open("cfp", Role.INITIATOR, id="C1", me=ME, peer=PEER)
     side, call = side.send(P.CFP, id="1", now=1.0)
     side = side.receive(foreign("cfp", P.PROPOSE, "R7", call.reply_with))
     assert side.send(P.ACCEPT_PROPOSAL, id="2", now=2.0)[1].in_reply_to == "R7"
+
+
+def test_a_new_round_forgets_the_labels_of_the_one_before() -> None:
+    """An award of the second round does not answer the proposal of the first."""
+    side = Conversation.open("icfp", Role.INITIATOR, id="C1", me=ME, peer=PEER)
+    side, first = side.send(P.CFP, id="1", now=1.0)
+    side = side.receive(foreign("icfp", P.PROPOSE, "R7", first.reply_with))
+    side, second = side.send(P.CFP, id="2", now=2.0)
+    assert side.heard == ()
+    side = side.receive(foreign("icfp", P.PROPOSE, "", second.reply_with))
+    assert side.send(P.ACCEPT_PROPOSAL, id="3", now=3.0)[1].in_reply_to == ""
 
 
 def test_a_cancel_may_carry_the_label_of_its_subscribe() -> None:
@@ -87,7 +99,7 @@ def test_a_second_cancel_with_the_same_label_is_a_copy() -> None:
 @given(st.lists(st.integers(0, 99), max_size=3 * MOST_HEARD))
 def test_labels_of_a_long_subscription_are_bounded(numbers: list[int]) -> None:
     """The newest ones can be answered; memory does not grow with the subscription."""
-    side = Conversation.open("subscribe", "initiator", id="C1", me=ME, peer=PEER)
+    side = Conversation.open("subscribe", Role.INITIATOR, id="C1", me=ME, peer=PEER)
     side, asked = side.send(P.SUBSCRIBE, id="1", now=1.0)
     labels = [f"R{number}" for number in numbers]
     for label in labels:

@@ -6,7 +6,7 @@ from fipa_codec import protocols
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Protocol, Role
-from topdown.judge.follow import Followed
+from topdown.judge.follow import Followed, Said
 
 INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 Line = tuple[Role, P, str, str, Kind]
@@ -74,3 +74,18 @@ def test_what_fipa_and_jade_say_is_in_sequence(protocol: Protocol, lines: tuple[
 def test_a_wrong_label_is_out_of_sequence(protocol: Protocol, lines: tuple[Line, ...], wrong: Line) -> None:
     """Nobody's label, one of an earlier round, a copy, a cancel without one."""
     assert not taken(play(protocol, lines), wrong)
+
+
+def test_a_doubtful_opening_does_not_spoil_what_follows() -> None:
+    """One repeated under a wrong label was judged; the right one is still right after it."""
+    followed = play(protocols.SUBSCRIBE, LIVE)
+    followed.doubt(INITIATOR, Said(P.SUBSCRIBE, label="R9"))
+    assert not followed.mislabelled(INITIATOR, P.SUBSCRIBE, "R1")
+
+
+@pytest.mark.parametrize("answers", ["R1", "R2"])
+def test_a_doubtful_round_may_have_begun_or_not(answers: str) -> None:
+    """A proposal to either is no fault of the bidder."""
+    followed = play(protocols.ICFP, CALLED)
+    followed.doubt(INITIATOR, Said(P.CFP, label="R2"))
+    assert not isinstance(followed.read(PARTICIPANT, P.PROPOSE, "", answers, (Kind.PLAIN,)), str)

@@ -70,7 +70,7 @@ class Stop(msgspec.Struct, frozen=True):
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
-    """<agent>.heartbeat.json and the key `_/state/<agent>`: what the agent is at. `at`: unix seconds.
+    """<agent>.heartbeat.json and the key `_/state/<agent>`: state and work of the agent. `at`: unix seconds.
 
     `inside`: what it has at hand; in the file only.
     """

@@ -196,7 +196,7 @@ class Followed:
         self.protocol, self.durable = protocol, durable
         self.sides = {role: Side(moves(protocol, role, durable)) for role in Role}
         self._labels: dict[Role, dict[str, dict[Performative, tuple[Kind, ...]]]] = {role: {} for role in Role}
-        self._round: str | None = None
+        self._rounds: frozenset[str] = frozenset()
 
     @property
     def states(self) -> tuple[str, str]:
@@ -217,8 +217,8 @@ class Followed:
             return Said(act, kinds, label, "", self.durable)
         if answers and not uses:
             return f"it answers {answers!r}, which was not asked here; asked were {', '.join(asked) or 'none'}"
-        if uses.keys() & self.protocol.rounds and answers != self._round:
-            return f"it answers {answers!r} of an earlier round; this round is {self._round!r}"
+        if uses.keys() & self.protocol.rounds and answers not in self._rounds:
+            return f"it answers {answers!r} of an earlier round; this round is {_words(self._rounds)}"
         if not label and needs(self.protocol, act) in (Needs.OWN, Needs.ANY):
             return f"a {act} needs a reply-with, for its answer"
         if act is Performative.CONFIRM:
@@ -238,9 +238,9 @@ class Followed:
         A repeated opening has the same one; a new round has another one. So has a cancel, but for that of its opening.
         """
         need, uses = needs(self.protocol, act), self._labels[role].get(label, {})
-        if need is Needs.SAME and self._round not in (None, label):
-            return f"asked again with reply-with {label!r}; it was {self._round!r}"
-        other = bool(uses) and (label != self._round or act in uses)
+        if need is Needs.SAME and self._rounds and label not in self._rounds:
+            return f"asked again with reply-with {label!r}; it was {_words(self._rounds)}"
+        other = bool(uses) and (label not in self._rounds or act in uses)
         if (need is Needs.NEW and act in uses) or (need is Needs.OWN and other):
             return f"{act} with reply-with {label!r} again; that was used before"
         return ""
@@ -249,12 +249,16 @@ class Followed:
         """`role` says this; False, and nothing changes, where it may not."""
         if not self.sides[role].say(said):
             return False
+        if said.performative in self.protocol.openings:
+            self._rounds = frozenset({said.label})
         self._pass_on(role, said)
         return True
 
     def doubt(self, role: Role, said: Said) -> None:
         """`role` said this, but it may count for nothing: it was wrong, or a copy. Both stand where either leads."""
         self.sides[role].jump(said)
+        if said.performative in self.protocol.rounds:  # it may have begun one, or not
+            self._rounds |= {said.label}
         self._pass_on(role, said._replace(sure=False))
 
     def repeat(self, role: Role, said: Said) -> None:
@@ -266,8 +270,6 @@ class Followed:
     def _pass_on(self, role: Role, said: Said) -> None:
         if said.label:
             self._labels[role].setdefault(said.label, {}).setdefault(said.performative, said.kinds)
-        if said.performative in self.protocol.openings:
-            self._round = said.label
         self.sides[role.other].hear(said)
 
 

@@ -26,4 +26,4 @@ def pour(
       roco experiment pour --runs 30 --out experiments/mine --resume
     """
     asked = Asked(runs, seed, speed.value, scene, timeout, most_load)
-    repeated("pour", ("demo", "--headless"), asked, out, resume, form, "poured")
+    repeated(("pour",), ("demo", "--headless"), asked, out, resume, form, "poured")

@@ -126,11 +126,12 @@ def run(
       roco experiment run --for 20 --runs 30 --out experiments/mine --resume
     """
     asked = trials.Asked(runs, seed, speed.value, scene, timeout, most_load)
-    repeated("run", ("up", "--for", f"{seconds:g}"), asked, out, resume, form)
+    lasting = ("--for", f"{seconds:g}")
+    repeated(("run", *lasting), ("up", *lasting), asked, out, resume, form)
 
 
 def repeated(
-    task: str,
+    words: tuple[str, ...],
     command: tuple[str, ...],
     asked: trials.Asked,
     out: Path | None,
@@ -138,8 +139,10 @@ def repeated(
     form: Format,
     good: str = GOOD,
 ) -> None:
-    """Repeat a verb of `roco` that starts a fleet and ends it. `task`: the verb under `roco experiment` that says so;
-    `good`: what a successful run did, one word.
+    """Repeat a verb of `roco` that starts a fleet and ends it.
+
+    `words`: what was said behind `roco experiment`, by which it goes on; `command`: the verb; `good`: what a successful
+    run did, one word.
     """
     with problems(form), interrupts.heard():
         if resume and out is None:
@@ -147,22 +150,21 @@ def repeated(
         starting.check(["--seed", str(asked.seed), *(["--scene", str(asked.scene)] if asked.scene else [])])
         running_fleets.refuse("beside it the figures would not be those of the robot alone")
         place = (out or running_fleets.EXPERIMENTS / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")).resolve()
-        setting, done = trials.begun(place, trials.here(task, command, asked), resume)
+        setting, done = trials.begun(place, trials.here(words[0], command, asked), resume)
         console = Console()
         try:
             _all(place, setting, Watch(setting, done, form, console, good))
         except KeyboardInterrupt:
-            tell_problem(f"what is done stays in {place}; to go on: {_again(setting, place)}", form)
+            tell_problem(f"what is done stays in {place}; to go on: {_again(words, setting, place)}", form)
             raise
         _finish(place, form, console)
 
 
-def _again(setting: trials.Setting, place: Path) -> str:
-    """The words by which an experiment goes on."""
-    own = " ".join(setting.command[1:] if setting.task == "run" else ())
+def _again(words: tuple[str, ...], setting: trials.Setting, place: Path) -> str:
+    """Return the command by which an experiment goes on."""
     same = f"--runs {setting.runs} --seed {setting.seed} --speed {setting.speed}"
     more = f"--timeout {setting.timeout_s:g} --most-load {setting.most_load:g}"
-    return " ".join(filter(None, ("roco experiment", setting.task, own, same, more, f"--out {place} --resume")))
+    return " ".join(("roco experiment", *words, same, more, f"--out {place} --resume"))
 
 
 def _all(place: Path, setting: trials.Setting, watch: Watch) -> None:

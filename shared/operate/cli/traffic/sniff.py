@@ -38,7 +38,7 @@ from topdown.draw.lifelines import Arrow
 from topdown.model.design import Design
 
 HEADING_EACH = 30
-"""On a terminal the names are said again after so many lines: about a screen (estimate)."""
+"""Lines after which a terminal shows the names again: about a screen (estimate)."""
 MOST = 1000
 """Arrows in a drawing: the newest. One with more is taller than viewers show (estimate)."""
 
@@ -74,9 +74,8 @@ class Sniffed:
 
     def svg(self, title: str) -> str:
         """Return the drawing of what is kept."""
-        kept = sorted(
-            (one for _, one in self._kept), key=lambda one: one.t
-        )  # a verdict may have come later than those of what followed
+        # By time: a verdict may have come later than those of what followed.
+        kept = sorted((one for _, one in self._kept), key=lambda one: one.t)
         return lifelines.draw(self.agents, arrows(kept), title).svg()
 
 
