@@ -1,15 +1,18 @@
-"""What a control cycle costs beside the physics it commands: `python benchmarks/loop.py`.
+"""Cost of a control cycle beside the physics it commands, and of saving it: `python benchmarks/loop.py`.
 
 The same simulated robot, 30 grains in its jar, held and then in motion; the physics step alone is timed in the same
 run on the same state, so that the ratio says something on any machine. Set OMP_NUM_THREADS=1, as the services do.
 """
 
+import tempfile
 import time
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from services.executor.loop.core import LoopCore
+from services.executor.loop.memory import MEMORY, Keeper
 from services.executor.loop.program import Phase, motion
 from velma.model import scene
 from velma.sim.mujoco_backend import MujocoBackend
@@ -25,6 +28,12 @@ def timed(call, times: int) -> np.ndarray:
         call()
         out[k] = 1e6 * (time.perf_counter() - start)
     return out
+
+
+def by_turns(first, second, times: int) -> tuple[np.ndarray, np.ndarray]:
+    """Durations of two calls, one after the other, us."""
+    both = np.array([(timed(first, 1)[0], timed(second, 1)[0]) for _ in range(times)])
+    return both[:, 0], both[:, 1]
 
 
 def physics_alone(backend: MujocoBackend, times: int) -> np.ndarray:
@@ -49,11 +58,13 @@ def main() -> None:
     u = np.linspace(0, 1, 500)[:, None]
     moved = core.setpoint + 0.4 * u**3 * (10 - 15 * u + 6 * u * u) * np.sign(-core.setpoint)
     core.begin(motion("there", moved))
-    moving = timed(core.cycle, 2400)
+    with tempfile.TemporaryDirectory() as folder:
+        moving, saving = by_turns(core.cycle, Keeper(Path(folder) / MEMORY, core, core.backend).save, 2400)
     assert core.report.phase is Phase.RUNNING, core.report
     print(f"{'us':22s} {'p50':>8s} {'p99':>8s} {'p99.9':>8s} {'max':>8s}   ratio")
     base = float(np.median(physics))
-    for name, us in (("physics step alone", physics), ("cycle, held", held), ("cycle, moving", moving)):
+    named = {"physics step alone": physics, "cycle, held": held, "cycle, moving": moving, "saving it": saving}
+    for name, us in named.items():
         print(row(name, us, base))
 
 

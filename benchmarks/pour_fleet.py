@@ -1,31 +1,58 @@
 """The whole task with the whole fleet: real processes over Zenoh, one `roco demo` per seed, counted and explained.
 
 Appends one line per seed to a results file and skips seeds that stand there; the run folders go where --runs says.
+With --busy, stress-ng (Debian: stress-ng) keeps that many processes turning meanwhile.
 
     python benchmarks/pour_fleet.py --seeds 1-20 --out benchmarks/results/pour_fleet.jsonl
+    python benchmarks/pour_fleet.py --seeds 1-10 --speed found --busy 6 --out benchmarks/results/first_minute.jsonl
 """
 
+import contextlib
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 import typer
 
-DEADLINE_S = 600.0  # estimate: a run takes 40-60 s at --speed max and about two minutes at --speed 1
+DEADLINE_S = 900.0  # estimate: a run takes 40-60 s at --speed max, two minutes at --speed 1; thrice that when busy
+
+
+@contextlib.contextmanager
+def busy_machine(processes: int) -> Iterator[None]:
+    """Keep `processes` processes turning without pause, at the usual priority."""
+    if not processes:
+        yield
+        return
+    program = shutil.which("stress-ng")
+    if program is None:
+        raise typer.BadParameter("stress-ng is not installed; on Debian: apt install stress-ng")
+    beside = subprocess.Popen([program, "--quiet", "--cpu", str(processes)])
+    try:
+        yield
+    finally:
+        beside.terminate()
+        beside.wait(timeout=30)
 
 
 def measured(seed: int, speed: str, folder: Path) -> dict[str, Any]:
-    """One demo, as a line of the results file."""
+    """Return one demo, as a line of the results file; at speed "found" the demo decides, as `scripts/demo` does."""
     roco = Path(sys.executable).with_name("roco")
-    command = [str(roco), "demo", "--seed", str(seed), "--speed", speed, "--out", str(folder), "--headless"]
+    said = [] if speed == "found" else ["--speed", speed]
+    command = [str(roco), "demo", "--seed", str(seed), *said, "--out", str(folder), "--headless"]
     began = time.perf_counter()
+    load_before = os.getloadavg()[0]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
     line: dict[str, Any] = {"seed": seed, "speed": speed, "exit": ended.returncode}
     line["demo_wall_s"] = round(time.perf_counter() - began, 1)
+    line["load"] = [round(load_before, 2), round(os.getloadavg()[0], 2)]
+    line["announced_max"] = "--speed max" in ended.stdout.split("command received")[0]
     report = folder / "report.json"
     if not report.exists():
         return line | {"success": False, "failure": f"no report: {ended.stdout[-300:]}{ended.stderr[-300:]}"}
@@ -38,24 +65,26 @@ def measured(seed: int, speed: str, folder: Path) -> dict[str, Any]:
 
 def main(
     seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
-    speed: Annotated[str, typer.Option(help="max or 1")] = "max",
+    speed: Annotated[str, typer.Option(help="max, 1, or found: the demo decides")] = "max",
+    busy: Annotated[int, typer.Option(help="processes of stress-ng that turn meanwhile")] = 0,
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_fleet.jsonl"),
     runs: Annotated[Path | None, typer.Option(help="where the run folders go; else a temporary folder")] = None,
 ) -> None:
-    """Run the seeds that do not stand in the results file yet at this speed."""
+    """Run the seeds that do not stand in the results file yet at this speed, on a machine this busy."""
     first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
     lines = [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
-    known = {(line["seed"], line["speed"]) for line in lines}
+    known = {(line["seed"], line["speed"], line.get("busy", 0)) for line in lines}
     base = runs or Path(tempfile.mkdtemp(prefix="pour-fleet-"))
     for seed in range(first, last + 1):
-        if (seed, speed) in known:
+        if (seed, speed, busy) in known:
             continue
-        result = measured(seed, speed, base / f"seed-{seed}-{speed}")
+        with busy_machine(busy):
+            result = measured(seed, speed, base / f"seed-{seed}-{speed}-{busy}") | {"busy": busy}
         with out.open("ab") as file:
             file.write(msgspec.json.encode(result) + b"\n")
         verdict = "poured" if result["success"] else f"FAILED: {result['failure']}"
-        times = f"sim {result.get('sim_time_s')} s, demo {result['demo_wall_s']} s"
+        times = f"sim {result.get('sim_time_s')} s, demo {result['demo_wall_s']} s, load {result['load']}"
         typer.echo(f"seed {seed}: {verdict}, {times}, {result.get('plans')}")
 
 

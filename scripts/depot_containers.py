@@ -38,6 +38,11 @@ ASKED: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("agent restart ox", ("ox: ready",)),
     ("agent stop traffic", ("traffic: stopped",)),
     ("agent start traffic", ("traffic: ready",)),
+    ("fault kill ox", ("kill ox: begun", "back")),
+    ("fault pause mule --for 1", ("healed after 1 s",)),
+    ("fault hang traffic --for 2", ("healed after 2 s",)),
+    ("fault restart desk", ("restart desk: begun", "back")),
+    ("fault list", ("kill ox", "pause mule", "hang traffic", "restart desk")),
     ("doctor", ("7 processes of compose project", "all ready")),
 )
 """Words of a verb, and what it tells."""

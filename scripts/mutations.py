@@ -61,14 +61,15 @@ class Mutant:
         return self.module, self.function, self.what, self.source
 
     def code(self) -> ast.Module:
-        """The changed tree; the mutant's own, so that it is of use once."""
-        parent, field, index = self.place
-        node = ast.copy_location(self.node, self.tree) if not hasattr(self.node, "lineno") else self.node
+        """The changed tree, a copy: the other mutants of the module keep theirs."""
+        tree, node, (parent, field, index) = copy.deepcopy((self.tree, self.node, self.place))
+        if not hasattr(node, "lineno"):
+            node = ast.copy_location(node, tree)
         if index is None:
             setattr(parent, field, node)
         else:
             getattr(parent, field)[index] = node
-        return ast.fix_missing_locations(self.tree)
+        return ast.fix_missing_locations(tree)
 
 
 def path(module: str) -> Path:

@@ -3,7 +3,6 @@
 import json
 import urllib.error
 import urllib.request
-from collections.abc import Callable
 
 from containers import Docker, Failed, wait
 
@@ -62,18 +61,9 @@ class Person:
             raise Failed(f"{line['said']} ended {line['state']}, not done: {line['text']}")
         return line
 
-    def served(self, sentence: str, say: Callable[[str], None]) -> None:
-        """Say a sentence and wait until it is done; if it is not, free the robot and try once more, and that is said.
-
-        The control loop gives an act up and holds when ex's agent gets no processor for 0.1 s, as on a loaded machine.
-        """
-        try:
-            self.done(self.accepted(sentence))
-        except Failed as failed:
-            say(f"not done, once more after a release: {failed}")
-            for word in ("stop", "release"):
-                self._docker.execute("ex", "roco", word)
-            self.done(self.accepted(sentence))
+    def served(self, sentence: str) -> None:
+        """Say a sentence and wait until it is done."""
+        self.done(self.accepted(sentence))
 
 
 def status(address: str) -> int:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from agent_runtime.core.wiring import service_key
+from agent_runtime.core.wiring import life, service_key
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from operate.recording import mcap_file
@@ -32,7 +32,7 @@ def sampled(record: Record, at: float) -> Sample | None:
         case House(kind=kind, owner=owner, peer=peer) if kind != "setting":
             return Sample(service_key(SYSTEM, kind, owner, *([peer] if peer else [])), record.data, at)
         case Token():
-            key = service_key(SYSTEM, "alive", record.agent, str(record.incarnation))
+            key = service_key(SYSTEM, "alive", record.agent, life(record.incarnation, record.journal))
             return Sample(key, b"", at, token=True, gone=not record.alive)
         case Garbage():
             return Sample(record.key, record.data, at)

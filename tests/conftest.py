@@ -1,5 +1,7 @@
 """For all tests: hypothesis looks for what is false, not for what is slow; machines with other work run them, too.
 
+In CI it draws the same examples each time, so that a commit is refused for what it changed; elsewhere it draws others.
+
 Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make everything slower.
 A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
 has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.
@@ -13,7 +15,12 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "any machine",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    derandomize=os.environ.get("CI") == "true",
+)
 settings.load_profile("any machine")
 os.environ.setdefault("ROCO_VIEW", "off")
 os.environ["DOCKER_HOST"] = "unix:///nowhere"

@@ -15,8 +15,9 @@ from companion.design import AgentName
 from companion.languages.cmd import TaskState
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
-from services.coordinator.incoming import not_answering, take
-from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, plan_wanted
+from services.coordinator.incoming import not_answering, suspend, take
+from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, overtaken, plan_wanted
+from services.coordinator.offers import queued
 
 
 def await_trigger(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
@@ -33,8 +34,8 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
         if why_not:
             turn.say(job.conversation, P.REFUSE, words.report(TaskState.FAILED, why_not))
             continue
-        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, words.place(len(memory.jobs))))
-        memory = replace(memory, jobs=(*memory.jobs, job))
+        memory = replace(memory, jobs=queued((*memory.jobs, job), turn.now))
+        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, words.place(memory.jobs.index(job))))
     return replace(memory, arrived=())
 
 
@@ -53,7 +54,7 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     job = memory.first
     if job is None or not plan_wanted(memory):
         return memory
-    job = replace(job, plans=job.plans + 1)
+    job = replace(job, plans=job.plans + 1, aside=False)
     talk = turn.open(AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s)
     if job.looks < 2 or job.at != words.LOOKS:
         words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {job.at}" if job.at else ""))
@@ -61,14 +62,14 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
 
 
 def schedule(memory: Memory, turn: Turn) -> Memory:
-    """State schedule: continue with the running plan, or switch to the one that is ready."""
-    return replace(memory, choice=decide(memory.jobs))
+    """State schedule: continue with the running plan, or switch to the one that is ready, or from a less urgent one."""
+    return replace(memory, choice=Choice.SWITCH if overtaken(memory) else decide(memory.jobs))
 
 
 def decide(jobs: tuple[Job, ...]) -> Choice:
-    """In order of arrival: switch when the first task has its plan and nothing runs.
+    """In order of the queue: switch when the first task has its plan and nothing runs.
 
-    Costs, deadlines and suspension (TaskER) are not considered yet.
+    Costs and suspension (TaskER) are not considered yet.
     """
     running = any(job.stage is Stage.RUNNING for job in jobs)
     ready = bool(jobs) and jobs[0].stage is Stage.PLANNED
@@ -76,14 +77,16 @@ def decide(jobs: tuple[Job, ...]) -> Choice:
 
 
 def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """State switch: request ta to run the plan, with its reply-by. No other plan runs then."""
+    """State switch: request ta to run the plan, with its reply-by; first to leave the running one, if there is one."""
+    if (running := overtaken(memory)) is not None:
+        return replace(suspend(memory, turn, running, limits), choice=Choice.OPEN)
     job = memory.first
     if job is None or job.plan is None:
         return memory
     plan = job.plan
     talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan))
     words.progress(turn, job, TaskState.RUNNING, f"plan {job.plans} takes about {plan.duration:.0f} s")
-    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None)
+    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False)
     return replace(memory.with_job(job), choice=Choice.OPEN)
 
 

@@ -18,9 +18,12 @@ from companion.languages.sw import WorkerState
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
 from services.coordinator.memory import Job, Limits, Memory, Stage
+from services.coordinator.offers import queued
 
 PATIENCE = "patience"
 WHO = {AgentName.PL: "the planner", AgentName.TA: "the robot"}
+_LEFT = (WorkerState.PREEMPTED, WorkerState.REPLAN)
+"""Final states of a plan that ta was asked to leave: it left it, or it wanted a new one when the word came."""
 NOT_A_COMMAND = "this is not a command; send PourInto, Take, PutDown or LookAround of language CMD"
 
 
@@ -66,13 +69,24 @@ def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
 def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     """Cancel a task of hi: a waiting one ends at once, another one when pl or ta says so."""
     if job.stage not in (Stage.PLANNING, Stage.RUNNING):
-        words.cancelled(turn, job, "it had not begun")
+        words.cancelled(turn, job, "it was put aside" if job.suspended else "it had not begun")
         return memory.without_job(job)
-    if job.cancelling:
-        return memory
-    patience_s = limits.cancel_planning_s if job.stage is Stage.PLANNING else limits.cancel_acting_s / limits.speed
-    turn.say(job.talk, P.CANCEL, reply_by_s=patience_s)
+    if not (job.cancelling or job.suspending):
+        patience_s = limits.cancel_planning_s if job.stage is Stage.PLANNING else limits.cancel_acting_s / limits.speed
+        turn.say(job.talk, P.CANCEL, reply_by_s=patience_s)
     return memory.with_job(replace(job, cancelling=True))
+
+
+def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
+    """Have ta leave a task safely, as for a cancel; it is planned again when its turn comes. One that is only planned
+    waits at once.
+    """
+    if job.stage is Stage.PLANNED:
+        return _suspended(memory, turn, job)
+    turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_acting_s / limits.speed)
+    turn.log("suspend", conversation=job.conversation, rival=memory.jobs[1].conversation)
+    words.progress(turn, job, TaskState.RUNNING, "left for a more urgent task; what is held is put down first")
+    return memory.with_job(replace(job, suspending=True))
 
 
 # --- pl ---------------------------------------------------------------------------------------------------------------
@@ -115,6 +129,8 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory.without_job(job)
     if job.cancelling:
         return _cancelled(memory, turn, job, words.reason(said))
+    if isinstance(said, sw.Report) and said.state in _LEFT and job.suspending:
+        return _suspended(memory, turn, job)
     if isinstance(said, sw.Report) and said.state is WorkerState.REPLAN:
         return _on_replan(memory, turn, job, said, limits)
     return _failed(memory, turn, job, words.reason(said) or _without_reason(received))
@@ -128,7 +144,7 @@ def _without_reason(received: Received) -> str:
 def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memory:
     text = said.at or said.reason or said.state
     if said.state is not WorkerState.RUNNING and said.at:
-        text = f"{said.state} at {said.at}"
+        text = f"{said.state} at {said.at}" + (f": {said.reason}" if said.reason else "")
     if text == job.at:
         return memory
     words.progress(turn, job, TaskState.RUNNING, text)
@@ -138,10 +154,18 @@ def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memor
 def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Limits) -> Memory:
     """Have the task planned again with the new observations; give up after `replans` plans."""
     why = said.reason or "the robot wants a new plan"
-    if job.plans > limits.replans:
+    if job.plans - job.suspended > limits.replans:
         return _failed(memory, turn, job, f"given up after {job.plans} plans; the last one: {why}")
     turn.log("replan", conversation=job.conversation, plans=job.plans, why=why)
     return memory.with_job(replace(job, stage=Stage.WAITING, talk="", at=why))
+
+
+def _suspended(memory: Memory, turn: Turn, job: Job) -> Memory:
+    """Put a task aside that ta has left; it waits like others, for a plan made of what the world is then."""
+    words.progress(turn, job, TaskState.SUSPENDED, "a more urgent task comes first")
+    job = replace(job, stage=Stage.WAITING, talk="", plan=None, at="", suspending=False, aside=True)
+    memory = memory.with_job(replace(job, suspended=job.suspended + 1))
+    return replace(memory, jobs=queued(memory.jobs, turn.now))
 
 
 # --- ends -------------------------------------------------------------------------------------------------------------
@@ -161,7 +185,7 @@ def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     """Row T: tell hi, cancel at the peer (if not done yet), and keep the conversation as loose."""
     who = WHO[AgentName(turn.conversation(job.talk).peer)]
     turn.log("late", level="warning", conversation=job.talk, task=job.conversation)
-    if not job.cancelling:
+    if not (job.cancelling or job.suspending):
         turn.say(job.talk, P.CANCEL)
     words.failed(turn, job, f"{who} did not answer in time")
     turn.wake(PATIENCE, turn.now + limits.patience_s)
@@ -170,14 +194,14 @@ def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
 
 def _on_broken(memory: Memory, turn: Turn, name: str, why: str, limits: Limits) -> Memory:
-    """End the task of a broken conversation: the peer sent what could not be taken."""
+    """End the task of a broken conversation: the peer sent what could not be taken, or lost its memory."""
     if (job := memory.of_hi(name)) is not None:
         return cancel(memory, turn, job, limits)
     if (job := memory.of_talk(name)) is None:
         return memory
     if job.cancelling:
         return _cancelled(memory, turn, job, why)
-    return _failed(memory, turn, job, f"what came back was not understood: {why}")
+    return _failed(memory, turn, job, f"the conversation broke: {why}")
 
 
 def _out_of_patience(memory: Memory, turn: Turn) -> Memory:

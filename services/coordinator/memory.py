@@ -1,8 +1,9 @@
-"""Memory of co between two steps: tasks in order of arrival, conversations that outlive their task.
+"""Memory of co between two steps: tasks in the order in which they are done, conversations that outlive their task.
 
 One task at a time: the first job is planned and run, the others wait. Must not know: messages, clocks.
 """
 
+from collections.abc import Iterator
 from enum import StrEnum
 
 import msgspec
@@ -22,11 +23,27 @@ class Limits(msgspec.Struct, frozen=True):
     replans: int = 6  # new plans of one task before it is given up (estimate)
     looks: int = 120  # requests while the robot looks around; km holds each for 5 s, so 10 min (estimate)
     waiting: int = 5  # open tasks: an agree and two last messages each stay below the outbox bound if hi is dead
+    act_s: float = 20.0  # of each act: ta's margin of 10 s, and what lies between acts: 7 s at a load of 24 (measured)
+    ask_s: float = 5.0  # of each question to km; estimate: milliseconds, and a second at such a load
+    end_s: float = 50.0  # 20 s until a stopped act has ended, 30 s until km has what was seen (services.task)
     speed: float = 1.0  # simulated seconds per wall second; "max" counts as 1: it is not slower (estimate)
 
     def acting_s(self, plan: hfsm.HierarchicalPlan) -> float:
-        """Return the reply-by of a plan [s from now]: five times its planned duration plus 10 s, at this speed."""
-        return (5.0 * plan.duration + 10.0) / self.speed
+        """Return the reply-by of a plan [s from now]: five times its planned duration, at this speed, and what ta
+        allows besides.
+
+        Longer than what ta gives all its acts together, so that on a busy machine ta, which asks for a new plan then,
+        gives a late act up before the task fails here; who is dead or hangs, others see in seconds.
+        """
+        leaves = [*_leaves(plan.root)]
+        acts, asks = (sum(isinstance(one, kind) for one in leaves) for kind in (hfsm.ActState, hfsm.AskState))
+        return 5.0 * plan.duration / self.speed + acts * self.act_s + asks * self.ask_s + self.end_s
+
+
+def _leaves(machine: hfsm.Machine) -> Iterator[hfsm.State]:
+    """Yield the leaves of a plan, of its ways to safety, too."""
+    for state in (*machine.states, *((machine.safe,) if machine.safe is not None else ())):
+        yield from _leaves(state) if isinstance(state, hfsm.Machine) else (state,)
 
 
 class Stage(StrEnum):
@@ -50,7 +67,8 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING) or ta (RUNNING).
 
     `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
-    `looks`: how often the plan had to wait for a look around.
+    `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for a more urgent
+    one; `suspended`: how often that was done, and `aside`: it waits for its turn since.
     """
 
     conversation: str
@@ -63,6 +81,14 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     plan: hfsm.HierarchicalPlan | None = None
     at: str = ""
     cancelling: bool = False
+    suspending: bool = False
+    suspended: int = 0
+    aside: bool = False
+
+    @property
+    def begun(self) -> bool:
+        """Whether it is under way: planned, or asked to be, since it came or was put aside."""
+        return not self.aside and (self.stage is not Stage.WAITING or self.plans > 0 or self.looks > 0)
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -114,8 +140,19 @@ def plan_wanted(memory: Memory) -> bool:
 
 
 def choice_open(memory: Memory) -> bool:
-    """Whether there is a plan, and no decision on it."""
-    return memory.first is not None and memory.first.stage is Stage.PLANNED and memory.choice is Choice.OPEN
+    """Whether there is a plan or a more urgent task, and no decision on it."""
+    planned = memory.first is not None and memory.first.stage is Stage.PLANNED
+    return memory.choice is Choice.OPEN and (planned or overtaken(memory) is not None)
+
+
+def overtaken(memory: Memory) -> Job | None:
+    """Return the task that runs or could, where a more urgent one waits, and nobody has asked ta to leave it."""
+    job = memory.first
+    if job is None or job.stage not in (Stage.PLANNED, Stage.RUNNING) or job.cancelling or job.suspending:
+        return None
+    if len(memory.jobs) < 2:
+        return None
+    return job if memory.jobs[1].command.urgency > job.command.urgency else None
 
 
 def triggered(memory: Memory) -> bool:
@@ -151,7 +188,8 @@ def switched(memory: Memory) -> bool:
 
 def switch_failed(memory: Memory) -> bool:
     """Whether there is no plan to switch to."""
-    return switch(memory) and (memory.first is None or memory.first.stage is not Stage.PLANNED)
+    planned = memory.first is not None and memory.first.stage is Stage.PLANNED
+    return switch(memory) and not planned and overtaken(memory) is None
 
 
 CONDITIONS = {

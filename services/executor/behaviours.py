@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.events import Local, Received, Started, Woken
+from agent_runtime.core.events import Broken, Local, Received, Started, Woken
 from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.design import AgentName
@@ -21,7 +21,9 @@ from services.executor import local, words
 from services.executor.acting import PATIENCE, follow, lost, start
 from services.executor.local import Brake, Crashed, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
 from services.executor.memory import CONDITIONS, Act, Memory, Soft
+from services.executor.remembered import Remembered
 
+NEW_WORLD = "the simulated world was lost with its loop, and a new one was made; the robot has to look around again"
 SKILL_WITHIN_S = 60.0  # estimate: the longest computation of a skill, a planned path home, takes some seconds
 
 
@@ -93,6 +95,8 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
         case None | Started():
             turn.wake(PATIENCE, turn.now + SKILL_WITHIN_S)
             turn.tell(Where(memory.number))
+        case Local(content=Stands(number=number, felt=felt)) if number == memory.number and _elsewhere(memory, felt):
+            return _new_world(memory, felt)
         case Local(content=Stands(number=number, felt=felt)) if number == memory.number:
             turn.tell(Perform(number, act.command, memory.remembered, felt))
             return replace(memory, soft=replace(memory.soft, felt=felt))
@@ -111,7 +115,7 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
             return _given_up(
                 memory, turn, NotDoneKind.INTERRUPTED, f"the skill found no motion in {SKILL_WITHIN_S:g} s"
             )
-        case Received(communicate=word, conversation=name) if _cancels(act, word.performative, name):
+        case Received() | Broken() as event if _called_off(act, event):
             memory = replace(memory, act=replace(act, cancelling=True))
             return _given_up(memory, turn, NotDoneKind.CANCELLED, "cancelled before anything moved")
         case _:
@@ -124,8 +128,10 @@ def _required(memory: Memory) -> Act:
     return memory.act
 
 
-def _cancels(act: Act, performative: Performative, conversation: str) -> bool:
-    return performative is Performative.CANCEL and conversation == act.conversation
+def _called_off(act: Act, event: Received | Broken) -> bool:
+    """Whether ta cancels the act, or knows nothing of it any more."""
+    called = isinstance(event, Broken) or event.communicate.performative is Performative.CANCEL
+    return called and event.conversation == act.conversation
 
 
 def _given_up(memory: Memory, turn: Turn, kind: str, reason: str) -> Memory:
@@ -146,7 +152,7 @@ def carry_out(memory: Memory, turn: Turn) -> Memory:
             return start(memory, turn)
         case Started():
             return lost(memory, "the executor was restarted during the act")
-        case Received(communicate=word, conversation=name) if _cancels(act, word.performative, name):
+        case Received() | Broken() as event if _called_off(act, event):
             return replace(memory, act=replace(act, cancelling=True))
         case Received():
             return _declined(memory, turn)
@@ -166,10 +172,12 @@ def stop_act(memory: Memory, turn: Turn) -> Memory:
         case Started():
             return _halted(lost(memory, act.lost or "the executor was restarted while it stopped"), turn)
         case Local(content=Stands(number=number, felt=felt)) if act.lost and number == memory.number:
+            if _elsewhere(memory, felt):
+                return _new_world(memory, felt)
             kept = _where(memory, felt)
             outcome = kept.remembered.not_done(act.command.key, NotDoneKind.UNKNOWN, act.lost)
             return replace(kept, act=replace(act, outcome=outcome))
-        case Received(communicate=word, conversation=name) if _cancels(act, word.performative, name):
+        case Received() | Broken() as event if _called_off(act, event):
             return replace(memory, act=replace(act, cancelling=True))
         case Received():
             return _declined(memory, turn)
@@ -190,7 +198,21 @@ def _halted(memory: Memory, turn: Turn) -> Memory:
 
 def _where(memory: Memory, felt: Felt) -> Memory:
     q = tuple(float(x) for x in np.asarray(felt.setpoint()))
-    return replace(memory, remembered=replace(memory.remembered, q=q, head=felt.head, time=felt.time))
+    epoch = memory.remembered.epoch or felt.epoch  # another one is noted when it is told
+    return replace(memory, remembered=replace(memory.remembered, q=q, head=felt.head, time=felt.time, epoch=epoch))
+
+
+def _elsewhere(memory: Memory, felt: Felt) -> bool:
+    """Whether the simulated world is another one than that of which ex knows something."""
+    return memory.remembered.epoch not in ("", felt.epoch)
+
+
+def _new_world(memory: Memory, felt: Felt) -> Memory:
+    """Forget all, and say so: what a hand held and where things were is known of no thing in this world."""
+    memory = _where(replace(memory, remembered=Remembered()), felt)
+    act = _required(memory)
+    outcome = rc.NotDone(act.command.key, NotDoneKind.NEW_WORLD, NEW_WORLD)
+    return replace(memory, act=replace(act, outcome=outcome))
 
 
 # --- reporting --------------------------------------------------------------------------------------------------------

@@ -19,7 +19,8 @@ class Felt(msgspec.Struct, frozen=True):
     """Measurements of the loop: how a motion ended (phase of the loop, "" if there was none), and the posture.
 
     `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per side, which fingers
-    touched, mean angle [rad]. `world`: all coordinates of the world model, for the receptor only.
+    touched, mean angle [rad]. `world`: all coordinates of the world model, for the receptor only. `epoch`: name of the
+    simulated world, "" of a real one.
     """
 
     q: bytes
@@ -27,6 +28,7 @@ class Felt(msgspec.Struct, frozen=True):
     head: tuple[float, float]
     time: float
     world: bytes = b""
+    epoch: str = ""
     ended: str = ""
     reason: str = ""
     touched: dict[str, tuple[bool, bool, bool]] = {}

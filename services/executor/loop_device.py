@@ -6,15 +6,16 @@ fault is released when the agent asks for the posture; a person's stop is not.
 A wait for the loop ends after a number of looks, not at a time: a machine that suspends this process loses no motion.
 """
 
-import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from queue import Empty
 
 import numpy as np
 
 from agent_runtime.io.devices import Post
+from agent_runtime.io.one_reader import OneReaderQueue
 from services.executor.local import Brake, Do, Felt, Halt, Lost, Moved, Stands, ToLoop, Where
 from services.executor.loop.link import AgentLink, LoopCommand, LoopState, Told
 from services.executor.loop.program import Cancel, Mode, Phase, Release
@@ -41,8 +42,7 @@ class LoopDevice:
 
     def __init__(self, post: Post, path: Path) -> None:
         self._post, self._path = post, path
-        # No SimpleQueue: in CPython 3.11 its get with a time-out may never come back (seen on 3.11.2 and 3.11.7).
-        self._words: queue.Queue[ToLoop | None] = queue.Queue()
+        self._words = OneReaderQueue[ToLoop | None]()
         self._link: AgentLink | None = None
         self._thread = threading.Thread(target=self._serve, name="loop link", daemon=True)
         self._thread.start()
@@ -103,7 +103,7 @@ class LoopDevice:
                 self._post(Stands(number, self._rest(link)))
                 return True
             except Gone:
-                if not self._words.empty():
+                if len(self._words):
                     return True  # a newer message, or the end
                 time.sleep(IDLE_S)
 
@@ -133,8 +133,8 @@ class LoopDevice:
     def _meanwhile(self, link: AgentLink, word: Do) -> bool:
         """Take what is asked while a motion runs; return False if the thread has to end."""
         try:
-            asked = self._words.get(timeout=BEAT_S)
-        except queue.Empty:
+            asked = self._words.get(BEAT_S)
+        except Empty:
             return True
         if isinstance(asked, Brake):
             self._command(link, Cancel(asked.key))
@@ -190,6 +190,7 @@ def _felt(state: LoopState, told: Told, ended: Phase, reason: str) -> Felt:
         head=(float(state.head[0]), float(state.head[1])),
         time=state.time_s,
         world=state.world,
+        epoch=state.epoch,
         ended=str(ended),
         reason=reason,
         touched={side: report.hand(side).touched for side in SIDES},

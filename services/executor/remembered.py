@@ -23,7 +23,7 @@ class Remembered(msgspec.Struct, frozen=True):
     """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first message of the loop.
 
     `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
-    `time`: simulated [s].
+    `time`: simulated [s]. `epoch`: name of the simulated world in which all that is so, "" of a real one.
     """
 
     q: tuple[float, ...] = ()
@@ -32,6 +32,7 @@ class Remembered(msgspec.Struct, frozen=True):
     seen: dict[str, rs.Seen] = {}
     held: dict[Side, Holding] = {}
     time: float = 0.0
+    epoch: str = ""
 
     def posture(self) -> BodyPosture | None:
         """Return the posture for a communicate; None before it is known."""

@@ -61,8 +61,8 @@ class Stage:
         )
 
 
-def remembered(here: Situation) -> Remembered:
-    """Return a situation as plain data."""
+def remembered(here: Situation, epoch: str) -> Remembered:
+    """Return a situation as plain data; `epoch` names its world."""
     seen = {
         name: rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), here.time) for name, pose in here.seen.items()
     }
@@ -72,7 +72,7 @@ def remembered(here: Situation) -> Remembered:
     }
     fingers = {Side(side): float(angle) for side, angle in here.fingers.items()}
     head = (float(here.head[0]), float(here.head[1]))
-    return Remembered(tuple(float(x) for x in here.q), head, fingers, seen, held, float(here.time))
+    return Remembered(tuple(float(x) for x in here.q), head, fingers, seen, held, float(here.time), epoch)
 
 
 def serve(link: Link) -> None:
@@ -87,16 +87,20 @@ def _act(link: Link, stage: Stage, word: Perform) -> Perform | Feel:
     """Run one skill; return the first message that does not belong to it."""
     here = stage.situation(word.remembered, word.felt)
     work = perform(here, word.command)
+
+    def kept() -> Remembered:
+        return remembered(here, word.felt.epoch)
+
     try:
         motion = next(work)
         while True:
-            link.send(Move(word.number, motion, _expected(word.command, motion), remembered(here)))
+            link.send(Move(word.number, motion, _expected(word.command, motion), kept()))
             reply: Perform | Feel = link.recv(ToSkill)
             if not isinstance(reply, Feel) or reply.number != word.number:
                 return reply
             motion = work.send(stage.sensed(reply.felt))
     except StopIteration as stop:
-        link.send(Ended(word.number, stop.value, remembered(here)))
+        link.send(Ended(word.number, stop.value, kept()))
         timing.loaded()  # loaded now, while nobody waits: the first act is a look, which does not need it
     following: Perform | Feel = link.recv(ToSkill)
     return following

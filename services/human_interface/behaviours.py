@@ -8,20 +8,25 @@ from typing import Any
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.events import Broken, Local, PeerChanged, Received, Started
+from agent_runtime.core.events import Broken, Local, PeerChanged, Received, Started, Woken
 from agent_runtime.core.turn import Turn
 from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import cmd
 from companion.languages.cmd import TaskState
-from companion.run_files import REFUSED, HiEvent, TaskLine
+from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, TaskLine
 from fipa_codec.performatives import Performative as P
-from services.human_interface import local, words
-from services.human_interface.grammar import CancelTask, NotUnderstood, TellStatus, in_words, understand
-from services.human_interface.local import Answer, CancelWanted, Said, Shown, Told
+from services.human_interface import answers, local, words
+from services.human_interface.catalogue import say
+from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
+from services.human_interface.wishes import Act, Ask, Tell, in_words, outcome, things_of, with_mentioned
 from services.human_interface.words import REACHABLE, UNREACHABLE
 
+ANSWER_WITHIN_S = (
+    10.0  # estimate: co agrees within milliseconds; one that hangs is killed after 6 s (docs/run-folder.md)
+)
+STAYS_HELD = "I am stopped and stay so until `roco release`; then say it again"
 NO_CO = "there is no coordinator yet; try again in a moment, and see `roco status`"
 
 
@@ -31,16 +36,48 @@ NO_CO = "there is no coordinator yet; try again in a moment, and see `roco statu
 def listen(memory: Memory, turn: Turn) -> Memory:
     """State listening: note what a person says, and news of co."""
     match turn.event:
-        case Local(content=Said() | CancelWanted() as word):
+        case Local(content=Said() | CancelWanted() | Halted() as word):
             return replace(memory, words=(*memory.words, word))
         case Received() as received:
-            return memory.with_news(*words.news(memory, received))
+            turn.unwake(received.conversation)
+            news = words.news(memory, received)
+            return _after(_answered(memory), turn, *news).with_news(*news)
         case Broken(conversation=name, reason=why):
-            return memory.with_news(words.failed(name, f"what the coordinator said was not understood: {why}"))
+            return memory.with_news(words.failed(name, f"the conversation with the coordinator broke: {why}"))
+        case Woken(name=task) if turn.holds(task) and not memory.away:
+            return _unanswered(memory, task)
         case Started():
             turn.tell(Shown(memory.tasks, memory.told))
         case PeerChanged(agent=AgentName.CO, incarnation=incarnation):
             return _presence(memory, away=incarnation is None)
+    return memory
+
+
+def _unanswered(memory: Memory, task: str) -> Memory:
+    """Tell people that co is there and says nothing to a task; the request is durable and stays."""
+    text = f"the coordinator has not answered for {ANSWER_WITHIN_S:g} s; your task goes on when it does"
+    return replace(memory, away=True).with_news(News(AgentName.CO, UNREACHABLE, text, task))
+
+
+def _answered(memory: Memory) -> Memory:
+    """Tell people, if they heard otherwise, that co answers."""
+    if not memory.away:
+        return memory
+    return replace(memory, away=False).with_news(News(AgentName.CO, REACHABLE, "the coordinator answers again"))
+
+
+def _after(memory: Memory, turn: Turn, *news: News) -> Memory:
+    """Note what a look around told; cancel what was said after a task of the same sentence that was not done."""
+    for one in news:
+        if one.state == TaskState.DONE and one.task in memory.looks:
+            memory = memory.with_context(seen=one.text)
+        if one.state in FINAL:
+            later = [name for name, before in memory.follows if before == one.task]
+            follows = tuple(pair for pair in memory.follows if pair[1] != one.task)
+            looks = tuple(name for name in memory.looks if name != one.task)
+            memory = replace(memory, follows=follows, looks=looks)
+            for name in later if one.state != TaskState.DONE else ():
+                _, memory = _cancel(memory, turn, name)
     return memory
 
 
@@ -66,38 +103,87 @@ def interpret(memory: Memory, turn: Turn) -> Memory:
 
 
 def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
+    if isinstance(word, Halted):
+        return _halted(memory, turn, word)
     if isinstance(word, CancelWanted):
         line, memory = _cancel(memory, turn, word.task)
         problem = _nothing_to_cancel(memory, word.task)
         turn.tell(Answer(word.ticket, line) if line else Answer(word.ticket, problem=problem, status=404))
         return memory
-    match understand(word.text):
-        case NotUnderstood(text=text):
-            turn.tell(Answer(word.ticket, TaskLine("", REFUSED, text, word.text, turn.now)))
-            return memory.with_news(News(AgentName.HI, REFUSED, text))
-        case CancelTask(task=task):
+    found = outcome(word.meaning, memory.context)
+    memory = memory.with_context(options=found.options if isinstance(found, Ask) else ())
+    match found:
+        case Act(tasks=tasks):
+            return _ask(memory, turn, word, tasks)
+        case Ask(text=text, options=options):
+            return _told(memory, turn, word, QUESTION if options else REFUSED, text)
+        case Tell(does="stop"):
+            turn.tell(StopRobot(word.ticket, word.text))
+            return memory
+        case Tell(does="cancel", task=task):
             line, memory = _cancel(memory, turn, task)
             nothing = TaskLine("", REFUSED, _nothing_to_cancel(memory, task), word.text, turn.now)
             turn.tell(Answer(word.ticket, line or nothing))
             return memory
-        case TellStatus():
+        case Tell(does="cancel_all"):
+            return _cancel_all(memory, turn, word)
+        case Tell(does="status"):
             turn.tell(Answer(word.ticket, _status(memory, word.text, turn.now)))
             return memory
-        case wish:
-            return _ask(memory, turn, word, wish)
+        case Tell(does="release"):
+            return _told(memory, turn, word, REFUSED, say(word.meaning.language, "released"))
+        case Tell(does=does):
+            text = answers.ANSWERS[does](memory, word.meaning.language)
+            turn.tell(Answer(word.ticket, TaskLine("", ANSWERED, text, word.text, turn.now)))
+            return memory
 
 
-def _ask(memory: Memory, turn: Turn, word: Said, wish: cmd.Task) -> Memory:
-    """Request a new task, unless co is not there."""
+def _told(memory: Memory, turn: Turn, word: Said, state: str, text: str) -> Memory:
+    """Answer that no task came of the sentence, and why."""
+    turn.tell(Answer(word.ticket, TaskLine("", state, text, word.text, turn.now)))
+    return memory.with_news(News(AgentName.HI, state, text))
+
+
+def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) -> Memory:
+    """Request new tasks, unless the robot is stopped or co is not there."""
+    if word.held:
+        return _told(memory, turn, word, REFUSED, STAYS_HELD)
     if AgentName.CO not in turn.peers:
         turn.tell(Answer(word.ticket, problem=NO_CO, status=503))
         return memory
-    name = words.ask(turn, wish)
-    line = TaskLine(name, TaskState.WAITING, f"I will {in_words(wish)}.", word.text, turn.now)
-    memory = memory.with_task(line)
+    names: list[str] = []
+    for task in tasks:
+        memory, name = _request(memory, turn, word, task)
+        memory = memory.following(name, names[-1]) if names else memory
+        names.append(name)
     turn.tell(Shown(memory.tasks, memory.told))  # before the answer, whose reader may look at once
+    text = say(word.meaning.language, "i_will", in_words(tasks, word.meaning.language))
+    line = TaskLine(names[0], TaskState.WAITING, text, word.text, turn.now, tuple(names[1:]))
     turn.tell(Answer(word.ticket, line))
-    return memory.with_news(News(AgentName.HI, "asked", line.text, name))
+    return memory
+
+
+def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Memory, str]:
+    """Request a task. Return the memory and the name of the task."""
+    task = replace(task, urgency=word.urgency)
+    name = words.ask(turn, replace(task, deadline=turn.now + word.within_s) if word.within_s else task)
+    turn.wake(name, turn.now + ANSWER_WITHIN_S)
+    text = say(word.meaning.language, "i_will", in_words((task,), word.meaning.language))
+    memory = memory.with_task(TaskLine(name, TaskState.WAITING, text, word.text, turn.now))
+    memory = memory.with_context(mentioned=with_mentioned(memory.context.mentioned, *things_of(task)))
+    if isinstance(task, cmd.LookAround):
+        memory = replace(memory, looks=(*memory.looks, name))
+    return memory.with_news(News(AgentName.HI, "asked", text, name)), name
+
+
+def _cancel_all(memory: Memory, turn: Turn, word: Said) -> Memory:
+    """Cancel every task that has not ended; the answer is the oldest of them."""
+    lines = memory.open_tasks
+    for line in lines:
+        _, memory = _cancel(memory, turn, line.task)
+    nothing = TaskLine("", REFUSED, _nothing_to_cancel(memory, ""), word.text, turn.now)
+    turn.tell(Answer(word.ticket, lines[0] if lines else nothing))
+    return memory
 
 
 def _cancel(memory: Memory, turn: Turn, task: str) -> tuple[TaskLine | None, Memory]:
@@ -107,6 +193,16 @@ def _cancel(memory: Memory, turn: Turn, task: str) -> tuple[TaskLine | None, Mem
         return line, memory
     turn.say(line.task, P.CANCEL)
     return line, memory.with_news(News(AgentName.HI, "cancelling", "what is held is put down first", line.task))
+
+
+def _halted(memory: Memory, turn: Turn, word: Halted) -> Memory:
+    """Tell people of a stop or its end. Where the stop did not reach the robot, all tasks are cancelled instead."""
+    if word.held and not word.reached:
+        memory = memory.with_news(News(AgentName.HI, REFUSED, word.text))
+        for line in memory.open_tasks:
+            _, memory = _cancel(memory, turn, line.task)
+        return memory
+    return memory.with_news(News(AgentName.HI, STOPPED if word.held else RELEASED, word.text))
 
 
 def _nothing_to_cancel(memory: Memory, task: str) -> str:
@@ -132,11 +228,18 @@ def tell(memory: Memory, turn: Turn) -> Memory:
         if line is not None and news.state:
             since = turn.now if line.state != news.state else line.since
             text = news.text if news.text or news.state in FINAL else line.text
-            memory = memory.with_task(replace(line, state=news.state, text=text, since=since))
+            memory = memory.with_task(
+                replace(line, state=news.state, text=text, since=since, accepted=line.accepted or _taken(news))
+            )
         memory = replace(memory, told=memory.told + 1)
         turn.tell(Told(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))
     turn.tell(Shown(memory.tasks, memory.told))
     return replace(memory, news=())
+
+
+def _taken(news: News) -> bool:
+    """Whether co says of a task what it only says of one that it took."""
+    return news.state not in ("", TaskState.FAILED)
 
 
 def agent() -> Agent[Memory]:

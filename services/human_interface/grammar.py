@@ -1,178 +1,303 @@
-"""The sentences that a person may say, as a small grammar; from sentence to command of language CMD.
+"""From the words of a sentence to its meaning, by the catalogue: an Earley parser over words.
 
-    pour    = "pour" ["out"] [["the"] ("content" | "contents") "of"] thing ("into" | "in" | "to") thing
-    take    = ("take" | "grab" | "get" | "grasp" | "bring" | "fetch" | "pick up") ["out"] ["me"] thing ["out"] [hand]
-              | "pick" thing "up" [hand]
-    hand    = ("with" | "in" | "using") ["the" | "your"] ("left" | "right") ["hand" | "arm"]
-    putdown = ("put" | "set") ("down" thing | thing "down") [table] | ("put" | "set") thing table
-    table   = ("on" | "onto") ["the"] "table"
-    look    = "look" ["around"]
-    cancel  = ("cancel" | "stop") [task]
-    status  = "status"
-    thing   = ["the" | "a" | "an" | "this" | "that" | "my"] word {word}          (no word of the grammar, no pronoun)
-
-Case, punctuation and polite words do not matter. Anything else is answered with the sentences that are understood and
-the most similar one. Must not know: HTTP, the coordinator, which things there are (km knows).
+A sentence has at most MOST_CHARACTERS, MOST_WORDS and MOST_WISHES, so that the time of a parse is bounded; it is for
+the thread that listens to people, never of the agent's step. Must not know: HTTP, tasks, what was said before.
 """
 
 import difflib
 import re
+from collections.abc import Iterator
+from typing import Any
 
-import msgspec
+from lark import Lark, Token, Tree
+from lark.exceptions import LarkError
+from lark.lexer import Lexer
 
-from companion.languages import cmd
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES, bare, phrases
+from services.human_interface.meaning import Clause, Meaning, Thing
 
-LONGEST_SENTENCE = 500  # characters; estimate: nobody speaks longer
-NEAR = 0.75  # similarity from which another verb may be a typing error; "dance" has 0.73 to "cancel" (measured)
-LONGEST_THING = 30  # characters: two of them fit the 250 bytes of a request on C2
+MOST_CHARACTERS = 200
+MOST_WORDS = 51  # and marks; as many as four wishes have as hi itself says them
+MOST_WISHES = 4
+MOST_SEPARATORS = 3 * MOST_WISHES  # a comma within a wish, ", and" after it; many cost the parser most (measured)
+MOST_STRANGE = 3  # words that nobody knows; with more the sentence is of something else (estimate)
+NEAR = 0.75  # similarity from which an unknown word may be a typing error (as difflib counts; estimate)
+SHORT = 3  # letters below which no word is taken for another one (estimate; a guess is only ever asked)
 
-
-class CancelTask(msgspec.Struct, frozen=True):
-    """Cancel a task; "" is the oldest one that has not ended."""
-
-    task: str = ""
-
-
-class TellStatus(msgspec.Struct, frozen=True):
-    """Tell the status."""
-
-
-class NotUnderstood(msgspec.Struct, frozen=True):
-    """A polite refusal: what is understood, and the most similar sentence."""
-
-    text: str
+_TASK = re.compile(r"hi-\d+-\d+")
+_WORDS = re.compile(r"hi-\d+-\d+|[^\W_]+|[,.;:!?]")
+_PART = re.compile(r"[()|\[\]]|[^\W\d]+")
 
 
-Wish = cmd.PourInto | cmd.Take | cmd.PutDown | cmd.LookAround | CancelTask | TellStatus
+class _Groups:
+    """Patterns of a language as lark writes them; each choice is a rule of its own, which keeps the grammar small."""
 
-EXAMPLES = (
-    "pour the content of the jar into the bowl",
-    "pour the jar into the bowl",
-    "take the jar",
-    "take the jar with the left hand",
-    "put down the jar",
-    "put the jar down",
-    "look around",
-    "cancel",
-    "status",
-)
-UNDERSTOOD = "pour the X into the Y; take the X [with the left|right hand]; put down the X; look around; cancel; status"
+    def __init__(self, language: str) -> None:
+        self._language = language
+        self._names: dict[str, str] = {}
 
-_POLITE = re.compile(
-    r"\b(?:please|kindly|thanks|thank you|hello|hi|hey|dear|robot|velma"
-    r"|(?:can|could|will|would) you|i (?:want|would like|need) you to|be so kind (?:and|as to)|for me)(?![\w-])"
-)
-_NOISE = re.compile(r"[^\w\s-]|_")
-_ARTICLE = r"(?:(?:the|a|an|this|that|my) )?"
-_HAND = r"(?: (?:with|in|using) (?:(?:the|your) )?(?P<side>left|right)(?: (?:hand|arm))?)?"
-_TAKE = r"(?:take|grab|get|grasp|bring|fetch|pick up)(?: out)?(?: me)?"
+    def pattern(self, text: str) -> str:
+        """Return a pattern of the catalogue."""
+        parts = [[""]]
+        for part in _PART.findall(text):
+            if part in "([":
+                parts.append([""])
+            elif part in ")]":
+                group = " | ".join(parts.pop())
+                parts[-1][-1] += f" {self._named(group)}{'?' if part == ']' else ''}"
+            elif part == "|":
+                parts[-1].append("")
+            else:
+                parts[-1][-1] += f" {_symbol(part, self._language)}"
+        (whole,) = parts
+        return " | ".join(whole)
 
+    def _named(self, group: str) -> str:
+        return self._names.setdefault(group, f"group_{self._language}_{len(self._names)}")
 
-def _thing(name: str) -> str:
-    return rf"{_ARTICLE}(?P<{name}>.+?)"
-
-
-_CONTENT = r"(?:(?:the )?contents? of )?"
-_POUR = re.compile(rf"pour(?: out)? {_CONTENT}{_thing('source')} (?:into|in|to) {_thing('destination')}")
-_TABLE = r"(?: (?:on|onto) (?:the )?table)"
-_TAKES = (re.compile(rf"{_TAKE} {_thing('object')}(?: out)?{_HAND}"), re.compile(rf"pick {_thing('object')} up{_HAND}"))
-_PUTS = (
-    re.compile(rf"(?:put|set) down {_thing('object')}{_TABLE}?"),
-    re.compile(rf"(?:put|set) {_thing('object')} down{_TABLE}?"),
-    re.compile(rf"(?:put|set) {_thing('object')}{_TABLE}"),
-)
-_NAMELESS = re.compile(r"out|the|a|an|this|that|my|it|me|you|them|him|her|something|anything|everything")
-_OF_GRAMMAR = re.compile(
-    r"\b(?:the|it|me|and|or|then|with|using|in|into|on|onto|to|of|from|down|up|pour|take|grab|put|cancel|stop)\b"
-)
-_LOOK = re.compile(r"look(?: around)?")
-_CANCEL = re.compile(r"(?:cancel|stop)(?: (?P<task>hi-\d+-\d+))?(?: (?:it|that|this|the task))?")
-_STATUS = re.compile(r"status")
+    def rules(self) -> Iterator[str]:
+        """The rules of the choices."""
+        return (f"{name}: {group}" for group, name in self._names.items())
 
 
-def understand(sentence: str) -> Wish | NotUnderstood:
-    """Return the wish of a sentence, or a refusal; never raises."""
-    if len(sentence) > LONGEST_SENTENCE:
-        return NotUnderstood(f"That is longer than {LONGEST_SENTENCE} characters. I understand: {UNDERSTOOD}.")
-    words = plain(sentence)
-    wish = _pour(words) or _take(words) or _put_down(words) or _of_robot(words)
-    return wish or _refusal(words)
+def _symbol(part: str, language: str) -> str:
+    if part in "()[]|" or part == "TASK":
+        return part
+    return f"{part.lower()}_{language}" if part.isupper() else _terminal(bare(part))
 
 
-def plain(sentence: str) -> str:
-    """Return the sentence in small letters, without punctuation and polite words, with single blanks."""
-    bare = " ".join(_NOISE.sub(" ", sentence.lower()).split())
-    return " ".join(_POLITE.sub(" ", bare).split())
+def _terminal(word: str) -> str:
+    return f"T_{word.upper()}"
 
 
-def in_words(wish: Wish) -> str:
-    """Return a sentence from which `understand` gets the same wish."""
-    match wish:
-        case cmd.PourInto(source=source, destination=destination):
-            return f"pour the content of the {source} into the {destination}"
-        case cmd.Take(object=thing, side=""):
-            return f"take the {thing}"
-        case cmd.Take(object=thing, side=side):
-            return f"take the {thing} with the {side} hand"
-        case cmd.PutDown(object=thing):
-            return f"put down the {thing}"
-        case cmd.LookAround():
-            return "look around"
-        case CancelTask(task=task):
-            return f"cancel {task}".strip()
-        case TellStatus():
-            return "status"
+def _alternatives(text: str) -> str:
+    return " | ".join(" ".join(map(_terminal, words)) for words in phrases(text))
 
 
-def _pour(words: str) -> cmd.PourInto | NotUnderstood | None:
-    found = _POUR.fullmatch(words)
-    if found is None:
+def _rules(language: str) -> Iterator[str]:
+    """The rules of a language."""
+    groups = _Groups(language)
+    for at, row in enumerate(CATALOGUE.wish):
+        patterns = {f"form_{language}_{at}_{n}": one for n, one in enumerate(getattr(row, language))}
+        yield f"wish_{language}_{at}: {' | '.join(patterns)}"
+        yield from (f"{name}: {groups.pattern(one)}" for name, one in patterns.items())
+    yield f"clause_{language}: {' | '.join(f'wish_{language}_{at}' for at in range(len(CATALOGUE.wish)))}"
+    yield f"joining_{language}: {_alternatives(CATALOGUE.joining[language])}"
+    yield f"sep_{language}: COMMA | COMMA? joining_{language} COMMA?"
+    more = f"(sep_{language} clause_{language})"  # one more than are taken is told, further ones cost time alone
+    yield f"all_{language}: clause_{language} {more}~0..{MOST_WISHES}"
+    for name, text in CATALOGUE.rule[language].items():
+        yield f"{name.lower()}_{language}: {groups.pattern(text)}"
+    for side, words in CATALOGUE.side.items():
+        yield f"{side}_{language}: {_alternatives(words[language])}"
+    yield f"side_{language}: {' | '.join(f'{side}_{language}' for side in CATALOGUE.side)}"
+    for thing in CATALOGUE.thing:
+        yield f"n_{thing.name}_{language}: {_alternatives('|'.join(getattr(thing, language)))}"
+    yield f"noun_{language}: {' | '.join(f'n_{thing.name}_{language}' for thing in CATALOGUE.thing)}"
+    this = f"det_{language}? quality_{language}*"
+    yield f"named_{language}: {this} noun_{language} NUMBER? place_{language}?"
+    yield f"strange_{language}: WORD WORD? WORD?"
+    yield f"unknown_{language}: {this} strange_{language} place_{language}?"
+    ref = " | ".join(f"{one}_{language} noun_{language}?" for one in ("it", "other", "both"))
+    yield f"thing_{language}: named_{language} | {ref} | unknown_{language}"
+    yield from groups.rules()
+
+
+def _text(language: str) -> str:
+    rules = list(_rules(language))
+    words = sorted({word for rule in rules for word in re.findall(r"T_[A-Z]+", rule)})
+    return "\n".join((f"start: all_{language}", *rules, f"%declare WORD NUMBER COMMA TASK {' '.join(words)}"))
+
+
+class _Words(Lexer):
+    """The words of a list as terminals: each word of the catalogue has its own."""
+
+    def __init__(self, conf: Any) -> None:
+        self._known = {terminal.name for terminal in conf.terminals}
+
+    def lex(self, words: Any) -> Iterator[Token]:  # type: ignore[override]
+        """Yield a token for each word."""
+        for word in words:
+            yield Token(kind_of(word), word)
+
+
+def kind_of(word: str) -> str:
+    """Return the terminal of a word."""
+    if word == ",":
+        return "COMMA"
+    if _TASK.fullmatch(word):
+        return "TASK"
+    if word.isdecimal():
+        return "NUMBER"
+    return _terminal(word) if word in VOCABULARY else "WORD"
+
+
+_TEXTS = {language: _text(language) for language in LANGUAGES}
+_WORDS_OF = {
+    language: frozenset(word.lower() for word in re.findall(r"T_([A-Z]+)", text)) for language, text in _TEXTS.items()
+}
+VOCABULARY = frozenset[str]().union(*_WORDS_OF.values())
+_PARSERS = {
+    language: Lark(text, parser="earley", lexer=_Words, maybe_placeholders=False) for language, text in _TEXTS.items()
+}
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+def understand(sentence: str) -> Meaning:
+    """Return the meaning of a sentence; never raises."""
+    if len(sentence) > MOST_CHARACTERS:
+        return Meaning(why="long")
+    words = _split(sentence)
+    if len(words) > MOST_WORDS:
+        return Meaning(why="long")
+    polite, plain = _polite(words), tuple(_commas(words))
+    separators = sum(word == "," or word in _JOINING for word in polite)
+    if separators > MOST_SEPARATORS:
+        return Meaning(_language(words), why="many")
+    run = tuple(word for word in polite if word != ",")  # Polish has commas within a wish
+    readings = [reading for reading in dict.fromkeys((polite, plain, run)) if reading]
+    found = next((meaning for reading in readings if (meaning := _parsed(reading)) is not None), None)
+    if found is not None and not _strange(found):
+        return found
+    for reading in readings:
+        if (near := _corrected(reading)) != reading and (guess := _parsed(near)) is not None and not _strange(guess):
+            return Meaning(guess.language, guess.clauses, guessed=True)
+    if found is not None:
+        return found
+    strange = next((word for word in words if kind_of(word) == "WORD"), "")
+    return Meaning(_language(words), why="many" if separators > MOST_WISHES else "sorry", strange=strange)
+
+
+def _strange(meaning: Meaning) -> bool:
+    """Whether a thing is called by a word that nobody knows."""
+    return any(not (thing.kinds or thing.ref) for clause in meaning.clauses for thing in clause.things)
+
+
+def _split(sentence: str) -> tuple[str, ...]:
+    """The words, and a comma for every mark that parts them."""
+    return tuple("," if one in ",.;:!?" else one for one in _WORDS.findall(bare(sentence)))
+
+
+def _commas(words: tuple[str, ...]) -> Iterator[str]:
+    """The words with no comma first, last or twice."""
+    before = ","
+    kept = list(words)
+    while kept and kept[-1] == ",":
+        kept.pop()
+    for word in kept:
+        if word != "," or before != ",":
+            yield word
+        before = word
+
+
+def _polite(words: tuple[str, ...]) -> tuple[str, ...]:
+    """The words without polite ones: some are left out wherever they stand, some at the beginning of a wish."""
+    words = tuple(_without(words, _ANYWHERE, opening=False))
+    words = tuple(_commas(words))
+    return tuple(_commas(tuple(_without(words, _OPENING, opening=True))))
+
+
+def _without(words: tuple[str, ...], lists: tuple[tuple[str, ...], ...], *, opening: bool) -> Iterator[str]:
+    at, begins = 0, True
+    while at < len(words):
+        found = next((one for one in lists if words[at : at + len(one)] == one), None)
+        if found and (begins or not opening) and at + len(found) < len(words) + (not opening):
+            at += len(found)
+            continue
+        begins = words[at] == "," or words[at] in _JOINING
+        yield words[at]
+        at += 1
+
+
+def _parsed(words: tuple[str, ...]) -> Meaning | None:
+    """The meaning in the first language whose words these are and that has such a sentence."""
+    if sum(kind_of(word) == "WORD" for word in words) > MOST_STRANGE:
         return None
-    source, destination = found["source"], found["destination"]
-    if source == destination:
-        return NotUnderstood(f"I cannot pour the {source} into itself. Into what else shall I pour it?")
-    return _unfit(source, destination) or cmd.PourInto(source, destination)
+    ours = VOCABULARY.intersection(words)
+    possible = (language for language in LANGUAGES if ours <= _WORDS_OF[language])
+    return next((found for language in possible if (found := _parsed_in(language, words)) is not None), None)
 
 
-def _take(words: str) -> cmd.Take | NotUnderstood | None:
-    found = _first(_TAKES, words)
-    return found and (_unfit(found["object"]) or cmd.Take(found["object"], found["side"] or ""))
+def _parsed_in(language: str, words: tuple[str, ...]) -> Meaning | None:
+    try:
+        tree = _PARSERS[language].parse(words)
+    except LarkError:
+        return None
+    whole: Any = tree.children[0]
+    clauses = tuple(_clause(one) for one in whole.children if one.data == f"clause_{language}")
+    if len(clauses) > MOST_WISHES:
+        return Meaning(language, why="many")
+    return Meaning(language, clauses)
 
 
-def _put_down(words: str) -> cmd.PutDown | NotUnderstood | None:
-    found = _first(_PUTS, words)
-    return found and (_unfit(found["object"]) or cmd.PutDown(found["object"]))
+def _clause(tree: Tree[Token]) -> Clause:
+    wish: Any = tree.children[0]
+    row = CATALOGUE.wish[int(str(wish.data).rpartition("_")[2])]
+    things, side, task = [], "", ""
+    for part in _parts(wish):
+        if isinstance(part, Token):
+            task = str(part) if part.type == "TASK" else task
+        elif part.data.startswith("thing_"):
+            things.append(_thing(part))
+        elif part.data.startswith("side_"):
+            side = str(part.children[0].data).partition("_")[0]
+    return Clause(row.does, tuple(things), side, task)
 
 
-def _of_robot(words: str) -> Wish | None:
-    """Return a wish that names no thing."""
-    if _LOOK.fullmatch(words):
-        return cmd.LookAround()
-    if (found := _CANCEL.fullmatch(words)) is not None:
-        return CancelTask(found["task"] or "")
-    return TellStatus() if _STATUS.fullmatch(words) else None
+def _parts(tree: Any) -> Iterator[Any]:
+    """Things, sides and words below a tree, in order."""
+    for child in tree.children:
+        if isinstance(child, Token) or child.data.startswith(("thing_", "side_")):
+            yield child
+        else:
+            yield from _parts(child)
 
 
-def _first(patterns: tuple[re.Pattern[str], ...], words: str) -> re.Match[str] | None:
-    return next((found for pattern in patterns if (found := pattern.fullmatch(words)) is not None), None)
+def _thing(tree: Any) -> Thing:
+    said = " ".join(str(token) for token in tree.scan_values(lambda _: True))
+    first = tree.children[0]
+    ref = str(first.data).rpartition("_")[0]
+    if ref in ("it", "other", "both"):
+        return Thing(said, _kinds(tree.children[1]) if len(tree.children) > 1 else (), ref=ref)
+    parts = [one for one in first.children if not isinstance(one, Token)]
+    quality = " ".join(_said(one) for one in parts if one.data[:-3] in ("quality", "place"))
+    number = next((int(one[:3]) for one in first.children if isinstance(one, Token)), 0)
+    noun = next((one for one in parts if one.data.startswith("noun_")), None)
+    if noun is None:
+        return Thing(next(_said(one) for one in parts if one.data.startswith("strange_")), (), quality=quality)
+    return Thing(said, _kinds(noun), number, quality)
 
 
-def _unfit(*things: str) -> NotUnderstood | None:
-    """Return a refusal if a word cannot be the name of a thing."""
-    for thing in things:
-        if len(thing.encode()) > LONGEST_THING:
-            return NotUnderstood(f"{thing!r} is too long for the name of a thing.")
-        if _NAMELESS.fullmatch(thing):
-            return NotUnderstood(f"I do not know what {thing!r} is. Please name the thing.")
-        if _OF_GRAMMAR.search(thing):
-            return NotUnderstood(f"I take {thing!r} for no thing. One wish at a time, please: {UNDERSTOOD}.")
-    return None
+def _kinds(noun: Any) -> tuple[str, ...]:
+    name = str(noun.children[0].data)[2:-3]
+    return next(thing.covers or (name,) for thing in CATALOGUE.thing if thing.name == name)
 
 
-def _refusal(words: str) -> NotUnderstood:
-    verb = words.partition(" ")[0]
-    same = [example for example in EXAMPLES if example.partition(" ")[0] == verb]
-    near = difflib.get_close_matches(words, same, n=1, cutoff=0.0) if same else []
-    near = near or difflib.get_close_matches(words, EXAMPLES, n=1, cutoff=NEAR)
-    hint = f" Did you mean {near[0]!r}?" if near else ""
-    return NotUnderstood(f"I am sorry, I do not understand that.{hint} I understand: {UNDERSTOOD}.")
+def _said(tree: Any) -> str:
+    return " ".join(str(token) for token in tree.scan_values(lambda _: True))
+
+
+def _corrected(words: tuple[str, ...]) -> tuple[str, ...]:
+    """The words, those that nobody knows replaced by known ones that are written alike, where they are few."""
+    if sum(kind_of(word) == "WORD" for word in words) > MOST_STRANGE:
+        return words
+    return tuple(_near(word) if kind_of(word) == "WORD" and len(word) >= SHORT else word for word in words)
+
+
+def _near(word: str) -> str:
+    found = difflib.get_close_matches(word, _LONG, n=1, cutoff=NEAR)
+    return found[0] if found else word
+
+
+def _language(words: tuple[str, ...]) -> str:
+    """The language that most of the words are of; English if in doubt."""
+    counts = {one: sum(word in _WORDS_OF[one] for word in words) for one in LANGUAGES}
+    return max(LANGUAGES, key=lambda one: counts[one])
+
+
+_LONG = tuple(sorted(word for word in VOCABULARY if len(word) >= SHORT))
+_ANYWHERE = tuple(one for language in LANGUAGES for one in phrases(CATALOGUE.anywhere[language]))
+_OPENING = tuple(sorted((one for x in LANGUAGES for one in phrases(CATALOGUE.opening[x])), key=lambda one: -len(one)))
+_JOINING = frozenset(one[0] for language in LANGUAGES for one in phrases(CATALOGUE.joining[language]))

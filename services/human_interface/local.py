@@ -3,17 +3,25 @@
 import msgspec
 
 from companion.run_files import HiEvent, TaskLine
+from services.human_interface.meaning import Meaning
 
 
 class _Message(msgspec.Struct, frozen=True, tag=True):
     """A message between the agent and its HTTP device."""
 
 
-class Said(_Message, frozen=True):
-    """A person said a sentence; the answer goes to `ticket`."""
+class Said(_Message, frozen=True, omit_defaults=True):
+    """A person said a sentence, which was read already; the answer goes to `ticket`. `held`: the robot is stopped.
+
+    `urgency`, `within_s`: of the tasks that it becomes, 0 for none.
+    """
 
     ticket: str
     text: str
+    meaning: Meaning = Meaning()
+    held: bool = False
+    urgency: int = 0
+    within_s: float = 0.0
 
 
 class CancelWanted(_Message, frozen=True):
@@ -21,6 +29,21 @@ class CancelWanted(_Message, frozen=True):
 
     ticket: str
     task: str = ""
+
+
+class Halted(_Message, frozen=True):
+    """A person stopped the robot (`held`) or let it go; it has been done already, where it could be (`reached`)."""
+
+    held: bool
+    reached: bool
+    text: str
+
+
+class StopRobot(_Message, frozen=True):
+    """Stop the robot: what a person said meant that after all. The answer goes to `ticket`."""
+
+    ticket: str
+    text: str
 
 
 class Answer(_Message, frozen=True):
@@ -45,5 +68,5 @@ class Shown(_Message, frozen=True):
     events: int
 
 
-Local = Said | CancelWanted
+Local = Said | CancelWanted | Halted
 """Messages that the HTTP device posts."""

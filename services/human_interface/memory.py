@@ -3,11 +3,14 @@
 Must not know: HTTP, grammar.
 """
 
+from typing import Any
+
 import msgspec
 
 from companion.languages.cmd import TaskState
 from companion.run_files import TaskLine
 from services.human_interface.local import Local
+from services.human_interface.wishes import Context
 
 KEPT_TASKS = 50  # tasks that are remembered after their end; each record of the journal has them all (estimate)
 FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
@@ -24,13 +27,20 @@ class News(msgspec.Struct, frozen=True):
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people know it."""
+    """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people know it.
+
+    `context`: what was talked of; `looks`: tasks that look around; `follows`: pairs of a task and the one said before
+    it, which it needs.
+    """
 
     tasks: tuple[TaskLine, ...] = ()
     words: tuple[Local, ...] = ()
     news: tuple[News, ...] = ()
     told: int = 0
     away: bool = False
+    context: Context = Context()
+    looks: tuple[str, ...] = ()
+    follows: tuple[tuple[str, str], ...] = ()
 
     def task(self, name: str) -> TaskLine | None:
         """Return the task of this name."""
@@ -48,6 +58,14 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         surplus = len(tasks) - KEPT_TASKS
         forgotten = {one.task for one in [one for one in tasks if one.state in FINAL][: max(surplus, 0)]}
         return msgspec.structs.replace(self, tasks=tuple(one for one in tasks if one.task not in forgotten))
+
+    def with_context(self, **fields: Any) -> "Memory":
+        """Return the memory with some of what was talked of replaced."""
+        return msgspec.structs.replace(self, context=msgspec.structs.replace(self.context, **fields))
+
+    def following(self, task: str, before: str) -> "Memory":
+        """Return the memory with a task that needs the one before it."""
+        return msgspec.structs.replace(self, follows=(*self.follows, (task, before)))
 
     def with_news(self, *news: News) -> "Memory":
         """Return the memory with more news."""

@@ -1,14 +1,19 @@
 """The HTTP service of hi on the loopback interface, as in docs/http.md.
 
-Each request has a thread, which posts a message to the agent and waits for the answer until a deadline. Must not know:
-grammar, tasks, Zenoh.
+Each request has a thread, which posts a message to the agent and waits for the answer until a deadline; how many there
+are before their sender is known: `doorstep.py`. A stop waits for nobody: the thread that reads it sets the flag.
+A sentence is read here, too: the agent's step gets its meaning. Must not know: tasks, Zenoh.
 """
 
+import contextlib
 import hmac
 import http.server
 import os
 import secrets
+import socket
 import threading
+import time
+from collections.abc import Iterator
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -17,15 +22,20 @@ from urllib.parse import parse_qs, urlsplit
 import msgspec
 
 from agent_runtime.io.devices import Post
-from companion.run_files import HI_FILE, Cancel, HiAddress, Problem, Say
+from companion.run_files import HELD, HI_FILE, LET_GO, RELEASED, STOPPED, Cancel, HiAddress, Problem, Say, TaskLine
+from companion.stop_words import stop_words
+from fipa_codec.communicate import number_of
+from services.human_interface import doorstep
 from services.human_interface.board import Board
-from services.human_interface.local import CancelWanted, Said
+from services.human_interface.grammar import understand
+from services.human_interface.local import Answer, CancelWanted, Halted, Said, StopRobot
+from services.human_interface.robot import NOT_HELD_HERE, OUT_OF_REACH, Robot
 
 LONGEST_BODY = 4096
 DRAINED = 65536  # bytes of a too long body that are read and dropped, so that its sender reads the answer (estimate)
 ANSWER_S = 5.0  # the agent answers in a step, some ms; estimate for a busy machine
 LONGEST_WAIT_S = 10.0
-IDLE_S = 15.0  # time-out of a silent connection; above LONGEST_WAIT_S (estimate)
+WRITTEN_S = 15.0  # longest until an answer is taken (estimate; a client of this machine takes it at once)
 AT_ONCE = 32  # requests served at the same time (estimate: some consoles and pages)
 LOOPBACK = ("127.0.0.1", 0)  # a free port
 
@@ -57,7 +67,7 @@ class HttpDevice:
         """Listen at host and port, 0 for a free one. Raises OSError if that fails."""
         self._board = Board()
         self.address = HiAddress(0, secrets.token_urlsafe(24))
-        self._server = _Server(self._board, post, self.address.token, listen)
+        self._server = _Server(self._board, post, self.address.token, listen, Robot(run_dir))
         self.address = HiAddress(self._server.server_port, self.address.token)
         self._file = run_dir / HI_FILE
         _write_secret(self._file, msgspec.json.encode(self.address))
@@ -66,7 +76,15 @@ class HttpDevice:
 
     def tell(self, content: Any) -> None:
         """Take a message of the agent for people."""
+        if isinstance(content, StopRobot):
+            content = self._stopped(content)
         self._board.tell(content)
+
+    def _stopped(self, wanted: StopRobot) -> Answer:
+        try:
+            return Answer(wanted.ticket, self._server.hold(True, wanted.text))
+        except Refused as refused:
+            return Answer(wanted.ticket, problem=refused.text, status=refused.status)
 
     def close(self) -> None:
         """Stop listening; waiting requests are answered."""
@@ -80,28 +98,52 @@ class HttpDevice:
 class _Server(http.server.ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False  # threads that wait for a silent connection must not hold the process
+    request_queue_size = 128  # connections that wait to be accepted: a burst of them delays nobody's (estimate)
 
-    def __init__(self, board: Board, post: Post, token: str, listen: tuple[str, int]) -> None:
-        self.board, self.post, self.token = board, post, token
+    def __init__(self, board: Board, post: Post, token: str, listen: tuple[str, int], robot: Robot) -> None:
+        self.board, self.post, self.token, self.robot = board, post, token, robot
         self.room = threading.Semaphore(AT_ONCE)
+        self.doorstep = doorstep.Doorstep()
         super().__init__(listen, _Request)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread; it is a stranger's until it shows the token."""
+        self.doorstep.come(request)
+        super().process_request(request, client_address)
+
+    def hold(self, held: bool, said: str = "") -> TaskLine:
+        """Stop the robot or let it go, then tell the agent, which nothing waits for. Raise Refused where that fails."""
+        try:
+            reached = self.robot.hold(held)
+        except OSError as error:
+            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, f"the stop flag cannot be written: {error}") from error
+        text = (HELD if held else LET_GO) if reached else (OUT_OF_REACH if held else NOT_HELD_HERE)
+        self.post(Halted(held, reached, text))
+        if not reached:
+            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
+        return TaskLine("", STOPPED if held else RELEASED, text, said, time.time())
+
+    def close_request(self, request: Any) -> None:
+        """Close a connection, for whatever reason it ends."""
+        super().close_request(request)
+        self.doorstep.leave(request)
 
 
 class _Request(http.server.BaseHTTPRequestHandler):
     server: _Server
-    timeout = IDLE_S
+    connection: socket.socket
+
+    def setup(self) -> None:
+        """Read within bounds."""
+        super().setup()
+        self.rfile = doorstep.bounded(self.connection)
 
     def _serve(self) -> None:
         """Check the sender, then the request; answer it."""
         try:
             self._check()
-            with_room = self.server.room.acquire(blocking=False)
-            if not with_room:
-                raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, f"{AT_ONCE} requests wait already; try again")
-            try:
-                said = self._route()
-            finally:
-                self.server.room.release()
+            self.server.doorstep.leave(self.connection)
+            said = self._route()
         except Refused as refused:
             self._reply(refused.status, Problem(refused.text))
         else:
@@ -130,16 +172,36 @@ class _Request(http.server.BaseHTTPRequestHandler):
     # --- what can be asked --------------------------------------------------------------------------------------------
 
     def _say(self) -> msgspec.Struct:
-        text = self._body(Say).text
-        ticket = self.server.board.ticket()
-        self.server.post(Said(ticket, text))
-        return self._answer(ticket)
+        said = self._body(Say)
+        text = said.text
+        if stop_words(text):
+            return self.server.hold(True, text)
+        with self._room():
+            meaning = understand(text)
+            ticket = self.server.board.ticket()
+            self.server.post(Said(ticket, text, meaning, self.server.robot.held, said.urgency, said.within_s))
+            return self._answer(ticket)
+
+    def _stop(self) -> msgspec.Struct:
+        return self._whatever_the_body(True)
+
+    def _release(self) -> msgspec.Struct:
+        return self._whatever_the_body(False)
+
+    def _whatever_the_body(self, held: bool) -> msgspec.Struct:
+        """Stop first; then take a body, so that its sender reads the answer."""
+        try:
+            return self.server.hold(held)
+        finally:
+            with contextlib.suppress(OSError):
+                self.rfile.read(min(number_of(self.headers.get("Content-Length", "")) or 0, DRAINED))
 
     def _cancel(self) -> msgspec.Struct:
         task = self._body(Cancel).task
-        ticket = self.server.board.ticket()
-        self.server.post(CancelWanted(ticket, task))
-        return self._answer(ticket)
+        with self._room():
+            ticket = self.server.board.ticket()
+            self.server.post(CancelWanted(ticket, task))
+            return self._answer(ticket)
 
     def _tasks(self) -> msgspec.Struct:
         return self.server.board.tasks()
@@ -155,7 +217,18 @@ class _Request(http.server.BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.BAD_REQUEST, f"since is 0 or more, wait is 0 to {LONGEST_WAIT_S:g} s")
         if query:
             raise Refused(HTTPStatus.BAD_REQUEST, f"unknown: {', '.join(sorted(query))}; there are since and wait")
-        return self.server.board.events(since, wait_s)
+        with self._room():
+            return self.server.board.events(since, wait_s)
+
+    @contextlib.contextmanager
+    def _room(self) -> Iterator[None]:
+        """Wait among AT_ONCE at most; a stop does not wait, and is never kept out."""
+        if not self.server.room.acquire(blocking=False):
+            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, f"{AT_ONCE} requests wait already; try again")
+        try:
+            yield
+        finally:
+            self.server.room.release()
 
     def _answer(self, ticket: str) -> msgspec.Struct:
         answer = self.server.board.answer(ticket, ANSWER_S)
@@ -168,15 +241,19 @@ class _Request(http.server.BaseHTTPRequestHandler):
     # --- in and out ---------------------------------------------------------------------------------------------------
 
     def _body(self, kind: type[Any]) -> Any:
-        length = self.headers.get("Content-Length", "")
-        if not (length.isascii() and length.isdigit()):
+        length = number_of(self.headers.get("Content-Length", ""))
+        if length is None:
             raise Refused(HTTPStatus.BAD_REQUEST, "Content-Length must say how long the body is")
-        if int(length) > LONGEST_BODY:
-            self.rfile.read(min(int(length), DRAINED))
+        try:
+            data = self.rfile.read(min(length, DRAINED))
+        except TimeoutError as error:
+            text = f"a request must be whole within {doorstep.REQUEST_S:g} s, this one lacks of its {length} bytes"
+            raise Refused(HTTPStatus.REQUEST_TIMEOUT, text) from error
+        if length > LONGEST_BODY:
             text = f"the body has {length} bytes, at most {LONGEST_BODY} are taken"
             raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, text)
         try:
-            body = msgspec.json.decode(self.rfile.read(int(length)), type=kind)
+            body = msgspec.json.decode(data, type=kind)
             msgspec.json.encode(body)
         except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
             fields = ", ".join(kind.__struct_fields__)
@@ -185,6 +262,7 @@ class _Request(http.server.BaseHTTPRequestHandler):
 
     def _reply(self, status: HTTPStatus, what: msgspec.Struct) -> None:
         data = msgspec.json.encode(what)
+        self.connection.settimeout(WRITTEN_S)
         self.send_response(status)
         self.send_header("Content-Type", "application/json")
         self.send_header("Content-Length", str(len(data)))
@@ -211,6 +289,8 @@ class _Request(http.server.BaseHTTPRequestHandler):
 _ROUTES = {
     "/say": ("POST", _Request._say),
     "/cancel": ("POST", _Request._cancel),
+    "/stop": ("POST", _Request._stop),
+    "/release": ("POST", _Request._release),
     "/tasks": ("GET", _Request._tasks),
     "/events": ("GET", _Request._events),
 }

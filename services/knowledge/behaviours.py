@@ -19,7 +19,7 @@ from fipa_codec.performatives import Performative
 from services.knowledge import words
 from services.knowledge.answers import ask
 from services.knowledge.memory import CONDITIONS, Memory, Mirror, News, Question
-from services.knowledge.observe import observed
+from services.knowledge.observe import forgotten, observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.words import OBSERVATIONS, OBSERVER, QUERIES
 
@@ -158,12 +158,23 @@ def save_knowledge(memory: Memory, turn: Turn) -> Memory:
     assert news is not None
     if isinstance(news.observation, wm.NothingSeen):
         return _soft(_looked_around(memory, turn, news.observation.reason), news=None)
+    if isinstance(news.observation, wm.WorldLost):
+        return _soft(_forgotten(memory, turn, news), news=None)
     if isinstance(news.observation, wm.SeenBody):  # the last observation of a look
         memory = _looked_around(memory, turn)
     scene = observed(memory.scene, news.observation, news.version, news.at)
     if scene is not memory.scene:
         turn.tell(Mirror(scene))
     return _soft(replace(memory, scene=scene), news=None)
+
+
+def _forgotten(memory: Memory, turn: Turn, news: News) -> Memory:
+    """Drop everything that was observed before, and wait for a look around."""
+    scene = forgotten(memory.scene, news.version)
+    if scene is memory.scene:
+        return memory
+    turn.tell(Mirror(scene))
+    return _hopeful(_soft(replace(memory, scene=scene), overlays=Overlays()), turn)
 
 
 def _looked_around(memory: Memory, turn: Turn, failed: str = "") -> Memory:

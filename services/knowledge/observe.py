@@ -13,6 +13,10 @@ Version = tuple[int, int]
 """Incarnation of the observer and number of the observation."""
 
 
+WORLD = "world"
+"""Subject of the loss of the world: no older observation of any subject counts."""
+
+
 def subject_of(observation: wm.AnySight) -> str:
     """Return the subject of an observation; the latest version of each subject counts."""
     match observation:
@@ -32,13 +36,20 @@ def observed(scene: Scene, observation: wm.AnySight, version: Version, now: floa
     `now`: time of observations that do not carry one themselves [s].
     """
     subject = subject_of(observation)
-    if subject in scene.versions and version <= scene.versions[subject]:
+    if any(version <= scene.versions[known] for known in (subject, WORLD) if known in scene.versions):
         return scene
     at = observation.at if isinstance(observation, wm.SeenObject) else now
     stamped = msgspec.structs.replace(
         scene, versions={**scene.versions, subject: version}, times={**scene.times, subject: at}
     )
     return _noted(stamped, observation, at)
+
+
+def forgotten(scene: Scene, version: Version) -> Scene:
+    """Return a scene of which nothing is known, after the loss of the world; the same object if that is old news."""
+    if version <= max(scene.versions.values(), default=(0, 0)):
+        return scene
+    return Scene(reserved=scene.reserved, versions={**scene.versions, WORLD: version})
 
 
 def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:

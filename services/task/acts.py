@@ -19,6 +19,8 @@ OBSERVER = AgentName.KM
 AGREE_WITHIN_S = 60.0  # estimate: ex computes a skill in seconds; a path that it plans itself takes longer
 SLACK, MARGIN_S = "slack", 10.0  # an act may last slack x its expected duration + 10 s (ruling with the design)
 PATIENCE = "act"
+STOPPED_S = 20.0  # estimate: ex brakes in a second and comes back in seconds
+UNANSWERED = "the robot does not answer: it was told to stop"
 Outcome = rc.Done | rc.NotDone
 
 
@@ -33,7 +35,7 @@ def stop(memory: Memory, turn: Turn) -> Memory:
     act = memory.act
     if act is None or act.stopped:
         return memory
-    turn.say(act.conversation, Performative.CANCEL)
+    turn.say(act.conversation, Performative.CANCEL, reply_by_s=STOPPED_S)
     return replace(memory, act=replace(act, stopped=True))
 
 
@@ -65,6 +67,16 @@ def overdue(memory: Memory, turn: Turn) -> bool:
             return False
 
 
+def unanswered(memory: Memory, turn: Turn) -> bool:
+    """Whether this event means that ex does not answer the cancel; its answer is waited for all the same."""
+    act = memory.act
+    match turn.event:
+        case Late(conversation=name):
+            return act is not None and act.stopped and name == act.conversation
+        case _:
+            return False
+
+
 def _told(memory: Memory, turn: Turn, act: Act, received: Received, content: object) -> tuple[Memory, Outcome | None]:
     if isinstance(content, rc.Accepted):
         turn.wake(PATIENCE, turn.now + turn.parameter(SLACK, float) * content.duration + MARGIN_S)
@@ -90,6 +102,10 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
 
     A look that failed gives none: its posture alone would look like an empty world.
     """
+    if isinstance(outcome, rc.NotDone) and outcome.kind == rc.NotDoneKind.NEW_WORLD:
+        lost = wm.WorldLost(outcome.reason)
+        turn.observe(OBSERVER, subject(lost), lost)
+        return replace(memory, hands={})
     if outcome.body is None or (isinstance(command, rc.Look) and isinstance(outcome, rc.NotDone)):
         return memory
     news: list[wm.AnySight] = sorted(observations(outcome), key=lambda one: isinstance(one, wm.SeenBody))

@@ -20,7 +20,6 @@ from services.task.words import SURVEY
 
 SURVEYS = 3  # tries of a look around; estimate: ex may still be starting at the first
 AGAIN_S, AGAIN = 2.0, "survey again"
-STOPPED_S, STOPPED = 20.0, "survey stopped"  # estimate: ex brakes in a second and comes back in seconds
 BARRIER_S, BARRIER = 30.0, "barrier"  # estimate: km is restarted within seconds, or it is gone for good
 REASON_CHARS = 200  # a report must stay within its 400 bytes
 
@@ -73,17 +72,15 @@ def survey(memory: Memory, turn: Turn) -> Memory:
         case Received(content=wm.ObserveWorld()) as received:
             turn.say(received.conversation, Performative.AGREE)
             return memory
-        case Woken(name=name) if name == STOPPED and memory.act is not None:
-            acts.nothing_seen(turn, "the robot does not answer: ex was asked to look around and is late")
-            return memory
+    if acts.unanswered(memory, turn):
+        acts.nothing_seen(turn, acts.UNANSWERED)
+        return memory
     if acts.overdue(memory, turn):
-        turn.wake(STOPPED, turn.now + STOPPED_S)
         return acts.stop(memory, turn)
     looked = memory.act is not None
     memory, outcome = acts.hear(memory, turn)
     if memory.act is not None or not (looked or outcome):
         return memory
-    turn.unwake(STOPPED)
     if isinstance(outcome, rc.Done):
         return replace(memory, survey=0)
     why = outcome.reason if outcome else "its end crossed the cancel"
@@ -106,8 +103,13 @@ def _look_around(memory: Memory, turn: Turn) -> Memory:
 
 
 def stop_act(memory: Memory, turn: Turn) -> Memory:
-    """State stopping: wait for the last message of ex after a cancel; take what crossed it."""
+    """State stopping: wait for the last message of ex after a cancel; take what crossed it; tell co where it is late.
+
+    The wait goes on, since before its end nobody knows what the robot did. co gives the plan up at its reply-by.
+    """
     memory = running.always(memory, turn)
+    if acts.unanswered(memory, turn):
+        running.tell(memory, turn, sw.WorkerState.TERMINATING, acts.UNANSWERED)
     memory, _ = acts.hear(memory, turn)
     return memory
 

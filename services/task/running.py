@@ -28,7 +28,8 @@ ENDS = {
     Outcome.REPLAN: sw.WorkerState.REPLAN,
     Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
 }
-_PLAN_AGAIN = (rc.NotDoneKind.REPLAN, rc.NotDoneKind.BUSY, rc.NotDoneKind.INTERRUPTED, rc.NotDoneKind.UNKNOWN)
+_LOOK_FIRST = (rc.NotDoneKind.UNKNOWN, rc.NotDoneKind.NEW_WORLD)
+_PLAN_AGAIN = (rc.NotDoneKind.REPLAN, rc.NotDoneKind.BUSY, rc.NotDoneKind.INTERRUPTED, *_LOOK_FIRST)
 OF_KIND: dict[str, Outcome] = dict.fromkeys(_PLAN_AGAIN, Outcome.REPLAN)
 """Kinds of NotDone after which a new plan may succeed: the world is not as planned, or the machine failed."""
 
@@ -73,7 +74,7 @@ def _preempted(memory: Memory, turn: Turn, reason: str) -> Memory:
     if memory.soft.question:
         turn.drop(memory.soft.question)
     memory = acts.stop(memory, turn)
-    _tell(memory, turn, sw.WorkerState.TERMINATING)
+    tell(memory, turn, sw.WorkerState.TERMINATING)
     return replace(memory, cancelled=True, end=sw.WorkerState.PREEMPTED, reason=reason, soft=Soft())
 
 
@@ -115,7 +116,7 @@ Finish = Callable[[Memory, Outcome, str], Memory]
 def enter(memory: Memory, turn: Turn, position: plans.Position, finish: Finish | None = None) -> Memory:
     """Enter the leaf at `position`: report it, and start its act or query."""
     memory = replace(memory, at=position)
-    _tell(memory, turn, sw.WorkerState.RUNNING)
+    tell(memory, turn, sw.WorkerState.RUNNING)
     leaf = plans.leaf(memory.machine, position)
     if isinstance(leaf, hfsm.ActState):
         return acts.begin(memory, turn, _named(memory, leaf.command))
@@ -160,15 +161,15 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
         memory = replace(memory, reason=memory.reason or outcome.reason)
-    if outcome.kind == rc.NotDoneKind.UNKNOWN and memory.safe is None:
+    if outcome.kind in _LOOK_FIRST and memory.safe is None:
         return _look(memory, turn, outcome)
     return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), outcome.reason, finish)
 
 
 def _look(memory: Memory, turn: Turn, outcome: rc.NotDone) -> Memory:
-    """Look around after an act with an unknown outcome, without moving an arm; then a new plan is needed."""
+    """Look around after an act with an unknown outcome, or in a new world, without moving an arm; then plan again."""
     memory = replace(memory, looking=True, reason=outcome.reason)
-    _tell(memory, turn, sw.WorkerState.ERROR)
+    tell(memory, turn, sw.WorkerState.ERROR)
     return acts.begin(memory, turn, replace(SURVEY, key=f"{outcome.key}.look"))
 
 
@@ -211,9 +212,9 @@ def _no(leaf: hfsm.AskState, content: object) -> str:
     return f"{leaf.name} {why}"
 
 
-def _tell(memory: Memory, turn: Turn, state: sw.WorkerState) -> None:
+def tell(memory: Memory, turn: Turn, state: sw.WorkerState, reason: str = "") -> None:
     """Report the position in the plan to co."""
     if not turn.holds(memory.conversation) or memory.plan is None:
         return
     path = "/".join((*((memory.safe.name,) if memory.safe else ()), *memory.at))[-PATH_CHARS:]
-    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, at=path))
+    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, at=path, reason=reason))

@@ -32,6 +32,8 @@ def subject(observation: wm.AnyObservation) -> str:
     """Return the subject of an observation; the newest one of a subject replaces the older ones."""
     if isinstance(observation, wm.NothingSeen):
         return "look"
+    if isinstance(observation, wm.WorldLost):
+        return "world"
     if isinstance(observation, wm.SeenBody):
         return "body"
     if isinstance(observation, wm.SeenHand):

@@ -3,11 +3,21 @@
 docs/http.md is the contract of a_hi, docs/run-folder.md says which process writes which file. Names and types only.
 """
 
+from typing import Annotated
+
 import msgspec
 
 HI_FILE = "hi.json"
 REFUSED = "refused"
 """The state of a line on a sentence that never became a task."""
+QUESTION, ANSWERED = "question", "answered"
+"""The state of a line that asks back, so that no task came of the sentence yet, and of one that answers a question."""
+STOPPED, RELEASED = "stopped", "released"
+"""The state of a line on a stop, which no agent needs to hear of, and on its end."""
+HELD = "stopped: the loop holds the robot until `roco release`"
+LET_GO = "released: the loop leaves the stop by its own rules"
+LONGEST_WITHIN_S = 86_400.0
+"""Until the deadline of a task; estimate: who says more means no deadline."""
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
 
 
@@ -19,9 +29,11 @@ class HiAddress(msgspec.Struct, frozen=True):
 
 
 class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """POST /say: a sentence of a person."""
+    """POST /say: a sentence. `urgency`: higher comes first; `within_s`: seconds until it should be done, 0 for none."""
 
     text: str
+    urgency: Annotated[int, msgspec.Meta(ge=0, le=9)] = 0
+    within_s: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_WITHIN_S)] = 0.0
 
 
 class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -31,13 +43,18 @@ class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A task as hi knows it. `state`: a companion.languages.cmd.TaskState, or REFUSED."""
+    """A task as hi knows it. `state`: a companion.languages.cmd.TaskState, or one of the words above.
+
+    `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator took it.
+    """
 
     task: str
     state: str
     text: str
     said: str = ""
     since: float = 0.0
+    then: tuple[str, ...] = ()
+    accepted: bool = False
 
 
 class Tasks(msgspec.Struct, frozen=True):

@@ -32,6 +32,8 @@ The other fields (five words, four labels, times) fit in the remaining 1024.
 """
 LONGEST_LABEL = 128
 """Length limit of a label [characters]; labels are only compared. Estimate; keeps logs and journals small."""
+MOST_DIGITS = 18
+"""Digits of a number in an id or a key: the largest fits into 63 bits."""
 MAX_CHECKED = 4096
 """Size limit of the caches of checked words. Estimate: a system uses some hundred combinations; bounds the memory that
 foreign messages can take."""
@@ -179,9 +181,21 @@ def is_label(text: str) -> bool:
     return 0 < len(text) <= LONGEST_LABEL and text.isascii() and text.isprintable() and " " not in text
 
 
+def number_of(text: str) -> int | None:
+    """Return the number that ASCII digits say; None for other text, and for more digits than a counter ever has.
+
+    int() takes other digits too, and raises ValueError beyond 4300.
+    """
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS else None
+
+
 def envelope_size(communicate: Communicate) -> int:
     """Return the encoded size without the content [bytes]."""
     return len(_encode(msgspec.structs.replace(communicate, content=msgspec.UNSET)))
+
+
+UNREADABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError, MemoryError)
+"""What msgspec raises on foreign bytes: wrong ones, nested too deeply, text that is not UTF-8, wrong lengths."""
 
 
 def explain(error: Exception, whole: str, letters: dict[str, str] | None = None) -> tuple[str, str]:

@@ -87,11 +87,11 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         raise LocalProtocolError("receiver", f"{peer!r} is not a participant of {self.talks[0].id}, these are: {known}")
 
     def awaited(self, now: float) -> tuple[str, ...]:
-        """Return who has not answered in this round and still can in time."""
+        """Return who has not answered in this round and still can in time at `now` [unix s]."""
         return tuple(talk.peer for talk in self.talks if self._unanswered(talk) and not talk.late(now))
 
     def silent(self, now: float) -> tuple[str, ...]:
-        """Return who has not answered and is late."""
+        """Return who has not answered and is late at `now` [unix s]."""
         return tuple(talk.peer for talk in self.talks if self._unanswered(talk) and talk.late(now))
 
     @property
@@ -106,11 +106,12 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return all(talk.ended or (self._unanswered(talk) and talk.late(now)) for talk in self.talks)
 
     def outcome(self, peer: str, now: float) -> str:
-        """Return the final state with a participant, "" while the conversation is open.
+        """Return the final state with a participant at `now` [unix s], "" while the conversation is open.
 
         A participant that had not answered at reply-by counts as refused in a contract net and as failed elsewhere,
         whatever it sends later; the initiator must cancel a subscription or an act that was agreed too late. SC00029H
-        only says that late proposals are rejected; the rest is a decision of this project.
+        only says that late proposals are rejected; the rest is a decision of this project. Raise LocalProtocolError if
+        there is no such participant.
         """
         talk = self.talk(peer)
         if peer in self.late or (self._unanswered(talk) and talk.late(now)):

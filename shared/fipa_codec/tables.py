@@ -181,6 +181,11 @@ named: Callable[[str], Protocol] = _registered.__getitem__
 The protocol of a system is known once the module that registers it is imported."""
 
 
+def known() -> tuple[Protocol, ...]:
+    """Return every registered protocol once, in the order of registration."""
+    return tuple(dict.fromkeys(_registered.values()))
+
+
 def register(protocol: Protocol) -> Protocol:
     """Make a protocol known by its name and aliases, for conversations read from a wire or a journal; return it.
 

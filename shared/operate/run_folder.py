@@ -10,12 +10,14 @@ import msgspec
 
 LATEST = "latest"  # runs/latest: symbolic link to the newest run folder
 FLEET_FILE = "fleet.json"
+LOCK_FILE = "supervisor.lock"  # held (flock) by the supervisor as long as it lives, with its pid in it
 LIVE_FILE = "live.jsonl"
 VERDICTS_FILE = "verdicts.jsonl"
 TRAFFIC_FILE = "traffic.mcap"
 REPORT_FILE = "report.json"
 RRD_FILE = "run.rrd"
 VIEW_FILE = "view.json"
+FAULTS_FILE = "faults.jsonl"
 OFF_SUFFIX = ".off"  # <name>.off: the supervisor keeps this process down as long as the file is there
 
 
@@ -109,7 +111,8 @@ class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `t`: when it was heard [unix s]; a line may come later than others that were heard later. `initiator` and
     `participant`: their states after it. `text`: its content in a few words. `key`: only where it is not the design's.
-    `violation`: the verdict is against the design.
+    `violation`: the verdict is against the design. `log`: the agent whose step log has it, where the monitor did not
+    hear it; `t` is then when it was sent.
     """
 
     t: float
@@ -129,6 +132,78 @@ class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
     why: str = ""
     key: str = ""
     violation: bool = False
+    log: str = ""
+
+
+class Dead(StrEnum):
+    """Why nobody took a communicate."""
+
+    NO_RECEIVER = "no such receiver"
+    NO_RIGHT = "not in the design"
+    """Its sender may not say this to that receiver."""
+    NO_COMMUNICATE = "no communicate"
+    TOO_LARGE = "too large"
+    TURNED_AWAY = "turned away"
+    """Its receiver does not know the sender or the number, or had too much waiting."""
+    NOT_UNDERSTOOD = "not understood"
+    OVER = "conversation over"
+    """Its receiver has no such conversation, or that has ended."""
+    NOT_HEARD = "not heard"
+    """A volatile one, sent, that never reached its receiver."""
+    NOT_RECEIPTED = "not receipted"
+    """A durable one that its sender still keeps: it was not taken up to now, or up to the end of the run."""
+
+
+class DeadLetter(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A communicate that nobody took. `t`: when it was sent, or turned away [unix s]; `why`: in words.
+
+    `bytes` 0: not known. `text`: its content in a few words.
+    """
+
+    t: float
+    reason: Dead
+    why: str
+    sender: str = ""
+    receiver: str = ""
+    protocol: str = ""
+    performative: str = ""
+    conversation: str = ""
+    id: str = ""
+    bytes: int = 0
+    text: str = ""
+    key: str = ""
+
+
+class Fault(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
+    """One line of faults.jsonl, written by `roco fault`: a fault on purpose. A later line replaces those of its id.
+
+    `t`: when the line was written; `began`: 0 while it waits for its moment `at`; `ended`: None while it goes on [unix
+    s]. `text`: what came of it. `pid`, `start`: the process that was hit, and when that started [ticks after boot].
+    `by`, `by_start`: the command that heals it, likewise; where it is gone, the next `roco fault list` or `heal` does.
+    `amount`, `speaker`: of kinds that have one (docs/faults.md).
+    """
+
+    id: str
+    kind: str
+    target: str
+    t: float
+    began: float = 0.0
+    ended: float | None = None
+    at: str = ""
+    text: str = ""
+    pid: int = 0
+    start: int = 0
+    by: int = 0
+    by_start: int = 0
+    amount: float = 0.0
+    speaker: str = ""
+
+    @property
+    def words(self) -> str:
+        """Kind and target, amount, speaker and moment: "delay pl by 0.2 at pl:searching"."""
+        by = f" by {self.amount:g}" if self.amount else ""
+        of = f" as {self.speaker}" if self.speaker else ""
+        return f"{self.kind} {self.target}{by}{of}{f' at {self.at}' if self.at else ''}"
 
 
 class ProcessState(StrEnum):

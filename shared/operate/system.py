@@ -37,6 +37,20 @@ class NoSystemError(Exception):
     """A system cannot be told or read; the message says what to do."""
 
 
+class Job(msgspec.Struct, frozen=True, kw_only=True):
+    """The usual task of a system, which `roco chaos` disturbs.
+
+    `command`: words of `roco` that do it in a fleet of its own; they take --seed, --speed, --out and --faults.
+    `phases`: name -> when it begins, as --at of a fault has it; {}: the states of the agents. `rests`: agent ->
+    the state in which it is when it is done. `timeout_s`: a run that takes longer is stuck.
+    """
+
+    command: tuple[str, ...] = ("up", "--for", "20")
+    phases: dict[str, str] = {}
+    rests: dict[str, str] = {}
+    timeout_s: float = 300.0
+
+
 class Additions(msgspec.Struct, frozen=True, kw_only=True):
     """Additions of a system to the tools, each as "module:NAME", imported when it is used; "": nothing.
 
@@ -49,7 +63,10 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     operate.pictures.stage.Drawer, `blueprint`: one of the length of the run that gives the layout of the viewer.
     `telemetry`: kind of a house key -> decoder, a mapping. `tasks`: a function of a Target that gives what people asked
     for, as lines of operate.cli.fleet.tasks.Task; it raises ConsoleError. `checks`: an operate.cli.fleet.checkup.Checks
-    for `roco doctor`. `measures`: an operate.experiments.measures.Measures for experiments and comparisons.
+    for `roco doctor`. `untouchable`: a function of a Target that gives why `roco fault` must leave it alone (a real
+    robot moves there), "" where it need not. `promises`: a function of a History that gives, in sentences, those that
+    are broken (operate.judging.invariants). `measures`: an operate.experiments.measures.Measures for experiments and
+    comparisons.
     """
 
     verbs: str = ""
@@ -64,6 +81,8 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     telemetry: str = ""
     tasks: str = ""
     checks: str = ""
+    untouchable: str = ""
+    promises: str = ""
     measures: str = ""
 
 
@@ -73,8 +92,8 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     `name`: prefix of its keys where none is given. `words`: a content of one of its languages in a few words. `plain`:
     a text with its ids as people say them. `says`: process that is not an agent -> state -> what it does, in words; of
     an agent the design has them. `unreplaced`: agent -> why `roco replay --replace` cannot run it alone. `variables`:
-    what its processes get in their environment, `{run}` standing for the run folder. `entry`: where this object is,
-    `project`: the folder that Python imports it from, "" where it is installed.
+    what its processes get in their environment, `{run}` standing for the run folder. `job`: its usual task.
+    `entry`: where this object is, `project`: the folder that Python imports it from, "" where it is installed.
     """
 
     name: str
@@ -87,6 +106,7 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     unreplaced: dict[str, str] = {}
     additions: Additions = Additions()
     variables: dict[str, str] = {}
+    job: Job = Job()
     entry: str = ""
     project: str = ""
 

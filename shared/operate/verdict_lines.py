@@ -25,6 +25,7 @@ def line(judgement: Judgement, system: System | None) -> Judged:
             why=judgement.why,
             key=heard.key,
             violation=judgement.violation,
+            log=heard.log,
         )
     return Judged(
         t=heard.at,
@@ -44,6 +45,7 @@ def line(judgement: Judgement, system: System | None) -> Judged:
         why=judgement.why,
         key=heard.key if judgement.verdict in OF_KEYS else "",
         violation=judgement.violation,
+        log=heard.log,
     )
 
 

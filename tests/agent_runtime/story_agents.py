@@ -23,7 +23,7 @@ from fipa_codec.conversation import Conversation
 from fipa_codec.expressions import Action, Descriptor, Embedded, Proposition, Quantifier, Variable
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
-from fipa_codec.protocols import FIPA
+from fipa_codec.protocols import PROTOCOLS
 from fipa_codec.tables import Role
 
 LANGUAGES = Languages([EXPRESSIONS])
@@ -44,7 +44,7 @@ def spoken(story: Story) -> bool:
     return all(word[1] == ":" and "[progress]" not in word for word in story.words)
 
 
-SCRIPT = tuple((protocol.name, story) for protocol in FIPA for story in stories_of(protocol.name) if spoken(story))
+SCRIPT = tuple((protocol.name, story) for protocol in PROTOCOLS for story in stories_of(protocol.name) if spoken(story))
 
 
 class Played(msgspec.Struct, frozen=True):
@@ -139,7 +139,7 @@ def wiring(name: str, *, query: Delivery = Delivery.DURABLE) -> Wiring:
             delivery=query if protocol.name == "query" else Delivery.DURABLE,
             silent=EXPRESSIONS.name,
         )
-        for protocol in FIPA
+        for protocol in PROTOCOLS
     )
     return Wiring("stories", name, links, LANGUAGES)
 

@@ -9,7 +9,7 @@ from agent_runtime.core.wiring import Delivery, Link, Wiring
 from agent_runtime.testing.alone import Alone
 from fipa_codec.languages import Language, Languages, Reason
 from fipa_codec.performatives import Performative as P
-from fipa_codec.protocols import FIPA
+from fipa_codec.protocols import PROTOCOLS
 from fipa_codec.tables import Role
 
 
@@ -22,7 +22,9 @@ class Say(Struct, frozen=True, tag=True):
 
 
 LANGUAGES = Languages((Language("L", Say),))
-ALONE = [protocol for protocol in FIPA if protocol.name not in ("brokering", "recruiting")]  # these need a third agent
+ALONE = [
+    protocol for protocol in PROTOCOLS if protocol.name not in ("brokering", "recruiting")
+]  # these need a third agent
 
 
 def stub(protocol: str, says: dict[P, tuple[str, ...]] | None = None) -> Alone:

@@ -181,7 +181,7 @@ def test_the_loop_has_the_floor_next_when_it_wants_it(steps: Steps) -> None:
 
     steps.then = then
     for number in range(1, 1000):
-        steps.floor.put(Class.CONTROL, number)
+        steps.floor.put(Class.OWN, number)
     loop.join(timeout=10.0)
     assert steps.done == [1, "the loop"], "the rest waits behind 2, which was heard while the loop wanted the floor"
     assert steps.rest() == list(range(2, 1000))
@@ -201,7 +201,7 @@ def test_many_threads_that_hear_keep_their_order_and_lose_nothing(steps: Steps) 
 
     def hear(writer: int) -> None:
         for number in range(count):
-            steps.floor.put(Class.CONTROL, (writer, number))
+            steps.floor.put(Class.OWN, (writer, number))
 
     def loop() -> None:
         while not over.is_set():

@@ -12,7 +12,7 @@ from toy_observers import Seen, Topic, WhatOf, asker, watcher, wiring
 
 from agent_runtime.core.events import Arrived, LinkChanged, Local, PeerChanged, Receipted, Started, Tick
 from agent_runtime.core.streams import RESEND_FIRST, observation_id, parse_observation
-from fipa_codec.communicate import Communicate
+from fipa_codec.communicate import MOST_DIGITS, Communicate
 from fipa_codec.performatives import Performative as P
 
 TO_SERVER = wirings()[0]
@@ -218,9 +218,10 @@ def test_waits_double_up_to_two_seconds(waiting: tuple[Driven, str]) -> None:
 # --- ids --------------------------------------------------------------------------------------------------------------
 
 SUBJECTS = st.text(st.characters(codec="ascii", exclude_categories=["Cc", "Zs"]), min_size=1)
+VERSIONS = st.integers(0, 10**MOST_DIGITS - 1)
 
 
-@given(SUBJECTS, st.tuples(st.integers(0), st.integers(0)))
+@given(SUBJECTS, st.tuples(VERSIONS, VERSIONS))
 def test_an_id_tells_subject_and_version(subject: str, version: tuple[int, int]) -> None:
     """Whatever the subject has in it."""
     assert parse_observation(observation_id(subject, version)) == (subject, version)

@@ -3,9 +3,11 @@
 import itertools
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from agent_runtime.core.events import LinkChanged, PeerChanged
-from agent_runtime.core.peers import GRACE_S, RETURN_S, Peers
+from agent_runtime.core.peers import GRACE_S, HASTE_S, LINKED_GRACE_S, RETURN_S, Peers
 
 
 def living(*agents: str) -> Peers:
@@ -60,6 +62,131 @@ def test_a_new_incarnation_outlives_the_old_token() -> None:
     assert peers.token("a", 1, True, 100.0) == [], "an older incarnation is never believed again"
 
 
+def test_a_peer_that_comes_over_from_the_other_router_was_not_dead() -> None:
+    """Its router died, not the own one: its token is back within the longer grace."""
+    peers = Peers(("a", "b"), LINKED_GRACE_S)
+    peers.router(True, 0.0)
+    peers.token("a", 1, True, 0.0)
+    peers.token("a", 1, False, 10.0)
+    assert peers.gone(10.0 + 2 * GRACE_S) == []
+    assert peers.token("a", 1, True, 10.0 + 3 * GRACE_S) == [PeerChanged("a", 1)]
+    assert peers.gone(99.0) == []
+
+
 def test_strangers_are_nobody() -> None:
     """Agents we do not talk to make no news."""
     assert living("a").token("stranger", 1, True, 1.0) == []
+
+
+def test_a_life_that_is_not_the_peers_own_does_not_make_it_gone_for_good() -> None:
+    """A thief's higher incarnation is believed while its token is there; then the peer's own counts again."""
+    peers = living("a")
+    assert peers.token("a", 999, True, 10.0) == [PeerChanged("a", 999)]
+    assert peers.token("a", 999, False, 20.0) == []
+    assert peers.gone(20.0 + GRACE_S) == [PeerChanged("a", 1)]
+
+
+def test_a_journal_that_is_lost_while_the_old_life_ends() -> None:
+    """Its lives count from 1 again, within the grace: the new one is believed."""
+    peers = living("a")
+    peers.token("a", 5, True, 10.0)
+    peers.token("a", 1, False, 10.0)
+    peers.token("a", 5, False, 20.0)
+    assert peers.token("a", 1, True, 20.01) == [PeerChanged("a", 1)]
+    assert peers.gone(20.0 + GRACE_S) == []
+
+
+def test_another_journal_counts_when_the_believed_one_is_gone() -> None:
+    """Its lives count from 1 again, whatever the other one's number; after the grace, and not before."""
+    peers = living_of("mine")
+    assert peers.token("a", 1, True, 11.0, "new") == []
+    assert peers.token("a", 8, True, 11.5, "mine") == [PeerChanged("a", 8, "mine")]
+    for incarnation in (7, 8):
+        assert peers.token("a", incarnation, False, 12.0, "mine") == []
+    assert peers.token("a", 2, True, 12.0, "new") == []
+    assert peers.gone(12.0 + GRACE_S) == [PeerChanged("a", 2, "new")]
+    assert peers.token("a", 9, True, 100.0, "mine") == [], "now the new one is believed"
+
+
+def test_after_a_loss_of_the_router_the_believed_journal_is_awaited() -> None:
+    """Tokens may come before the transport's own news: another name counts only when this one stays away."""
+    for early in (True, False):
+        for back in (True, False):
+            peers = living_of("mine")
+            peers.router(False, 10.0)
+            if not early:
+                peers.router(True, 20.0)
+            assert peers.token("a", 1, True, 20.0, "another") == []
+            if early:
+                peers.router(True, 20.0)
+            told = peers.token("a", 7, True, 20.1, "mine") if back else []
+            told += peers.gone(20.0 + RETURN_S)
+            assert told == [PeerChanged("a", *((7, "mine") if back else (1, "another")))]
+
+
+def living_of(journal: str) -> Peers:
+    """A peer of this journal's name, incarnation 7, and the router there."""
+    peers = Peers(("a",))
+    peers.router(True, 0.0)
+    assert peers.token("a", 7, True, 0.0, journal) == [PeerChanged("a", 7, journal)]
+    return peers
+
+
+@given(st.lists(st.tuples(st.sampled_from(["thief", "router", "wait"]), st.integers(0, 5)), max_size=30))
+def test_no_other_journal_is_believed_while_the_believed_ones_token_comes_back(done: list[tuple[str, int]]) -> None:
+    """Whatever tokens with other names come and go, also at losses of the router."""
+    peers, now, there, news = living_of("mine"), 10.0, set[tuple[str, int]](), []
+    for what, number in done:
+        now += 0.1 * number
+        if what == "wait":
+            news += peers.gone(now)
+        elif what == "thief":
+            token = ("another", "third")[number % 2], number
+            news += peers.token("a", token[1], token not in there, now, token[0])
+            there ^= {token}
+        else:
+            peers.router(False, now)
+            for token in there if number % 2 else ():
+                news += peers.token("a", token[1], True, now, token[0])
+            peers.router(True, now)
+            for token in there:
+                news += peers.token("a", token[1], True, now, token[0])
+            news += peers.token("a", 7, True, now + 0.1, "mine")
+    while (at := peers.look_at) is not None:
+        news += peers.gone(at)
+    assert {(one.incarnation, one.journal) for one in news} <= {(7, "mine")}
+    assert peers.alive == {"a": 7}
+
+
+TOKENS_SEEN = st.lists(st.tuples(st.booleans(), st.integers(1, 5)), max_size=30)
+
+
+@given(TOKENS_SEEN, st.lists(st.booleans(), max_size=3))
+def test_whatever_was_declared_a_token_that_is_there_is_a_peer_that_lives(
+    declared: list[tuple[bool, int]], links: list[bool]
+) -> None:
+    """After any tokens of others, and losses of the router, whoever is there in the end lives, as the highest."""
+    peers, now, there = living("a"), 10.0, {1}
+    for alive, incarnation in declared:
+        now += 0.01
+        peers.token("a", incarnation, alive, now)
+        (there.add if alive else there.discard)(incarnation)
+        peers.gone(now)
+    for _ in links:
+        now += 1.0
+        peers.router(False, now)
+        peers.router(True, now + 1.0)
+        for incarnation in there:
+            peers.token("a", incarnation, True, now + 1.5)
+    while (at := peers.look_at) is not None:
+        peers.gone(at)
+    assert peers.alive == ({"a": max(there)} if there else {})
+
+
+def test_a_flood_of_tokens_is_little_news() -> None:
+    """A thousand lives in a second are some news, and the last of them is believed in the end."""
+    peers = living("a")
+    news = [one for n in range(1000) for one in peers.token("a", 2 + n, True, 10.0 + n / 1000)]
+    assert len(news) <= 2 + 1.0 / HASTE_S
+    assert peers.look_at is not None
+    assert peers.gone(peers.look_at) == [PeerChanged("a", 1001)]

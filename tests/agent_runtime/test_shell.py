@@ -40,7 +40,7 @@ class Order:
         """The wire's."""
         self.done.append("receipt")
 
-    def send(self, communicate: Communicate) -> int:
+    def send(self, communicate: Communicate, after: bytes = b"") -> int:
         """The wire's."""
         self.done.append(str(communicate.performative))
         return 1
@@ -74,6 +74,13 @@ class Stepped:
         self.order.done.clear()
         self.shell._happen(event)
         return list(self.order.done)
+
+
+def test_a_run_folder_that_an_agent_makes_is_its_owners_alone(tmp_path: Path) -> None:
+    """An agent that is started by hand makes it; its journal holds what TLS hides."""
+    run = tmp_path / "runs" / "one"
+    Stepped(knower(), run).shell._close()
+    assert run.stat().st_mode & 0o777 == 0o700
 
 
 @pytest.fixture
@@ -183,7 +190,7 @@ def test_much_that_was_said_is_written_sooner(
     watching.shell._beat_at = time.time() + 100.0
     watching.happen(Arrived(subscribed))
     before = written(tmp_path)
-    watching.shell._wire.send = lambda communicate: 400
+    watching.shell._wire.send = lambda communicate, after: 400
     watching.happen(Local(Seen("jar", 1)))
     assert written(tmp_path) == before, "400 bytes and a few wait"
     watching.happen(Local(Seen("jar", 2)))
@@ -243,8 +250,11 @@ def test_what_a_step_says_leaves_before_the_step_is_compared_and_written(watchin
         (Delivery.DURABLE, BULK_BYTES, zenoh.Priority.INTERACTIVE_HIGH),
     ],
 )
-def test_much_that_may_wait_goes_behind_the_rest(delivery: Delivery, size: int, priority: object) -> None:
+def test_much_that_may_wait_goes_behind_the_rest(
+    monkeypatch: pytest.MonkeyPatch, delivery: Delivery, size: int, priority: object
+) -> None:
     """A large answer delays nobody; a stream keeps one priority, so that nothing in it overtakes."""
+    monkeypatch.setattr(zenoh, "SourceInfo", lambda _, number: number)
     session = MagicMock()
     session.declare_keyexpr.side_effect = lambda key: key
     link = Link("b", "C1", "query", Role.INITIATOR, delivery)
@@ -252,8 +262,9 @@ def test_much_that_may_wait_goes_behind_the_rest(delivery: Delivery, size: int, 
     content = msgspec.Raw(msgspec.msgpack.encode("x" * size))
     asked = Conversation.open("query", Role.INITIATOR, id="a-1-1", me="a", peer="b")
     communicate = asked.send(P.QUERY_REF, id="a-1-2", now=1.0, content=content, language="X")[1]
-    for _ in range(2):
+    for number in (1, 2):
         assert wire.send(communicate) == len(encode(communicate))
         (key, data), how = session.put.call_args
         assert (key, data) == ("roco/toy/C1/a/b/query/query-ref", encode(communicate))
         assert how["priority"] == priority
+        assert how["source_info"] == number

@@ -47,8 +47,8 @@ def expect_all_ended(wires: Wires) -> None:
 
 @pytest.mark.parametrize("query", [Delivery.DURABLE, Delivery.VOLATILE])
 def test_all_stories_of_all_protocols(query: Delivery) -> None:
-    """Nine families, and each with its cancels."""
-    assert {name for name, _ in stories.SCRIPT} == {protocol.name for protocol in stories.FIPA}
+    """Twelve protocols, and each with its cancels."""
+    assert {name for name, _ in stories.SCRIPT} == {protocol.name for protocol in stories.PROTOCOLS}
     expect_all_ended(stage(query=query))
 
 

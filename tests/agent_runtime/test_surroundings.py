@@ -2,6 +2,8 @@
 
 import io
 import json
+import time
+from collections import Counter
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -10,10 +12,11 @@ from toy_agents import wirings
 from typer.testing import CliRunner
 
 from agent_runtime.core.wiring import Delivery
-from agent_runtime.io import cli
-from agent_runtime.io.inbox import BOUNDS, Class, Inbox
-from agent_runtime.io.logs import Log
+from agent_runtime.io import cli, logs
+from agent_runtime.io.inbox import BOUNDS, MOST_BYTES, Class, Inbox
+from agent_runtime.io.logs import MORE, Log
 from agent_runtime.io.options import Options
+from agent_runtime.io.repeats import SINGLY
 from agent_runtime.io.zenoh_wire import KNOWN_KEYS, ZenohWire
 
 
@@ -35,15 +38,95 @@ def test_a_log_line_is_json_in_the_file_and_short_on_the_console(tmp_path: Path)
     assert "! garbled" in shown[1]
 
 
-def test_the_inbox_is_bounded_by_class() -> None:
-    """Beyond its bound a class drops and counts; control is never dropped, and taking makes room."""
+def test_the_inbox_is_bounded_for_each_sender_and_class() -> None:
+    """Beyond its bound a sender's is dropped and counted, others' is not; the own side's never; taking makes room."""
     inbox = Inbox()
-    taken = [inbox.put(Class.STREAM, number) for number in range(BOUNDS[Class.STREAM] + 2)]
+    taken = [inbox.put(Class.STREAM, number, "a") for number in range(BOUNDS[Class.STREAM].waiting + 2)]
     assert taken.count(False) == 2
-    assert inbox.dropped == {Class.STREAM: 2}
-    assert all(inbox.put(Class.CONTROL, None) for _ in range(5000))
+    assert inbox.dropped == {"stream of a": 2}
+    assert inbox.put(Class.STREAM, "b's", "b")
+    assert all(inbox.put(Class.OWN, None) for _ in range(5000))
     assert inbox.get(0.0) == 0
-    assert inbox.put(Class.STREAM, "again")
+    assert inbox.put(Class.STREAM, "again", "a")
+
+
+def test_long_messages_take_bounded_memory() -> None:
+    """So many bytes of a sender wait, and no more, however few messages they are."""
+    inbox = Inbox()
+    taken = [inbox.put(Class.VOLATILE, n, "a", MOST_BYTES // 4) for n in range(8)]
+    assert taken == [True] * 4 + [False] * 4
+    assert not inbox.put(Class.CONTROL, "receipt", "a", MOST_BYTES + 1)
+    assert inbox.put(Class.VOLATILE, "b's", "b", MOST_BYTES)
+
+
+def test_senders_are_served_in_turns() -> None:
+    """Whoever floods waits behind its own: another's first is taken second, each in the order in which it was said."""
+    inbox = Inbox()
+    for number in range(50):
+        inbox.put(Class.STREAM, ("flood", number), "a")
+    for number in range(3):
+        inbox.put(Class.STREAM, ("few", number), "b")
+    order = [inbox.get(0.0) for _ in range(53)]
+    assert [order.index(("few", number)) for number in range(3)] == [1, 3, 5]
+    assert [number for who, number in order if who == "flood"] == list(range(50))
+    assert inbox.get(0.0) is None
+    assert inbox.idle
+
+
+def test_of_receipts_the_newest_are_kept() -> None:
+    """A receipt is for all before it, so the oldest is dropped."""
+    inbox = Inbox()
+    for number in range(1000):
+        assert inbox.put(Class.CONTROL, number, "a")
+    kept = BOUNDS[Class.CONTROL].waiting
+    assert [inbox.get(0.0) for _ in range(kept + 1)] == [*range(1000 - kept, 1000), None]
+    assert inbox.idle
+
+
+def test_a_sender_within_its_rate_is_admitted_and_beyond_it_not() -> None:
+    """A burst, then what the rate gives; others and the own side are not touched by it."""
+    inbox, bound = Inbox(), BOUNDS[Class.STREAM]
+    began = time.monotonic()
+    admitted = sum(inbox.admits(Class.STREAM, "a") for _ in range(100_000))
+    took = time.monotonic() - began
+    assert bound.burst <= admitted <= bound.burst + bound.rate * took + 1
+    assert inbox.dropped["stream of a"] == 100_000 - admitted
+    assert inbox.admits(Class.STREAM, "b")
+    assert all(inbox.admits(Class.OWN, "") for _ in range(100_000))
+
+
+def test_a_flood_of_reproaches_is_told_as_a_sum(tmp_path: Path) -> None:
+    """The first of each kind singly, the rest as a number; what reproaches nobody, and other kinds, are all there."""
+    file = tmp_path / "ta.jsonl"
+    log = Log("ta", "warning", file, io.StringIO())
+    for number in range(10_000):
+        log.write("forged", "warning", key="roco/x", why=str(number))
+    log.write("forged", "warning", key="roco/y")
+    for number in range(100):
+        log.write("sent", peer="co", id=str(number))
+    log.close()
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    told = Counter(line["event"] for line in lines)
+    assert told == {"forged": SINGLY + 1, "sent": 100, MORE: 1}
+    assert f"… {10_000 - SINGLY:,} more of this kind from roco/x in 10 s" in lines[-1]["why"]
+
+
+def test_a_log_takes_bounded_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full file becomes FILE.1, and no line is lost before that is replaced; a later start goes on in the same."""
+    monkeypatch.setattr(logs, "MOST_BYTES", 10_000)
+    file = tmp_path / "ta.jsonl"
+    for start in range(2):
+        log = Log("ta", "error", file)
+        for number in range(60):
+            log.write("sent", id=f"{start}-{number}")
+        log.close()
+    log = Log("ta", "error", file)
+    for number in range(1000):
+        log.write("sent", id=str(number))
+    lines = (logs.before(file).read_bytes() + file.read_bytes()).decode().splitlines()
+    log.close()
+    assert sum(one.stat().st_size for one in tmp_path.iterdir()) < 21_000
+    assert [json.loads(line)["id"] for line in lines][-100:] == [str(number) for number in range(900, 1000)]
 
 
 def test_an_empty_inbox_gives_none_in_time() -> None:
@@ -60,11 +143,13 @@ def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory
         wire = ZenohWire(MagicMock(), to_asker, 1, inbox)
         key = f"roco/toy/{link.channel}/{link.peer}/{to_asker.agent}/{link.protocol}/"
         for act in ("request", "request", *map(str, range(KNOWN_KEYS + 5))):
-            wire._on_communicate(MagicMock(key_expr=key + act))
-        assert set(inbox._waiting) == {kind}
+            wire._on_communicate(MagicMock(key_expr=key + act, attachment=None))
+        assert set(inbox._lanes) == {(kind, link.peer)}
         assert len(wire._known) == KNOWN_KEYS
-        wire._on_communicate(MagicMock(key_expr=f"roco/toy/{link.channel}/stranger/{to_asker.agent}/x/request"))
-        assert inbox._waiting[Class.VOLATILE] > 0
+        wire._on_communicate(
+            MagicMock(key_expr=f"roco/toy/{link.channel}/stranger/{to_asker.agent}/x/request", attachment=None)
+        )
+        assert inbox._lanes[Class.VOLATILE, "stranger"]
 
 
 @pytest.fixture(autouse=True)

@@ -43,8 +43,8 @@ def runs(pid: int) -> bool:
 
 def test_talks_and_ends() -> None:
     """Question and answer in order, long ones too; the end by itself is told with its code."""
-    heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    ends: queue.SimpleQueue[int] = queue.SimpleQueue()
+    heard: queue.Queue[Any] = queue.Queue()
+    ends: queue.Queue[int] = queue.Queue()
     worker = Worker("worker_entries:count", answers=At, on_message=heard.put, on_end=ends.put)
     worker.tell(Count(3, b"x" * 1_000_000))
     for number in range(3):
@@ -56,7 +56,7 @@ def test_talks_and_ends() -> None:
 
 def test_tell_never_blocks() -> None:
     """Ten megabytes to a child that does not listen are taken at once, and a kill still is at once."""
-    heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    heard: queue.Queue[Any] = queue.Queue()
     worker = Worker("worker_entries:spin", answers=At, on_message=heard.put)
     heard.get(timeout=20)
     start = time.monotonic()
@@ -70,7 +70,7 @@ def test_tell_never_blocks() -> None:
 def test_end_with_code_and_unknown_entry() -> None:
     """A child that fails, or cannot be found, is told by its exit code; a malformed entry is our own error."""
     for entry, code in (("worker_entries:crash", 3), ("worker_entries:nobody", 1)):
-        ends: queue.SimpleQueue[int] = queue.SimpleQueue()
+        ends: queue.Queue[int] = queue.Queue()
         worker = Worker(entry, answers=At, on_message=lambda _: None, on_end=ends.put)
         assert ends.get(timeout=20) == code
         worker.kill()

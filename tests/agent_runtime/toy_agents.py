@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from agent_runtime.core.agent import Agent, Arc, Behaviour
-from agent_runtime.core.events import Late, Local, Received, Started
+from agent_runtime.core.events import Broken, Late, Local, Received, Started
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.languages import Language, Languages
@@ -77,6 +77,8 @@ def ask(memory: AskerMemory, turn: Turn) -> AskerMemory:
             return msgspec.structs.replace(
                 memory, asking="", wanted=memory.wanted[1:], answers=(*memory.answers, (memory.wanted[0], number))
             )
+        case Broken():
+            return msgspec.structs.replace(memory, asking="")  # it is asked again
         case Late():
             return msgspec.structs.replace(memory, late=memory.late + 1)
         case _:

@@ -6,10 +6,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+from agent_runtime.io.secured import ROUTERS
 from companion.design import DESIGN
-from companion.tools.system import PROCESSES
+from companion.tools.system import PROCESSES as OF_ONE_ROUTER
+from operate.supervisor.processes import linked
 from topdown.model.rights import identities
 
+PROCESSES = linked(OF_ONE_ROUTER)
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "deploy/compose.yaml").read_text()
 FILE = yaml.safe_load(TEXT)
@@ -29,11 +32,16 @@ def test_all_processes_of_the_fleet_are_there():
     assert sorted(inside) == sorted(process.name for process in PROCESSES)
 
 
+def target(service):
+    """The stage that is built for a service where nothing is set."""
+    return re.sub(r"\$\{\w+:-(\w+)\}", r"\1", service["build"]["target"])
+
+
 def command(name):
     """What a service runs: its command, else that of its image."""
     if "command" in SERVICES[name]:
         return SERVICES[name]["command"]
-    stage = DOCKERFILE.split(f" AS {SERVICES[name]['build']['target']}\n")[1].split("\nFROM ")[0]
+    stage = DOCKERFILE.split(f" AS {target(SERVICES[name])}\n")[1].split("\nFROM ")[0]
     return yaml.safe_load(re.search(r"^CMD (.*)$", stage, re.MULTILINE)[1])
 
 
@@ -69,7 +77,7 @@ def test_a_service_can_change_nothing_but_its_own_volume(name):
 
 def test_the_keys_of_all_are_in_one_place_which_has_no_network():
     """Each identity of the design and the router in a volume of its own, of which the image knows the owner."""
-    names = identities(DESIGN)
+    names = identities(DESIGN, len(ROUTERS))
     assert sorted(KEEPER["volumes"]) == sorted(f"keys-{name}:/keys/{name}" for name in names)
     made = re.search(r"install -d -o roco (.*\n.*)\n", DOCKERFILE)[1]
     assert {f"/keys/{name}" for name in names} <= set(made.split())
@@ -82,8 +90,16 @@ def test_nobody_speaks_without_a_key(name):
     """TLS is what is there, not what may be had."""
     environment = SERVICES[name]["environment"]
     assert environment["ROCO_TLS_DIR"] == "/var/lib/roco-keys"
-    assert environment["ROCO_CONNECT"] == "tls/router:7447"
-    assert environment.get("ROCO_LISTEN") == ("tls/0.0.0.0:7447" if name == "router" else None)
+    assert environment["ROCO_CONNECT"] == "tls/router:7447,tls/router-2:7447"
+    assert environment.get("ROCO_LISTEN") == ("tls/0.0.0.0:7447" if name in ROUTERS else None)
+
+
+def test_the_second_router_joins_the_first():
+    """By the keys that the keeper makes for both."""
+    told = {"ROCO_NAME": "router-2", "ROCO_LINK": "tls/router:7447"}
+    assert told.items() <= SERVICES["router-2"]["environment"].items()
+    assert not told.keys() & SERVICES["router"]["environment"].keys()
+    assert KEEPER["environment"]["ROCO_ROUTERS"] == str(len(ROUTERS))
 
 
 @pytest.mark.parametrize("name", FILE["services"])
@@ -92,6 +108,7 @@ def test_a_service_is_bounded(name):
     service = FILE["services"][name]
     assert re.fullmatch(r"\d+[mg]", service["mem_limit"])
     assert service["pids_limit"] <= 256
+    assert service["ulimits"] == {"core": 0, "nofile": 4096}
     assert "deploy" not in service  # limits of both kinds: Compose v2 refuses the file, v1 one of the kinds
     assert service["logging"]["options"] == {"max-size": "10m", "max-file": "3"}
     assert service["stop_grace_period"] in ("15s", "60s")
@@ -119,8 +136,8 @@ def test_health_starts_no_python(name):
 
 @every_service
 def test_agents_start_when_the_router_routes_and_the_monitor_taps(name):
-    """As the supervisor's table says; agents wait for each other by themselves."""
-    wanted = {other for process in PROCESSES if process.name == name for other in process.after} - {"loop"}
+    """As the supervisor's table says, but for the second router, which nobody need wait for."""
+    wanted = {other for process in OF_ONE_ROUTER if process.name == name for other in process.after} - {"loop"}
     after = SERVICES[name].get("depends_on", {})
     assert set(after) == (wanted or {"keys"})
     assert all(condition == {"condition": "service_healthy"} for condition in after.values())
@@ -156,14 +173,14 @@ def test_only_the_override_for_hard_timing_gives_rights():
     assert override["ex"]["cap_add"] == ["SYS_NICE", "IPC_LOCK", "DAC_READ_SEARCH"]
 
 
-@pytest.mark.parametrize("stage", sorted({service["build"]["target"] for service in SERVICES.values()}))
+@pytest.mark.parametrize("stage", sorted({*map(target, SERVICES.values()), "recorder"}))
 def test_every_image_is_locked_checked_and_not_root(stage):
     """Each ends with the imports of what it runs and another user than root; each install compares hashes."""
     text = DOCKERFILE.split(f" AS {stage}\n")[1].split("\nFROM ")[0]
     assert re.search(r"^RUN python -c 'import services\.", text, re.MULTILINE)
     assert re.search(r"^USER roco$", text, re.MULTILINE)
     for name, service in SERVICES.items():
-        if service["build"]["target"] == stage:
+        if target(service) == stage or (name, stage) == ("monitor", "recorder"):
             module = command(name)[0]
             assert f"{module}.__main__" in text, f"{stage} does not check {module}"
 

@@ -75,12 +75,16 @@ def test_all_that_are_named_must_be_healthy(tmp_path, look):
 
 
 @pytest.fixture
-def sleeper():
-    """Starts processes that do nothing, under a name of ours or another."""
+def sleeper(tmp_path):
+    """Starts processes that do nothing, under a name of ours or another, in this run folder or another."""
     started = []
 
-    def start(name):
-        process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(50)", name])
+    def start(name, run=tmp_path):
+        settings = {**os.environ, "ROCO_RUN_DIR": str(run)}
+        process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(50)", name], env=settings)
+        line = Path(f"/proc/{process.pid}/cmdline")
+        while name.encode() not in line.read_bytes():  # Popen returns amid the exec
+            time.sleep(0.001)
         started.append(process)
         return process
 
@@ -125,3 +129,41 @@ def test_nobody_else_is_ended(tmp_path, look, sleeper):
     assert code == 1
     assert "ended" not in words
     assert other.poll() is None
+
+
+def test_an_agent_that_froze_before_it_was_ready_is_ended(tmp_path, look, sleeper):
+    """It beat once and waits for its peers; it would wait for ever."""
+    frozen = sleeper("services.knowledge")
+    beats(tmp_path, frozen.pid, 30.0)
+    (tmp_path / "km.ready").unlink()
+    code, words = look("km")
+    assert code == 1
+    assert words.startswith("km: not ready yet\n")
+    assert words.endswith("km: ended, it hung\n")
+    assert frozen.wait(timeout=10.0) == -9
+
+
+@pytest.mark.parametrize("earlier", [False, True])
+def test_an_agent_that_froze_before_its_first_heartbeat_is_ended(tmp_path, look, sleeper, earlier):
+    """Also where an earlier process left one in the volume, with a number that is somebody else's now."""
+    frozen, other = sleeper("services.knowledge"), sleeper("services.knowledge", tmp_path / "other")
+    if earlier:
+        beats(tmp_path, other.pid, time.time() - os.stat("/dev").st_mtime + 10.0)
+    code, words = look("km")
+    assert code == 1
+    assert words == "km: not ready yet\nkm: ended, no heartbeat within 120 s\n"
+    assert frozen.wait(timeout=10.0) == -9
+    assert other.poll() is None
+
+
+def test_what_a_supervisor_keeps_is_left_to_it(tmp_path, look, sleeper):
+    """It removes the files of what it starts again; it is ended itself where it never beat."""
+    supervisor = sleeper("services.supervisor")
+    beats(tmp_path, supervisor.pid, 1.0)
+    for suffix in ("ready", "heartbeat.json"):
+        (tmp_path / f"km.{suffix}").rename(tmp_path / f"supervisor.{suffix}")
+    assert look("loop", "ex", "supervisor") == (1, "loop: not ready yet\nex: not ready yet\n")
+    assert supervisor.poll() is None
+    (tmp_path / "supervisor.heartbeat.json").unlink()
+    assert look("loop", "ex", "supervisor")[1].endswith("supervisor: ended, no heartbeat within 120 s\n")
+    assert supervisor.wait(timeout=10.0) == -9

@@ -8,10 +8,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-from companion.tools.system import PROCESSES
+from agent_runtime.io.secured import ROUTERS
+from companion.tools.system import PROCESSES as OF_ONE_ROUTER
+from operate.supervisor.processes import linked
 
 pytestmark = pytest.mark.process
 
+PROCESSES = linked(OF_ONE_ROUTER)
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SCRIPT = (DEPLOY / "swarm").read_text()
 OVERRIDE = yaml.safe_load((DEPLOY / "compose.swarm.yaml").read_text())
@@ -64,7 +67,7 @@ def test_a_service_gets_its_own_key_and_no_other(name):
     service = OVERRIDE["services"][name]
     targets = {secret["source"]: secret["target"] for secret in service["secrets"]}
     own = {"authority": "authority.pem", f"{name}-certificate": f"{name}.pem", f"{name}-key": f"{name}.key"}
-    assert targets == own | ({"rights": "rights.json"} if name == "router" else {})
+    assert targets == own | ({"rights": "rights.json"} if name in ROUTERS else {})
     assert all(secret["uid"] == "10001" and secret["mode"] == 0o400 for secret in service["secrets"])
     assert service["environment"] == {"ROCO_TLS_DIR": "/run/secrets"}
     assert STACK["services"][name]["environment"]["ROCO_CONNECT"].startswith("tls/")

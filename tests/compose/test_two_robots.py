@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from agent_runtime.io import issuing
+from agent_runtime.io.secured import ROUTERS
 from companion.design import DESIGN
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -14,7 +15,7 @@ ONE = yaml.safe_load((ROOT / "deploy/compose.yaml").read_text())
 TWO = yaml.safe_load((ROOT / "deploy/compose.two.yaml").read_text())
 DOCKERFILE = (ROOT / "deploy/Dockerfile").read_text()
 SYSTEMS = ("velma1", "velma2")
-SHARED = {"keys", "router", "monitor"}
+SHARED = {"keys", *ROUTERS, "monitor"}
 AGENTS = sorted(DESIGN.agents)
 
 
@@ -58,7 +59,7 @@ def test_the_keeper_of_the_keys_writes_each_where_its_agent_reads():
     robots, agents = (re.search(rf"for {name} in ([^;]*);", DOCKERFILE)[1].split() for name in ("robot", "agent"))
     made = {f"/keys/{robot}/{agent}" for robot in robots for agent in agents}
     folders = {target: volume for volume, target in (one.split(":") for one in kept)}
-    for seat in issuing.seats(Path("/keys"), DESIGN, SYSTEMS, apart=True):
+    for seat in issuing.seats(Path("/keys"), DESIGN, SYSTEMS, apart=True, routers=len(ROUTERS)):
         robot = "2" if seat.name.startswith(SYSTEMS[1]) else ""
         assert folders[str(seat.folder)] == f"keys-{seat.identity}{robot}"
         assert str(seat.folder) in made or f" {seat.folder} " in DOCKERFILE

@@ -8,16 +8,19 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from partners_of_co import POUR, Scene, a_plan, no_plan
 
+from agent_runtime.core.step import OUTSIDE
 from agent_runtime.testing.wires import Faults, Point
 from companion.design import DESIGN
-from companion.languages import cmd, sw
+from companion.languages import cmd, hfsm, rc, sw, wm
 from companion.languages.sw import WorkerState
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from services.coordinator.behaviours import agent, decide
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Stage
+from services.task import acts
+from services.task.behaviours import BARRIER_S
 
-COMMANDS = (POUR, cmd.Take("jar", "left"), cmd.PutDown("jar"), cmd.LookAround())
+COMMANDS = (POUR, cmd.Take("jar", "left", urgency=1), cmd.PutDown("jar"), cmd.LookAround(urgency=2))
 ENDS = tuple(sw.FINAL)
 GRACE_S = 2000.0  # virtual time in which everything must have ended: a few planned durations, late ones included
 
@@ -120,8 +123,9 @@ def is_end(act, content):
 
 
 def run_out(scene):
-    """Until nobody has an open conversation."""
+    """Until nobody has an open conversation; every step of co is one of its rows."""
     scene.wires.run(scene.at_rest, limit_s=GRACE_S * 10)
+    assert OUTSIDE not in scene.co.state.counts
 
 
 words_of_hi = st.lists(
@@ -254,4 +258,13 @@ def test_memory_comes_back_from_the_journal_as_it_was(scene):
     scene.command()
     stored = msgspec.msgpack.decode(scene.co.state.kept, type=type(scene.memory))
     assert stored == scene.memory
-    assert Limits().acting_s(a_plan(100.0)) == 510.0
+
+
+def test_co_waits_longer_for_a_plan_than_ta_for_all_its_acts():
+    """By ta's own waits: where every act takes as long as it may, ta asks for a new plan before co gives up."""
+    act, ask = hfsm.ActState("act", rc.Home("k", side="left")), hfsm.AskState("ask", wm.ListObjects())
+    inner = hfsm.Machine("inner", "act", (act, ask), safe=hfsm.Machine("safe", "act", (act,)))
+    plan = hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "inner", (inner, act)), 100.0, 1)
+    longest = 5.0 * plan.duration + 3 * acts.MARGIN_S
+    assert Limits().acting_s(plan) > longest + acts.STOPPED_S + BARRIER_S
+    assert Limits(speed=0.5).acting_s(plan) - Limits().acting_s(plan) == 500.0

@@ -3,7 +3,7 @@
 `i.request/R1` the initiator says request with reply-with R1; `p.agree>R1` the participant says agree in reply to R1.
 The last message of a line that begins with `!` is illegal, all others are legal. `a` or `b` before the protocol: only
 our initiator, or only our participant, is tried, since the other side does what ours never does (labels on every
-message).
+message). Request, query and subscribe are there in both profiles; `both` are the lines in which they agree.
 """
 
 from typing import NamedTuple
@@ -48,6 +48,11 @@ def message(word: str) -> Message:
     said, _, label = said.partition("/")
     role, _, act = said.partition(".")
     return Message(ROLES[role], Performative(act), label, answers)
+
+
+def both(page: str, protocol: str) -> str:
+    """Return a page of the paper's protocol with the same lines of the book's."""
+    return page + page.lstrip().replace(f"{protocol}: ", f"fipa-{protocol}: ")
 
 
 REQUEST = """
@@ -102,7 +107,27 @@ request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R1 p.failure>R2
 !request: i.request/R1 p.inform>R1 p.inform>R1
 !request: i.request/R1 p.inform>R1 p.failure>R1
 """
-"""SC00026H. A failed cancel ends our request: docs/rulings.md."""
+"""SC00026H."""
+
+REQUEST_OF_THE_BOOK = """
+fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1
+fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.failure>R1
+fipa-request: i.request/R1 i.cancel/R2 p.failure>R2 p.agree>R1 p.inform>R1
+fipa-request: i.request/R1 i.cancel/R2 p.failure>R2 p.refuse>R1
+fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.not-understood>R2 p.inform>R1
+fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3 p.inform>R3
+!fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.agree>R1
+!fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1 p.inform>R1
+!fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.failure>R2
+"""
+"""SC00026H: a failed cancel leaves the request running."""
+
+REQUEST_OF_THE_PAPER = """
+!request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1
+!request: i.request/R1 i.cancel/R2 p.failure>R2 p.agree>R1
+!request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3
+"""
+"""A failed cancel ends the paper's request: docs/rulings.md."""
 
 REQUEST_WHEN = """
 request-when: i.request-when/R1 p.agree>R1 p.inform>R1
@@ -139,7 +164,37 @@ query: i.query-ref/R1 p.inform
 !query: i.query-ref/R1 i.inform
 !query: i.query-ref/R1 p.query-ref/R1
 """
-"""SC00027H, but for agree and cancel: docs/rulings.md."""
+"""SC00027H."""
+
+QUERY_OF_THE_BOOK = """
+fipa-query: i.query-ref/R1 p.agree>R1 p.inform>R1
+fipa-query: i.query-if/R1 p.agree>R1 p.inform>R1
+fipa-query: i.query-ref/R1 p.agree>R1 p.failure>R1
+fipa-query: i.query-ref/R1 p.agree>R1 p.not-understood>R1
+fipa-query: i.query-ref/R1 p.agree p.inform
+fipa-query: i.query-ref/R1 i.cancel/R2 p.inform>R2
+fipa-query: i.query-if/R1 p.agree>R1 i.cancel/R2 p.inform>R2
+fipa-query: i.query-ref/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1
+fipa-query: i.query-ref/R1 p.agree>R1 i.cancel/R2 p.inform>R1 p.failure>R2
+fipa-query: i.query-ref/R1 i.cancel/R2 p.refuse>R1 p.failure>R2
+!fipa-query: i.query-ref/R1 p.agree>R1 p.agree>R1
+!fipa-query: i.query-ref/R1 p.agree>R1 p.refuse>R1
+!fipa-query: i.query-ref/R1 p.inform-ref>R1
+!fipa-query: i.query-if/R1 p.inform-if>R1
+!fipa-query: i.query-ref/R1 p.inform>R1 p.inform>R1
+!fipa-query: i.query-ref/R1 p.refuse>R1 p.inform>R1
+!fipa-query: i.query-ref/R1 p.agree>R1 p.cancel/C1
+!fipa-query: i.query-ref/R1 i.cancel
+!fipa-query: i.query-ref/R1 p.agree>R1 i.query-ref/R2
+"""
+"""SC00027H: agree and cancel; inform-ref is a macro act, which is not sent (SC00037J)."""
+
+QUERY_OF_THE_PAPER = """
+query: i.query-ref/R1 p.inform-ref>R1
+!query: i.query-ref/R1 p.agree>R1
+!query: i.query-ref/R1 i.cancel/R2
+"""
+"""Table 8: an immediate answer."""
 
 CONTRACT_NET = """
 cfp: i.cfp/R1 p.propose>R1 i.accept-proposal p.inform>R1
@@ -254,6 +309,23 @@ a subscribe: i.subscribe/R1 p.agree>R1 p.inform/P1>R1 p.inform/P2>R1 i.cancel/R2
 """
 """SC00035H; JADE's cancel carries the subscription's label."""
 
+SUBSCRIBE_OF_THE_BOOK = """
+fipa-subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1
+fipa-subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3 p.inform>R3
+fipa-subscribe: i.subscribe/R1 i.cancel/R2 p.failure>R2 p.agree>R1 p.inform>R1
+fipa-subscribe: i.subscribe/R1 p.agree>R1 p.inform>R1 i.cancel/R2 p.not-understood>R2 p.inform>R1
+!fipa-subscribe: i.subscribe/R1 p.inform>R1 p.agree>R1
+!fipa-subscribe: i.subscribe/R1 p.agree>R1 p.agree>R1
+!fipa-subscribe: i.subscribe/R1 p.inform>R1 p.refuse>R1
+!fipa-subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.refuse>R1
+"""
+"""SC00035H: a failed cancel leaves the subscription running; no agree after the first notification."""
+
+SUBSCRIBE_OF_THE_PAPER = """
+!subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1
+"""
+"""A failed cancel ends the paper's subscription: docs/rulings.md."""
+
 PROXY = """
 brokering: i.proxy/R1 p.refuse>R1
 brokering: i.proxy/R1 p.agree>R1 p.failure>R1
@@ -270,5 +342,8 @@ recruiting: i.proxy/R1 p.agree>R1 p.inform>R1
 """
 """SC00033H and SC00034H."""
 
-BOOK = (REQUEST, REQUEST_WHEN, QUERY, CONTRACT_NET, ITERATED, PROPOSE, SUBSCRIBE, PROXY)
+BOTH = (both(REQUEST, "request"), both(QUERY, "query"), both(SUBSCRIBE, "subscribe"))
+OF_THE_BOOK = (REQUEST_OF_THE_BOOK, QUERY_OF_THE_BOOK, SUBSCRIBE_OF_THE_BOOK)
+OF_THE_PAPER = (REQUEST_OF_THE_PAPER, QUERY_OF_THE_PAPER, SUBSCRIBE_OF_THE_PAPER)
+BOOK = (*BOTH, *OF_THE_BOOK, *OF_THE_PAPER, REQUEST_WHEN, CONTRACT_NET, ITERATED, PROPOSE, PROXY)
 LINES = [text for page in BOOK for text in page.strip().splitlines()]

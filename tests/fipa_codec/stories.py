@@ -26,8 +26,28 @@ class Story(NamedTuple):
         return f"{' '.join(self.words)} -> {'/'.join(self.ends)}"
 
 
-# SC00026H, SC00028H, SC00029H, SC00030H, SC00036H, SC00033H, SC00034H: the paths through the diagrams.
+# SC00026H to SC00036H: the paths through the diagrams.
 DIAGRAMS = {
+    "fipa-request": """
+        i:request p:refuse -> refused
+        i:request p:failure -> failed
+        i:request p:inform -> done
+        i:request p:agree p:failure -> failed
+        i:request p:agree p:inform -> done
+    """,
+    "fipa-query": """
+        i:query-ref p:refuse -> refused
+        i:query-ref p:failure -> failed
+        i:query-ref p:inform -> done
+        i:query-if p:agree p:failure -> failed
+        i:query-if p:agree p:inform -> done
+    """,
+    "fipa-subscribe": """
+        i:subscribe p:refuse -> refused
+        i:subscribe p:failure -> failed
+        i:subscribe p:agree p:inform p:inform p:failure -> failed
+        i:subscribe p:inform p:inform p:failure -> failed
+    """,
     "request": """
         i:request p:refuse -> refused
         i:request p:failure -> failed
@@ -126,13 +146,13 @@ def _crossed(before: tuple[str, ...], after: tuple[str, ...], story: Story, *, f
         yield Story(failed, ("cancelled", "cancelled")) if failure_ends else Story((*failed, *after[many:]), story.ends)
 
 
-# --- the two with repeated openings -----------------------------------------------------------------------------------
+# --- the paper's two with repeated openings ---------------------------------------------------------------------------
 
 _ENDS = {"inform": "done", "inform-ref": "done", "refuse": "refused", "failure": "failed"}
 
 
 def _queries() -> tuple[Story, ...]:
-    """Return the stories of SC00027H, and every pair of answers to two copies of one query."""
+    """Return the stories of the paper's query, and every pair of answers to two copies of one query."""
     stories = []
     for query in ("query-if", "query-ref"):
         for first, end in _ENDS.items():

@@ -17,9 +17,9 @@ RECEIVED = 1.76e9
 @pytest.mark.parametrize(
     ("fields", "field"),
     [
-        ({"conversation_id": "a b"}, "conversation (m_c)"),
+        ({"conversation_id": "a " * 64}, "conversation (m_c)"),
         ({"conversation_id": "x" * 129}, "conversation (m_c)"),
-        ({"language": "(set a b)"}, "language (L)"),
+        ({"language": "(set a b)" * 4}, "language (L)"),
         ({"user": {"X-id": "a b"}}, "id (id)"),
         ({"user": {"X-sent": "soon"}}, "X-sent"),
         ({"user": {"X-sent": "nan"}}, "sent (t)"),

@@ -9,11 +9,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from fipa_codec.acl_string import AclMessage, After, Aid, At, Form, from_acl, parse, render, to_acl
+from fipa_codec.acl_string import AclMessage, After, Aid, At, Form, from_acl, parse, render, reply_names, to_acl
+from fipa_codec.acl_string.escapes import LABEL, WORD
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS
-from fipa_codec.communicate import MAX_BYTES, Communicate
+from fipa_codec.communicate import MAX_BYTES, Communicate, is_word
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
+from fipa_codec.protocols import Profile
 
 P = Performative
 RECEIVED = 1.76e9
@@ -39,6 +41,8 @@ PROTOCOLS = {
 
 WORDS = st.from_regex(r"\A[A-Za-z][A-Za-z0-9_.@-]{0,20}\Z")
 LABELS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=40)
+ESCAPED = st.text(st.sampled_from("acl:%20_4-"), max_size=16)
+"""Words and labels that look like those which stand for a text of another platform."""
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 TIMES = FLOATS | st.floats(1.7e9, 1.8e9) | st.integers(17 * 10**11, 18 * 10**11).map(lambda ms: ms / 1000)
 TEXTS = st.text(max_size=12) | st.text(st.sampled_from('"\\\0\n\r\t é本\x7f\x85('), max_size=8)
@@ -71,14 +75,14 @@ COMMUNICATES = st.builds(
     Communicate,
     performative=st.sampled_from(Performative),
     content=maybe(contents() | ODD.map(msgspec.Raw), msgspec.UNSET),
-    language=maybe(WORDS),
+    language=maybe(WORDS | ESCAPED.map("acl-{}".format).filter(is_word)),
     ontology=maybe(WORDS),
     protocol=maybe(WORDS | st.sampled_from([*PROTOCOLS, *PROTOCOLS.values(), "FIPA-Query", "coordinate"])),
     reply_by=maybe(TIMES, None),
     reply_with=maybe(LABELS),
     in_reply_to=maybe(LABELS),
-    conversation=maybe(LABELS),
-    sender=maybe(WORDS),
+    conversation=maybe(LABELS | ESCAPED.map("acl:{}".format)),
+    sender=maybe(WORDS | ESCAPED.map("acl-{}".format).filter(is_word)),
     receiver=maybe(WORDS),
     id=maybe(LABELS),
     sent=TIMES | st.sampled_from([0.0, -0.0]),
@@ -90,14 +94,15 @@ def request(**fields):
     return Communicate(performative=P.REQUEST, **fields)
 
 
-@given(COMMUNICATES, st.sampled_from(Form))
-@example(request(conversation='a"\\', id="\\", reply_with='"'), Form.READABLE)
-@example(request(content=packed('say "hi"\\')), Form.READABLE)
-@example(request(reply_by=-0.0, sent=1e300), Form.READABLE)
-@example(request(reply_by=MAX_MS / 1000), Form.READABLE)
-def test_every_communicate_survives_the_round_trip(communicate, form):
+@given(COMMUNICATES, st.sampled_from(Form), st.sampled_from(Profile))
+@example(request(conversation='a"\\', id="\\", reply_with='"'), Form.READABLE, Profile.FIPA)
+@example(request(content=packed('say "hi"\\')), Form.READABLE, Profile.FIPA)
+@example(request(reply_by=-0.0, sent=1e300), Form.READABLE, Profile.FIPA)
+@example(request(reply_by=MAX_MS / 1000), Form.READABLE, Profile.FIPA)
+def test_every_communicate_survives_the_round_trip(communicate, form, profile):
     """Text and back: content equal in every byte, times in every bit, including the sign of zero."""
-    back = from_acl(parse(render(to_acl(communicate, form=form))), RECEIVED)
+    text = render(to_acl(communicate, form=form, profile=profile))
+    back = from_acl(parse(text), RECEIVED, profile=profile)
     assert back == communicate
     for name in ("reply_by", "sent"):
         assert repr(getattr(back, name)) == repr(getattr(communicate, name))
@@ -123,13 +128,25 @@ def test_outgoing_messages_conform_to_the_standards(communicate):
         assert -0.0011 - 1e-15 * abs(communicate.reply_by) <= late <= 1e-15 * abs(communicate.reply_by)
 
 
-@pytest.mark.parametrize(("ours", "standard"), PROTOCOLS.items())
-def test_protocol_names_map_one_to_one(ours, standard):
+@pytest.mark.parametrize("profile", Profile)
+@pytest.mark.parametrize(("papers", "standard"), PROTOCOLS.items())
+def test_protocol_names_map_one_to_one(papers, standard, profile):
     """Name to FIPA's token and back, in any case, without a user-defined parameter."""
-    message = to_acl(request(protocol=ours))
+    differs = papers in ("request", "query", "subscribe")
+    ours = standard if differs and profile is Profile.FIPA else papers
+    message = to_acl(request(protocol=ours), profile=profile)
     assert (message.protocol, message.user) == (standard, {})
     for written in (standard, standard.upper()):
-        assert from_acl(AclMessage(performative=P.REQUEST, protocol=written), RECEIVED).protocol == ours
+        read = from_acl(AclMessage(performative=P.REQUEST, protocol=written), RECEIVED, profile=profile)
+        assert read.protocol == ours
+
+
+@pytest.mark.parametrize("papers", ["request", "query", "subscribe"])
+def test_a_protocol_of_the_other_profile_is_named(papers):
+    """Each has the same token; X-protocol says which one is meant."""
+    for profile, ours in ((Profile.FIPA, papers), (Profile.PAPER, f"fipa-{papers}")):
+        message = to_acl(request(protocol=ours), profile=profile)
+        assert (message.protocol, message.user) == (f"fipa-{papers}", {"X-protocol": ours})
 
 
 def test_a_systems_own_protocol_keeps_its_name():
@@ -149,11 +166,19 @@ def test_a_systems_own_protocol_keeps_its_name():
         (P.REFUSE, "query", P.REFUSE, {}),
     ],
 )
-def test_answers_of_a_query(act, protocol, out, user):
+def test_answers_of_the_papers_query(act, protocol, out, user):
     """inform-ref of a query is mapped to inform and back; acts that would be mapped to another one have X-act."""
-    message = to_acl(Communicate(performative=act, protocol=protocol))
+    message = to_acl(Communicate(performative=act, protocol=protocol), profile=Profile.PAPER)
     assert (message.performative, message.user) == (out, user)
-    assert from_acl(message, RECEIVED).performative is act
+    assert from_acl(message, RECEIVED, profile=Profile.PAPER).performative is act
+
+
+def test_an_inform_of_the_books_query_is_an_inform():
+    """inform-ref is a macro act, which is not sent (SC00037J)."""
+    answer = AclMessage(performative=P.INFORM, protocol="fipa-query")
+    assert from_acl(answer, RECEIVED).performative is P.INFORM
+    assert from_acl(answer, RECEIVED, profile=Profile.PAPER).performative is P.INFORM_REF
+    assert to_acl(Communicate(performative=P.INFORM, protocol="fipa-query")).user == {}
 
 
 BYTE_EXACT = [
@@ -197,8 +222,8 @@ BYTE_EXACT = [
 @pytest.mark.parametrize(("communicate", "data"), BYTE_EXACT)
 def test_byte_exact_examples(communicate, data):
     """The text that another platform receives."""
-    assert render(to_acl(communicate)) == data
-    assert from_acl(parse(data), RECEIVED) == communicate
+    assert render(to_acl(communicate, profile=Profile.PAPER)) == data
+    assert from_acl(parse(data), RECEIVED, profile=Profile.PAPER) == communicate
 
 
 def test_binary_form_is_base64_whatever_the_content():
@@ -238,7 +263,7 @@ def test_user_defined_parameters_that_contradict_are_ignored(x):
         user={"X-reply-by": x, "X-act": "refuse", "X-protocol": "query"},
     )
     communicate = from_acl(message, RECEIVED)
-    assert (communicate.performative, communicate.protocol) == (P.AGREE, "request")
+    assert (communicate.performative, communicate.protocol) == (P.AGREE, "fipa-request")
     assert communicate.reply_by == 1760000000.25
 
 
@@ -249,9 +274,7 @@ def test_names_of_agents_are_mapped():
     message = to_acl(communicate, names=names)
     assert message.sender == names["ta"]
     assert from_acl(parse(render(message)), RECEIVED, names=names) == communicate
-    with pytest.raises(MalformedError) as caught:
-        from_acl(message, RECEIVED)
-    assert caught.value.field == "receiver (r)"
+    assert from_acl(message, RECEIVED).receiver == "acl-ams@10.0.0.5_3A1099_2FJADE"
 
 
 def test_several_receivers_need_the_receiver_of_this_copy():
@@ -263,12 +286,64 @@ def test_several_receivers_need_the_receiver_of_this_copy():
             from_acl(message, RECEIVED, receiver=receiver)
 
 
-def test_reply_to_must_be_the_sender():
-    """A communicate has no field for another receiver of answers."""
-    one, other = Aid(name="a"), Aid(name="b")
-    assert from_acl(AclMessage(performative=P.CFP, sender=one, reply_to=(one,)), RECEIVED).sender == "a"
-    with pytest.raises(MalformedError, match="reply-to"):
-        from_acl(AclMessage(performative=P.CFP, sender=one, reply_to=(one, other)), RECEIVED)
+def test_answers_go_to_the_reply_to():
+    """The peer of the conversation is the sender; `reply_names` addresses what is said to it (SC00061G)."""
+    one, other, here = Aid(name="a"), Aid(name="b/c", addresses=("http://b",)), {"me": Aid(name="me@here")}
+    call = AclMessage(performative=P.CFP, sender=one, receiver=(here["me"],), reply_to=(other,))
+    heard = from_acl(call, RECEIVED, names=here)
+    assert (heard.sender, heard.receiver) == ("a", "me")
+    answer = Communicate(performative=P.PROPOSE, sender="me", receiver=heard.sender)
+    assert to_acl(answer, names=reply_names(call, here)).receiver == (other,)
+    assert to_acl(answer, names=reply_names(msgspec.structs.replace(call, reply_to=()), here)).receiver == (one,)
+    with pytest.raises(MalformedError, match="must name one"):
+        reply_names(msgspec.structs.replace(call, reply_to=(one, other)))
+
+
+FOREIGN_TEXTS = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=20) | ESCAPED.filter(bool)
+
+
+@given((FOREIGN_TEXTS | FOREIGN_TEXTS.map("acl:{}".format)).filter(lambda text: len(text.encode()) <= 40))
+@example("order 17 of Ada")
+@example("(set (a b))")
+def test_any_conversation_id_comes_and_goes(text):
+    """What is not a label of ours is escaped; the peer gets its own text back, character for character."""
+    message = AclMessage(performative=P.CFP, conversation_id=text, reply_with=text, in_reply_to=text)
+    back = to_acl(from_acl(message, RECEIVED))
+    assert (back.conversation_id, back.reply_with, back.in_reply_to) == (text, text, text)
+
+
+@given(FOREIGN_TEXTS.filter(lambda text: len(text.encode()) <= 20) | ESCAPED.map("acl-{}".format))
+@example("(agents x)")
+@example("host:1099/JADE")
+def test_any_short_name_comes_and_goes(text):
+    """Names of agents, language, ontology and protocol."""
+    aid = Aid(name=text)
+    words = {"language": text, "ontology": text, "protocol": text}
+    back = to_acl(from_acl(AclMessage(performative=P.CFP, sender=aid, receiver=(aid,), **words), RECEIVED))
+    assert (back.sender, back.receiver, back.language, back.ontology, back.protocol) == (aid, (aid,), *words.values())
+
+
+@given(st.lists(FOREIGN_TEXTS | ESCAPED.map("acl:{}".format), unique=True, max_size=8))
+def test_two_texts_are_never_one_label(texts):
+    """Or two conversations would be taken for one."""
+    assert len({LABEL.enter(text) for text in texts}) == len(texts)
+
+
+@pytest.mark.parametrize(
+    ("escape", "text", "ours"),
+    [
+        (LABEL, "a b", "acl:a%20b"),
+        (LABEL, "acl:a%20b", "acl:acl:a%2520b"),
+        (LABEL, "acl:x", "acl:x"),
+        (LABEL, "100%", "100%"),
+        (WORD, "two words", "acl-two_20words"),
+        (WORD, "9", "acl-9"),
+        (WORD, "~_", "acl-_7E_5F"),
+    ],
+)
+def test_escapes(escape, text, ours):
+    """One to one; what is a word or label stays what it is."""
+    assert (escape.enter(text), escape.leave(ours)) == (ours, text)
 
 
 @pytest.mark.parametrize(
@@ -286,5 +361,5 @@ def test_the_examples_of_the_page():
     written, sent = re.findall(r"```acl\n(.*?)\n```", page, re.DOTALL)
     assert render(to_acl(from_acl(parse(written), RECEIVED))) == written.encode()
     asked = from_acl(parse(sent), RECEIVED)
-    assert (asked.performative, asked.sender, asked.protocol) == (P.QUERY_REF, "me", "query")
+    assert (asked.performative, asked.sender, asked.protocol) == (P.QUERY_REF, "me", "fipa-query")
     assert asked.content == packed({"type": "WhereIs", "object": "jar"})

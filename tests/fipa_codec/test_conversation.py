@@ -2,6 +2,7 @@
 
 import msgspec
 import pytest
+from dialogue import Dialogue
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -278,10 +279,16 @@ def test_messages_of_other_conversations_are_an_error_with_the_field(asked, fiel
     assert caught.value.performative is P.NOT_UNDERSTOOD
 
 
-def test_alias_of_the_protocol_is_the_protocol(asked):
-    """A peer may write fipa-request."""
-    message = asked.send(PARTICIPANT, P.AGREE)
-    assert asked.sides[INITIATOR].receive(msgspec.structs.replace(message, protocol="fipa-request")).state == "agreed"
+def test_alias_of_the_protocol_is_the_protocol():
+    """A peer may write fipa-contract-net; fipa-request is another protocol than request."""
+    call, asked = Dialogue("cfp"), Dialogue("request")
+    call.word("i:cfp")
+    asked.word("i:request")
+    offer = msgspec.structs.replace(call.say(PARTICIPANT, P.PROPOSE), protocol="fipa-contract-net")
+    assert call.sides[INITIATOR].receive(offer).state == "offered"
+    agreed = msgspec.structs.replace(asked.say(PARTICIPANT, P.AGREE), protocol="fipa-request")
+    with pytest.raises(RemoteProtocolError, match="expected 'request'"):
+        asked.sides[INITIATOR].receive(agreed)
 
 
 def test_error_has_the_allowed_messages(asked):

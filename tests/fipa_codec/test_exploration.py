@@ -6,7 +6,7 @@ from fipa_codec.errors import LocalProtocolError
 from fipa_codec.exploration import explore, with_not_understood
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, named, register
+from fipa_codec.protocols import CFP, FIPA_REQUEST, QUERY, REQUEST, SUBSCRIBE, named, register
 from fipa_codec.protocols import State as S
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
 
@@ -123,10 +123,11 @@ def test_contradictory_tables_are_rejected():
 
 
 def test_protocols_are_known_by_name_and_alias():
-    """fipa-request is request; a name cannot be given to another protocol."""
-    assert named("fipa-request") is named("request") is REQUEST
+    """fipa-contract-net is cfp; a name cannot be given to another protocol."""
+    assert named("fipa-contract-net") is named("cfp") is CFP
+    assert named("fipa-request") is FIPA_REQUEST
     with pytest.raises(LocalProtocolError, match=r"known are .*query.*subscribe"):
         named("small-talk")
     with pytest.raises(LocalProtocolError, match="already"):
-        register(Protocol("request", initiator=REQUEST.tables[INITIATOR], participant=REQUEST.tables[PARTICIPANT]))
+        register(Protocol("request", **{role.value: table for role, table in FIPA_REQUEST.tables.items()}))
     assert register(REQUEST) is REQUEST

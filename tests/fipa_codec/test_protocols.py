@@ -12,25 +12,25 @@ from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
 from fipa_codec.exploration import explore, with_not_understood
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from fipa_codec.protocols import FIPA, PROPAGATE, named
+from fipa_codec.protocols import FIPA, PAPER, PROPAGATE, PROTOCOLS, named
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row
 
 INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
-NAMES = tuple(protocol.name for protocol in FIPA)
+NAMES = tuple(protocol.name for protocol in PROTOCOLS)
 STORIES = [(name, story) for name in NAMES for story in stories_of(name)]
-ROWS = [(protocol, role, row) for protocol in FIPA for role, table in protocol.tables.items() for row in table]
+ROWS = [(protocol, role, row) for protocol in PROTOCOLS for role, table in protocol.tables.items() for row in table]
 ASKED_AGAIN = {"query": {P.QUERY_IF, P.QUERY_REF}, "subscribe": {P.SUBSCRIBE}}
 """Openings that may be repeated until answered; each copy is answered."""
 
 each_story = pytest.mark.parametrize(("name", "story"), STORIES, ids=[f"{name}: {story}" for name, story in STORIES])
-each_protocol = pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
+each_protocol = pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 
 
 # --- the tables -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("capacity", [1, 2, 3])
-@pytest.mark.parametrize("protocol", [*FIPA, PROPAGATE], ids=lambda p: p.name)
+@pytest.mark.parametrize("protocol", [*PROTOCOLS, PROPAGATE], ids=lambda p: p.name)
 def test_sound(protocol, capacity):
     """No reception without a row, no stuck configuration, all states reachable, for each capacity."""
     found = explore(protocol, capacity)
@@ -39,7 +39,7 @@ def test_sound(protocol, capacity):
     assert capacity == 1 or found.sound, found.unreachable
 
 
-@pytest.mark.parametrize("protocol", [*FIPA, PROPAGATE], ids=lambda p: p.name)
+@pytest.mark.parametrize("protocol", [*PROTOCOLS, PROPAGATE], ids=lambda p: p.name)
 def test_not_understood_at_any_point_leaves_nobody_waiting(protocol):
     """Either side may send it: the sender ignores later messages, the receiver ends."""
     found = explore(with_not_understood(protocol), capacity=2)
@@ -86,19 +86,33 @@ def test_every_row_is_needed(protocol: Protocol, role: Role, row: Row):
 
 @each_protocol
 def test_only_the_initiator_cancels(protocol):
-    """In every protocol but query, which is answered at once and has no cancel."""
+    """In every protocol but the paper's query, which is answered at once and has no cancel."""
     table = protocol.tables[PARTICIPANT]
     assert not any(row.performative is P.CANCEL and row.way is SEND for row in table)
     assert any(row.performative is P.CANCEL for row in table) is (protocol.name != "query")
 
 
-@each_protocol
-def test_protocols_are_known_by_the_name_of_the_paper_and_the_token_of_fipa(protocol):
+TOKENS = {"cfp": "fipa-contract-net", "icfp": "fipa-iterated-contract-net"}
+
+
+@pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
+def test_tokens_of_fipa_are_the_protocols_of_the_book(protocol):
     """The tokens are those of the specifications."""
-    token = {"cfp": "fipa-contract-net", "icfp": "fipa-iterated-contract-net"}.get(
-        protocol.name, f"fipa-{protocol.name}"
-    )
-    assert named(token) is named(protocol.name) is protocol
+    short = protocol.name.removeprefix("fipa-")
+    assert named(TOKENS.get(short, f"fipa-{short}")) is named(protocol.name) is protocol
+
+
+@pytest.mark.parametrize(("papers", "books"), [*zip(PAPER, FIPA, strict=True)], ids=lambda p: p.name)
+def test_the_paper_has_its_own_names_where_it_differs(papers, books):
+    """Both profiles have the same protocols otherwise."""
+    assert named(papers.name) is papers
+    assert (papers is books) is (papers.name not in ("request", "query", "subscribe"))
+    assert books.name in (papers.name, f"fipa-{papers.name}")
+
+
+def test_progress_is_told_in_the_papers_request_only():
+    """A standard peer takes the first inform as the result (JADE's AchieveREInitiator)."""
+    assert {protocol.name for protocol, _, row in ROWS if row.kind is Kind.PROGRESS} == {"request"}
 
 
 # --- conversations ----------------------------------------------------------------------------------------------------

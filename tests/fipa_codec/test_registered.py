@@ -1,11 +1,22 @@
 """Protocols by name: the same one may be read twice in a process, another one of its name is an error."""
 
+from collections.abc import Iterator
+
 import pytest
 
+from fipa_codec import tables
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Row, Table, named, register
+
+
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    """What is registered here is forgotten after the test: other tests of the process list the names."""
+    yield
+    for name in ("knock", "tap"):
+        tables._registered.pop(name, None)
 
 
 def knock(*, answered: bool = True) -> Protocol:

@@ -13,6 +13,7 @@ from companion.languages.cmd import TaskState
 from services.coordinator import behaviours as coordinator
 from services.executor import behaviours as executor
 from services.human_interface import behaviours as human_interface
+from services.human_interface.grammar import understand
 from services.human_interface.local import Answer, CancelWanted, Said
 from services.knowledge import behaviours as knowledge
 from services.knowledge import store_device
@@ -72,7 +73,7 @@ class Fleet:
         """A person's words; hi is asked again until it knows its co."""
         self._tickets += 1
         self.wires.run(lambda: self.up("hi") and "co" in self.wires.nodes["hi"].state.soft.peers)
-        self.wires.post("hi", Said(f"t{self._tickets}", text))
+        self.wires.post("hi", Said(f"t{self._tickets}", text, understand(text)))
 
     def cancel(self) -> None:
         """A person's cancel of the oldest open task."""

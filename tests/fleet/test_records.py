@@ -64,6 +64,8 @@ def test_nothing_leaves_before_a_record_says_so(faults: Faults) -> None:
         journal = effects.record or fleet.wires.nodes[agent].journal
         written = msgspec.msgpack.decode(journal, type=Record)
         for receipt in effects.receipts:
+            if receipt.subject and receipt.version == (0, 0):
+                continue  # the last word of a volatile conversation: nothing to keep
             if receipt.subject:
                 assert written.versions[receipt.peer][receipt.subject] >= receipt.version
             else:

@@ -1,5 +1,7 @@
 """hi on pretend wires, with a co that does as the test says and a device that notes what people would see."""
 
+from functools import cache
+
 import msgspec
 import pytest
 
@@ -13,9 +15,12 @@ from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative as P
-from services.human_interface.behaviours import agent
-from services.human_interface.local import Answer, CancelWanted, Said, Shown, Told
+from services.human_interface.behaviours import ANSWER_WITHIN_S, agent
+from services.human_interface.grammar import understand
+from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
 from services.human_interface.memory import CONDITIONS, KEPT_TASKS
+
+read = cache(understand)
 
 
 class Nothing(msgspec.Struct, frozen=True):
@@ -51,7 +56,7 @@ class Scene:
 
     def say(self, text):
         """A person says it; the answer."""
-        return self.ask(Said(f"t{len(self.shown)}", text))
+        return self.ask(Said(f"t{len(self.shown)}", text, read(text)))
 
     def cancel(self, task=""):
         """A person cancels; the answer."""
@@ -144,7 +149,7 @@ def test_whatever_ends_a_task_badly_shows_as_failed_with_its_reason(scene, perfo
     assert scene.events[-1].text == "busy"
 
 
-@pytest.mark.parametrize("words", ["cancel", "cancel hi-1-1", "please stop"])
+@pytest.mark.parametrize("words", ["cancel", "cancel hi-1-1", "never mind", "anuluj"])
 def test_cancel_by_words_cancels_the_oldest_or_the_named_task(scene, words):
     """co answers in reply to the cancel."""
     task = scene.say("take the jar").line.task
@@ -213,6 +218,27 @@ def test_a_coordinator_that_goes_and_comes_is_told_to_who_waits(scene):
     scene.wires.post("co", lambda turn: None)
     scene.settle(3.0)
     assert [event.name for event in scene.events][-2:] == ["robot-unreachable", "robot-reachable"]
+
+
+def test_a_coordinator_that_does_not_answer_is_told_once_and_again_when_it_does(scene):
+    """It is there and hangs: the person hears of it, and of its first word."""
+    task = scene.say("take the jar").line.task
+    scene.settle(ANSWER_WITHIN_S - 0.5)
+    assert [event.name for event in scene.events] == ["asked"]
+    scene.settle(60.0)
+    assert [(event.name, event.task) for event in scene.events] == [("asked", task), ("robot-unreachable", task)]
+    assert scene.tasks == {task: "waiting"}
+    scene.report(task, P.AGREE, TaskState.PLANNING)
+    scene.settle(1.0)
+    assert [event.name for event in scene.events][2:] == ["robot-reachable", "planning"]
+
+
+def test_a_coordinator_that_answers_in_time_is_not_complained_of(scene):
+    """However long the task takes; also where it only agreed that the task waits."""
+    task = scene.say("take the jar").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.settle(600.0)
+    assert "robot-unreachable" not in [event.name for event in scene.events]
 
 
 @pytest.mark.parametrize("point", list(Point))
@@ -310,4 +336,144 @@ def test_what_cannot_be_understood_of_co_fails_the_task(scene):
     scene.wires.deliver(wrong)
     scene.settle()
     assert scene.tasks[task] == "failed"
-    assert scene.events[-1].text.startswith("what the coordinator said was not understood")
+    assert scene.events[-1].text.startswith("the conversation with the coordinator broke")
+
+
+def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
+    """Each wish of the sentence has them; without them nothing more is said than before."""
+    scene.ask(Said("t", "take the jar and look around", read("take the jar and look around"), False, 1, 60.0))
+    sent = [one.content for one in scene.heard if isinstance(one.content, cmd.Command)]
+    assert [one.urgency for one in sent] == [1, 1]
+    assert {round(one.deadline - scene.wires.now, 1) for one in sent} == {59.9}
+    scene.say("look around")
+    last = [one.content for one in scene.heard if isinstance(one.content, cmd.Command)][-1]
+    assert last == cmd.LookAround()
+    assert msgspec.json.encode(last) == b'{"type":"LookAround"}'
+
+
+# --- stopped ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_stop_that_reached_the_robot_is_told_and_cancels_nothing(scene):
+    """The task ends as the executor says."""
+    scene.say("take the jar")
+    for held, name in ((True, "stopped"), (False, "released")):
+        scene.wires.post("hi", Halted(held, True, "words"))
+        scene.settle()
+        assert (scene.events[-1].name, scene.events[-1].text) == (name, "words")
+    assert [one.communicate.performative for one in scene.heard] == [P.REQUEST]
+
+
+def test_a_stop_out_of_reach_cancels_every_task(scene):
+    """The next best that hi can do."""
+    tasks = [scene.say(text).line.task for text in ("take the jar", "look around")]
+    scene.wires.post("hi", Halted(True, False, "elsewhere"))
+    scene.settle()
+    cancelled = [one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL]
+    assert cancelled == tasks
+    assert ("refused", "elsewhere") in [(event.name, event.text) for event in scene.events]
+
+
+def test_a_stopped_robot_takes_no_task(scene):
+    """It says how it is let go."""
+    line = scene.ask(Said("t", "take the jar", understand("take the jar"), held=True)).line
+    assert (line.state, "roco release" in line.text, scene.heard) == ("refused", True, [])
+
+
+# --- what is said of things, and of several at once -------------------------------------------------------------------
+
+
+def test_two_wishes_become_two_tasks_in_their_order(scene):
+    """The answer names both; co gets them one after the other."""
+    line = scene.say("take the jar and pour it into the bowl").line
+    assert [one.content for one in scene.heard] == [cmd.Take("jar"), cmd.PourInto("jar", "bowl")]
+    assert [one.conversation for one in scene.heard] == [line.task, *line.then]
+    assert line.text == "I will take the jar, then pour the content of the jar into the bowl."
+
+
+@pytest.mark.parametrize("state", [TaskState.FAILED, TaskState.CANCELLED])
+def test_what_follows_in_a_sentence_is_cancelled_where_the_first_was_not_done(scene, state):
+    """And nothing else is."""
+    line = scene.say("take the jar and pour it into the bowl").line
+    other = scene.say("look around").line.task
+    if state == TaskState.CANCELLED:
+        scene.report(line.task, P.AGREE, TaskState.WAITING)
+        scene.cancel(line.task)
+        scene.report(line.task, P.INFORM, TaskState.CANCELLED, kind=Kind.CANCEL)
+    else:
+        scene.report(line.task, P.REFUSE, TaskState.FAILED, "busy")
+    cancelled = {one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL}
+    assert cancelled - {line.task} == set(line.then)
+    assert other not in cancelled
+
+
+def test_what_follows_a_done_task_goes_on(scene):
+    """It is what was said."""
+    line = scene.say("take the jar and pour it into the bowl").line
+    scene.report(line.task, P.AGREE, TaskState.WAITING)
+    scene.report(line.task, P.INFORM, TaskState.DONE)
+    assert P.CANCEL not in [one.communicate.performative for one in scene.heard]
+
+
+def test_it_and_the_other_one_are_what_was_talked_of(scene):
+    """Until something else is."""
+    for text in ("take the jar", "put it down", "take the bowl", "put the other one down", "take the other one"):
+        assert scene.say(text).line.state == "waiting", text
+    things = [one.content.object for one in scene.heard]
+    assert things == ["jar", "jar", "bowl", "jar", "bowl"]
+
+
+def test_a_question_back_is_answered_by_yes_or_by_a_name(scene):
+    """Nothing moves before; after any other sentence the question is forgotten."""
+    for text, answer, wanted in (("take the red jar", "yes", "jar"), ("take the spoon", "the bowl", "bowl")):
+        assert scene.say(text).line.state == "question"
+        assert scene.say("help").line.state == "answered"
+        assert scene.say(answer).line.state != "waiting"
+        scene.say(text)
+        assert scene.say(answer).line.state == "waiting"
+        assert scene.heard[-1].content == cmd.Take(wanted)
+
+
+def test_no_to_a_question_moves_nothing_and_a_no_out_of_nothing_stops(scene):
+    """The device sets the flag, and answers."""
+    scene.say("take the red jar")
+    assert scene.say("no").line.state == "refused"
+    scene.wires.post("hi", Said("n", "no", read("no")))
+    scene.settle()
+    assert StopRobot("n", "no") in scene.shown
+    assert scene.heard == []
+
+
+def test_what_is_seen_is_what_the_last_look_told(scene):
+    """Before, it says how to look."""
+    assert "look around" in scene.say("what do you see?").line.text
+    task = scene.say("look around").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.report(task, P.INFORM, TaskState.DONE, "seen: jar_1, jar_2")
+    line = scene.say("co widzisz?").line
+    assert (line.state, "jar, jar 2" in line.text) == ("answered", True)
+    assert scene.say("take the jar").line.state == "question", "there are two"
+    assert scene.say("jar 2").line.state == "waiting"
+    assert scene.heard[-1].content == cmd.Take("jar_2")
+
+
+def test_why_names_the_reason(scene):
+    """Of the task that is open, else of the last one that was not done."""
+    assert scene.say("why?").line.text == "Nothing that you asked for has failed so far."
+    task = scene.say("take the jar").line.task
+    assert "take the jar" in scene.say("why?").line.text
+    scene.report(task, P.REFUSE, TaskState.FAILED, "no jar has been seen")
+    assert scene.say("why?").line.text == "take the jar: no jar has been seen."
+
+
+def test_everything_can_be_cancelled_at_once(scene):
+    """Each task."""
+    tasks = {scene.say(text).line.task for text in ("take the jar", "look around")}
+    scene.say("cancel everything")
+    assert {one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL} == tasks
+
+
+def test_no_word_releases_a_stopped_robot(scene):
+    """It says what does."""
+    line = scene.say("go on").line
+    assert (line.state, "roco release" in line.text) == ("refused", True)

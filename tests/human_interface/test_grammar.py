@@ -1,130 +1,285 @@
-"""The grammar of a person's sentences."""
+"""The command language: from the words of a sentence to what hi does."""
+
+import re
+import time
+from functools import cache
+from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from companion.languages import CMD, cmd
-from services.human_interface.grammar import (
-    EXAMPLES,
-    LONGEST_THING,
-    UNDERSTOOD,
-    CancelTask,
-    NotUnderstood,
-    TellStatus,
-    in_words,
-    plain,
-    understand,
-)
+from companion.models import MODELS
+from companion.stop_words import stop_words
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES, THINGS, say
+from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS, VOCABULARY, understand
+from services.human_interface.meaning import Meaning
+from services.human_interface.wishes import MAKE, Act, Ask, Context, Option, Tell, in_words, outcome
 
-THINGS = ("jar", "bowl", "blue jar", "can", "cup 2", "tea-pot", "toy robo", "hi-fi")
-things = st.sampled_from(THINGS)
-articles = st.sampled_from(("", "the ", "a ", "my ", "this "))
-sides = st.sampled_from(("", "left", "right"))
-wishes = st.one_of(
-    st.builds(cmd.PourInto, things, things).filter(lambda wish: wish.source != wish.destination),
-    st.builds(cmd.Take, things, sides),
-    st.builds(cmd.PutDown, things),
+TABLES = Path(__file__).parent / "sentences"
+NO_TASK = {"cancel_all": "cancel", "cancel": "cancel", "stop": "stop", "release": "ask"}
+FEW = settings(
+    max_examples=25, deadline=None, phases=(Phase.explicit, Phase.generate, Phase.shrink)
+)  # a sentence takes 20 ms, and some of the tests have several
+UNDERSTOOD_OF_OURS = 0.95
+UNDERSTOOD_OF_OTHERS = 0.5
+names = st.sampled_from(("jar", "bowl", "jar_2"))
+tasks = st.one_of(
+    st.builds(cmd.PourInto, names, names).filter(lambda task: task.source != task.destination),
+    st.builds(cmd.Take, names, st.sampled_from(("", "left", "right"))),
+    st.builds(cmd.PutDown, names),
     st.just(cmd.LookAround()),
-    st.builds(CancelTask, st.sampled_from(("", "hi-1-3"))),
-    st.just(TellStatus()),
 )
-before = st.sampled_from(
-    ("", "please ", "Could you please ", "Velma, ", "hello robot, can you kindly ", "I want you to ")
-)
-after = st.sampled_from(("", ".", "!", ", please", " please?", "  ", ", thank you!"))
 
 
-@given(wishes, before, after)
-def test_a_wish_in_words_is_understood_as_itself_however_polite(wish, before, after):
-    """in_words and understand are inverse; politeness and punctuation change nothing."""
-    assert understand(before + in_words(wish) + after) == wish
-    assert understand((before + in_words(wish) + after).upper()) == wish
+def said(sentence, context=None):
+    """What comes of a sentence that stops nothing."""
+    return outcome(understand(sentence), context or Context())
 
 
-@given(
-    st.sampled_from(("pour", "pour out")),
-    st.sampled_from(("", "the content of ", "content of ", "the contents of ")),
-    st.sampled_from(("into", "in")),
-    *(articles, things, articles, things),
-)
-def test_every_form_of_pouring_is_the_same_wish(verb, content, into, first, source, second, destination):
-    """Content, article and preposition are the person's taste."""
-    wish = understand(f"{verb} {content}{first}{source} {into} {second}{destination}")
-    if source == destination:
-        assert isinstance(wish, NotUnderstood)
-    else:
-        assert wish == cmd.PourInto(source, destination)
+def short(found):
+    """As in the tables."""
+    if isinstance(found, Ask):
+        return "ask"
+    if isinstance(found, Tell):
+        return NO_TASK.get(found.does, "answer")
+    return "; ".join(_task(task) for task in found.tasks)
 
 
-@given(st.sampled_from(("take", "grab", "bring", "bring me", "get", "pick up")), articles, things, sides)
-def test_every_form_of_taking_is_the_same_wish(verb, article, thing, side):
-    """A hand may be named."""
-    hand = f" with the {side} hand" if side else ""
-    assert understand(f"{verb} {article}{thing}{hand}") == cmd.Take(thing, side)
+def _task(task):
+    match task:
+        case cmd.PourInto(source=source, destination=destination):
+            return f"pour {source} {destination}"
+        case cmd.Take(object=thing, side=side):
+            return f"take {thing} {side}".strip()
+        case cmd.PutDown(object=thing):
+            return f"put {thing}"
+    return "look"
 
 
-@given(articles, things)
-def test_every_form_of_putting_down_is_the_same_wish(article, thing):
-    """Down comes before or after."""
-    wish = cmd.PutDown(thing)
-    assert understand(f"put down {article}{thing}") == wish
-    assert understand(f"put {article}{thing} down") == wish
-    assert understand(f"put {article}{thing} on the table") == wish
+@cache
+def rows(table):
+    """What is wanted, and what comes of it."""
+    return list(_rows(table))
 
 
+def _rows(table):
+    for line in (TABLES / table).read_text().splitlines():
+        if not line.startswith("#"):
+            want, before, sentence = line.split("\t")
+            context = Context(mentioned=tuple(re.findall(r"\w+", before)))
+            yield want, "stop" if stop_words(sentence) else short(said(sentence, context)), sentence
+
+
+def acts(found):
+    """Whether the robot would move."""
+    return found.split()[0] in ("pour", "take", "put", "look")
+
+
+@pytest.mark.parametrize(("table", "least"), [("tuned.tsv", 150), ("held_out.tsv", 75)])
+def test_no_sentence_of_a_table_becomes_another_act(table, least):
+    """Whether the language was made for it or not: 0 wrong acts."""
+    found = rows(table)
+    assert len(found) >= least
+    assert [row for row in found if row[0] != row[1] and acts(row[1])] == []
+
+
+@pytest.mark.parametrize(("table", "part"), [("tuned.tsv", UNDERSTOOD_OF_OURS), ("held_out.tsv", UNDERSTOOD_OF_OTHERS)])
+def test_sentences_of_a_table_end_as_a_person_would_want(table, part):
+    """Done, asked back, or refused with what can be done. Which of the held-out ones did not is not shown."""
+    found = [want == got for want, got, _ in rows(table)]
+    assert sum(found) >= part * len(found), f"{sum(found)} of {len(found)}"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@FEW
+@example([cmd.PourInto("jar_2", "bowl")] * MOST_WISHES, "!")
+@given(st.lists(tasks, min_size=1, max_size=MOST_WISHES), st.sampled_from(("", ".", "!", " ")))
+def test_tasks_in_words_are_understood_as_themselves(language, wanted, end):
+    """What hi says it will do, or asks whether it is meant, is what it would understand: in_words has an inverse."""
+    sentence = in_words(tuple(wanted), language) + end
+    if len(sentence) <= MOST_CHARACTERS:
+        assert said(sentence) == Act(tuple(wanted))
+        assert said(sentence.upper()) == Act(tuple(wanted))
+
+
+POLITE = st.sampled_from(("", "please ", "Could you please ", "Velma, ", "hello robot, can you ", "I want you to "))
+
+
+@FEW
+@given(POLITE, tasks, st.sampled_from(("", ", please", " please?", ", thank you!", " now")))
+def test_politeness_changes_nothing(before, wanted, after):
+    """Before and after."""
+    assert said(before + in_words((wanted,)) + after) == Act((wanted,))
+
+
+@FEW
 @given(st.text(max_size=600))
 def test_whatever_is_said_gets_a_wish_or_a_polite_refusal(text):
     """Total; and what becomes a command fits its language and its 250 bytes."""
-    wish = understand(text)
-    if isinstance(wish, NotUnderstood):
-        assert wish.text
-    elif isinstance(wish, cmd.Task):
-        assert len(CMD.encode(wish)) < 150
+    found = said(text)
+    if isinstance(found, Ask):
+        assert found.text
+    elif isinstance(found, Act):
+        assert all(len(CMD.encode(task)) < 150 for task in found.tasks)
 
 
-SALAD = ("pour", "take", "put", "down", "jar", "the", "bowl", "into", "with", "left", "hand", "and", "out", "of", "it")
+@FEW
+@given(
+    st.lists(st.sampled_from(sorted(VOCABULARY)), max_size=12),
+    st.integers(0, 12),
+    st.sampled_from(["spoon", "qx", "łyżka"]),
+)
+def test_a_sentence_with_a_word_that_nobody_knows_is_no_act(words, at, strange):
+    """Salads of our own words with a foreign one: a question at most."""
+    assert not isinstance(said(" ".join([*words[:at], strange, *words[at:]])), Act)
 
 
-@given(st.lists(st.sampled_from(SALAD)))
-def test_no_thing_is_called_by_words_of_the_grammar(words):
-    """Salads of the grammar's own words never name a thing that is none."""
-    wish = understand(" ".join(words))
-    names = [getattr(wish, field, "jar") for field in ("source", "destination", "object")]
-    own = {"pour", "take", "put", "into", "with", "and", "of", "the", "it"}
-    assert all(name and not own & {name, *name.split()[1:]} for name in names), wish
+@FEW
+@given(st.lists(st.sampled_from(sorted(VOCABULARY)), max_size=12))
+def test_acts_are_about_known_things_alone(words):
+    """Salads of our own words never name a thing that is none."""
+    found = said(" ".join(words))
+    for task in found.tasks if isinstance(found, Act) else ():
+        named = [
+            getattr(task, field).partition("_")[0]
+            for field in ("source", "destination", "object")
+            if hasattr(task, field)
+        ]
+        assert all("take" in THINGS[name].can for name in named)
 
 
-@pytest.mark.parametrize("example", EXAMPLES)
-def test_every_example_is_understood(example):
-    """What we tell people to say."""
-    assert not isinstance(understand(example), NotUnderstood)
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "x" * 10_000,
+        "the " * 50,
+        "and the jar " * 40,
+        "it " * 60,
+        "take the jar and " * 11,
+        ", " * 99,
+        "to the red jar " * 13,
+        "jar, " * 25,
+        "take it, " * 17,
+    ],
+)
+def test_the_worst_sentence_is_read_in_bounded_time(sentence):
+    """At most a fifth of a second of the processor; the longest that was found takes under 0.1 s (measured)."""
+    for cut in (MOST_CHARACTERS, len(sentence)):
+        begun = time.process_time()
+        said(sentence[:cut])
+        assert time.process_time() - begun < 0.2
+    assert understand("take " * (MOST_WORDS + 1)).why == "long"
 
 
-@pytest.mark.parametrize("sentence", ["dance", "", "pour the jar", "make tea and dance", "…", "x" * 10_000])
-def test_a_refusal_names_what_is_understood(sentence):
-    """Politely, with all forms."""
-    refusal = understand(sentence)
-    assert isinstance(refusal, NotUnderstood)
-    assert UNDERSTOOD in refusal.text
+# --- asking back ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sentence", "offered"),
+    [
+        ("take the spoon", {"jar", "bowl", "box", "lid"}),
+        ("take the container", {"jar", "bowl"}),
+        ("take it", {"jar", "bowl", "box", "lid"}),
+        ("take the red jar", {"jar"}),
+        ("pour the milk into the bowl", {"jar"}),
+        ("weź łyżkę", {"jar", "bowl", "box", "lid"}),
+        ("take the table", set()),
+        ("pour the jar into the jar", set()),
+    ],
+)
+def test_a_thing_that_is_not_clear_is_asked_about(sentence, offered):
+    """With the things that it could be, and those only that the sentence makes sense with."""
+    found = said(sentence)
+    assert isinstance(found, Ask)
+    assert {option.thing for option in found.options} == offered
+
+
+def test_two_things_of_a_kind_are_told_apart_by_number():
+    """Where a look around told of two."""
+    found = said("take the jar", Context(seen="seen: jar_1, jar_2, bowl_1"))
+    assert [option.thing for option in found.options] == ["jar_1", "jar_2"]
+    assert "jar 1, jar 2" in found.text
+    assert said("take the bowl", Context(seen="seen: jar_1, jar_2, bowl_1")) == Act((cmd.Take("bowl"),))
+
+
+@pytest.mark.parametrize(
+    ("sentence", "options"), [("yes", 1), ("tak", 1), ("the jar", 2), ("jar", 2), ("I mean the jar", 3)]
+)
+def test_an_answer_to_a_question_is_taken(sentence, options):
+    """Yes, where there is one option; else its name."""
+    given_options = tuple(Option(name, (cmd.Take(name),)) for name in ("jar", "bowl", "box")[:options])
+    assert said(sentence, Context(options=given_options)) == Act((cmd.Take("jar"),))
+
+
+def test_an_answer_to_no_question_moves_nothing():
+    """Nor does a yes that could mean several."""
+    several = tuple(Option(name, (cmd.Take(name),)) for name in ("jar", "bowl"))
+    assert isinstance(said("yes"), Ask)
+    assert isinstance(said("yes", Context(options=several)), Ask)
+    assert isinstance(said("jar"), Ask)
+
+
+def test_no_is_an_answer_where_something_was_asked_and_else_a_stop():
+    """When in doubt, stop."""
+    assert said("no", Context(options=(Option("jar", (cmd.Take("jar"),)),))) == Ask(say("en", "not_then"))
+    assert said("no") == said("nie") == Tell("stop")
 
 
 @pytest.mark.parametrize(
     ("sentence", "near"),
-    [("por the jar into the bowl", "pour the jar into the bowl"), ("cancle", "cancel"), ("take", "take the jar")],
+    [("por the jar into the bowl", "pour the content of the jar into the bowl"), ("take the bowll", "take the bowl")],
 )
-def test_a_slip_is_answered_with_the_nearest_sentence(sentence, near):
-    """So that one need not read the list."""
-    assert f"Did you mean {near!r}?" in understand(sentence).text
+def test_a_slip_is_asked_about_and_never_done(sentence, near):
+    """With the sentence that it may have been."""
+    found = said(sentence)
+    assert isinstance(found, Ask)
+    assert repr(near) in found.text
+    assert said("yes", Context(options=found.options)) == said(near)
 
 
-@pytest.mark.parametrize("sentence", ["take it", "take the", "put that down", "take " + "x" * (LONGEST_THING + 1)])
-def test_a_thing_needs_a_name(sentence):
-    """Pronouns name nothing here."""
-    assert isinstance(understand(sentence), NotUnderstood)
+@pytest.mark.parametrize("sentence", ["dance", "", "make tea and dance", "…", "x" * 10_000, "cancle"])
+def test_a_refusal_names_what_is_understood(sentence):
+    """Politely, with all forms."""
+    assert say("en", "can") in said(sentence).text
 
 
-def test_a_can_and_a_robot_s_name_are_told_apart():
-    """Politeness takes whole phrases only."""
-    assert understand("Can you take the can, Velma?") == cmd.Take("can", "")
-    assert plain("Hi Velma, cancel hi-1-3!") == "cancel hi-1-3"
+# --- the catalogue ----------------------------------------------------------------------------------------------------
+
+
+def test_things_are_those_of_the_models():
+    """A thing that may be taken is moveable, one that is poured has an opening; all are classes of models."""
+    for thing in CATALOGUE.thing:
+        models = [model for model in MODELS.values() if model.kind.lower().startswith(thing.name)]
+        assert bool(models) is not bool(thing.covers), thing.name
+        assert ("take" in thing.can) == any(model.moveable for model in models), thing.name
+        assert ("pour" in thing.can) == any(model.moveable and model.hole for model in models), thing.name
+
+
+def test_both_languages_say_the_same():
+    """Each row of a language has its row in the other, with as many blanks."""
+    english, polish = (CATALOGUE.say[language] for language in LANGUAGES)
+    assert {row: text.count("{") for row, text in english.items()} == {
+        row: text.count("{") for row, text in polish.items()
+    }
+    assert all(getattr(row, language) for row in CATALOGUE.wish for language in LANGUAGES)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_is_offered_is_understood(language):
+    """The list of what can be said, with things in place of X and Y."""
+    for offer in re.sub(r" ?\[.*?\]", "", say(language, "can")).split("; "):
+        sentence = offer.replace("X", "jar" if language == "en" else "słoik").replace(
+            "Y", "bowl" if language == "en" else "miska"
+        )
+        assert not isinstance(said(sentence), Ask), sentence
+
+
+def test_no_wish_for_a_task_is_a_stop_in_itself():
+    """Else a row of the catalogue could never be said."""
+    for language in LANGUAGES:
+        for task in (cmd.PourInto("jar", "bowl"), cmd.Take("lid", "left"), cmd.PutDown("box"), cmd.LookAround()):
+            assert stop_words(in_words((task,), language)) == ""
+    assert {"pour", "take", "put", "look"} <= MAKE.keys()
+    assert isinstance(understand("take the jar"), Meaning)

@@ -1,6 +1,5 @@
 """docs/http.md over a real socket, with an agent that answers at once, late, or never."""
 
-import http.client
 import os
 import socket
 import threading
@@ -9,58 +8,13 @@ import time
 import msgspec
 import pytest
 
-from companion.run_files import HI_FILE, Events, HiAddress, HiEvent, Problem, TaskLine, Tasks
+from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
+from companion.run_files import HI_FILE, SLOTS_FILE, Events, HiAddress, HiEvent, TaskLine, Tasks
 from services.human_interface import server
-from services.human_interface.local import Answer, CancelWanted, Said, Shown, Told
+from services.human_interface.grammar import understand
+from services.human_interface.local import CancelWanted, Halted, Said, Shown, StopRobot, Told
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
-
-
-class Client:
-    """Speaks to a desk as a program would."""
-
-    def __init__(self, run_dir):
-        self.run_dir = run_dir
-        self.words = []
-        self.desk = server.HttpDevice(self.post, run_dir)
-        self.address = msgspec.json.decode((run_dir / HI_FILE).read_bytes(), type=HiAddress)
-
-    def post(self, content, delay_s=0.0):
-        """The agent's answer to a word, at once."""
-        self.words.append(content)
-        match content:
-            case Said(ticket=ticket, text="status"):
-                self.desk.tell(Answer(ticket, problem="no coordinator yet", status=503))
-            case CancelWanted(ticket=ticket, task="hi-9-9"):
-                self.desk.tell(Answer(ticket, problem="there is no task 'hi-9-9'", status=404))
-            case Said(text="silence"):
-                pass
-            case Said(ticket=ticket) | CancelWanted(ticket=ticket):
-                self.desk.tell(Answer(ticket, LINE))
-
-    def ask(self, verb, path, body=None, **headers):
-        """Status and body."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.address.port, timeout=10.0)
-        told = {"Authorization": f"Bearer {self.address.token}", **headers}
-        try:
-            connection.request(verb, path, body, {name: text for name, text in told.items() if text is not None})
-            answer = connection.getresponse()
-            return answer.status, answer.read()
-        finally:
-            connection.close()
-
-    def refused(self, verb, path, body=None, **headers):
-        """Status and the sentence of a refusal."""
-        status, data = self.ask(verb, path, body, **headers)
-        return status, msgspec.json.decode(data, type=Problem).error
-
-
-@pytest.fixture
-def client(tmp_path):
-    """A desk and who speaks to it."""
-    client = Client(tmp_path)
-    yield client
-    client.desk.close()
 
 
 def test_the_address_is_for_its_owner_alone(client):
@@ -171,9 +125,8 @@ def test_an_agent_that_says_nothing_ends_in_503(client, monkeypatch):
     assert "/tasks" in words
 
 
-def test_closing_ends_the_waits(tmp_path):
+def test_closing_ends_the_waits(client):
     """A request for events is answered when the desk closes."""
-    client = Client(tmp_path)
     answers = []
     waiter = threading.Thread(target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0]))
     waiter.start()
@@ -182,7 +135,7 @@ def test_closing_ends_the_waits(tmp_path):
     client.desk.close()
     waiter.join(5.0)
     assert answers == [200]
-    assert not (tmp_path / HI_FILE).exists()
+    assert not (client.run_dir / HI_FILE).exists()
 
 
 def test_it_listens_where_it_is_told(tmp_path):
@@ -210,3 +163,97 @@ def test_what_is_no_address_is_named(text):
     """With what would have been right."""
     with pytest.raises(ValueError, match=r"is not an address to listen at, expected host:port"):
         server.listen_at(text)
+
+
+# --- stop and release -------------------------------------------------------------------------------------------------
+
+STOPS = [
+    ("/stop", b""),
+    ("/stop", b"{}"),
+    ("/stop", b"not JSON"),
+    ("/say", b'{"text": "STOP!!!"}'),
+    ("/say", b'{"text": "careful"}'),
+]
+
+
+@pytest.fixture
+def robot(client):
+    """Who speaks to a desk that shares its run folder with a control loop."""
+    (client.run_dir / SLOTS_FILE).touch()
+    (client.run_dir / STOP_FILE).write_bytes(STOP_RELEASED)
+    return client
+
+
+def flag(client):
+    """The byte that the loop reads."""
+    return (client.run_dir / STOP_FILE).read_bytes()
+
+
+@pytest.mark.parametrize(("path", "body"), STOPS)
+def test_a_stop_needs_no_agent_and_no_room(robot, monkeypatch, path, body):
+    """The agent answers nobody, and as many wait as may: the byte is set before the answer."""
+    monkeypatch.setattr(robot.desk._server, "post", lambda content: None)
+    monkeypatch.setattr(robot.desk._server, "room", threading.Semaphore(0))
+    assert robot.refused("GET", "/events?wait=1")[0] == 503
+    status, data = robot.ask("POST", path, body)
+    line = msgspec.json.decode(data, type=TaskLine)
+    assert (status, line.state, flag(robot)) == (200, "stopped", STOP_HELD)
+    assert "roco release" in line.text
+    status, data = robot.ask("POST", "/release", b"{}")
+    assert (status, msgspec.json.decode(data, type=TaskLine).state, flag(robot)) == (200, "released", STOP_RELEASED)
+
+
+def test_the_agent_hears_of_a_stop_and_of_its_end(robot):
+    """So that it is told to others."""
+    robot.ask("POST", "/stop")
+    robot.ask("POST", "/release")
+    assert [(word.held, word.reached) for word in robot.words] == [(True, True), (False, True)]
+
+
+def test_what_is_said_to_a_stopped_robot_comes_with_that(robot):
+    """The agent reads no files."""
+    robot.ask("POST", "/say", b'{"text": "look around"}')
+    robot.ask("POST", "/stop")
+    robot.ask("POST", "/say", b'{"text": "look around"}')
+    assert [word.held for word in robot.words if isinstance(word, Said)] == [False, True]
+
+
+@pytest.mark.parametrize(("path", "body"), [*STOPS, ("/release", b"")])
+def test_a_robot_out_of_reach_is_not_called_stopped(client, path, body):
+    """Its loop has another run folder, as in containers: 503, what was done instead, and what would stop it."""
+    status, words = client.refused("POST", path, body)
+    assert status == 503
+    assert "roco release" in words if path == "/release" else "roco stop" in words
+    assert client.words == [Halted(path != "/release", False, words)]
+    assert not (client.run_dir / STOP_FILE).exists()
+
+
+@pytest.mark.parametrize("path", ["/stop", "/release"])
+def test_a_stop_asks_who_stops(robot, path):
+    """With the token only, as everything; and never by GET, which pages can send."""
+    assert robot.refused("POST", path, b"{}", Authorization=None)[0] == 401
+    assert robot.refused("GET", path)[0] == 405
+    assert flag(robot) == STOP_RELEASED
+
+
+def test_a_flag_that_cannot_be_written_is_told(robot):
+    """Nobody is to believe in a stop that was not."""
+    (robot.run_dir / STOP_FILE).unlink()
+    (robot.run_dir / STOP_FILE).mkdir()
+    status, words = robot.refused("POST", "/stop")
+    assert (status, "cannot be written" in words) == (503, True)
+
+
+def test_the_agent_can_stop_the_robot_too(robot):
+    """Where a word turns out to mean it: the flag first, then the answer."""
+    ticket = robot.desk._board.ticket()
+    robot.desk.tell(StopRobot(ticket, "no"))
+    answer = robot.desk._board.answer(ticket, 5.0)
+    assert (answer.line.state, flag(robot)) == ("stopped", STOP_HELD)
+
+
+def test_a_sentence_reaches_the_agent_with_its_meaning(client):
+    """It is read in the thread of the request, not in the agent's step."""
+    client.ask("POST", "/say", b'{"text": "take the jar"}')
+    assert client.words[-1].meaning == understand("take the jar")
+    assert client.words[-1].meaning.clauses

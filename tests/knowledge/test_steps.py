@@ -185,6 +185,22 @@ def test_what_was_seen_stays_seen(km: Km) -> None:
     assert not km.memory.patient
 
 
+def test_a_lost_world_is_forgotten_and_looked_for(km: Km) -> None:
+    """Nothing of before counts, not even what arrives late; questions wait for the look around that follows."""
+    km.met()
+    km.ta(P.AGREE)
+    km.observed("jar_1", JAR)
+    km.observed("body", BODY)
+    assert km.memory.scene.things
+    km.observed("world", wm.WorldLost("its loop died"))
+    assert (km.memory.scene.things, km.memory.scene.hands, km.memory.scene.joints) == ({}, {}, {})
+    assert (km.memory.patient, km.ask(wm.ListObjects())) == (True, [])
+    km.observed("jar_1", JAR)
+    km.observed("body", BODY)
+    assert not km.memory.patient
+    assert list(km.memory.scene.things) == ["jar_1"]
+
+
 def test_a_restart_goes_on_waiting_only_where_it_waited(km: Km) -> None:
     """The scene is shown to the store either way."""
     km.state = km.core.boot(km.core.record(km.state))

@@ -135,7 +135,7 @@ def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever() -> None:
 @pytest.mark.timeout(120)
 def test_the_true_search_is_killed_and_replaced() -> None:
     """Stop ends the child at once, in the middle of anything; the next request is searched by another one."""
-    words: queue.SimpleQueue[Local] = queue.SimpleQueue()  # type: ignore[valid-type]
+    words: queue.Queue[Local] = queue.Queue()  # type: ignore[valid-type]
     searcher = SearchDevice(lambda content, delay_s=0.0: words.put(content))  # type: ignore[arg-type]
     try:
         pour = hfsm.GroundTaskNetwork("p1", (hfsm.Task("pour", ("jar", "bowl")),))

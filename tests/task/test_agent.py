@@ -110,6 +110,22 @@ def test_a_look_tells_what_was_seen() -> None:
     assert scene.hears("co", 2).state is sw.WorkerState.REPLAN
 
 
+def test_a_new_world_is_told_before_anything_is_seen_in_it() -> None:
+    """ex knows nothing of it; km is told to forget, ta looks around, and co is asked for a new plan."""
+    scene = Scene()
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.ex(P.REFUSE, rc.NotDone("plan/1", rc.NotDoneKind.NEW_WORLD, "it began anew"))
+    look = scene.hears("ex", 2)
+    assert isinstance(look, rc.Look)
+    scene.ex(P.INFORM, rc.Done(look.key, BODY), number=1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    assert scene.hears("co", 3).state is sw.WorkerState.REPLAN
+    told = [content for _, _, content in scene.heard["km"] if content is not None]
+    assert told[0] == wm.WorldLost("it began anew")
+    assert isinstance(told[-1], wm.SeenBody)
+
+
 def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
     """ex answers late, so its end and ta's cancel cross; ta does not wait in `surveying` for ever."""
     scene = Scene()
@@ -163,11 +179,28 @@ def test_a_look_around_that_never_ends_is_told_as_failed() -> None:
     scene = Scene()
     scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
     scene.hears("ex", 2)
-    scene.wires.run_for(behaviours.STOPPED_S - 1.0)
+    scene.wires.run_for(acts.STOPPED_S - 1.0)
     assert looks_told(scene) == []
     scene.wires.run_for(2.0)
     (why,) = looks_told(scene)
     assert "does not answer" in why
+
+
+def test_a_robot_that_does_not_answer_a_cancel_is_told_of() -> None:
+    """Once, amid a plan; the answer is waited for all the same, and ends the plan."""
+    scene = Scene()
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.wires.run(lambda: scene.heard["ex"][-1][1] == "cancel")
+    scene.wires.run_for(acts.STOPPED_S - 1.0)
+    assert scene.states() == ["Running"]
+    scene.wires.run_for(5 * acts.STOPPED_S)
+    assert scene.states() == ["Running", "Terminating"]
+    report = scene.heard["co"][-1][2]
+    assert (report.at, report.reason) == ("home", acts.UNANSWERED)
+    scene.wires.post("ex", Say(0, P.INFORM, rc.NotDone(HOME.key, "cancelled", "cancelled"), Kind.CANCEL))
+    scene.wires.run_for(1.0)
+    assert scene.states()[-1] == "Replan"
 
 
 def test_an_observer_that_comes_amid_a_plan_does_not_wait_for_a_look() -> None:

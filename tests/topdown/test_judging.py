@@ -194,6 +194,16 @@ def test_equal_to_reply_by_is_in_time(design: Design) -> None:
         assert yard.say(P.INFORM_REF, 2.1, "d", in_reply_to="q", sent=sent) == [verdict]
 
 
+def test_a_late_answer_to_a_question_that_was_long_on_its_way_says_so(design: Design) -> None:
+    """Nobody need have been slow but the wire."""
+    for sent, slow in ((1.0, False), (-0.3, True)):
+        yard = Yard(design)
+        yard.say(P.QUERY_REF, 1.0, "q", reply_by=2.0, sent=sent)
+        assert yard.say(P.INFORM_REF, 3.0, "d", in_reply_to="q", sent=2.5) == [V.LATE]
+        assert yard.found[-1].why.startswith("0.500 s after the reply-by of query-ref q")
+        assert yard.found[-1].why.endswith("was heard 1.300 s after it was sent") == slow
+
+
 def test_no_answer_is_told_once(design: Design) -> None:
     """About the question, when reply-by has passed and what was said in time would have been heard."""
     yard = Yard(design)

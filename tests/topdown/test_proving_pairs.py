@@ -10,7 +10,7 @@ from fipa_codec.conversation import Conversation
 from fipa_codec.errors import RemoteProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from fipa_codec.protocols import CFP, FIPA, ICFP, QUERY, REQUEST, SUBSCRIBE, State
+from fipa_codec.protocols import CFP, ICFP, PROTOCOLS, QUERY, REQUEST, SUBSCRIBE, State
 from fipa_codec.tables import RECEIVE, SEND, Protocol, Role, Row
 from topdown.model.design import Design, load
 from topdown.model.elements import Division, Split, Step
@@ -36,7 +36,7 @@ def story(finding):
     return [f"{step.who} {step.what}" for step in finding.trace]
 
 
-@pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 @pytest.mark.parametrize("faults", [0, 1])
 def test_durable_pairs_hold(protocol, faults):
     """No deadlock, no reception without a row, every conversation ends or rests."""
@@ -45,7 +45,7 @@ def test_durable_pairs_hold(protocol, faults):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 def test_durable_pairs_hold_with_two_faults(protocol):
     """Some hundred thousand states."""
     assert explored(durable_pair(protocol, faults=2)).holds

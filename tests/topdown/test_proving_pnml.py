@@ -8,7 +8,7 @@ from test_proving_spin import SMALL, WATCH, with_queues
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-from fipa_codec.protocols import FIPA, QUERY, REQUEST, State
+from fipa_codec.protocols import PROTOCOLS, QUERY, REQUEST, State
 from fipa_codec.tables import RECEIVE, Role, Row
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import UNREACHED, WRONG, explore
@@ -92,7 +92,7 @@ def test_a_net_that_would_be_too_large_is_refused_with_what_to_do():
 # --- ideal queues -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 def test_pairs_hold_over_ideal_queues(protocol):
     """What layer 1 licenses; smaller."""
     found = explore(NetModel(ideal_pair(protocol)), first=False)

@@ -56,7 +56,7 @@ class Pair:
     def fence(self, name: str, text: bytes) -> None:
         """The last word to an agent: what was said before in its session has been decided when it is there."""
         peer = "ta" if name == "co" else "co"
-        self.sessions[peer].put(service_key(self.system, "ping", peer, name), text)
+        self.sessions[peer].put(service_key(self.system, "receipt", peer, name), text)
 
     def listen(self, name: str) -> list[object]:
         """What came to an agent so far."""

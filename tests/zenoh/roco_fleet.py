@@ -17,7 +17,7 @@ import zenoh
 from toy_fleet import wait_for
 
 from agent_runtime.core.step import OUTSIDE
-from agent_runtime.io.shell import Heartbeat
+from agent_runtime.io.heartbeat import Heartbeat
 from agent_runtime.io.zenoh_wire import client_config
 from companion.languages import rc
 from companion.run_files import SLOTS_FILE, TaskLine
@@ -67,7 +67,6 @@ class RocoFleet:
         self.run = run
         self.roco("up", "--out", str(run), "--speed", "max", "--seed", str(seed),
                   *(["--scene", str(scene)] if scene else []), timeout=120.0, inside=False)  # fmt: skip
-        self.hi = Hi(address(Local(run)))
         self._link: AgentLink | None = None
 
     # --- as a person ------------------------------------------------------------------------------------------------
@@ -80,6 +79,11 @@ class RocoFleet:
         said = (done.stdout + done.stderr).strip()
         assert code in (None, done.returncode), f"roco {' '.join(words)} ended with {done.returncode}: {said}"
         return said
+
+    @property
+    def hi(self) -> Hi:
+        """The human interface where it listens now; a restarted one has another port."""
+        return Hi(address(Local(self.run)))
 
     def say(self, text: str) -> str:
         """Say a sentence; the task it became."""

@@ -48,6 +48,7 @@ CALLS: dict[str, Row] = {
     "agent restart": Row(("ox",), has=("ox: ready, pid",)),
     "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
     "agent start": Row(("traffic",), has=("traffic: ready, pid",)),
+    "agent repair": Row(("traffic",), code=1, has=("another process holds it; stop that agent first",)),
     "directory": Row(
         ("--long",), has=("ox  up (", "cfp job(JOB.Call) -> JOB.Offer or JOB.Carried", "asks traffic: way_ox")
     ),
@@ -57,6 +58,21 @@ CALLS: dict[str, Row] = {
     "param list": Row(has=("dispatcher", "rounds", "an integer from 1 to 1000")),
     "param get": Row(("dispatcher", "rounds"), has=("20",)),
     "param set": Row(("dispatcher", "rounds", "30"), has=("30",)),
+    "fault kill": Row(("ox",), has=("kill ox: begun", "kill ox: back, ")),
+    "fault hang": Row(("traffic", "--for", "1"), has=("hang traffic: healed after 1 s",)),
+    "fault pause": Row(("mule", "--for", "0.5", "--at", "0.2"), has=("pause mule at 0.2 s: healed after 0.5 s",)),
+    "fault restart": Row(("traffic",), has=("restart traffic: back, ",)),
+    "fault cut": Row(("ox",), code=1, has=("have no wires; start the fleet with `roco up --faults`",)),
+    "fault delay": Row(("ox", "0.1"), code=1, has=("have no wires",)),
+    "fault loss": Row(("ox", "0.1"), code=1, has=("have no wires",)),
+    "fault rate": Row(("ox", "20000"), code=1, has=("have no wires",)),
+    "fault corrupt": Row(("ox", "0.1"), code=1, has=("have no wires",)),
+    "fault disk-full": Row(("traffic", "--for", "1"), has=("disk-full traffic: begun",)),
+    "fault flood": Row(("mule", "--for", "1"), has=("flood mule by 500: healed after 1 s",)),
+    "fault clock": Row(("ox", "-60"), code=1, has=("ox of ", "has no clock of its own; `roco up --faults`")),
+    "fault run": Row(("faults.toml", "--seed", "3"), has=("pause dispatcher at", "restart traffic at", ": back, ")),
+    "fault list": Row(has=("kill ox", "hang traffic", "pause mule at 0.2 s", "restart traffic", "back")),
+    "fault heal": Row(has=("no fault goes on",)),
     "logs": Row(("-n", "0"), has=("dispatcher", "ox", "received", "performative=propose")),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "graph": Row(has=(*AGENTS, *CHANNELS)),
@@ -71,6 +87,7 @@ CALLS: dict[str, Row] = {
     "traffic bw": Row(("--run", RUN), has=CHANNELS),
     "traffic size": Row(("--run", RUN), has=CHANNELS),
     "traffic stats": Row(("--run", RUN), has=(*CHANNELS, "propose")),
+    "traffic dead": Row(("--run", RUN, "--agent", "ox"), has=("dead letter",)),
     "traffic judge": Row((RUN,), has=(*CHANNELS, "communicates as designed")),
     "record": Row(("--for", "0.5", "--out", "empty.mcap"), has=("communicates", "records", "empty.mcap")),
     "record info": Row(("--keys",), has=("C5/dispatcher/ox/", "house/state", "system depot, design ", "not closed in")),
@@ -90,6 +107,10 @@ CALLS: dict[str, Row] = {
         ("--for", "3", "--runs", "1", "--out", "one"),
         has=("1 of 1 runs succeeded", "communicates: ", "one/report.html"),
     ),
+    "chaos": Row(
+        ("--runs", "1", "--seed", "8", "--kind", "restart", "--on", "ox", "--out", "disturbed"),
+        has=("run 1 of 1, seed 8: restart ox at ", "1 of 1 held", "disturbed/chaos.jsonl"),
+    ),
     "design check": Row(has=("depot/design.toml: no findings", "5 agents")),
     "design diff": Row(("depot/design.toml", "depot/design.toml"), has=("the designs are the same",)),
     "design estimate": Row(has=CHANNELS),
@@ -99,7 +120,10 @@ CALLS: dict[str, Row] = {
     "design show": Row(("--what", "system"), has=("desk", "dispatcher")),
     "design trace": Row(code=1, has=("R3", "delivered")),  # its tests are in the clone
     "design verify": Row(("--layer", "2"), has=("holds",)),
+    "protocol list": Row(has=("cfp", "fipa-contract-net", "fipa-request")),
+    "protocol show": Row(("cfp", "--svg", "cfp.svg"), has=("wrote cfp.svg",)),
     "keys make": Row(("keys",), has=(*AGENTS, "monitor", "console", "operator", "'depot'")),
+    "keys revoke": Row(("traffic", "--keys", "keys"), has=("revoked are traffic",)),
 }
 STARTED = ("up",)
 """Verbs that the fixture calls."""
@@ -160,6 +184,21 @@ def test_a_verb_tells_of_the_system_that_runs(depot: Project, verb: str) -> None
     assert FOREIGN.findall(said.replace(str(depot.folder), "")) == []
 
 
+def test_other_users_read_nothing_of_a_run(depot: Project) -> None:
+    """Keys, journals, recording: what TLS hides on the network is not open on the disk."""
+    assert (depot.folder / RUN).stat().st_mode & 0o077 == 0
+    assert (depot.folder / RUN / "traffic.mcap").stat().st_mode & 0o077 == 0
+
+
+def test_every_agent_of_the_run_is_run_again_to_the_same_bytes(depot: Project) -> None:
+    """Also those that were restarted, stopped, paused and set by the calls above."""
+    done = depot.roco("replay", RUN, "--verify")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [agent for agent in AGENTS if not re.search(rf"^{agent} +[1-9]", done.stdout, re.MULTILINE)] == []
+    assert "5 agents, " in done.stdout
+    assert "each put out the same bytes as then" in done.stdout
+
+
 def test_what_only_the_robot_can_do_is_no_verb_here(depot: Project) -> None:
     """Neither listed nor called: wrong use, which names what there is."""
     listed = depot.roco("--help").stdout
@@ -199,6 +238,7 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
         "status": Row(has=("asker", "doer", "ready")),
         "graph": Row(has=("asker", "doer", "C1")),
         "agents": Row(has=("asker", "doer", "MiB")),
+        "traffic dead": Row(("--run", RUN, "--agent", "doer"), has=("dead letter",)),
         "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),  # its stubs say nothing yet
         "send": Row(("--list",), has=("asker", "doer")),
         "runs": Row(has=("shop", "up: 4 processes", "(latest)")),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from roco_fleet import Moment, RocoFleet, safely_down
+from roco_fleet import ENDED, Moment, RocoFleet, safely_down
 
 from velma.kinematics.robot import Robot
 
@@ -97,3 +97,19 @@ def test_cancelled_by_command(fleet: RocoFleet) -> None:
     assert fleet.ended(first).state == "cancelled"
     assert fleet.ended(second).state == "done"
     assert "nothing to cancel" in fleet.roco("cancel", code=1)
+
+
+def test_a_more_urgent_task_interrupts(fleet: RocoFleet) -> None:
+    """What is held is put down first, the urgent task is done, then the first one from what the world is then."""
+    pour = fleet.say(POUR)
+    fleet.reach(pour, lambda now: now.held("jar_1", "left"))
+    fleet.roco("say", "look around", "--first")
+    look = fleet.hi.tasks()[-1].task
+    fleet.wait(lambda: fleet.task(pour).state == "suspended" or fleet.task(look).state in ENDED, "the pour is left")
+    assert fleet.task(look).state not in ENDED, fleet.hi.tasks()
+    safely_down(fleet.truth())
+    lines = [fleet.ended(task) for task in (look, pour)]
+    assert [line.state for line in lines] == ["done"] * 2, lines
+    assert lines[0].since < lines[1].since
+    truth = fleet.truth()
+    assert truth.grains_in["bowl_1"] >= 0.9 * truth.grains

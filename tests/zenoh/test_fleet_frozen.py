@@ -1,4 +1,4 @@
-"""ex's agent gets no processor for a while in the middle of a motion: the arms rest, and the task is still done."""
+"""Processes that get no processor: for a while, and the arms rest; for good, and another takes over."""
 
 import os
 import signal
@@ -69,3 +69,17 @@ def test_a_long_freeze_is_planned_again(fleet: RocoFleet) -> None:
     line = fleet.ended(task)
     assert line.state == "done", line
     assert "heartbeat stood still" in (fleet.run / "ta.log").read_text()
+
+
+HUNG = [("co", "take the jar"), ("loop", "put down the jar"), ("router", "take the jar")]
+
+
+@pytest.mark.parametrize(("victim", "text"), HUNG)
+def test_one_that_hangs_for_good_is_replaced(fleet: RocoFleet, victim: str, text: str) -> None:
+    """The supervisor ends it and starts another; the task is done all the same."""
+    task = fleet.say(text)
+    fleet.reach(task, lambda now: now.told.report.phase is Phase.RUNNING)
+    restarts = fleet.restarts(victim)
+    os.kill(fleet.pid(victim), signal.SIGSTOP)
+    assert fleet.ended(task).state == "done"
+    fleet.wait(lambda: fleet.restarts(victim) > restarts and fleet.whole(), "the fleet is whole again")

@@ -1,4 +1,7 @@
-"""kill -9 of each agent in the middle of a task, restarted by the supervisor: the task ends, no act begins twice."""
+"""kill -9 of each agent and of the control loop in the middle of a task, restarted by the supervisor.
+
+The task ends, no act begins twice.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -39,6 +42,8 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RocoFleet]:
         ("co", "take the jar", acting),
         ("ta", "put down the jar", acting),
         ("ex", "take the jar", taking),
+        ("loop", "put down the jar", acting),
+        ("loop", "take the jar", taking),
     ],
 )
 def test_killed_in_the_middle(fleet: RocoFleet, victim: str, text: str, point: Callable[[Moment], bool]) -> None:

@@ -1,4 +1,4 @@
-"""`roco stop` and `roco release` with router and agents dead: the loop holds, nothing falls, and then it goes on."""
+"""A stop in words and its release with router and agents dead: the loop holds, nothing falls, and then it goes on."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from roco_fleet import Moment, RocoFleet, safely_down
 
-from operate.cli.runs import folders
 from services.executor.loop.program import Mode
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(400)]
@@ -29,11 +28,11 @@ def test_stopped_with_everybody_dead(fleet: RocoFleet) -> None:
     """The robot stands with the jar in its hand until it is released; then the next command is done."""
     task = fleet.say("pour the content of the jar into the bowl")
     fleet.reach(task, carrying)
-    fleet.kill("ex", "router")
-    fleet.roco("stop")
+    fleet.kill("ex", "router", "hi")
+    fleet.roco("say", "STOP!!!")
     fleet.wait(lambda: fleet.state().mode is Mode.STOPPED, "the loop holds the robot")
     stood = fleet.state().q.copy()
-    fleet.wait(lambda: fleet.restarted("ex", "router"), "the supervisor has restarted both")
+    fleet.wait(lambda: fleet.restarted("ex", "router", "hi"), "the supervisor has restarted them")
     line = fleet.ended(task)
     assert line.state == "failed", line
     assert "stopped" in line.text, line
@@ -52,7 +51,7 @@ def test_stopped_in_the_middle(fleet: RocoFleet) -> None:
     """With all agents alive the task fails at once and says that a person did it; after the release it goes on."""
     task = fleet.say("take the jar")
     fleet.reach(task, lambda now: now.moving("move-cartesian") and now.held("jar_1", "left"))
-    folders.set_stop(fleet.run, True)  # as `roco stop` does it, but without half a second for a process to start
+    assert fleet.hi.say("careful!").state == "stopped"
     line = fleet.ended(task)
     assert (line.state, "stopped by a person" in line.text) == ("failed", True), line
     assert fleet.truth().fingers_on["jar_1"]["left"] >= 3

@@ -64,9 +64,11 @@ def _refused(fleet: RocoFleet) -> int:
 
 
 def test_tasks_are_done_one_after_the_other(fleet: RocoFleet) -> None:
-    """Three commands said in one breath: each is done, none before the one in front of it has ended."""
-    tasks = [fleet.say(text) for text in ("take the jar", "look around", "put down the jar")]
-    lines = [fleet.ended(task) for task in tasks]
+    """Said in one breath: each is done, none before the one in front of it has ended; an urgent one is next."""
+    take, put = fleet.say("take the jar"), fleet.say("put down the jar")
+    fleet.roco("say", "look around", "--first")
+    look = fleet.hi.tasks()[-1].task
+    lines = [fleet.ended(task) for task in (take, look, put)]
     assert [line.state for line in lines] == ["done"] * 3, lines
     assert [line.since for line in lines] == sorted(line.since for line in lines)
     safely_down(fleet.truth())

@@ -11,7 +11,7 @@ from toy_fleet import Fleet, wait_for
 from agent_runtime.core.state import restored
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import communicate_key
-from agent_runtime.io.journal import last_record
+from agent_runtime.io.journal_format import last_record
 from agent_runtime.io.steplog import fingerprint, read, replay
 from agent_runtime.io.zenoh_wire import client_config
 from fipa_codec.communicate import Communicate, encode
@@ -80,6 +80,39 @@ def _all_wanted(run: Path) -> bool:
     memory = journalled(run, "asker")
     assert isinstance(memory, toy.AskerMemory)
     return len(memory.answers) + len(memory.wanted) == 6
+
+
+@pytest.mark.parametrize("victim", ["server", "asker"])
+def test_a_deleted_journal(fleet: Fleet, victim: str) -> None:
+    """kill -9 with requests under way, and the journal deleted: nobody hangs, and the other side says why."""
+    for number in range(6):
+        fleet.want(number)
+    wait_for(lambda: len(answers(fleet.run)) >= 2, "some answers")
+    fleet.kill(victim)
+    (fleet.run / "journal" / f"{victim}.journal").unlink()
+    fleet.start(victim)
+    fleet.ready(victim)
+    wait_for(lambda: len(answers(fleet.run)) >= 6, f"6 answers\n{fleet.logs()}")
+    assert answers(fleet.run) == tuple((number, 2 * number) for number in range(6))
+    other = "asker" if victim == "server" else "server"
+    assert f"{victim} has another journal than before" in (fleet.run / f"{other}.log").read_text()
+
+
+@pytest.mark.parametrize("moved_s", [-3600, 3600])
+def test_the_wall_clock_is_set(fleet: Fleet, moved_s: int) -> None:
+    """By an hour, either way, while requests are under way: heartbeats, wake-ups and re-sending go on."""
+    fleet.want(1)
+    expect(fleet, 1)
+    (fleet.run / "clock").write_text(str(moved_s))
+    beat, at = fleet.run / "asker.heartbeat.json", fleet.beat("asker").at
+    last = beat.stat().st_mtime_ns
+    wait_for(lambda: beat.stat().st_mtime_ns > last, "the asker beats on")
+    assert abs(fleet.beat("asker").at - at) < 1800
+    fleet.kill("router")
+    fleet.want(2)
+    wait_for(lambda: fleet.beat("asker").state == "asking", "the asker asks")
+    fleet.start("router")
+    expect(fleet, 1, 2)
 
 
 def test_router_killed(fleet: Fleet) -> None:

@@ -12,8 +12,8 @@ from toy_fleet import Fleet, wait_for
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.state import restored
-from agent_runtime.io.journal import last_record
-from fipa_codec.protocols import FIPA
+from agent_runtime.io.journal_format import last_record
+from fipa_codec.protocols import PROTOCOLS
 from fipa_codec.tables import Role
 
 pytestmark = pytest.mark.zenoh
@@ -60,7 +60,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[Role, Any]
         closed(fleet)
 
 
-@pytest.mark.parametrize("protocol", FIPA, ids=lambda p: p.name)
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 @pytest.mark.parametrize("role", Role)
 def test_every_story_of_the_protocol_ends_as_told(played: dict[Role, Any], role: Role, protocol: Any) -> None:
     """On both sides, by the journal of each."""

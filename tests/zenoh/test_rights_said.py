@@ -89,9 +89,14 @@ def said(fleet: Processes, what: str) -> dict[str, object]:
 @pytest.mark.parametrize("lie", [{"sender": "pl"}, {"receiver": "ta"}, {"performative": Performative.CANCEL}])
 def test_a_lie_inside_a_communicate_is_refused(fleet: Processes, lie: dict[str, str]) -> None:
     """hi's key lets a thief put on hi's keys; what says that it is of another is counted and named, and not taken."""
+    said_so = encode_strictly(msgspec.structs.replace(LOOK, id="1", **lie))
     with session(fleet, "hi") as thief:
-        thief.put(KEY, encode_strictly(msgspec.structs.replace(LOOK, id="1", **lie)))
-        wait_for(lambda: count(fleet, "forged") == 1, "it is counted")
+
+        def counted() -> bool:
+            thief.put(KEY, said_so)  # again and again: co listens some time after its first heartbeat
+            return count(fleet, "forged") > 0
+
+        wait_for(counted, "it is counted")
     line = said(fleet, "forged")
     assert KEY in str(line)
     claimed = msgspec.structs.replace(LOOK, **lie)

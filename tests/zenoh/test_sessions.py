@@ -46,6 +46,17 @@ def test_every_session_is_opened_with_our_configuration(path: Path) -> None:
         assert not re.search(r"Config\.from_|Config\(\)|insert_json5|^from zenoh import", text, re.MULTILINE)
 
 
+PUTTING = [path for path in SOURCES if path.is_relative_to(ROOT / "shared") or path.is_relative_to(ROOT / "services")]
+
+
+@pytest.mark.parametrize("path", PUTTING, ids=lambda path: str(path.relative_to(ROOT)))
+def test_whatever_is_put_is_not_too_long(path: Path) -> None:
+    """`put` of message_size.py looks, and nobody else puts on a session; a publisher is declared, but never puts."""
+    text = path.read_text(encoding="utf-8")
+    assert path.name == "message_size.py" or not re.search(r"(session|publisher|opened|declare_\w+\(.*\))\.put\(", text)
+    assert "put_with" not in text
+
+
 @pytest.mark.parametrize("tls", [None, {"enable_mtls": True}], ids=["plain", "tls"])
 def test_a_client_listens_nowhere_and_looks_for_nobody(tls: dict[str, bool] | None) -> None:
     """One endpoint to call, none to be called at, neither multicast nor gossip; the router looks for nobody, either."""

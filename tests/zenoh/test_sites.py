@@ -28,6 +28,8 @@ pytestmark = pytest.mark.zenoh
 SYSTEMS = ("velma1", "velma2")
 SAID = len(("communicate", "receipt", "ping", "pong", *KINDS))
 """One of everything that `Pair.talk` says, each way."""
+PINGS = len(("ping", "pong"))
+"""No agent takes them here: what they say is no channel. A recorder hears them."""
 
 
 class Site(msgspec.Struct):
@@ -89,14 +91,14 @@ def test_nothing_of_one_robot_reaches_an_agent_of_another(site: Site) -> None:
     for pair in (first, second):
         for name in ("co", "ta"):
             wait_for(lambda p=pair, n=name: heard(p, n, f"last of {p.system}"), f"{name} of {pair.system} heard")
-            wait_for(lambda p=pair, n=name: len(tokens(p, n)) == 2, f"{name} of {pair.system} sees who lives")
+            wait_for(lambda p=pair, n=name: len(tokens(p, n)) == 1, f"{name} of {pair.system} sees its peer")
     for pair, other in ((first, second), (second, first)):
         for name in ("co", "ta"):
             assert not heard(pair, name, other.system), pair.heard[name]
             incarnation = 1 if pair.system == "velma1" else 2
             assert {token.incarnation for token in tokens(pair, name)} == {incarnation}
             mine = [item for item in pair.heard[name] if pair.system in str(item) and "last of" not in str(item)]
-            assert len(mine) == SAID - len(KINDS), mine
+            assert len(mine) == SAID - len(KINDS) - PINGS, mine
 
 
 def tokens(pair: Pair, name: str) -> list[Token]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.io.shell import Heartbeat
+from agent_runtime.io.heartbeat import Heartbeat
 from agent_runtime.io.zenoh_wire import free_endpoint
 
 DEADLINE_S = 30.0

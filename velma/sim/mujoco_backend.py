@@ -4,6 +4,8 @@ A step is `mj_step2` and then `mj_step1`, so that all that is read between two s
 to the present state and not to the one before.
 """
 
+import hashlib
+
 import mujoco
 import numpy as np
 
@@ -29,6 +31,10 @@ def compiled(scene: Scene) -> mujoco.MjModel:
     return model
 
 
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""Everything that the next step depends on, but the locks, which are parameters of the model here."""
+
+
 class MujocoBackend:
     """A simulated Velma in a scene, in the start posture with open hands."""
 
@@ -48,6 +54,7 @@ class MujocoBackend:
         self._state = at_rest()
         self._locked = np.zeros(2)
         self._work = 0.0
+        self._saved = np.zeros(mujoco.mj_stateSize(model, STATE) + 3)
 
     def _places(self) -> None:
         model = self.model
@@ -118,6 +125,25 @@ class MujocoBackend:
         """Return all coordinates (nq,): robot, things and grains."""
         configuration: Array = self.data.qpos
         return configuration
+
+    @property
+    def fingerprint(self) -> bytes:
+        """32 bytes that are the same for the same scene and version of MuJoCo."""
+        return hashlib.sha256(f"{mujoco.__version__} {scene_xml(self.scene)}".encode()).digest()
+
+    def save(self) -> bytes:
+        """Return the state between two steps, with the locks and the work so far."""
+        mujoco.mj_getState(self.model, self.data, self._saved[:-3], STATE)
+        self._saved[-3:-1], self._saved[-1] = self._locked, self._work
+        return self._saved.tobytes()
+
+    def restore(self, saved: bytes) -> None:
+        """Take up a state of `save`: the same commands lead to the same states, bit for bit."""
+        state = np.frombuffer(saved)
+        mujoco.mj_setState(self.model, self.data, state[:-3], STATE)
+        self._lock(state[-3:-1])
+        self._work = float(state[-1])
+        mujoco.mj_step1(self.model, self.data)
 
     @property
     def work_J(self) -> float:

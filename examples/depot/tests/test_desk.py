@@ -2,6 +2,7 @@
 
 from agent_runtime.core.binding import wiring
 from agent_runtime.testing.alone import Alone
+from fipa_codec.performatives import Performative
 
 from depot.design import DESIGN, INTERFACES, LANGUAGES
 from depot.desk import interface
@@ -25,3 +26,11 @@ def test_its_interface_is_the_designs():
     """The typed interface says what the design says."""
     for use, info in (interface.OFFERS | interface.ASKS).items():
         assert list(info) == list(INTERFACES[use])
+
+
+def test_it_subscribes_once_for_each_life_of_the_dispatcher():
+    """One that is seen again after an outage of the router knows the subscription; a new life does not."""
+    desk = alone()
+    for life in (1, 2, 2):
+        desk.seen("dispatcher", life)
+    assert [one.performative for one in desk.said] == [Performative.SUBSCRIBE] * 2

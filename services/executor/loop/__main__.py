@@ -16,6 +16,7 @@ from agent_runtime.io.pulse import Pulse, Turns
 from services.executor.loop.backends import SHORT, maker
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink
+from services.executor.loop.memory import MEMORY, Keeper, Restorable
 from services.executor.loop.process import LoopProcess, Speed
 from services.executor.loop.timing import Pacer, still_memory, take_priority
 from velma.errors import VelmaError
@@ -31,8 +32,9 @@ def build(slots: Path, backend: Backend, *, speed: Speed, realtime: bool) -> Loo
     """Return the loop of a back-end, settled and published: a reader of `slots` finds a state."""
     # Only a simulation knows the true state of the world.
     truth = TruthReader(backend) if isinstance(backend, MujocoBackend) else None
-    pacer = Pacer(backend.period_s, realtime)
-    return LoopProcess(LoopCore(backend), LoopLink(slots), speed=speed, truth=truth, pacer=pacer)
+    core, pacer = LoopCore(backend), Pacer(backend.period_s, realtime)
+    keeper = Keeper(slots.with_name(MEMORY), core, backend) if isinstance(backend, Restorable) else None
+    return LoopProcess(core, LoopLink(slots), speed=speed, truth=truth, pacer=pacer, keeper=keeper)
 
 
 @app.command()
@@ -71,7 +73,8 @@ def main(
     refused = take_priority() if speed is Speed.REAL else ""
     process = build(slots, robot, speed=speed, realtime=speed is Speed.REAL and not refused)
     still_memory()
-    typer.echo(f"loop: {backend}, scene {world.name}, speed {speed}" + (f"; {refused}" if refused else ""), err=True)
+    begun = ", world restored" if process.restored else ""
+    typer.echo(f"loop: {backend}, scene {world.name}{begun}, speed {speed}{refused and f'; {refused}'}", err=True)
     ready = slots.with_name("loop.ready")  # beside the slots, as for every process of a run folder
     ready.touch()
     while not asked:

@@ -64,16 +64,16 @@ class LoopCore:
     ) -> None:
         self.backend = backend
         self.dynamics = dynamics or Dynamics(ROBOT_XML)
-        self._impedance, self._hold_gains = CartesianImpedance(gains), hold or JointGains()
+        self.impedance, self._hold_gains = CartesianImpedance(gains), hold or JointGains()
         self.command = no_command()
         self.state: State = backend.observe()
         self.setpoint: Array = self.state.q.copy()
-        self._fingers, self.payloads = Fingers(), Payloads()
-        self._fingers.start_from(self.state)
+        self.fingers, self.payloads = Fingers(), Payloads()
+        self.fingers.start_from(self.state)
         self._head_target, self._head_goal, self._head_speed = self.state.head.copy(), self.state.head.copy(), 0.0
         self.mode, self._dwell, self._release = Mode.MOTION, 0, False
         self.cycles, self.saturated, self.faults, self.last_fault = 0, 0, 0, ""
-        self._act: Act | None = None
+        self.act: Act | None = None
         self.report = Report()
 
     # -- what the outside may ask ------------------------------------------------------------------------------------
@@ -86,24 +86,24 @@ class LoopCore:
         refused = self._started(asked)
         if not refused:
             self._tell(Phase.RUNNING)
-        elif self._act is None:
+        elif self.act is None:
             self.report = Report(asked.key, Phase.FAILED, refused, right=self._hand(0), left=self._hand(1))
         return refused
 
     def _started(self, asked: Motion) -> str:
-        if self._act is not None:
-            return f"motion {self._act.motion.key} is still running; cancel it or wait for its end"
+        if self.act is not None:
+            return f"motion {self.act.motion.key} is still running; cancel it or wait for its end"
         if self.mode is not Mode.MOTION:
             return f"the robot is in mode {self.mode}; release it first"
         try:
             act = Act(checked(asked), self.setpoint, self.state.time)
             for row in (0, 1):
-                self._fingers.check(row, asked.hands()[row])
+                self.fingers.check(row, asked.hands()[row])
         except MotionError as error:
             return str(error)
-        self._act = act
+        self.act = act
         for row in (0, 1):
-            self._fingers.begin(row, asked.hands()[row])
+            self.fingers.begin(row, asked.hands()[row])
             self.payloads.take(row, asked.payloads()[row])
         if asked.head is not None:
             self._look(asked.head)
@@ -114,14 +114,14 @@ class LoopCore:
 
     def cancel(self, key: str | None = None) -> None:
         """Bring the running motion (only if it has this key) smoothly to rest."""
-        if self._act is not None and key in (None, self._act.motion.key) and not self._act.cancelled:
-            self._act.cancel()
-            self._fingers.freeze()
+        if self.act is not None and key in (None, self.act.motion.key) and not self.act.cancelled:
+            self.act.cancel()
+            self.fingers.freeze()
 
     def pause(self, paused: bool = True) -> None:
         """Bring the running motion to rest along its path, or let it go on from there."""
-        if self._act is not None:
-            self._act.pause(paused)
+        if self.act is not None:
+            self.act.pause(paused)
 
     def stop(self) -> None:
         """Hold the joints, whatever runs: the stop of a person."""
@@ -139,8 +139,8 @@ class LoopCore:
 
     def run(self, asked: Motion) -> Result:
         """Run a motion to its end and return its report. Raises MotionError while another one runs."""
-        if self._act is not None:
-            raise MotionError("running", self._act.motion.key, "no motion running; cancel it or wait for its end")
+        if self.act is not None:
+            raise MotionError("running", self.act.motion.key, "no motion running; cancel it or wait for its end")
         self.begin(asked)
         while self.report.phase is Phase.RUNNING:
             self.cycle()
@@ -154,7 +154,12 @@ class LoopCore:
     @property
     def busy(self) -> bool:
         """Whether simulated time has to go on: for a motion, a release or a fault."""
-        return self._act is not None or self._release or self.mode is Mode.DAMPING
+        return self.act is not None or self._release or self.mode is Mode.DAMPING
+
+    @property
+    def braking(self) -> bool:
+        """Whether a cancelled motion comes to rest: it ends without anybody."""
+        return self.act is not None and self.act.cancelled
 
     # -- one cycle ---------------------------------------------------------------------------------------------------
 
@@ -197,7 +202,7 @@ class LoopCore:
         self._head_target = head.advance(self._head_target, self._head_goal, self._head_speed, dt)
         self.command.head[:] = self._head_target
         self.payloads.advance(dt)
-        self._fingers.update(state, self.command, dt)
+        self.fingers.update(state, self.command, dt)
         if self.mode is Mode.DAMPING:
             return damping.torque(state.v)
         terms = self.dynamics.terms(state.q)
@@ -207,19 +212,19 @@ class LoopCore:
         return self._follow(state, terms, weight, dt)
 
     def _follow(self, state: State, terms: Terms, weight: Array, dt: float) -> Array:
-        act, slip = self._act, state.v
+        act, slip = self.act, state.v
         if act is not None and act.track is not None:
             act.track.advance(dt)
             self.setpoint, slip = act.track.q, state.v - act.track.v
         error = cartesian.task_error(terms, *self.dynamics.grips(self.setpoint))
         if act is not None:
             self._judge(act, state, error)
-        return self._impedance.torque(terms, error, slip, self.setpoint - state.q, weight)
+        return self.impedance.torque(terms, error, slip, self.setpoint - state.q, weight)
 
     def _judge(self, act: Act, state: State, error: Array) -> None:
         followed = act.track
         head_done = bool(np.abs(self._head_target - self._head_goal).max() <= HEAD_NEAR)
-        verdict = act.judge(state.time, error, hands_done=self._fingers.at_rest, head_done=head_done)
+        verdict = act.judge(state.time, error, hands_done=self.fingers.at_rest, head_done=head_done)
         if act.track is not followed:  # so that no force remains: the set-point is where the body is
             self.setpoint = state.q.copy()
         if verdict is not None:
@@ -229,16 +234,16 @@ class LoopCore:
 
     def _end(self, phase: Phase, reason: str) -> None:
         if phase is not Phase.DONE:
-            self._fingers.freeze()
+            self.fingers.freeze()
         self._tell(phase, reason)
-        self._act = None
+        self.act = None
 
     def _tell(self, phase: Phase, reason: str = "") -> None:
-        assert self._act is not None
-        self.report = self._act.report(phase, reason, self.state.time, self._hand(0), self._hand(1))
+        assert self.act is not None
+        self.report = self.act.report(phase, reason, self.state.time, self._hand(0), self._hand(1))
 
     def _hand(self, row: int) -> HandReport:
-        return self._fingers.report(row, self.state)
+        return self.fingers.report(row, self.state)
 
     def _fault(self, error: Exception) -> None:
         self.faults += 1
@@ -250,5 +255,5 @@ class LoopCore:
         self.mode, self._dwell, self._release = mode, 0, False
         if not impossible(self.state):
             self.setpoint = self.state.q.copy()
-        if self._act is not None:
+        if self.act is not None:
             self._end(phase, reason)

@@ -31,6 +31,7 @@ class LoopState(msgspec.Struct, frozen=True):
     body: bytes  # q, v, set-point: (3, 15)
     hands: bytes  # head 2, spread 2, proximal 6, distal 6
     world: bytes  # every coordinate of the world model, for the receptor's mirror
+    epoch: str = ""  # name of the simulated world, from its beginning to its end; "" for a real one
 
     @property
     def q(self) -> Array:
@@ -158,7 +159,7 @@ class LoopLink:
         self.file = LoopFile.create(path)
         self._slots = self.file.slots
         self._beat, self._stop = Counters(self._slots["beat"], 1), StopLink(path)
-        self._taken, self._held = 0, False
+        self._taken, self.held = 0, False
         self._body, self._hands = np.zeros((3, 15)), np.zeros(16)
 
     def command(self) -> tuple[int, LoopCommand | msgspec.DecodeError] | None:
@@ -177,8 +178,8 @@ class LoopLink:
 
     def people(self) -> tuple[bool, bool]:
         """Return whether a stop, and whether a release, was requested since the last call."""
-        before, self._held = self._held, self._stop.held
-        return self._held and not before, before and not self._held
+        before, self.held = self.held, self._stop.held
+        return self.held and not before, before and not self.held
 
     def heartbeat(self) -> int:
         """Return the heartbeat counter of the agent."""

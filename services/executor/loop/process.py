@@ -4,8 +4,8 @@
 happens, as fast as possible; between acts it stands still.
 
 The agent sends heartbeats during an act. If one is late, the arms come to rest along their path and go on with the
-next one (at `--speed max` time stands still meanwhile). If none comes for long, the act is interrupted. Silence is
-counted in turns, so suspending a machine with agent and loop does not count.
+next one (at `--speed max` time stands still meanwhile). If none comes for long, the act is interrupted. A cancelled act
+needs no heartbeat. Silence is counted in turns, so suspending a machine with agent and loop does not count.
 """
 
 import time
@@ -15,7 +15,8 @@ import msgspec
 
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink, LoopState, Told
-from services.executor.loop.program import Cancel, Motion, Phase, Release
+from services.executor.loop.memory import Keeper
+from services.executor.loop.program import Cancel, Mode, Motion, Phase, Release
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
 
@@ -34,15 +35,31 @@ class Speed(StrEnum):
 
 
 class LoopProcess:
-    """Runs a core by commands from slots. `turn` is one cycle, or a short pause while time stands still."""
+    """Runs a core by commands from slots. `turn` is one cycle, or a short pause while time stands still.
+
+    `keeper` saves the core after each cycle, None for a robot whose world does not end with this process. A motion that
+    a killed loop left is cancelled: who asked for it sees a new loop, and takes it for lost.
+    """
 
     def __init__(
-        self, core: LoopCore, link: LoopLink, *, speed: Speed, truth: TruthReader | None, pacer: Pacer
+        self,
+        core: LoopCore,
+        link: LoopLink,
+        *,
+        speed: Speed,
+        truth: TruthReader | None,
+        pacer: Pacer,
+        keeper: Keeper | None = None,
     ) -> None:
         self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
+        self._keeper = keeper
         self._told, self._shown = Told(), core.mode
         self._beat, self._silent = link.heartbeat(), 0
-        core.hold(SETTLE_S)
+        if self.restored:
+            core.cancel()
+            link.held = core.mode is Mode.STOPPED  # a release while no loop ran is heard
+        else:
+            core.hold(SETTLE_S)
         self._publish()
 
     def turn(self) -> None:
@@ -52,16 +69,27 @@ class LoopProcess:
         self._listen()
         if self._speed is Speed.REAL:
             self._pacer.wait()
-            self.core.cycle()
-            self._pacer.done()
-            self._show()
+            self._cycle()
         elif self.core.busy and not self._late:
             self._pacer.go()
-            self.core.cycle()
-            self._pacer.done()
-            self._show()
+            self._cycle()
         else:
             time.sleep(IDLE_S)
+
+    def _cycle(self) -> None:
+        self.core.cycle()
+        self._keep()
+        self._pacer.done()
+        self._show()
+
+    def _keep(self) -> None:
+        if self._keeper is not None:
+            self._keeper.save()
+
+    @property
+    def restored(self) -> bool:
+        """Whether it goes on where another loop was killed or ended."""
+        return self._keeper is not None and self._keeper.restored
 
     def end(self, cycles: int = 50) -> None:
         """End whatever runs; the last commands are damping."""
@@ -100,7 +128,7 @@ class LoopProcess:
 
     def _listen(self) -> None:
         beat = self._link.heartbeat()
-        if beat != self._beat or self.core.report.phase is not Phase.RUNNING:
+        if beat != self._beat or self.core.report.phase is not Phase.RUNNING or self.core.braking:
             self._beat = beat
             self._hear()
             return
@@ -131,7 +159,8 @@ class LoopProcess:
                 self._link.show("timing", self._pacer.timing())
 
     def _publish(self) -> None:
-        """Publish all; state and truth first, so that a reader of a motion's end finds the state after it."""
+        """Save and publish all; state and truth first, so that a reader of a motion's end finds the state after it."""
+        self._keep()
         self._show_state()
         self._show_truth()
         self._told, self._shown = msgspec.structs.replace(self._told, report=self.core.report), self.core.mode
@@ -152,6 +181,7 @@ class LoopProcess:
             body=b"",
             hands=b"",
             world=core.backend.configuration().tobytes(),
+            epoch=self._keeper.epoch if self._keeper is not None else "",
         )
         self._link.show_state(core.backend.observe(), core.setpoint, rest)
 

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.run_files import make_run
 from velma.errors import SlotError
 
 MAGIC = b"VELMALP1"
@@ -87,7 +88,7 @@ class LoopFile:
     @classmethod
     def create(cls, path: Path) -> "LoopFile":
         """Return a new, empty file in place of any old one; only its owner can read it."""
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_run(path.parent)
         fresh = path.with_name(f".{path.name}.{os.getpid()}")
         file = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
         os.ftruncate(file, _layout()[1])

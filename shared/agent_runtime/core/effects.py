@@ -13,12 +13,19 @@ from fipa_codec.performatives import Performative
 
 
 class Receipt(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
-    """A receipt for a peer: all stream messages up to `taken`, or (taken 0) this version of the subject, are kept."""
+    """A receipt for a peer: all stream messages up to `taken`, or (taken 0) this version of the subject, are kept.
+
+    `digest`: of the message that was taken under that number. `refused`: of one that came and was not taken (`unknown`:
+    perhaps it was, long before), as its number is another's.
+    """
 
     peer: str
     taken: int = 0
     subject: str = ""
     version: tuple[int, int] = (0, 0)
+    digest: bytes = b""
+    refused: bytes = b""
+    unknown: bool = False
 
 
 class LogLine(msgspec.Struct, frozen=True):
@@ -79,6 +86,17 @@ class Out(msgspec.Struct, eq=False):
     said: list[Act] = []
     took: Act | None = None
     about: str = ""
+
+    def fork(self) -> "Out":
+        """Return a copy that goes its own way."""
+        return msgspec.structs.replace(
+            self,
+            receipts=[*self.receipts],
+            sends=[*self.sends],
+            tells=[*self.tells],
+            logs=[*self.logs],
+            said=[*self.said],
+        )
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
         """Add a log line."""

@@ -4,7 +4,9 @@ RuntimeFault
   AgentTableError     the agent's table of states, arcs and behaviours does not hold together (found when it is built)
   BehaviourError      a behaviour asked for something impossible: a bug of the agent, always raised
   JournalError        the journal cannot be used (held by another process, of another agent, unreadable)
+  StepLogError        a step log is damaged before its end
   KeysError           a folder of keys lacks something, or is of another system (secured.py)
+  TooLongError        a message is longer than a router hands on; nothing was put (message_size.py)
   WorkerError         a child process cannot be started or spoken to
 """
 
@@ -35,6 +37,15 @@ class JournalError(RuntimeFault):
     def __init__(self, path: object, what: str, hint: str) -> None:
         self.path, self.what, self.hint = path, what, hint
         super().__init__(f"journal {path}: {what}; {hint}")
+
+
+class StepLogError(RuntimeFault):
+    """The step log at `path` has a line that cannot be read; it begins at byte `at`."""
+
+    def __init__(self, path: object, at: int, what: str) -> None:
+        self.path, self.at, self.what = path, at, what
+        hint = "the lines before it are whole; it is damaged, or of another version"
+        super().__init__(f"step log {path}: the line at byte {at} cannot be read: {what}; {hint}")
 
 
 class WorkerError(RuntimeFault):

@@ -52,7 +52,8 @@ class Late(Event, frozen=True):
 
 
 class Broken(Event, frozen=True):
-    """A conversation ended because a message of the peer could not be accepted; the peer was sent not-understood.
+    """A conversation ended out of sequence: a message of the peer could not be accepted (the peer was sent
+    not-understood), or the peer lost its journal and knows nothing of it. Whatever is said in it now goes nowhere.
 
     `peer`: with whom it ended, where it has several participants.
     """
@@ -81,25 +82,45 @@ class Local(Event, frozen=True):
 
 
 class PeerChanged(Event, frozen=True):
-    """A peer appeared under an incarnation, or is gone (None). The same one may appear again after an outage."""
+    """A peer appeared under an incarnation, or is gone (None). The same one may appear again after an outage.
+
+    `journal`: the name of its journal, "" for one that has none (test programs).
+    """
 
     agent: str
     incarnation: int | None
+    journal: str = ""
 
 
-class Arrived(Event, frozen=True):
-    """A communicate came off the wire; the core decides whether it is kept."""
+class Arrived(Event, frozen=True, omit_defaults=True):
+    """A communicate came off the wire; the core decides whether it is kept.
+
+    `journal`: the name of its sender's journal; `believed`: of the journal that the sender believes this agent to have.
+    Both are "" where no memory of numbers is needed, and of senders without a journal. `after`: digest of the durable
+    message that it follows, while that is not receipted.
+    """
 
     communicate: Communicate
+    journal: str = ""
+    believed: str = ""
+    after: bytes = b""
 
 
-class Receipted(Event, frozen=True):
-    """The peer has journalled all stream messages up to `taken`, or (taken 0) this version of a subject."""
+class Receipted(Event, frozen=True, omit_defaults=True):
+    """The peer has journalled all stream messages up to `taken`, or (taken 0) this version of a subject.
+
+    `journal`, `believed`: as in Arrived; the rest: as in Receipt.
+    """
 
     peer: str
     taken: int = 0
     subject: str = ""
     version: tuple[int, int] = (0, 0)
+    journal: str = ""
+    believed: str = ""
+    digest: bytes = b""
+    refused: bytes = b""
+    unknown: bool = False
 
 
 class Garbled(Event, frozen=True):

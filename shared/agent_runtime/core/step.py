@@ -16,13 +16,14 @@ from typing import Generic, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.core import control, streams
+from agent_runtime.core import control, lineage, renumbering, streams
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Deed, Effects, Out
 from agent_runtime.core.errors import AgentTableError, BehaviourError
 from agent_runtime.core.events import (
     AnyEvent,
     Arrived,
+    Broken,
     Garbled,
     Late,
     LinkChanged,
@@ -51,6 +52,7 @@ from agent_runtime.core.state import (
 from agent_runtime.core.turn import Seen, Turn, conversation_of
 from agent_runtime.core.verdict import Verdict, What, carry_out, judge
 from agent_runtime.core.wiring import Delivery, Wiring
+from fipa_codec.communicate import UNREADABLE
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import SEND, Role
@@ -71,6 +73,18 @@ _INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 _COMPLAINT, _TAKE = Performative.NOT_UNDERSTOOD, What.TAKE
 
 
+class Choice(msgspec.Struct, frozen=True):
+    """An event that can be taken: an entry of the inbox with its verdict, a late conversation, a wake-up's name, or the
+    key of a lost conversation.
+    """
+
+    waiting: Waiting | None = None
+    verdict: Verdict | None = None
+    late: Held | None = None
+    wake: str = ""
+    lost: str = ""
+
+
 class Core(Generic[M]):
     """An agent bound to its wiring. It has no state but a cache of look-ups in the design."""
 
@@ -86,9 +100,17 @@ class Core(Generic[M]):
             hint = "memory is a msgspec Struct whose fields, but for `soft`, msgspec encodes and decodes"
             raise AgentTableError(agent.name, f"its memory cannot be journalled: {error}", hint) from error
 
+    def first(self, journal: str) -> bytes:
+        """Return the record that a new journal of this name begins with."""
+        return encode_record(fresh(self.agent, journal))
+
     def boot(self, record: bytes | None) -> CoreState:
         """Return the start state of the next incarnation: the first memory, or the state in the journal's record."""
-        state = fresh(self.agent) if record is None else restored(self.agent, record)
+        try:
+            state = fresh(self.agent) if record is None else restored(self.agent, record)
+        except UNREADABLE as error:
+            hint = "it is of another version, or damaged: start a new run, or move the journal away"
+            raise AgentTableError(self.agent.name, f"its journal cannot be read: {error}", hint) from error
         if state.agent != self.agent.name or state.state not in self.agent.behaviours:
             raise AgentTableError(
                 self.agent.name,
@@ -116,7 +138,7 @@ class Core(Generic[M]):
         after.soft.step += 1
         self._note(after, out, event, now)
         if not after.paused:
-            self._take_one(after, out, now)
+            after, out = self._take_one(after, out, now)
         self._check_owed(state, after)
         durable = self._durable(state, after, out)
         out.record = encode_record(after) if durable else None
@@ -127,8 +149,7 @@ class Core(Generic[M]):
         deed = out.deed(state.state, after.state, tuple(after.due))
         if deed is not None and deed not in self._designed:
             self._compare(after, out, deed)
-        held = after.paused or (after.outbox and streams.blocked(after) is not None)
-        waits = None if held else _waits(after)
+        waits = None if after.paused else _waits(after)
         return out.sealed(self._ready(after, waits, now), self._wake_at(after, waits, now), deed)
 
     def _compare(self, state: CoreState, out: Out, deed: Deed) -> None:
@@ -144,15 +165,15 @@ class Core(Generic[M]):
 
     def _note(self, state: CoreState, out: Out, event: AnyEvent, now: float) -> None:
         match event:
-            case Arrived(communicate=communicate):
-                admit(state, out, self.wiring, communicate)
+            case Arrived():
+                self._arrive(state, out, event)
             case Local():
                 _queue(state, Waiting(event))
             case Receipted(peer=peer):
-                if streams.settle(state, out, self.wiring, event, now):
+                if self._settles(state, out, event, now):
                     _queue(state, Waiting(Settled(peer), forced=True))
-            case PeerChanged(agent=peer, incarnation=incarnation):
-                self._note_peer(state, out, peer, incarnation, now)
+            case PeerChanged():
+                self._note_peer(state, out, event, now)
                 _queue(state, Waiting(event, forced=True))
             case LinkChanged(up=up):
                 state.soft.up = up
@@ -177,6 +198,11 @@ class Core(Generic[M]):
                     self.agent.name, state.state, f"was stepped with {event!r}", "that is the core's own"
                 )
 
+    def _arrive(self, state: CoreState, out: Out, event: Arrived) -> None:
+        said, journal = event.communicate, event.journal
+        if not journal or lineage.fits(state, out, said.sender, journal, event.believed):
+            admit(state, out, self.wiring, event)
+
     def _obey(self, state: CoreState, out: Out, command: control.Command) -> None:
         """Obey an order, or say why not; either way the answer names it."""
         order, parameters = control.worded(command.order), self.agent.parameters
@@ -192,12 +218,24 @@ class Core(Generic[M]):
         out.durable = True
         out.log("ordered", order=order)
 
-    def _note_peer(self, state: CoreState, out: Out, peer: str, incarnation: int | None, now: float) -> None:
-        if incarnation is None:
-            state.soft.peers.pop(peer, None)
+    def _settles(self, state: CoreState, out: Out, event: Receipted, now: float) -> bool:
+        """Take a receipt of the present journal. Return True where it covers the last observation due."""
+        if event.journal and not lineage.fits(state, out, event.peer, event.journal, event.believed):
+            return False
+        emptied = streams.settle(state, out, self.wiring, event, now)
+        renumbering.look(state, out, event, now)
+        return emptied
+
+    def _note_peer(self, state: CoreState, out: Out, event: PeerChanged, now: float) -> None:
+        if event.incarnation is None:
+            state.soft.peers.pop(event.agent, None)
+            streams.forget_last(state, event.agent)
         else:
-            state.soft.peers[peer] = incarnation
-            streams.flush(state, out, self.wiring, peer, now, force=False)
+            if state.soft.peers.get(event.agent, event.incarnation) != event.incarnation:
+                streams.forget_last(state, event.agent)
+            state.soft.peers[event.agent] = event.incarnation
+            news = lineage.met(state, out, event.agent, event.journal)
+            streams.flush(state, out, self.wiring, event.agent, now, force=news)
 
     def _flush_all(self, state: CoreState, out: Out, now: float, *, wanted: bool) -> None:
         for peer in self.wiring.peers if wanted else ():
@@ -205,30 +243,49 @@ class Core(Generic[M]):
 
     # --- taking one event ---------------------------------------------------------------------------------------------
 
-    def _take_one(self, state: CoreState, out: Out, now: float) -> None:
-        full = streams.blocked(state) if state.outbox else None
-        if full is not None:
-            if state.soft.full != full:
-                state.count("outbox full")
-                out.log("outbox full", level="error", peer=full, bound=streams.OUTBOX_BOUND)
-            state.soft.full = full
-            return
-        state.soft.full = ""
+    def _take_one(self, state: CoreState, out: Out, now: float) -> tuple[CoreState, Out]:
+        """Take what can be taken first. With a full outbox: the first that fits, and what does not fit stays."""
+        while (choice := self._choice(state, now)) is not None:
+            if not (state.outbox and streams.crowded(state)):
+                self._take(state, out, choice, now)
+                return state, out
+            after, said = state.fork(), out.fork()
+            self._take(after, said, choice, now)
+            full = streams.overfull(state, after, choice.waiting.event if choice.waiting else None)
+            if not full:
+                return after, said
+            _hold(state, out, choice, full)
+        return state, out
+
+    def _choice(self, state: CoreState, now: float) -> Choice | None:
+        if state.lost and (key := _untold(state)):
+            return Choice(lost=key)
         found = self._find_waiting(state)
         if found is not None:
-            self._take_waiting(state, out, *found, now)
-        elif state.wakes and (name := _due_wake(state, now)) is not None:
-            del state.wakes[name]
-            self._run(state, out, Woken(name), now)
-        elif (held := self._find_late(state, _waits(state), now)) is not None:
-            self._take_late(state, out, held, now)
+            return Choice(waiting=found[0], verdict=found[1])
+        if state.wakes and (name := _due_wake(state, now)) is not None:
+            return Choice(wake=name)
+        late = self._find_late(state, _waits(state), now)
+        return None if late is None else Choice(late=late)
+
+    def _take(self, state: CoreState, out: Out, choice: Choice, now: float) -> None:
+        if choice.waiting is not None:
+            self._take_waiting(state, out, choice.waiting, choice.verdict, now)
+        elif choice.late is not None:
+            self._take_late(state, out, choice.late, now)
+        elif choice.lost:
+            self._take_lost(state, out, choice.lost, now)
+        else:
+            del state.wakes[choice.wake]
+            self._run(state, out, Woken(choice.wake), now)
 
     def _ready(self, state: CoreState, waits: Sequence[Held] | None, now: float) -> bool:
-        """Whether more can be taken at once; `waits` None: nothing is, while paused or while an outbox is full."""
+        """Whether more can be taken at once; `waits` None: nothing is, while paused."""
         if waits is None:
             return False
         return bool(
-            (state.soft.inbox and self._find_waiting(state) is not None)
+            (state.lost and _untold(state))
+            or (state.soft.inbox and self._find_waiting(state) is not None)
             or (state.wakes and _due_wake(state, now) is not None)
             or (waits and self._find_late(state, waits, now) is not None)
         )
@@ -238,7 +295,9 @@ class Core(Generic[M]):
         passed: set[str] = set()
         takes = self.agent.behaviours[state.state].takes
         for waiting in state.soft.inbox:
-            if waiting.number and waiting.peer in passed:
+            if waiting.held or (waiting.number and waiting.peer in passed):
+                if waiting.number:
+                    passed.add(waiting.peer)
                 continue
             if not isinstance(waiting.event, Arrived):
                 if waiting.forced or takes(state.memory, waiting.event):
@@ -268,7 +327,8 @@ class Core(Generic[M]):
     def _find_late(self, state: CoreState, waits: Sequence[Held], now: float) -> Held | None:
         takes = self.agent.behaviours[state.state].takes
         for held in waits:
-            if held.reply_by is not None and now > held.reply_by and takes(state.memory, Late(held.conversation.id)):
+            over = held.reply_by is not None and now > held.reply_by and held.key not in state.soft.held
+            if over and takes(state.memory, Late(held.conversation.id)):
                 return held
         return None
 
@@ -296,6 +356,13 @@ class Core(Generic[M]):
             state.soft.asks.pop(name, None)
         out.about = self.wiring.required(held.conversation.peer, held.conversation.protocol).use
         self._run(state, out, Late(name, held.conversation.peer if held.several else ""), now)
+
+    def _take_lost(self, state: CoreState, out: Out, key: str, now: float) -> None:
+        lost = lineage.told(state, key)
+        out.durable = True
+        talk = lost.held.conversation
+        out.about = self.wiring.required(talk.peer, talk.protocol).use
+        self._run(state, out, Broken(talk.id, lost.why, talk.peer if lost.held.several else ""), now)
 
     # --- the behaviour ------------------------------------------------------------------------------------------------
 
@@ -357,14 +424,36 @@ class Core(Generic[M]):
         soft, times = state.soft, []
         if soft.up and soft.resend:
             times += [at for at, _ in soft.resend.values()]
-        if soft.up and soft.asks:
-            times += [one.at for one in soft.asks.values()]
+        if soft.up and (soft.asks or soft.last):
+            times += [one.at for one in (*soft.asks.values(), *soft.last.values())]
         if waits is not None:
-            times += state.wakes.values()
+            times += [at for name, at in state.wakes.items() if _wake_key(name) not in soft.held]
             for held in waits:
                 if held.reply_by is not None and held.reply_by + LATE_AFTER > now:
                     times.append(held.reply_by + LATE_AFTER)
         return min(times, default=None)
+
+
+def _hold(state: CoreState, out: Out, choice: Choice, full: str) -> None:
+    """Leave it where it is until an outbox has room again; say so once."""
+    if not state.soft.full:
+        state.count("outbox full")
+        out.log("outbox full", level="error", peer=full, bound=streams.OUTBOX_BOUND)
+    soft, one = state.soft, choice.waiting
+    soft.full = full
+    if one is not None:
+        soft.inbox = tuple(replace(other, held=True) if other is one else other for other in soft.inbox)
+    else:
+        soft.held |= {choice.lost or (_wake_key(choice.wake) if choice.late is None else choice.late.key)}
+
+
+def _wake_key(name: str) -> str:
+    return f" {name}"  # no key of a conversation begins with a blank
+
+
+def _untold(state: CoreState) -> str:
+    """Return the key of the first lost conversation that the behaviour was not told of and that does not wait."""
+    return next((key for key, one in state.lost.items() if not one.told and key not in state.soft.held), "")
 
 
 def _queue(state: CoreState, waiting: Waiting) -> None:
@@ -381,7 +470,8 @@ def _forget_unanswered(state: CoreState, now: float) -> None:
 
 
 def _due_wake(state: CoreState, now: float) -> str | None:
-    due = [(at, name) for name, at in state.wakes.items() if at <= now]
+    held = state.soft.held
+    due = [(at, name) for name, at in state.wakes.items() if at <= now and not (held and _wake_key(name) in held)]
     return min(due)[1] if due else None
 
 

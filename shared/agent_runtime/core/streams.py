@@ -1,7 +1,8 @@
 """Durable numbered streams, latest-value observations, repeated questions: sending, keeping, receipts, re-
 sending.
 
-One number per stream at the receiver, the unreceipted messages at the sender. Re-sent at once when the peer
+One number per stream at the receiver, with digests of the newest words (recent), the unreceipted messages at the sender
+(words of another under its numbers: renumbering). Re-sent at once when the peer
 (re)appears, else after RESEND_FIRST, then after twice the wait up to RESEND_LAST, for ever: reply-by ends no re-
 sending. All functions change the forked state they are given and add to `out`; nothing here knows protocols' tables or
 behaviours.
@@ -11,19 +12,30 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from agent_runtime.core.effects import Out, Receipt
-from agent_runtime.core.events import Receipted
+from agent_runtime.core.effects import Out
+from agent_runtime.core.events import Arrived, Receipted
+from agent_runtime.core.recent import covered, receipt
 from agent_runtime.core.state import Ask, CoreState, Due, Held, Outgoing, Version
 from agent_runtime.core.wiring import Delivery, Wiring
-from fipa_codec.communicate import Communicate
+from fipa_codec.communicate import Communicate, number_of
 from fipa_codec.performatives import Performative
+from fipa_codec.protocols import named
 from fipa_codec.tables import Role
 
 RESEND_FIRST = 0.2
 RESEND_LAST = 2.0
 """Seconds; proposed with the scheme of delivery, not measured: a receipt takes a disk sync and a router hop (ms)."""
 OUTBOX_BOUND = 16
-"""Unreceipted messages to one peer at which an agent takes nothing more. The explored fleet never held more than 5."""
+"""Unreceipted messages to one peer at which an agent opens no conversation with it of itself. The explored fleet never
+held more than 5."""
+ANSWERS_BOUND = 4 * OUTBOX_BOUND
+"""Such messages at which others add nothing to them: slots kept for answers. A full outbox of openings, and three
+answers (agree, result, reply to a cancel) to each opening in the peer's. What the peer itself says may add as many
+again: a word to each of so many that it said; beyond that it floods."""
+
+
+LAST_WORDS = 64
+"""Unreceipted last words of volatile conversations; estimate: more subscriptions than an agent ends at once."""
 
 
 def issue(state: CoreState, out: Out, communicate: Communicate, now: float) -> None:
@@ -32,8 +44,14 @@ def issue(state: CoreState, out: Out, communicate: Communicate, now: float) -> N
     state.issued[peer] = number
     state.outbox[peer] = (*state.outbox.get(peer, ()), Outgoing(number, communicate))
     out.durable = True
-    send(state, out, communicate)
+    if _named(state, peer):
+        send(state, out, communicate)
     state.soft.resend.setdefault(peer, (now + RESEND_FIRST, RESEND_FIRST))
+
+
+def _named(state: CoreState, peer: str) -> bool:
+    """Whether messages to a peer can name its journal (lineage); until its token came they wait."""
+    return peer in state.journals or not state.journal or peer in state.soft.peers
 
 
 def next_number(state: CoreState, peer: str) -> int:
@@ -41,12 +59,41 @@ def next_number(state: CoreState, peer: str) -> int:
     return state.issued.get(peer, 0) + 1
 
 
-def blocked(state: CoreState) -> str | None:
-    """The peer whose outbox is full; as long as there is one, the agent takes nothing."""
-    for peer, sent in state.outbox.items():
-        if len(sent) >= OUTBOX_BOUND:
+def crowded(state: CoreState) -> bool:
+    """Whether some outbox is so full that not everything may be said."""
+    return any(len(sent) >= OUTBOX_BOUND for sent in state.outbox.values())
+
+
+def overfull(before: CoreState, after: CoreState, event: Any) -> str:
+    """Return the peer whose outbox has no room for what a step said after `event`, "" where there is room.
+
+    The end of a conversation is taken however full its peer's outbox is: otherwise two agents whose outboxes are full
+    towards each other would wait for each other for ever.
+    """
+    said = event.communicate if isinstance(event, Arrived) else None
+    held = None if said is None else before.held(said.conversation, said.sender)
+    ended = held is not None and after.held(held.conversation.id, held.conversation.peer) is None
+    for peer, sent in after.outbox.items():
+        old, own = len(before.outbox.get(peer, ())), said is not None and said.sender == peer
+        if len(sent) == old or old < (OUTBOX_BOUND if said is None else 2 * ANSWERS_BOUND if own else ANSWERS_BOUND):
+            continue
+        opening = any(_opens(before, one.communicate) for one in sent[old:])
+        if (opening and not (own and ended)) or (old >= ANSWERS_BOUND and not ended):
             return peer
-    return None
+    return ""
+
+
+def _opens(before: CoreState, communicate: Communicate) -> bool:
+    opening = communicate.performative in named(communicate.protocol).openings
+    return opening and before.held(communicate.conversation, communicate.receiver) is None
+
+
+def release(state: CoreState) -> None:
+    """Let what was held back for want of room be tried again."""
+    soft = state.soft
+    if soft.full:
+        soft.full, soft.held = "", frozenset()
+        soft.inbox = tuple(replace(one, held=False) if one.held else one for one in soft.inbox)
 
 
 def observed(state: CoreState, out: Out, peer: str, subject: str, due: Due, now: float) -> None:
@@ -103,22 +150,26 @@ def observation_id(subject: str, version: Version) -> str:
 def parse_observation(id: str) -> tuple[str, Version] | None:
     """Return subject and version from an observation's id; None for other ids."""
     subject, _, version = id.rpartition("@")
-    incarnation, _, counter = version.partition(".")
-    if not (subject and incarnation.isascii() and incarnation.isdigit() and counter.isascii() and counter.isdigit()):
+    first, _, second = version.partition(".")
+    incarnation, counter = number_of(first), number_of(second)
+    if not subject or incarnation is None or counter is None:
         return None
-    return subject, (int(incarnation), int(counter))
+    return subject, (incarnation, counter)
 
 
 def receipt_stream(state: CoreState, out: Out, peer: str) -> None:
     """Tell `peer` how far its stream is journalled."""
-    out.receipts.append(Receipt(peer, taken=state.taken.get(peer, 0)))
+    out.receipts.append(receipt(state, peer))
 
 
 def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: float) -> bool:
     """Delete messages that a receipt covers. Return True where the last observation due to the peer was among them."""
+    if event.subject and state.soft.last.pop(event.subject, None) is not None:
+        return False
     peer, emptied, waited = event.peer, False, last_waits(state, event.peer)
     sent = state.outbox.get(peer, ())
-    rest = tuple(one for one in sent if one.number > event.taken)
+    taken = covered(sent, event.taken, event.digest) if sent else 0
+    rest = tuple(one for one in sent if one.number > taken)
     due = state.due.get(peer, {})
     waiting = due.get(event.subject)
     if waiting is not None and waiting.version <= event.version:
@@ -126,8 +177,11 @@ def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: fl
         emptied = not due
     elif len(rest) == len(sent):
         return False
-    _put(state.outbox, peer, rest)
-    _put(state.due, peer, due)
+    if len(rest) < len(sent):
+        release(state)
+        state.soft.renumbered.pop(peer, None)
+    put(state.outbox, peer, rest)
+    put(state.due, peer, due)
     state.soft.resend.pop(peer, None)
     if rest or due:
         state.soft.resend[peer] = (now + RESEND_FIRST, RESEND_FIRST)
@@ -147,12 +201,13 @@ def flush(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float, *, 
         if not fresh:
             resend(state, out, wiring, peer, now)
         state.soft.resend[peer] = (_next_at(now, at - gap, fresh), RESEND_FIRST)
-    for name, one in list(state.soft.asks.items()):
-        if one.communicate.receiver == peer:
-            fresh = not force and now - (one.at - one.gap) < RESEND_FIRST
-            if not fresh:
-                send(state, out, one.communicate)
-            state.soft.asks[name] = Ask(one.communicate, _next_at(now, one.at - one.gap, fresh), RESEND_FIRST)
+    for table in (state.soft.asks, state.soft.last):
+        for name, one in list(table.items()):
+            if one.communicate.receiver == peer:
+                fresh = not force and now - (one.at - one.gap) < RESEND_FIRST
+                if not fresh:
+                    send(state, out, one.communicate)
+                table[name] = Ask(one.communicate, _next_at(now, one.at - one.gap, fresh), RESEND_FIRST)
 
 
 def _next_at(now: float, last: float, fresh: bool) -> float:
@@ -161,7 +216,7 @@ def _next_at(now: float, last: float, fresh: bool) -> float:
 
 def resend(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float) -> None:
     """Send the outbox of a peer once more, in order, and the observations due."""
-    for outgoing in state.outbox.get(peer, ()):
+    for outgoing in state.outbox.get(peer, ()) if _named(state, peer) else ():
         send(state, out, outgoing.communicate)
     send_due(state, out, wiring, peer, now)
 
@@ -170,6 +225,27 @@ def ask(state: CoreState, out: Out, communicate: Communicate, now: float) -> Non
     """Send a volatile question and remember to ask again."""
     state.soft.asks[communicate.conversation] = Ask(communicate, now + RESEND_FIRST, RESEND_FIRST)
     send(state, out, communicate)
+
+
+def say_last(state: CoreState, out: Out, communicate: Communicate, now: float) -> None:
+    """Send the last word of a volatile conversation in which nothing is asked any more, and say it until receipted.
+
+    Of more than LAST_WORDS the oldest is given up.
+    """
+    last = state.soft.last
+    if len(last) >= LAST_WORDS:
+        state.count("last word given up")
+        del last[next(iter(last))]
+    last[communicate.id] = Ask(communicate, now + RESEND_FIRST, RESEND_FIRST)
+    state.soft.over = (*state.soft.over[1 - LAST_WORDS :], (communicate.receiver, communicate.conversation))
+    send(state, out, communicate)
+
+
+def forget_last(state: CoreState, peer: str) -> None:
+    """Say no last words to a peer that is gone, or lives anew: it knows nothing of those conversations."""
+    for name in [name for name, one in state.soft.last.items() if one.communicate.receiver == peer]:
+        del state.soft.last[name]
+    state.soft.over = tuple(one for one in state.soft.over if one[0] != peer)
 
 
 def on_time(state: CoreState, out: Out, wiring: Wiring, now: float) -> None:
@@ -182,12 +258,13 @@ def on_time(state: CoreState, out: Out, wiring: Wiring, now: float) -> None:
             resend(state, out, wiring, peer, now)
             wait = min(2 * gap, RESEND_LAST)
             state.soft.resend[peer] = (now + wait, wait)
-    for name, one in list(state.soft.asks.items()):
-        if one.at <= now:
-            state.count("asked again")
-            wait = min(2 * one.gap, RESEND_LAST)
-            state.soft.asks[name] = Ask(one.communicate, now + wait, wait)
-            send(state, out, one.communicate)
+    for table, what in ((state.soft.asks, "asked again"), (state.soft.last, "last word again")):
+        for name, one in list(table.items()):
+            if one.at <= now:
+                state.count(what)
+                wait = min(2 * one.gap, RESEND_LAST)
+                table[name] = Ask(one.communicate, now + wait, wait)
+                send(state, out, one.communicate)
 
 
 def send(state: CoreState, out: Out, communicate: Communicate) -> None:
@@ -196,7 +273,8 @@ def send(state: CoreState, out: Out, communicate: Communicate) -> None:
         out.sends.append(communicate)
 
 
-def _put(table: dict[str, Any], key: str, value: Any) -> None:
+def put(table: dict[str, Any], key: str, value: Any) -> None:
+    """Keep a value, unless it is empty."""
     if value:
         table[key] = value
     else:

@@ -121,8 +121,12 @@ class Turn(msgspec.Struct, eq=False):
 
         `in_reply_to` None: what the protocol says. `kind=Kind.CANCEL`: this answers the peer's cancel. `reply_by_s`
         sets a new time for Late. `to`: which participant, where there are several. BehaviourError where the
-        conversation is not open, LocalProtocolError where the protocol forbids it.
+        conversation is not open, LocalProtocolError where the protocol forbids it. In one that ended because the peer
+        lost its journal nothing is sent.
         """
+        gone = self._state.lost and self._lost(conversation, to)
+        if gone:
+            return gone.conversation
         held = self._held(conversation, to)
         link = self._wiring.required(held.conversation.peer, held.conversation.protocol)
         reply_by = None if reply_by_s is None else self.now + reply_by_s
@@ -292,6 +296,11 @@ class Turn(msgspec.Struct, eq=False):
             raise self._error(f"conversation {conversation!r} is not open", f"open are {known}; ask turn.holds() first")
         return held
 
+    def _lost(self, conversation: str, to: str) -> Held | None:
+        """Return the conversation if it is lost and no other of its name is open."""
+        lost = self._state.lost.get(conversation) or self._state.lost.get(f"{conversation} {to}")
+        return lost.held if lost is not None and not self.holds(conversation, to) else None
+
     def _error(self, what: str, hint: str) -> BehaviourError:
         return BehaviourError(self._state.agent, self._state.state, what, hint)
 
@@ -308,6 +317,8 @@ def dispatch(state: CoreState, out: Out, wiring: Wiring, held: Held, communicate
         streams.issue(state, out, communicate, now)
     elif talk.role is _INITIATOR and not talk.ended:
         streams.ask(state, out, communicate, now)
+    elif talk.ended and held.answer is not None:  # it was answered before: nobody asks again, so it is said again
+        streams.say_last(state, out, communicate, now)
     else:
         if not talk.ended:  # an ended one is forgotten, and its answer with it
             held = replace(held, answer=communicate)

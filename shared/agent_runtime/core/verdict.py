@@ -15,6 +15,7 @@ from agent_runtime.core import streams
 from agent_runtime.core.effects import Out, Receipt
 from agent_runtime.core.events import Broken, Received
 from agent_runtime.core.intake import reject
+from agent_runtime.core.recent import note
 from agent_runtime.core.state import CoreState, Held, Waiting, age
 from agent_runtime.core.turn import dispatch
 from agent_runtime.core.wiring import Delivery, Link, Wiring
@@ -81,6 +82,8 @@ def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> 
         return Verdict(What.DROP, error=RemoteProtocolError("conversation", "is not open here"))
     if waiting.fault is not None:
         return Verdict(What.REFUSE, error=waiting.fault)
+    if opening and (communicate.sender, communicate.conversation) in state.soft.over:
+        return Verdict(What.DROP, error=RemoteProtocolError("conversation", "has ended; its last word was said"))
     if opening and link.delivery is _LATEST and _outlived(state, communicate):
         return Verdict(What.DROP, error=RemoteProtocolError("conversation", "a newer subscription took its place"))
     try:
@@ -133,6 +136,8 @@ def carry_out(
     held = verdict.held
     match verdict.what:
         case What.TAKE if held is not None:
+            if _is_last(state, waiting, held):
+                out.receipts.append(Receipt(communicate.sender, subject=communicate.id))
             if not held.conversation.cancel or held.conversation.ended:  # what crosses a cancel is not an answer to it
                 state.soft.asks.pop(communicate.conversation, None)
             if held.delivery is _LATEST and held.conversation.role is _PARTICIPANT:
@@ -155,12 +160,20 @@ def carry_out(
                 reject(state, out, communicate, What.DROP, why)
             else:
                 state.count(What.DROP)
+                if waiting.link.role is _INITIATOR:
+                    out.receipts.append(Receipt(communicate.sender, subject=communicate.id))  # perhaps its last word
     return None
+
+
+def _is_last(state: CoreState, waiting: Waiting, held: Held) -> bool:
+    """Whether a message ends a volatile conversation in which this agent asks no more: it is said until receipted."""
+    talk, soft = held.conversation, not (waiting.number or waiting.subject)
+    return soft and talk.ended and talk.role is _INITIATOR and talk.id not in state.soft.asks
 
 
 def _mark_taken(state: CoreState, out: Out, waiting: Waiting) -> None:
     if waiting.number:
-        state.taken[waiting.peer] = waiting.number
+        note(state, waiting.peer, waiting.number, waiting.digest)
         streams.receipt_stream(state, out, waiting.peer)
         out.durable = True
     else:

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from fipa_codec.communicate import WORD, Communicate, is_word
+from fipa_codec.communicate import WORD, Communicate, is_word, number_of
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative
@@ -157,6 +157,22 @@ def communicate_key(
     return f"roco/{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
 
 
+def life(incarnation: int, journal: str) -> str:
+    """Return the last chunk of a liveliness token's key: which life of the agent, by the name of its journal."""
+    return f"{incarnation}.{journal}" if journal else str(incarnation)
+
+
+def parse_life(chunk: str) -> tuple[int, str] | None:
+    """Return incarnation and journal from the last chunk of a token's key; None where it is none."""
+    text, _, journal = chunk.partition(".")
+    number = number_of(text)
+    return None if number is None else (number, journal)
+
+
+HOUSE = "_"
+"""Stands in the keys of what is no communicate, where those have the channel."""
+
+
 def service_key(system: str, kind: str, owner: str, *peer: str) -> str:
     """Return the key of the runtime's own messages: `alive`, `receipt`, `ping`, `pong`."""
-    return "/".join(("roco", system, "_", kind, owner, *peer))
+    return "/".join(("roco", system, HOUSE, kind, owner, *peer))

@@ -33,17 +33,22 @@ class Speed(StrEnum):
     MAX = "max"
 
 
-def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.Typer:
+def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer.Typer:
     """The command of a service."""
-    command = typer.Typer(name=name, add_completion=False, pretty_exceptions_enable=False)
+    command = typer.Typer(name=called, add_completion=False, pretty_exceptions_enable=False)
 
     @command.command(help=text)
     def main(
-        connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint.")] = _DEFAULT.connect,
+        connect: Annotated[
+            str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint; of two: comma between.")
+        ] = _DEFAULT.connect,
         listen: Annotated[
             str,
             typer.Option(envvar="ROCO_LISTEN", help="Where the router listens (only the router does); comma between."),
         ] = _DEFAULT.listen,
+        name: Annotated[
+            str, typer.Option(envvar="ROCO_NAME", help="Which of two linked routers it is: router or router-2.")
+        ] = _DEFAULT.name,
         system: Annotated[
             str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot.")
         ] = _DEFAULT.system,
@@ -71,10 +76,15 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
         keys: Annotated[
             str, typer.Option(envvar="ROCO_TLS_DIR", help="Folder of keys (`roco keys make`); empty: no encryption.")
         ] = "",
+        replay: Annotated[
+            str,
+            typer.Option(envvar="ROCO_REPLAY", help="Of an agent: a step log to run again offline instead of serving."),
+        ] = "",
     ) -> None:
         options = Options(
             connect=connect,
             listen=listen,
+            name=name,
             system=system,
             systems=listed(systems),
             links=listed(link),
@@ -84,6 +94,7 @@ def app(name: str, text: str, serve: Callable[[Options], int | None]) -> typer.T
             seed=seed,
             scene=Path(scene) if scene else None,
             keys=Path(keys) if keys else None,
+            replay=Path(replay) if replay else None,
         )
         raise typer.Exit(serve(options) or 0)
 

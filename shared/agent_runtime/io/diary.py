@@ -57,6 +57,12 @@ class Diary:
         return bool(self._unwritten) or self._steps.waiting > 0
 
     @property
+    def trouble(self) -> str:
+        """Why steps are not written down, in words; "" where they are."""
+        steps = self._steps
+        return f"{steps.trouble}; steps that its log lacks: {steps.lost}" if steps.trouble else ""
+
+    @property
     def full(self) -> bool:
         """Whether it must be written without waiting for a pause."""
         return self._noted >= MOST_UNWRITTEN or self._said >= MOST_SAID

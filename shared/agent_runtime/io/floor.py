@@ -2,8 +2,8 @@
 
 Who steps has the floor, one at a time. What is heard while the floor is free is taken at once by the thread that heard
 it, and no second thread has to be woken for it: with that, a question and its answer took a tenth longer
-(benchmarks/communicates.py). What is heard while the floor is taken waits in the inbox, in order; so does what devices
-post, whose threads have work of their own.
+(benchmarks/communicates.py). What is heard while the floor is taken waits in the inbox, in its sender's order; so
+does what devices post, whose threads have work of their own.
 """
 
 import threading
@@ -72,8 +72,13 @@ class Floor:
 
     # --- any thread ---------------------------------------------------------------------------------------------------
 
-    def put(self, kind: Class, item: Any) -> None:
-        """From a thread that hears: step with the item, or leave it in the inbox. Never waits for another step."""
+    def put(self, kind: Class, item: Any, sender: str = "", size: int = 0) -> None:
+        """From a thread that hears: step with the item, or leave it in the inbox. Never waits for another step.
+
+        What is beyond the sender's rate is dropped here: a flood would else be all that this thread has time for.
+        """
+        if sender and not self._inbox.admits(kind, sender):
+            return
         if not self._wanted and self._lock.acquire(blocking=False):
             try:
                 if self._open and self._inbox.idle:
@@ -81,22 +86,22 @@ class Floor:
                     return
             finally:
                 self._lock.release()
-        self._inbox.put(kind, item)
+        self._inbox.put(kind, item, sender, size)
 
     def post(self, item: Any) -> None:
         """From the own side: into the inbox; from within a step it is taken right after it."""
         if self._speaker == threading.get_ident():
             self._own.append(item)
         else:
-            self._inbox.put(Class.CONTROL, item)
+            self._inbox.put(Class.OWN, item)
 
     def _step_here(self, item: Any) -> None:
         try:
             self.step(item)
         except Exception as error:
-            self._inbox.put(Class.CONTROL, Failed(error))  # whatever is heard from now on waits behind it
+            self._inbox.put(Class.OWN, Failed(error))  # whatever is heard from now on waits behind it
             return
         at = self._next_at()
         if at < self.until:
             self.until = at
-            self._inbox.put(Class.CONTROL, None)  # the loop thread looks at the time
+            self._inbox.put(Class.OWN, None)  # the loop thread looks at the time

@@ -2,7 +2,8 @@
 
 All in one folder where everybody runs as one user; `apart`, a folder for each identity, where each process sees only
 its own (containers). Several systems may stand behind one router: then each system has a folder, and the certificates
-in it name the system; `linked`, each has a router of its own, which is a client of the others, too. What is there and
+in it name the system; `linked`, each has a router of its own, which is a client of the others, too; or two `routers`
+serve them all, of which the second is a client of the first. What is there and
 still holds for `keep_days` may be kept: a new authority separates agents with its keys from those with
 the old ones.
 """
@@ -17,7 +18,18 @@ from cryptography import x509
 from cryptography.x509.oid import NameOID
 
 from agent_runtime.io import keys
-from agent_runtime.io.secured import AUTHORITY, ROUTER, KeysError, Rights, certificate_file, key_file, rights_of
+from agent_runtime.io.secured import (
+    AUTHORITY,
+    REVOKED,
+    RIGHTS,
+    ROUTERS,
+    KeysError,
+    Rights,
+    certificate_file,
+    key_file,
+    revoked,
+    rights_of,
+)
 from topdown.model.design import Design
 from topdown.model.rights import access_control, common_names
 
@@ -43,11 +55,17 @@ class Issued(msgspec.Struct, frozen=True):
 
 
 def seats(
-    folder: Path, design: Design, systems: Sequence[str], *, apart: bool = False, linked: bool = False
+    folder: Path,
+    design: Design,
+    systems: Sequence[str],
+    *,
+    apart: bool = False,
+    linked: bool = False,
+    routers: int = 1,
 ) -> tuple[Seat, ...]:
     """Return the folder of each certificate."""
     found = []
-    for name, pairs in common_names(design, systems, linked=linked).items():
+    for name, pairs in common_names(design, systems, linked=linked, routers=routers).items():
         identity, system = pairs[0]
         where = folder if name == identity else folder / system
         found.append(Seat(identity, name, where / identity if apart else where))
@@ -63,13 +81,16 @@ def issue(
     hosts: Sequence[str] = keys.HOSTS,
     apart: bool = False,
     linked: bool = False,
+    routers: int = 1,
     keep_days: float | None = None,
     now: dt.datetime | None = None,
 ) -> Issued:
-    """Make all keys of the systems, or keep what still holds for `keep_days`. Raises OSError."""
+    """Make all keys of the systems, or keep what still holds for `keep_days`. Raises OSError; ValueError for `linked`
+    with several `routers`.
+    """
     begin = now or dt.datetime.now(dt.UTC)
-    places = seats(folder, design, systems, apart=apart, linked=linked)
-    rights = Rights(tuple(systems), access_control(design, *systems, linked=linked))
+    places = seats(folder, design, systems, apart=apart, linked=linked, routers=routers)
+    rights = Rights(tuple(systems), access_control(design, *systems, linked=linked, routers=routers))
     until = None if keep_days is None else holding(places, rights, hosts)
     kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
     if until is None or not kept:
@@ -93,11 +114,34 @@ def _make(
         where.mkdir(parents=True, exist_ok=True)
         if stat.S_IMODE(where.stat().st_mode) != OWNER_ONLY:  # a mount point may be on a disk that is read only
             where.chmod(OWNER_ONLY)
-    for seat in sorted(places, key=lambda one: one.identity == ROUTER):  # the routers' last: they look for new ones
-        keys.publish(seat.folder, issuer, rights if seat.identity == ROUTER else None)
-        listening = hosts if seat.identity == ROUTER else ()
-        keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=linked)
+    for seat in sorted(places, key=lambda one: one.identity in ROUTERS):  # the routers' last: they look for new ones
+        routes = seat.identity in ROUTERS
+        if routes:  # what was revoked is of an authority that is no more
+            (seat.folder / REVOKED).unlink(missing_ok=True)
+        keys.publish(seat.folder, issuer, rights if routes else None)
+        joins = linked or seat.identity in ROUTERS[1:]
+        listening = hosts if routes else ()
+        keys.issue(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=joins)
     return end
+
+
+def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
+    """Deny the common name every right at each router whose keys lie in the folder; return all that are denied.
+
+    Raise KeysError where no router's keys are there, or it knows no such name. `undo`: grant them again.
+    """
+    routers = sorted(file.parent for file in folder.rglob(RIGHTS))
+    if not routers:
+        raise KeysError(f"no {RIGHTS} in {folder} or below; give the folder that `roco keys make` wrote")
+    known = {one["id"] for where in routers for one in rights_of(where).access_control["subjects"]}
+    if name not in known:
+        raise KeysError(f"no certificate is named {name!r}; there are {', '.join(sorted(known))}")
+    now: set[str] = set()
+    for where in routers:
+        denied = set(revoked(where)) - {name} if undo else {*revoked(where), name}
+        keys.write_private(where / REVOKED, msgspec.json.encode(sorted(denied)))
+        now |= denied
+    return tuple(sorted(now))
 
 
 def holding(places: Sequence[Seat], rights: Rights, hosts: Sequence[str]) -> dt.datetime | None:
@@ -106,12 +150,12 @@ def holding(places: Sequence[Seat], rights: Rights, hosts: Sequence[str]) -> dt.
         authorities = {(seat.folder / AUTHORITY).read_bytes() for seat in places}
         found = [(seat, _certificate(certificate_file(seat.folder, seat.identity))) for seat in places]
         there = all(key_file(seat.folder, seat.identity).is_file() for seat in places)
-        routers = [seat.folder for seat in places if seat.identity == ROUTER]
+        routers = [seat.folder for seat in places if seat.identity in ROUTERS]
         wanted = msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
         same = all(rights_of(where, *rights.systems) == wanted for where in routers)
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
         signed = all(_signed(one, issuer) and _named(one) == seat.name for seat, one in found)
-        listens = all(_listens(one, hosts) for seat, one in found if seat.identity == ROUTER)
+        listens = all(_listens(one, hosts) for seat, one in found if seat.identity in ROUTERS)
     except (OSError, ValueError, KeysError):
         return None
     if not (there and same and signed and listens):
@@ -122,6 +166,12 @@ def holding(places: Sequence[Seat], rights: Rights, hosts: Sequence[str]) -> dt.
 def ends(file: Path) -> dt.datetime:
     """Until when a certificate holds. Raises OSError, or ValueError where it is none."""
     return _certificate(file).not_valid_after_utc
+
+
+def lifetime(file: Path) -> tuple[dt.datetime, dt.datetime]:
+    """From when until when a certificate holds. Raises OSError, or ValueError where it is none."""
+    found = _certificate(file)
+    return found.not_valid_before_utc, found.not_valid_after_utc
 
 
 def _certificate(file: Path) -> x509.Certificate:

@@ -1,75 +1,97 @@
 """The journal: an append-only file with one synced record per durable step (write-ahead; the last record wins).
 
-A record is <length u32><crc32 u32><bytes>, little endian, after a magic line. Each record is the whole durable state,
-so the last whole one is the state; a torn tail (killed while writing) was neither receipted nor sent, hence it is cut
-off. At open, and whenever the file has grown past `COMPACT_BYTES`, the file is rewritten with that one record. It
-knows bytes only, not what they mean.
+Each record is the whole durable state, so the last one is the state. A torn tail (killed while writing) was neither
+receipted nor sent, hence it is cut off; a damaged record with whole ones behind it is no kill's work, and the file is
+refused (repair.py). At open, and whenever the file has grown past COMPACT_BYTES, it is rewritten with one record. A
+write that fails leaves the file as it was before, whatever part of it came through. It knows bytes only, not what they
+mean.
 """
 
 import fcntl
 import os
-import struct
-import zlib
+import secrets
+from contextlib import suppress
 from pathlib import Path
 
 from agent_runtime.core.errors import JournalError
+from agent_runtime.io.journal_format import MAGIC, VERSION, Scan, frame, scan, version
 
-MAGIC = b"roco-journal-1\n"
-HEAD = struct.Struct("<II")
 COMPACT_BYTES = (
     64 * 1024 * 1024
 )  # estimate: some hundred records of a full world model; rewriting takes well under 0.1 s
-LARGEST_RECORD = 256 * 1024 * 1024  # estimate: a length beyond it is garbage
+NAME_BYTES = 6
 
 
-def frame(record: bytes) -> bytes:
-    """A record as it stands in the file."""
-    return HEAD.pack(len(record), zlib.crc32(record)) + record
+def new_name() -> str:
+    """Return a random name for a new journal; two alike are as good as impossible."""
+    return secrets.token_hex(NAME_BYTES)
 
 
-def last_record(data: bytes) -> bytes | None:
-    """The last whole record in the file's bytes; None where there is none (also where only a torn magic is there)."""
-    if not data.startswith(MAGIC):
-        return None
-    at, last = len(MAGIC), None
-    while at + HEAD.size <= len(data):
-        length, crc = HEAD.unpack_from(data, at)
-        body = data[at + HEAD.size : at + HEAD.size + length]
-        if length > LARGEST_RECORD or len(body) < length or zlib.crc32(body) != crc:
-            break
-        last, at = body, at + HEAD.size + length
-    return last
+def journal_file(run: Path, agent: str) -> Path:
+    """Return the path of an agent's journal."""
+    return run / "journal" / f"{agent}.journal"
+
+
+def locked(path: Path) -> int:
+    """Take a journal for this process alone; return the descriptor that holds it. Raise JournalError where it is held.
+
+    Raise OSError where the lock cannot be made.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lock = os.open(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(lock)
+        raise JournalError(path, "another process holds it", "stop that agent first") from error
+    return lock
+
+
+def looked_through(path: Path, data: bytes) -> Scan:
+    """Return what the file holds. Raise JournalError for another format; a torn first line is an empty journal."""
+    if MAGIC.startswith(data[: len(MAGIC)]):
+        return scan(data) if data.startswith(MAGIC) else Scan(0, None, 0)
+    other = version(data)
+    if other is None:
+        raise JournalError(path, "this file is not a journal", "move it away or choose another run folder")
+    what = f"it is of format {other}, this version of the software reads format {VERSION}"
+    hint = "use the version that wrote it, or delete it: the agent then begins with an empty memory, and its peers know"
+    raise JournalError(path, what, hint)
 
 
 class Journal:
     """The open journal file of one agent; the process that holds it is the only one (flock)."""
 
     def __init__(self, path: Path) -> None:
-        """Open or create. Raises JournalError where another process holds it or the file has another format."""
+        """Open or create. Raises JournalError where it is held, of another format or damaged, OSError for the disk."""
         self.path = path
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._lock = os.open(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            os.close(self._lock)
-            raise JournalError(path, "another process holds it", "stop that agent first") from error
-        data = path.read_bytes() if path.exists() else b""
-        if data and not MAGIC.startswith(data[: len(MAGIC)]):
-            os.close(self._lock)
-            raise JournalError(path, "this file is not a journal", "move it away or choose another run folder")
-        self.last = last_record(data)
         self._fd = -1
         self._size = 0
-        self._rewrite(self.last)
+        self._lock = locked(path)
+        try:
+            found = looked_through(path, path.read_bytes() if path.exists() else b"")
+            if found.damaged:
+                what = f"the record at byte {found.damaged[0]} is damaged, and whole ones follow it"
+                raise JournalError(path, what, f"look at the disk; then: roco agent repair {path.stem}")
+            self.last = found.last
+            self._rewrite(self.last)
+        except BaseException:
+            os.close(self._lock)
+            raise
 
     def append(self, record: bytes) -> None:
-        """Write one record; when this returns it is on the disk."""
+        """Write one record; when this returns it is on the disk. Raises OSError, and the file is as it was."""
         if self._size > COMPACT_BYTES:
             self._rewrite(record)
         else:
-            self._write(frame(record))
-            os.fdatasync(self._fd)
+            data = frame(record)
+            try:
+                _write(self._fd, data)
+                os.fdatasync(self._fd)
+            except OSError:
+                os.ftruncate(self._fd, self._size)
+                raise
+            self._size += len(data)
         self.last = record
 
     def close(self) -> None:
@@ -79,24 +101,36 @@ class Journal:
             os.close(self._lock)
             self._fd = -1
 
-    def _write(self, data: bytes) -> None:
-        view = memoryview(data)
-        while view:
-            view = view[os.write(self._fd, view) :]
-        self._size += len(data)
-
     def _rewrite(self, record: bytes | None) -> None:
         """Put a file with at most one record in the place of the old one, atomically."""
-        fresh = self.path.with_name(self.path.name + ".new")
-        fd = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC, 0o600)
+        fd, size = put(self.path, record)
         if self._fd >= 0:
             os.close(self._fd)
-        self._fd, self._size = fd, 0
-        self._write(MAGIC + (frame(record) if record is not None else b""))
+        self._fd, self._size = fd, size
+
+
+def put(path: Path, record: bytes | None) -> tuple[int, int]:
+    """Put a journal with at most one record in the place of a file; return its descriptor and size. Raise OSError."""
+    fresh, data = path.with_name(path.name + ".new"), MAGIC + (frame(record) if record is not None else b"")
+    fd = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC, 0o600)
+    try:
+        _write(fd, data)
         os.fsync(fd)
-        os.replace(fresh, self.path)
-        folder = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        os.replace(fresh, path)
+    except OSError:
+        os.close(fd)
+        with suppress(OSError):
+            fresh.unlink()
+        raise
+    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+    return fd, len(data)
+
+
+def _write(fd: int, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[os.write(fd, view) :]

@@ -25,8 +25,8 @@ DAYS = 7.0
 """Lifetime of certificates (a week: as long as a stolen one is of use)."""
 BACK = dt.timedelta(minutes=5)
 """They hold from a little before now, for machines whose clocks differ (estimate)."""
-HOSTS = ("localhost", "127.0.0.1", "::1", "router")
-"""Names under which the router is reached: here, and as the service of that name."""
+HOSTS = ("localhost", "127.0.0.1", "::1", "router", "router-2", "wires")
+"""Names under which routers are reached: here, as the services of these names, and by the proxy for faults."""
 _SERVER, _CLIENT = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
 
 
@@ -40,9 +40,9 @@ class Issuer(msgspec.Struct, frozen=True):
 
 def publish(folder: Path, issuer: Issuer, rights: Rights | None) -> None:
     """Write the public parts: the authority's certificate and, where the router is, its rights."""
-    _write(folder / AUTHORITY, issuer.certificate.public_bytes(serialization.Encoding.PEM))
+    write_private(folder / AUTHORITY, issuer.certificate.public_bytes(serialization.Encoding.PEM))
     if rights is not None:
-        _write(folder / RIGHTS, json.dumps(msgspec.to_builtins(rights), indent=1).encode())
+        write_private(folder / RIGHTS, json.dumps(msgspec.to_builtins(rights), indent=1).encode())
 
 
 def authority(name: str, begin: dt.datetime, end: dt.datetime) -> Issuer:
@@ -78,11 +78,11 @@ def issue(
     if hosts:
         builder = builder.add_extension(x509.SubjectAlternativeName([host(name) for name in hosts]), critical=False)
     signed = builder.sign(issuer.key, hashes.SHA256())
-    _write(certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM))
+    write_private(certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM))
     private = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    _write(key_file(folder, identity), private)
+    write_private(key_file(folder, identity), private)
 
 
 def _builder(subject: str, issuer: str, key: Any, begin: dt.datetime, end: dt.datetime) -> x509.CertificateBuilder:
@@ -123,7 +123,7 @@ def _usage(*, certificates: bool) -> x509.KeyUsage:
     )
 
 
-def _write(path: Path, data: bytes) -> None:
+def write_private(path: Path, data: bytes) -> None:
     """A file that only its owner reads, from its first byte on."""
     beside = path.with_name(f".{path.name}.new")
     beside.unlink(missing_ok=True)

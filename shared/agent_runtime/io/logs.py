@@ -1,18 +1,23 @@
 """Structured logs: every event as one JSON line in a file, and what the level asks for as a short line on the console.
 
-Each line has time, agent and event; lines about a conversation have its id.
+Each line has time, agent and event; lines about a conversation have its id. A flood fills no disk: lines that blame
+somebody are told singly up to a number, then as a sum (repeats.py); a file that is full becomes the last but one.
 """
 
 import logging
+import math
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
 from typing import Any, TextIO
 
 import msgspec
+
+from agent_runtime.io import clock
+from agent_runtime.io.repeats import WINDOW_S, Repeats
 
 
 @contextmanager
@@ -34,8 +39,19 @@ with _without_rich():
 LEVELS = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
 
+MOST_BYTES = 32 * 1024 * 1024
+"""Of a log file; then it is FILE.1, and the FILE.1 before it is gone. Estimate: a pour writes 0.3 MB in a minute."""
+MORE = "more of a kind"
+"""Event of a line that sums up lines that were not written."""
+_Line = tuple[float, str, str, dict[str, Any]]
+_Kind = tuple[str, str, str]
+
+
 class Log:
-    """`file`: JSON lines are appended there, from debug on; `level`: the least that the console shows."""
+    """`file`: JSON lines are appended there, from debug on; `level`: the least that the console shows.
+
+    Lines that the disk does not take are lost, and how many is the next line that it takes.
+    """
 
     def __init__(
         self, agent: str, level: str = "info", file: Path | None = None, console: TextIO | None = None
@@ -45,10 +61,13 @@ class Log:
             raise ValueError(f"log level {level!r} is none of {', '.join(LEVELS)}")
         self._agent = agent
         self._least = LEVELS[level]
+        self._lost, self._torn = 0, False
         self._file: FileIO | None = None
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
             self._file = FileIO(file, "a")
+        self._path, self._size = file, self._file.tell() if self._file is not None else 0
+        self._repeats = Repeats[_Kind](("", "warning", "others"))
         self._short = _wrapped(console or sys.stdout, _short, agent)
 
     def show(self, level: str) -> None:
@@ -57,26 +76,82 @@ class Log:
 
     def write(self, event: str, level: str = "info", **fields: Any) -> None:
         """One line."""
-        self.write_all([(time.time(), event, level, fields)])
+        self.write_all([(clock.now(), event, level, fields)])
 
-    def write_all(self, lines: Sequence[tuple[float, str, str, dict[str, Any]]]) -> None:
+    def write_all(self, lines: Sequence[_Line]) -> None:
         """Lines in one go: of each the time [unix s], the event, its level and its fields."""
+        told = [*self._summed(lines[0][0] if lines else clock.now())]
+        told += [line for line in lines if not _blames(line) or self._repeats.told(_kind(line), line[0])]
+        self._put(told)
+
+    def look(self) -> None:
+        """Write the sums that are due."""
+        if self._repeats.look_at <= clock.now():
+            self._put([*self._summed(clock.now())])
+
+    def _summed(self, now: float, *, last: bool = False) -> Iterator[_Line]:
+        for (event, level, who), count in self._repeats.over(math.inf if last else now):
+            why = f"… {count:,} more of this kind from {who or 'here'} in {WINDOW_S:g} s"
+            yield now, MORE, level, {"of": event, "count": count, "why": why}
+
+    def _put(self, lines: Sequence[_Line]) -> None:
         if self._file is not None:
-            self._file.write(
-                b"".join(
-                    _encoder.encode({"agent": self._agent, "t": at, "level": level, **fields, "event": event}) + b"\n"
-                    for at, event, level, fields in lines
-                )
-            )
+            self._append(self._file, b"".join(self._line(*line) for line in lines), len(lines))
         for at, event, level, fields in lines:
             if LEVELS.get(level, logging.ERROR) >= self._least:
-                self._short.msg(event, t=at, level=level, **fields)
+                with suppress(OSError):  # a file, too, under a supervisor
+                    self._short.msg(event, t=at, level=level, **fields)
+
+    def _line(self, at: float, event: str, level: str, fields: dict[str, Any]) -> bytes:
+        return _encoder.encode({"agent": self._agent, "t": at, "level": level, **fields, "event": event}) + b"\n"
+
+    def _append(self, file: FileIO, data: bytes, count: int) -> None:
+        if self._lost:
+            why = f"{self._lost} lines before this one are lost: the disk took nothing"
+            data = b"\n" * self._torn + self._line(clock.now(), "lines lost", "warning", {"why": why}) + data
+        try:
+            taken = file.write(data)
+        except OSError:
+            taken = 0
+        if taken == len(data):
+            self._lost = 0
+            self._torn = False
+        else:
+            self._lost += count
+            self._torn = self._torn or bool(taken)
+        self._size += taken or 0
+        if self._size > MOST_BYTES:
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        assert self._file is not None
+        assert self._path is not None
+        self._file.close()
+        self._path.replace(before(self._path))
+        self._file, self._size = FileIO(self._path, "a"), 0
 
     def close(self) -> None:
-        """Close the file."""
+        """Write the sums of what was not written, close the file."""
+        self._put([*self._summed(clock.now(), last=True)])
         if self._file is not None:
             self._file.close()
             self._file = None
+
+
+def before(file: Path) -> Path:
+    """The file in which the lines are that were written before those in `file`."""
+    return file.with_name(f"{file.name}.1")
+
+
+def _blames(line: _Line) -> bool:
+    """Whether a line is of the kinds that others can cause at will."""
+    return line[2] not in ("info", "debug") or "sender" in line[3]
+
+
+def _kind(line: _Line) -> _Kind:
+    _, event, level, fields = line
+    who = next((str(fields[name]) for name in ("sender", "peer", "key") if fields.get(name)), "")
+    return f"{event} {fields.get('verdict', '')}".strip(), level, who
 
 
 _encoder = msgspec.json.Encoder(enc_hook=str)

@@ -6,17 +6,19 @@ import msgspec
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
-    """`connect`: the router's endpoint; `listen`: where the router itself listens, several with a comma between;
-    `run_dir`: files of this run.
+    """`connect`: the router's endpoint, or those of two linked routers, comma between; `listen`: where the router
+    itself listens, several with a comma between; `name`: which of two routers it is; `run_dir`: files of this run.
 
     `systems`: of a router or recorder that serves several robots, else () and `system` alone; `links`: endpoints of
     other routers that the router joins. `speed`: "1" (simulated time is real time) or "max"; `seed`: varies poses and
     noise; `scene`: a scene's TOML file, None for the canonical one. `keys`: folder of keys (secured.py): sessions are
-    encrypted and say who they are; None: they are not.
+    encrypted and say who they are; None: they are not. `replay`: a step log that an agent
+    runs again instead of serving (step_replay.py).
     """
 
     connect: str = "tcp/127.0.0.1:7447"
     listen: str = "tcp/127.0.0.1:7447"
+    name: str = "router"
     system: str = "roco"
     systems: tuple[str, ...] = ()
     links: tuple[str, ...] = ()
@@ -26,6 +28,12 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     seed: int = 1
     scene: Path | None = None
     keys: Path | None = None
+    replay: Path | None = None
+
+    @property
+    def linked(self) -> bool:
+        """Whether `connect` names several routers, of which any will do."""
+        return "," in self.connect
 
     @property
     def all_systems(self) -> tuple[str, ...]:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.run_files import heartbeat_file
+
 PERIOD_S = 1.0
 """As an agent's."""
 
@@ -20,7 +22,7 @@ class Pulse:
 
     def __init__(self, run: Path, name: str) -> None:
         """Write the file with the process id, which is the first beat. Raises OSError."""
-        self.file = run / f"{name}.heartbeat.json"
+        self.file = heartbeat_file(run, name)
         self._data = msgspec.json.encode({"name": name, "pid": os.getpid()})
         self._next = 0.0
         self._write()
@@ -45,6 +47,8 @@ class Pulse:
 class Turns:
     """Beats for a loop that may not wait for a disk: it counts its turns, a thread sees that they go on.
 
+    Before the first turn it beats as long as the process runs.
+
     Start it before the loop takes a real-time priority, which a new thread would inherit.
     """
 
@@ -63,6 +67,6 @@ class Turns:
     def _watch(self) -> None:
         seen = -1
         while not self._ended.wait(self._period_s):
-            if self.count != seen:
+            if self.count != seen or not self.count:
                 seen = self.count
                 self._pulse.beat()

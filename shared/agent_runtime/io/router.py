@@ -3,6 +3,7 @@
 import signal
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import zenoh
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.pulse import PERIOD_S, Pulse
-from agent_runtime.io.secured import ROUTER, KeysError, key_file, rights_of, router_tls
+from agent_runtime.io.run_files import make_run
+from agent_runtime.io.secured import REVOKED, KeysError, granted, key_file, revoked, rights_of, router_tls
 from agent_runtime.io.zenoh_wire import open_router
 
 KEYS_S = 10.0
@@ -22,15 +24,15 @@ def serve(options: Options) -> int:
     """Listen until SIGTERM or SIGINT. 0: stopped in order; 1: the address or the keys cannot be had.
 
     With keys it grants the rights that are beside them, and Zenoh writes each session it refuses to standard error.
-    Where the keys are renewed it listens again, with the new ones; its clients reconnect by themselves and read theirs.
+    Where the keys are renewed, or one is revoked, it listens again; its clients reconnect and read theirs.
     """
     run = options.run_dir
-    run.mkdir(parents=True, exist_ok=True)
-    log = Log("router", options.log_level, run / "logs" / "router.jsonl")
+    make_run(run)
+    log = Log(options.name, options.log_level, run / "logs" / f"{options.name}.jsonl")
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
-    ready, pulse = run / "router.ready", Pulse(run, "router")
+    ready, pulse = run / f"{options.name}.ready", Pulse(run, options.name)
     try:
         while not ended.is_set():
             _listen(options, log, ready, pulse, ended)
@@ -46,37 +48,53 @@ def serve(options: Options) -> int:
 
 def _listen(options: Options, log: Log, ready: Path, pulse: Pulse, ended: threading.Event) -> None:
     """Be the router until the end is asked for, or other keys are there. Raises zenoh.ZError, KeysError."""
-    keys = _awaited(options, ended)
+    keys = _awaited(options, pulse, ended)
     if ended.is_set():
         return
     session = _opened(options)
-    ready.write_text(options.listen)
-    log.write("listening", at=options.listen, links=options.links)
+    ready.unlink(missing_ok=True)  # of an earlier life; its time of change counts
+    _tell_ready(ready, options)
+    denied = revoked(options.keys) if options.keys is not None else ()
+    log.write("listening", at=options.listen, links=options.links, revoked=" ".join(denied))
     told = _tell_links(session, log)
     while not ended.wait(PERIOD_S) and _age(options) in (keys, None):
         pulse.beat()
+        _tell_ready(ready, options)
     if not ended.is_set():
-        log.write("the keys were renewed")
+        log.write("the keys were renewed, or one was revoked")
     told.undeclare()
     session.close()  # type: ignore[no-untyped-call]
 
 
-def _awaited(options: Options, ended: threading.Event) -> int | None:
+def _tell_ready(ready: Path, options: Options) -> None:
+    """Write the ready file where it is not there; on a full disk it waits for the next turn, and nothing else does."""
+    if not ready.exists() or not ready.stat().st_size:
+        with suppress(OSError):
+            ready.write_text(options.listen)
+
+
+def _awaited(options: Options, pulse: Pulse, ended: threading.Event) -> tuple[int, int] | None:
     """The age of the keys, which may be in the making."""
     until = time.monotonic() + KEYS_S
     while options.keys is not None and _age(options) is None and time.monotonic() < until and not ended.wait(0.01):
-        pass
+        pulse.beat()
     return _age(options)
 
 
-def _age(options: Options) -> int | None:
-    """Return when the router's key, the last of all keys made together, was written. None: there is none (now)."""
+def _age(options: Options) -> tuple[int, int] | None:
+    """Return when this router's key, one of the last that are made together, was written, and the list of revoked ones.
+
+    None: there is no key (now); 0: no list.
+    """
     if options.keys is None:
         return None
     try:
-        return key_file(options.keys, ROUTER).stat().st_mtime_ns
+        made = key_file(options.keys, options.name).stat().st_mtime_ns
     except OSError:
         return None
+    with suppress(OSError):
+        return made, (options.keys / REVOKED).stat().st_mtime_ns
+    return made, 0
 
 
 def _opened(options: Options) -> zenoh.Session:
@@ -84,9 +102,9 @@ def _opened(options: Options) -> zenoh.Session:
         return open_router(options.listen, links=options.links)
     zenoh.init_log_from_env_or("warn")
     rights = rights_of(options.keys, *options.all_systems)
-    return open_router(
-        options.listen, router_tls(options.keys, joins=bool(options.links)), rights.access_control, options.links
-    )
+    rules = granted(rights.access_control, revoked(options.keys))
+    tls = router_tls(options.keys, options.name, joins=bool(options.links))
+    return open_router(options.listen, tls, rules, options.links)
 
 
 def _tell_links(session: zenoh.Session, log: Log) -> Any:

@@ -1,7 +1,8 @@
 """A folder of keys as a session needs it: which files an identity opens, and what of Zenoh's configuration they become.
 
-The folder holds `authority.pem`, `<identity>.pem` and `<identity>.key` of each identity there, and `rights.json` where
-the router does (agent_runtime/keys.py writes it). Without a folder nothing is encrypted and nobody is asked who it is.
+The folder holds `authority.pem`, `<identity>.pem` and `<identity>.key` of each identity there, and where the router's
+are `rights.json` (agent_runtime/keys.py writes it) and, where a key was revoked, `revoked.json`. Without a folder
+nothing is encrypted and nobody is asked who it is.
 """
 
 from pathlib import Path
@@ -13,7 +14,10 @@ from agent_runtime.core.errors import RuntimeFault
 
 AUTHORITY = "authority.pem"
 RIGHTS = "rights.json"
+REVOKED = "revoked.json"
 ROUTER = "router"
+ROUTERS = (ROUTER, "router-2")
+"""As topdown.model.rights has them (a test compares)."""
 
 
 class Rights(msgspec.Struct, frozen=True):
@@ -50,11 +54,11 @@ def client_tls(folder: Path, identity: str) -> dict[str, Any]:
     }
 
 
-def router_tls(folder: Path, *, joins: bool = False) -> dict[str, Any]:
+def router_tls(folder: Path, identity: str = ROUTER, *, joins: bool = False) -> dict[str, Any]:
     """`transport/link/tls` of the router: a client without a certificate of this authority is refused. Raises
     KeysError. `joins`: it is a client of other routers, too, by the same certificate.
     """
-    certificate, key = _pair(folder, ROUTER)
+    certificate, key = _pair(folder, identity)
     joining = {"connect_certificate": certificate, "connect_private_key": key, "verify_name_on_connect": True}
     return (joining if joins else {}) | {
         "root_ca_certificate": _file(folder / AUTHORITY),
@@ -79,6 +83,24 @@ def rights_of(folder: Path, *systems: str) -> Rights:
             f" make keys for {missing}"
         )
     return rights
+
+
+def revoked(folder: Path) -> tuple[str, ...]:
+    """Return the common names whose certificates are of no use any more, sorted. Raise KeysError."""
+    try:
+        return msgspec.json.decode((folder / REVOKED).read_bytes(), type=tuple[str, ...])
+    except FileNotFoundError:
+        return ()
+    except (OSError, msgspec.MsgspecError) as error:
+        raise KeysError(
+            f"{folder / REVOKED} cannot be read ({error}); write a JSON list of names, or make the keys again"
+        ) from error
+
+
+def granted(access_control: dict[str, Any], denied: tuple[str, ...]) -> dict[str, Any]:
+    """Return the router's rules without those for common names that are denied: what no rule allows is refused."""
+    kept = [policy for policy in access_control["policies"] if not set(policy["subjects"]) & set(denied)]
+    return access_control | {"policies": kept}
 
 
 def _pair(folder: Path, identity: str) -> tuple[str, str]:

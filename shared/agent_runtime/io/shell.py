@@ -1,26 +1,25 @@
 """The shell around the core: one loop thread that owns session, clock, journal and signals.
 
 One step at a time, on the loop's thread or on the one that heard (see floor): it steps the core and carries the effects
-out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. Logs and step log,
-which nobody waits for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of the
+out in the one order that keeps the promise: record synced, receipts, sends, words to the devices. Where the record
+cannot be written, the step has not happened, and its event waits (full_disk). Logs and step log, which nobody waits
+for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of the
 agent's own code ends the process with status 1: the journal is as before the step, and the supervisor restarts it.
 """
 
 import gc
 import heapq
-import os
 import signal
 import time
 import traceback
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.control import Answer, Command, Value
+from agent_runtime.core.control import Command
 from agent_runtime.core.effects import Deed, Out, Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.events import (
@@ -32,27 +31,31 @@ from agent_runtime.core.events import (
     Next,
     Ordered,
     PeerChanged,
-    Receipted,
     Started,
     Tick,
 )
-from agent_runtime.core.inside import STEPS, Inside, looked_into
-from agent_runtime.core.peers import Peers
+from agent_runtime.core.inside import STEPS, looked_into
+from agent_runtime.core.peers import GRACE_S, LINKED_GRACE_S, Peers
+from agent_runtime.core.recent import preceding, receipted
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
-from agent_runtime.core.unheard import Unheard, Watch, words
+from agent_runtime.core.unheard import Watch, words
 from agent_runtime.core.wiring import Wiring
+from agent_runtime.io import clock, heartbeat, step_replay
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
 from agent_runtime.io.diary import Diary
+from agent_runtime.io.floods import Floods
 from agent_runtime.io.floor import Failed, Floor
+from agent_runtime.io.full_disk import FullDisk
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.journal import Journal
+from agent_runtime.io.journal import Journal, journal_file, new_name
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
+from agent_runtime.io.run_files import make_run
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.steplog import StepLog
 from agent_runtime.io.zenoh_wire import Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
-from fipa_codec.communicate import decode
+from fipa_codec.communicate import UNREADABLE, decode
 from fipa_codec.errors import MalformedError
 
 QUIET_S = 0.005
@@ -69,55 +72,37 @@ class Stop(msgspec.Struct, frozen=True):
     signal: int
 
 
-class Heartbeat(msgspec.Struct, frozen=True):
-    """<agent>.heartbeat.json and the key `_/state/<agent>`: state and work of the agent. `at`: unix seconds.
-
-    `inside`: what it has at hand; in the file only.
-    """
-
-    agent: str
-    pid: int
-    incarnation: int
-    step: int
-    state: str
-    ready: bool
-    up: bool
-    peers: dict[str, int]
-    unreceipted: dict[str, int]
-    due: dict[str, int]
-    counts: dict[str, int]
-    at: float
-    unheard: tuple[Unheard, ...] = ()
-    paused: bool = False
-    level: str = ""
-    parameters: dict[str, Value] = {}
-    answer: Answer = Answer()
-    inside: Inside | None = None
-
-
 class Shell:
     """One agent in one process; `run` returns the exit status."""
 
     def __init__(self, agent: Agent[Any], wiring: Wiring, options: Options, device: DeviceMaker | None = None) -> None:
         """Opens files, takes the journal; nothing is sent before `run`.
 
-        Raises JournalError where another process has the journal, KeysError where keys are missing.
+        Raises JournalError where another process has the journal, KeysError where keys are missing, OSError where the
+        disk takes nothing.
         """
         self.name = agent.name
         self._options, run = options, options.run_dir
+        make_run(run)
         self._tls = client_tls(options.keys, self.name) if options.keys else None
         self.log = Log(agent.name, options.log_level, run / "logs" / f"{agent.name}.jsonl")
+        self._disk = FullDisk(self.log)
+        self._stop: Stop | None = None
         self._core = Core(agent, wiring)
         self._inbox = Inbox()
-        self._peers = Peers(wiring.peers)
+        self._peers = Peers(wiring.peers, LINKED_GRACE_S if options.linked else GRACE_S)
         self._unheard = Watch(wiring)
-        self._journal = Journal(run / "journal" / f"{agent.name}.journal")
-        self._steps = StepLog(run / "steps" / f"{agent.name}.steps")
+        self._journal = Journal(journal_file(run, agent.name))
         self._maker = device
         self._device: Device = NoDevice()
         self._later: list[tuple[float, int, Any]] = []
         self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links if link.awaited}
-        self._state: CoreState = self._boot()
+        try:
+            self._steps = StepLog(run / "steps" / f"{agent.name}.steps")
+            self._state: CoreState = self._boot()
+        except BaseException:
+            self._journal.close()
+            raise
         self._show_level()
         self._wire: ZenohWire | None = None
         self._serving = False
@@ -126,26 +111,23 @@ class Shell:
         self._beat_at = self._quiet_at = 0.0
         self._steps_done: deque[tuple[float, Deed]] = deque(maxlen=STEPS)
         self._floor = Floor(self._inbox, self._take, self._next_at)
+        self._floods = Floods(self.log)
 
     def _boot(self) -> CoreState:
         """Raise the incarnation and sync it before anything is sent under it."""
-        before = self._journal.last
+        before = self._journal.last or self._core.first(new_name())
         state = self._core.boot(before)
         self._journal.append(self._core.record(state))
-        self._steps.boot(state.incarnation, before or b"", time.time())
-        self._ready_file.unlink(missing_ok=True)
+        self._steps.boot(state.incarnation, before, clock.now())
+        heartbeat.ready_file(self._options.run_dir, self.name).unlink(missing_ok=True)
         return state
-
-    @property
-    def _ready_file(self) -> Path:
-        return self._options.run_dir / f"{self.name}.ready"
 
     # --- the loop -----------------------------------------------------------------------------------------------------
 
     def run(self) -> int:
         """Serve until a signal comes. 0: stopped in order; 1: an error of the agent's own."""
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda caught, _: self._inbox.interrupt(Stop(caught)))
+            signal.signal(number, lambda caught, _: self._stop_caught(Stop(caught)))
         try:
             self._serve()
         except Exception:
@@ -156,15 +138,22 @@ class Shell:
             self._close()
         return 0
 
+    def _stop_caught(self, stop: Stop) -> None:
+        self._stop = stop
+        self._inbox.interrupt(stop)
+
     def _serve(self) -> None:
         stopping: list[Stop] = []
         self._serving = True
         self.log.write("waiting for the router", at=self._options.connect)
-        session = open_client(self._options.connect, lambda: self._stop_came(stopping), tls=self._tls)
+        session = open_client(
+            self._options.connect, lambda: self._stop_came(stopping), tls=self._tls, told=self._not_reached
+        )
         if session is None:
             return
-        self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._floor)
-        self._peers.router(True, time.time())
+        self._wire = ZenohWire(session, self._core.wiring, self._state.incarnation, self._floor, self._state.journal)
+        self._wire.knows(self._state.journals)
+        self._peers.router(True, clock.now())
         if self._maker is not None:
             self._device = self._maker(_Desk(self._floor, self._wire))
         first = self._state.incarnation == 1
@@ -177,19 +166,27 @@ class Shell:
         gc.set_threshold(COLLECT_AFTER)
         self._floor.open()
         while True:
-            item = self._inbox.get(self._floor.until - time.time())
+            item = self._inbox.get(self._floor.until - clock.now())
             with self._floor.held():
                 if isinstance(item, Stop):
                     self.log.write("stopping", signal=item.signal)
                     return
                 if isinstance(item, Failed):
                     raise item.error
+                if self._disk.events:
+                    self._disk.wait_for_room(self._happen, self._beat, lambda: self._stop is not None)
                 if item is not None:
                     self._floor.step(item)
                 self._on_time()
 
+    def _not_reached(self, why: str) -> None:
+        self.log.write("still waiting for the router", level="warning", why=why)
+
     def _stop_came(self, stopping: list[Stop]) -> bool:
-        """Whether a signal came while no router was reached yet."""
+        """Whether a signal came while no router was reached yet; asked for each try."""
+        if self._beat_at <= clock.now():
+            self._beat_at = clock.now() + HEARTBEAT_S
+            self._beat()
         item = self._inbox.get(0.0)
         if isinstance(item, Stop):
             stopping.append(item)
@@ -197,6 +194,8 @@ class Shell:
 
     def _next_at(self) -> float:
         """Return the time of the next work that needs no event [unix s]."""
+        if self._disk.events:
+            return 0.0
         at = self._beat_at
         for other in (self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None):
             if other is not None and other < at:
@@ -204,7 +203,9 @@ class Shell:
         return min(at, self._quiet_at) if self._diary.pending else at
 
     def _on_time(self) -> None:
-        now = time.time()
+        if self._disk.events:
+            return
+        now = clock.now()
         if self._quiet_at <= now:
             self._diary.write()
         for gone in self._peers.gone(now):
@@ -217,6 +218,7 @@ class Shell:
             self._beat_at = now + HEARTBEAT_S
             self._ping_all()
             self._listen_back(now)
+            self._floods.look(self._inbox.dropped, full=self._steps.full)
             self._beat()
 
     def _listen_back(self, now: float) -> None:
@@ -234,7 +236,7 @@ class Shell:
             self._wire.close()
         self._journal.close()
         self._steps.close()
-        self._ready_file.unlink(missing_ok=True)
+        heartbeat.ready_file(self._options.run_dir, self.name).unlink(missing_ok=True)
         self.log.write("stopped")
         self.log.close()
 
@@ -252,11 +254,11 @@ class Shell:
                 self._happen(Local(content))
             case _Posted(content=content, at=at):
                 heapq.heappush(self._later, (at, id(item), content))
-            case Token(agent=agent, incarnation=incarnation, alive=alive):
-                for change in self._peers.token(agent, incarnation, alive, time.time()):
+            case Token():
+                for change in self._peers.token(item.agent, item.incarnation, item.alive, clock.now(), item.journal):
                     self._changed(change)
             case RouterSeen(up=up):
-                for lost_or_back in self._peers.router(up, time.time()):
+                for lost_or_back in self._peers.router(up, clock.now()):
                     self._changed(lost_or_back)
             case Ping():
                 self._pinged(item)
@@ -264,10 +266,10 @@ class Shell:
     def _receipt(self, item: ReceiptBytes) -> AnyEvent:
         try:
             receipt = msgspec.msgpack.decode(item.data, type=Receipt)
-        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        except UNREADABLE as error:
             return Garbled(f"receipt of {item.peer}", str(error))
         self._unheard.receipted(item.peer)
-        return Receipted(item.peer, receipt.taken, receipt.subject, receipt.version)
+        return receipted(item.peer, receipt, *item.journals)
 
     def _changed(self, change: PeerChanged | LinkChanged) -> None:
         if isinstance(change, PeerChanged):
@@ -279,12 +281,20 @@ class Shell:
     # --- steps --------------------------------------------------------------------------------------------------------
 
     def _happen(self, event: AnyEvent) -> None:
-        """Step, and again while more can be taken."""
+        """Step, and again while more can be taken. What cannot be recorded waits, and all that follows behind it."""
+        if self._disk.events:
+            self._disk.events.append(event)
+            return
         following: AnyEvent | None = event
         while following is not None:
-            now, before = time.time(), self._state
+            now, before = clock.now(), self._state
             after, out = self._core.begin(before, following, now)
-            sizes = self._carry_out(out)
+            if out.record is not None and not self._recorded(out.record):
+                self._disk.events.append(following)
+                return
+            if after.journals is not before.journals and self._wire is not None:
+                self._wire.knows(after.journals)
+            sizes = self._carry_out(out, after)
             effects = self._core.end(before, after, out, now)
             self._state = after
             if effects.deed is not None:
@@ -300,14 +310,23 @@ class Shell:
         if self._diary.full or not self._serving:
             self._diary.write()
 
-    def _carry_out(self, out: Out) -> list[int]:
-        """In this order: see the module's text. The bytes of each communicate sent."""
+    def _recorded(self, record: bytes) -> bool:
+        """Write the record of a step. Return False where the disk does not take it."""
+        try:
+            self._journal.append(record)
+        except OSError as error:
+            self._disk.failed(self._journal.path, error)
+            return False
+        if self._disk.why:
+            self._disk.freed()
+        return True
+
+    def _carry_out(self, out: Out, after: CoreState) -> list[int]:
+        """Do what comes after the record, in this order; return the bytes of each communicate sent."""
         assert self._wire is not None
-        if out.record is not None:
-            self._journal.append(out.record)
         for receipt in out.receipts:
             self._wire.send_receipt(receipt)
-        sizes = [self._wire.send(communicate) for communicate in out.sends]
+        sizes = [self._wire.send(one, preceding(after, one)) for one in out.sends]
         for content in out.tells:
             self._device.tell(content)
         return sizes
@@ -335,30 +354,12 @@ class Shell:
 
     def _beat(self) -> None:
         """Say what the agent is at: file, key, and once it is ready the file that says so."""
-        state = self._state
-        beat = Heartbeat(
-            agent=self.name,
-            pid=os.getpid(),
-            incarnation=state.incarnation,
-            step=state.soft.step,
-            state=state.state,
-            ready=not self._unanswered,
-            up=self._peers.up,
-            peers=dict(self._peers.alive),
-            unreceipted={peer: len(sent) for peer, sent in state.outbox.items()},
-            due={peer: len(due) for peer, due in state.due.items()},
-            counts=state.counts | {f"dropped {kind}": count for kind, count in self._inbox.dropped.items()},
-            at=time.time(),
-            unheard=self._unheard.now,
-            paused=state.paused,
-            level=state.now_set.level or self._options.log_level,
-            parameters=state.soft.parameters,
-            answer=state.soft.answer,
+        trouble, level = self._disk.why or self._diary.trouble, self._state.now_set.level or self._options.log_level
+        beat = heartbeat.now(
+            self._state, self._peers, self._unheard.now, self._inbox.dropped, not self._unanswered, level, trouble
         )
-        whole = msgspec.structs.replace(beat, inside=looked_into(state, self._steps_done))
-        _replace(self._options.run_dir / f"{self.name}.heartbeat.json", msgspec.json.encode(whole))
-        if beat.ready and not self._ready_file.exists():
-            _replace(self._ready_file, str(state.incarnation).encode())
+        whole = msgspec.structs.replace(beat, inside=looked_into(self._state, self._steps_done))
+        heartbeat.write(self._options.run_dir, whole, beat)
         if self._wire is not None:
             self._wire.publish("state", msgspec.json.encode(beat))
 
@@ -377,7 +378,7 @@ class _Desk:
         self._floor, self._wire = floor, wire
 
     def __call__(self, content: Any, delay_s: float = 0.0) -> None:
-        self._floor.post(_Posted(content, time.time() + delay_s if delay_s > 0.0 else 0.0))
+        self._floor.post(_Posted(content, clock.now() + delay_s if delay_s > 0.0 else 0.0))
 
     def publish(self, kind: str, data: bytes) -> None:
         self._wire.publish(kind, data)
@@ -387,7 +388,7 @@ def _order(data: bytes) -> AnyEvent:
     """The order in what came, if it is one."""
     try:
         return Ordered(msgspec.msgpack.decode(data, type=Command))
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+    except UNREADABLE as error:
         return Garbled("order", str(error))
 
 
@@ -401,14 +402,17 @@ def _opened(item: Bytes) -> AnyEvent:
     says = (one.sender, one.receiver, one.protocol, one.performative)
     if item.told != says:
         return Garbled(item.key, f"the communicate says {'/'.join(says)}", forged=True)
-    return Arrived(communicate)
+    return Arrived(communicate, *item.journals, item.after)
 
 
-def _replace(path: Path, data: bytes) -> None:
-    """Write a small file so that a reader sees the old one or the new one."""
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_bytes(data)
-    beside.replace(path)
+def _made(make: Callable[[], Shell], disk: FullDisk, options: Options) -> Shell:
+    """Make a shell as soon as the disk takes what it writes first. Raises RuntimeFault."""
+    while True:
+        try:
+            return make()
+        except OSError as error:
+            disk.failed(error.filename or options.run_dir, error)
+            time.sleep(disk.pause_s())
 
 
 def run(
@@ -419,11 +423,17 @@ def run(
     *,
     prepare: Callable[[Shell], None] | None = None,
 ) -> int:
-    """Run an agent until a stop signal; return the exit status. `prepare` sees the shell before it serves (tests)."""
+    """Run an agent until a stop signal; return the exit status. `prepare` sees the shell before it serves (tests).
+
+    With `options.replay` it does not serve: its steps are run again, and how that went is printed.
+    """
+    if options.replay is not None:
+        return step_replay.tell(agent, wiring, options.replay)
+    log = Log(agent.name, options.log_level)
     try:
-        shell = Shell(agent, wiring, options, device)
+        shell = _made(lambda: Shell(agent, wiring, options, device), FullDisk(log), options)
     except RuntimeFault as fault:
-        Log(agent.name, options.log_level).write("cannot start", level="error", why=str(fault))
+        log.write("cannot start", level="error", why=str(fault))
         return 1
     if prepare is not None:
         prepare(shell)

@@ -9,21 +9,27 @@ import hashlib
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
 from agent_runtime.core import events
 from agent_runtime.core.effects import Deed, Effects
+from agent_runtime.core.errors import StepLogError
+from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
-from fipa_codec.communicate import Communicate
+from agent_runtime.io.full_disk import worded
+from fipa_codec.communicate import UNREADABLE, Communicate
 
 HEAD = struct.Struct("<I")
 BULK = struct.Struct("<II")
 MUCH_BYTES = 64 * 1024  # estimate: blake2b needs 80 us for that
 BUFFER_BYTES = 4 * 1024 * 1024
 """Of lines that wait in memory for `flush`; estimate: some of the largest messages (852 kB), a wait of 1 to 10 ms."""
+MOST_BYTES = 1024 * 1024 * 1024
+"""Of a log; then no more steps are logged. Estimate: 200 B a step, so some days; a pour writes 3 MB in a minute."""
 BOOT = "boot"
 NOTHING = msgspec.Raw()
 """The end mark of a line whose input is whole."""
@@ -43,7 +49,7 @@ class Step(msgspec.Struct, frozen=True, array_like=True):
     input: bytes
     output: bytes = b""
     deed: Deed | None = None
-    apart: int = 0
+    apart: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=repr)
@@ -68,7 +74,7 @@ def noted(incarnation: int, step: int, at: float, event: events.AnyEvent, effect
     content = NOTHING
     if isinstance(event, events.Arrived):
         bare, content = _parted(event.communicate)
-        event = events.Arrived(bare)
+        event = msgspec.structs.replace(event, communicate=bare)
     kind, data = type(event).__name__, _encoder.encode(event)
     return Step(incarnation, step, at, kind, data, fingerprint(effects), effects.deed, len(content)), content
 
@@ -85,19 +91,30 @@ def _joined(step: Step, content: bytes) -> Step:
     """A step whose input has its content again."""
     arrived = msgspec.msgpack.decode(step.input, type=events.Arrived)
     whole = msgspec.structs.replace(arrived.communicate, content=msgspec.Raw(content))
-    return msgspec.structs.replace(step, input=_encoder.encode(events.Arrived(whole)), apart=0)
+    arrived = msgspec.structs.replace(arrived, communicate=whole)
+    return msgspec.structs.replace(step, input=_encoder.encode(arrived), apart=0)
 
 
 class StepLog:
-    """The open log of one agent; `waiting`: bytes that are not in the file yet."""
+    """The open log of one agent; `waiting`: bytes that are not in the file yet.
+
+    While the disk takes nothing, lines wait up to BUFFER_BYTES; those beyond are `lost`, and `trouble` says why.
+    """
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("ab", buffering=BUFFER_BYTES)
-        self.waiting = 0
+        self.waiting = self.lost = 0
+        self.trouble = ""
+        self._size = path.stat().st_size
+
+    @property
+    def full(self) -> bool:
+        """Whether nothing more is logged."""
+        return self._size >= MOST_BYTES
 
     def boot(self, incarnation: int, record: bytes, now: float) -> None:
-        """A life begins from this record (b"": the first one)."""
+        """A life begins from this record; that of a first one has incarnation 0, and the name of its journal."""
         self.write([(Step(incarnation, 0, now, BOOT, record), NOTHING)])
         self.flush()
 
@@ -107,37 +124,53 @@ class StepLog:
         Nothing is left of a line for a later write but of one that is longer than BUFFER_BYTES.
         """
         for step, content in steps:
+            if self.full:
+                return
             line = _encoder.encode(step)
             size = HEAD.size + len(line) + len(content)
             if self.waiting + size > BUFFER_BYTES:
                 self.flush()
+            if self.trouble and self.waiting + size > BUFFER_BYTES:
+                self.lost += 1
+                continue
             self._file.writelines((HEAD.pack(len(line)), line, content))
             self.waiting += size
+            self._size += size
 
     def flush(self) -> None:
-        """All that waits into the file."""
-        self._file.flush()
-        self.waiting = 0
+        """All that waits into the file, or `trouble` says why not."""
+        try:
+            self._file.flush()
+        except OSError as error:
+            self.trouble = worded(self._file.name, error)
+            return
+        self.waiting, self.trouble = 0, ""
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Close the file; what it cannot take is lost."""
+        with suppress(OSError):
+            self._file.close()
 
 
 def read(path: Path) -> Iterator[Step]:
-    """All whole lines of a log."""
+    """All whole lines of a log. Raise StepLogError for one that is none; a torn last line is left out."""
     data, at = path.read_bytes(), 0
     while at + HEAD.size <= len(data):
         (length,) = HEAD.unpack_from(data, at)
         body = data[at + HEAD.size : at + HEAD.size + length]
         if len(body) < length:
             return
-        step, at = _decoder.decode(body), at + HEAD.size + length
-        content = data[at : at + step.apart]
-        if len(content) < step.apart:
-            return
-        yield _joined(step, content) if step.apart else step
-        at += step.apart
+        end = at + HEAD.size + length
+        try:
+            step = _decoder.decode(body)
+            content = data[end : end + step.apart]
+            if len(content) < step.apart:
+                return
+            whole = _joined(step, content) if step.apart else step
+        except UNREADABLE as error:
+            raise StepLogError(path, at, str(error)) from error
+        yield whole
+        at = end + step.apart
 
 
 def deeds(folder: Path) -> list[tuple[str, Deed]]:
@@ -151,10 +184,28 @@ def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effec
     state = core.boot(None)
     for step in steps:
         if step.kind == BOOT:
-            state = core.boot(step.input or None)
+            state = booted(core, step.input)
             continue
         state, effects = core.step(state, _event(core, step), step.at)
         yield step, effects
+
+
+def booted(core: Core[Any], record: bytes) -> CoreState:
+    """Return the state in which a life of the log begins; a first one with the memory that the code gives it now."""
+    if not record:
+        return core.boot(None)
+    begun = msgspec.msgpack.decode(record, type=_Begun)
+    return core.boot(record if begun.incarnation else core.first(begun.journal))
+
+
+def journal_of(record: bytes) -> str:
+    """Return the name of the journal that a life of the log begins with. Raise msgspec.MsgspecError for no record."""
+    return msgspec.msgpack.decode(record, type=_Begun).journal if record else ""
+
+
+class _Begun(msgspec.Struct):
+    incarnation: int
+    journal: str = ""
 
 
 def _event(core: Core[Any], step: Step) -> events.AnyEvent:

@@ -10,19 +10,23 @@ from collections.abc import Callable
 import msgspec
 import zenoh
 
-from agent_runtime.core.wiring import service_key
+from agent_runtime.core.wiring import HOUSE, service_key
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.zenoh_wire import open_client
 
 RECORDER = "monitor"
 """The identity that hears everything, where there are keys."""
+LATEST_S = 60.0
+"""Longest time from the router to here for which its stamp is believed; estimate: pauses of a minute are tried."""
 
 
 class Sample(msgspec.Struct, frozen=True):
     """A sample on `key` at `at` [unix s]. `token`: a liveliness token, declared or (`gone`) withdrawn; no data then.
 
-    `deaf_since`: nothing came by (no key), but from then on [unix s] the tap had no router, and heard nothing.
+    `deaf_since`: nothing came by (no key), but from then on [unix s] the tap had no router, and heard nothing; with
+    `missed`, a key, only not all that its sender said. `source`, `number`: who put it, and as its which one (gaps.py);
+    0: it was not numbered. `log`: no tap heard it, the step log of this agent has it.
     """
 
     key: str
@@ -31,35 +35,63 @@ class Sample(msgspec.Struct, frozen=True):
     token: bool = False
     gone: bool = False
     deaf_since: float = 0.0
+    log: str = ""
+    source: str = ""
+    number: int = 0
+    missed: str = ""
 
     @property
     def system(self) -> str:
-        """Whose it is; "" where nothing came by."""
-        return self.key.split("/")[1] if self.key else ""
+        """Whose it is; "" where it is of all of them."""
+        key = self.key or self.missed
+        return key.split("/")[1] if key else ""
+
+    @property
+    def sender(self) -> str:
+        """Who said it, or what was not heard; "" where nobody is named."""
+        return sender_of(self.key or self.missed)
+
+
+def sender_of(key: str) -> str:
+    """Return the sender that a key names, of a communicate or beside them; "" where it names none."""
+    chunks = key.split("/")
+    place = 4 if len(chunks) > 2 and chunks[2] == HOUSE else 3
+    return chunks[place] if len(chunks) > place else ""
 
 
 class Tap:
     """The open subscriptions."""
 
-    def __init__(self, session: zenoh.Session, systems: tuple[str, ...], on_sample: Callable[[Sample], None]) -> None:
-        self._session = session
+    def __init__(
+        self,
+        session: zenoh.Session,
+        systems: tuple[str, ...],
+        on_sample: Callable[[Sample], None],
+        router: Callable[[bool, float], None] | None = None,
+    ) -> None:
+        """`router` gets each coming and going of the router, and when; else a sample tells of the time without one."""
+        self._session, self._deaf_since, self._heard_at = session, 0.0, 0.0
 
         def heard(sample: zenoh.Sample) -> None:
-            on_sample(Sample(str(sample.key_expr), sample.payload.to_bytes(), time.time()))
+            source, number = _numbered(sample)
+            one = Sample(str(sample.key_expr), sample.payload.to_bytes(), _passed(sample), source=source, number=number)
+            self._heard_at = one.at
+            on_sample(one)
 
         def lived(sample: zenoh.Sample) -> None:
             gone = sample.kind == zenoh.SampleKind.DELETE
             on_sample(Sample(str(sample.key_expr), b"", time.time(), token=True, gone=gone))
 
         def linked(event: zenoh.TransportEvent) -> None:
-            now = time.time()
-            if event.kind == zenoh.SampleKind.DELETE:
-                self._deaf_since = now
+            (router or told)(event.kind == zenoh.SampleKind.PUT, time.time())
+
+        def told(up: bool, now: float) -> None:
+            if not up:
+                self._deaf_since = min(self._heard_at or now, now)
             elif self._deaf_since:
                 on_sample(Sample("", b"", now, deaf_since=self._deaf_since))
                 self._deaf_since = 0.0
 
-        self._deaf_since = 0.0
         tokens = [service_key(system, "alive", "*", "*") for system in systems]
         # References are kept: a dropped declaration is undeclared.
         self._declared = (
@@ -73,10 +105,35 @@ class Tap:
         self._session.close()  # type: ignore[no-untyped-call]
 
 
+def _numbered(sample: zenoh.Sample) -> tuple[str, int]:
+    info = sample.source_info
+    return ("", 0) if info is None else (str(info.source_id.zid), info.source_sn)
+
+
+def _passed(sample: zenoh.Sample) -> float:
+    """Return when it passed the router [unix s], whose clock stamps it, however late it is read here.
+
+    A stamp that cannot be (another host's clock, or a sender's own) counts for nothing.
+    """
+    now, stamp = time.time(), sample.timestamp
+    if stamp is None:
+        return now
+    passed = stamp.get_time().timestamp()
+    return passed if now - LATEST_S < passed <= now else now
+
+
 def open_tap(
-    options: Options, on_sample: Callable[[Sample], None], give_up: Callable[[], bool], identity: str = RECORDER
+    options: Options,
+    on_sample: Callable[[Sample], None],
+    give_up: Callable[[], bool],
+    identity: str = RECORDER,
+    told: Callable[[str], None] = lambda why: None,
+    router: Callable[[bool, float], None] | None = None,
 ) -> Tap | None:
-    """A tap, as soon as the router is there; None when `give_up` says so first. `identity`: with keys, whose."""
+    """A tap, as soon as the router is there; None when `give_up` says so first. `identity`: with keys, whose.
+
+    `told` gets the reason where it takes longer; `router` as Tap has it.
+    """
     tls = client_tls(options.keys, identity) if options.keys else None
-    session = open_client(options.connect, give_up, tls=tls)
-    return None if session is None else Tap(session, options.all_systems, on_sample)
+    session = open_client(options.connect, give_up, tls=tls, told=told)
+    return None if session is None else Tap(session, options.all_systems, on_sample, router)

@@ -1,12 +1,14 @@
 """Samples of a tap that wait for the one thread that takes them: bounded, so that a slow reader costs no memory."""
 
-import queue
 import threading
 from collections.abc import Iterable
 from contextlib import suppress
+from queue import Empty
 
 import msgspec
 
+from agent_runtime.io.gaps import Gaps
+from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.tap import Sample
 
 MOST_WAITING = 100_000
@@ -16,12 +18,17 @@ MOST_BYTES = 256 * 1024 * 1024
 
 
 class Waiting:
-    """Samples that wait; `dropped`: how many were too many; `stopped`: no more are wanted."""
+    """Samples that wait; `dropped`: how many were too many; `stopped`: no more are wanted.
+
+    Where something is missing between them, a sample that says so comes before the one by which that is seen.
+    """
 
     def __init__(self) -> None:
-        self._queue: queue.SimpleQueue[Sample | None] = queue.SimpleQueue()
+        self._queue = OneReaderQueue[Sample | None]()
         self._lock = threading.Lock()
         self._bytes = 0
+        self._gaps = Gaps()
+        self._behind: Sample | None = None
         self.dropped = 0
         self.stopped = False
 
@@ -29,7 +36,7 @@ class Waiting:
         """From Zenoh's threads; never blocks."""
         size = len(sample.data)
         with self._lock:
-            if self._queue.qsize() >= MOST_WAITING or self._bytes + size > MOST_BYTES:
+            if len(self._queue) >= MOST_WAITING or self._bytes + size > MOST_BYTES:
                 self.dropped += 1
                 return
             self._bytes += size
@@ -44,22 +51,30 @@ class Waiting:
         self.stop()
 
     def stop(self, *_: object) -> None:
-        """From a signal: takes no lock, and SimpleQueue's put may be called while the same thread is in it."""
+        """From a signal: takes no lock that the interrupted thread might hold."""
         self.stopped = True
         self._queue.put(None)
 
     def get(self, timeout_s: float) -> Sample | None:
         """The oldest sample; None: stop, or none came in time."""
+        if self._behind is not None:
+            behind, self._behind = self._behind, None
+            return behind
         try:
-            return self._taken(self._queue.get(timeout=timeout_s))
-        except queue.Empty:
+            sample = self._taken(self._queue.get(timeout_s))
+        except Empty:
             return None
+        gap = None if sample is None else self._gaps.heard(sample)
+        if gap is None:
+            return sample
+        self._behind = sample
+        return gap
 
     def left(self) -> list[Sample]:
-        """Return the number of waiting samples."""
+        """Return the waiting samples."""
         left = []
-        while not self._queue.empty():
-            sample = self._taken(self._queue.get())
+        while len(self._queue) or self._behind is not None:
+            sample = self.get(0.0)
             if sample is not None:
                 left.append(sample)
         return left

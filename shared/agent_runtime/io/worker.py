@@ -11,7 +11,6 @@ parent's main is imported.
 import contextlib
 import importlib
 import os
-import queue
 import socket
 import struct
 import subprocess
@@ -23,6 +22,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from agent_runtime.core.errors import WorkerError
+from agent_runtime.io.one_reader import OneReaderQueue
 
 HEAD = struct.Struct("<I")
 T = TypeVar("T")
@@ -99,7 +99,7 @@ class Worker:
         self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(), watched), stdin=subprocess.DEVNULL)
         theirs.close()
         os.close(watched)
-        self._outgoing: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._outgoing = OneReaderQueue[bytes | None]()
         self._muted = threading.Event()
         self._threads = [threading.Thread(target=run, daemon=True) for run in (self._write, self._read)]
         for thread in self._threads:

@@ -11,7 +11,9 @@ import ctypes
 import json
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import lru_cache
 from typing import Any, Protocol
 
 import msgspec
@@ -19,10 +21,11 @@ import zenoh
 
 from agent_runtime.core.control import KIND
 from agent_runtime.core.effects import Receipt
-from agent_runtime.core.wiring import Delivery, Wiring, service_key
+from agent_runtime.core.wiring import Delivery, Wiring, life, parse_life, service_key
 from agent_runtime.io.inbox import Class
-from fipa_codec.communicate import MAX_BYTES, Communicate, encode
-from fipa_codec.errors import LocalProtocolError
+from agent_runtime.io.message_size import LONGEST, put
+from agent_runtime.io.reaching import Tries
+from fipa_codec.communicate import Communicate, encode
 
 BULK_BYTES = 16 * 1024
 """Volatile content from here on goes at low priority, so that it delays nobody else (estimate)."""
@@ -35,33 +38,64 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # glibc's malloc.h; its largest m
 _QUEUE = {"interactive_high": 16, "data": 16, "data_low": 16}
 """Batches (64 kB each) of a priority that may be on the way; the default of 2 holds an answer of 852 kB up by 20 %."""
 ROUTER_PATIENCE_MS, CLIENT_PATIENCE_MS = 100, LEASE_MS
-"""Longest time that a receiver that takes nothing delays its senders, before its session is closed.
+"""Longest time that a receiver that takes nothing delays its senders, before what it does not take is dropped (at the
+router, _DROPPED_AT_LAST) or the session is closed.
 
 The router must lose its patience well before a client does: while it waits for a slow monitor, it reads nothing from
 the sender either. With 500 ms at both the sender's session was closed, and a healthy receiver got 45, 88, 150 of 150
 messages of 852 kB; so all 150, three times (measured).
 """
-LONGEST = 2 * MAX_BYTES
-"""Bytes of a message that are put together again; more of it is dropped, the session stays (Zenoh's default: 1 GiB).
+OPEN_MS = LEASE_MS
+"""Longest try of one of two routers. One that hangs still takes connections, and Zenoh's 10 s would be waited for
+before the other is tried: 4 instead of 12 s of silence where the first one of the list hangs (measured).
+"""
+MORE_SESSIONS = 20
+"""Sessions at a router beside one of each identity that has rights there; more are refused. Estimate: a dozen verbs of
+`roco` that listen, and processes that come back before their last session has ended.
 
-Rights are looked at afterwards, so this bounds what a session can have the router keep. Estimate: twice the longest
-communicate leaves room for its key and Zenoh's own words.
+The companion's ten identities may have 30 then: with an unfinished message of 7.9 MB each a router took 231 MiB
+(measured), and its container has 256.
 """
 _FIRST, _SECOND, _LAST = zenoh.Priority.INTERACTIVE_HIGH, zenoh.Priority.DATA, zenoh.Priority.DATA_LOW
 _BLOCK = zenoh.CongestionControl.BLOCK
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+_DROPPED_AT_LAST = {
+    "messages": ["put"],
+    "key_exprs": ["**"],
+    "flows": ["egress"],
+    "overwrite": {"congestion_control": "drop"},
+}
+"""A router drops what a receiver does not take in time, whatever its sender asked for, and keeps the session.
+
+Else whoever puts faster than a receiver takes cuts it off: with 60,000 messages a second co lost its router 4 times in
+8 s, and not once so (benchmarks/floods.py).
+"""
 _NO_SCOUTING = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
+
+
+NAMELESS = ("", "")
+"""Names of journals where none are said."""
+LONGEST_NAMES = 64
+"""Bytes of both names, and of the digest behind them, that are read; ours have 25, with a digest 42."""
+LINK = 2**24
+"""Numbers of puts have 32 bits in Zenoh: the upper eight count the times at which the router was reached."""
+NOBODYS = b"?"
+"""In the place of a digest that cannot be read: of no message."""
+KNOWN_NAMES = 256
+"""Pairs of names that are known, with and without a digest; estimate: some for each peer."""
 
 
 class Bytes(msgspec.Struct, frozen=True):
     """A communicate as it came off the wire, not decoded yet; `told`: what its key says of it.
 
-    That is sender, receiver, protocol and performative.
+    That is sender, receiver, protocol and performative. `journals`, `after`: see Arrived.
     """
 
     key: str
     told: tuple[str, ...]
     data: bytes
+    journals: tuple[str, str] = NAMELESS
+    after: bytes = b""
 
 
 class ReceiptBytes(msgspec.Struct, frozen=True):
@@ -69,6 +103,7 @@ class ReceiptBytes(msgspec.Struct, frozen=True):
 
     peer: str
     data: bytes
+    journals: tuple[str, str] = NAMELESS
 
 
 class OrderBytes(msgspec.Struct, frozen=True):
@@ -91,6 +126,7 @@ class Token(msgspec.Struct, frozen=True):
     agent: str
     incarnation: int
     alive: bool
+    journal: str = ""
 
 
 class RouterSeen(msgspec.Struct, frozen=True):
@@ -100,13 +136,19 @@ class RouterSeen(msgspec.Struct, frozen=True):
 
 
 def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Config:
-    """Configuration of every agent. `endpoint` like tcp/127.0.0.1:7447; with `tls` (secured.client_tls) tls/..."""
-    parts = {
+    """Configuration of every agent. `endpoint` like tcp/127.0.0.1:7447; with `tls` (secured.client_tls) tls/...
+
+    Of two linked routers, comma between, it has a session to one, and goes to the other when that is lost.
+    """
+    endpoints = endpoint.split(",")
+    parts: dict[str, Any] = {
         "mode": "client",
-        "connect": {"endpoints": [endpoint], "timeout_ms": 0, "retry": _RETRY},
+        "connect": {"endpoints": endpoints, "timeout_ms": 0, "retry": _RETRY},
         "scouting": _NO_SCOUTING,
-        "transport": _transport(tls, CLIENT_PATIENCE_MS),
+        "transport": _transport(tls, CLIENT_PATIENCE_MS, router=False),
     }
+    if len(endpoints) > 1:
+        parts["transport"]["unicast"] = {"open_timeout": OPEN_MS}
     return zenoh.Config.from_json5(json.dumps(parts))
 
 
@@ -126,16 +168,22 @@ def router_config(
         "listen": {"endpoints": endpoint.split(",")},
         "connect": {"endpoints": list(links), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
         "scouting": _NO_SCOUTING,
-        "transport": _transport(tls, ROUTER_PATIENCE_MS),
+        "transport": _transport(tls, ROUTER_PATIENCE_MS, router=True),
         "adminspace": {"enabled": True},
+        "qos": {"network": [_DROPPED_AT_LAST]},
     }
     if access_control is not None:
         parts["access_control"] = access_control
+        parts["transport"]["unicast"] = {"max_sessions": len(access_control.get("subjects", ())) + MORE_SESSIONS}
     return zenoh.Config.from_json5(json.dumps(parts))
 
 
-def _transport(tls: dict[str, Any] | None, patience_ms: int) -> dict[str, Any]:
-    waiting = {"block": {"wait_before_close": patience_ms * 1000}}
+def _transport(tls: dict[str, Any] | None, patience_ms: int, *, router: bool) -> dict[str, Any]:
+    patience = patience_ms * 1000
+    waiting = {
+        "block": {"wait_before_close": patience},
+        "drop": {"wait_before_drop": patience, "max_wait_before_drop_fragments": patience} if router else {},
+    }
     link: dict[str, Any] = {
         "tx": {"lease": LEASE_MS, "keep_alive": 4, "queue": {"size": _QUEUE, "congestion_control": waiting}},
         "rx": {"max_message_size": LONGEST},
@@ -167,14 +215,23 @@ def open_router(
 
 
 def open_client(
-    endpoint: str, give_up: Callable[[], bool], every_s: float = 0.1, tls: dict[str, Any] | None = None
+    endpoint: str,
+    give_up: Callable[[], bool],
+    every_s: float = 0.1,
+    tls: dict[str, Any] | None = None,
+    told: Callable[[str], None] = lambda why: None,
 ) -> zenoh.Session | None:
-    """A session, as soon as the router is there; None when `give_up` says so first. Blocks for one try at a time."""
+    """A session, as soon as the router is there; None when `give_up` says so first. Blocks for one try at a time.
+
+    `told` gets the reason where it takes longer, and again where it is another one.
+    """
     keep_memory()
+    tries = Tries(endpoint, tls, told)
     while not give_up():
         try:
             return zenoh.open(client_config(endpoint, tls))
         except zenoh.ZError:
+            tries.failed()
             time.sleep(every_s)  # a try without a router ends after 6 ms
     return None
 
@@ -189,18 +246,29 @@ def free_endpoint() -> str:
 class Entrance(Protocol):
     """The place in which the wire leaves samples: an Inbox, or the Floor before one."""
 
-    def put(self, kind: Class, item: Any) -> object:
-        """Take it, or keep it, or drop it; must not wait."""
+    def put(self, kind: Class, item: Any, sender: str = "", size: int = 0) -> object:
+        """Take it, or keep it, or drop it; must not wait. `sender` "": the own side."""
 
 
 class ZenohWire:
-    """The session of one agent. All callbacks put into `inbox` and return."""
+    """The session of one agent. All callbacks put into `inbox` and return.
 
-    def __init__(self, session: zenoh.Session, wiring: Wiring, incarnation: int, inbox: Entrance) -> None:
-        """Declare what the agent listens to, then its token."""
+    What is numbered or kept, and receipts, have the names of both journals attached: "own/peer's".
+    """
+
+    def __init__(
+        self, session: zenoh.Session, wiring: Wiring, incarnation: int, inbox: Entrance, journal: str = ""
+    ) -> None:
+        """Declare what the agent listens to, then its token, with the name of its journal."""
         self._session, self._wiring, self._inbox = session, wiring, inbox
-        self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any, Any]] = {}
-        self._known: dict[str, tuple[Class, tuple[str, ...]]] = {}
+        self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr, Any, Any, bool]] = {}
+        self._known: dict[str, tuple[Class, tuple[str, ...], bool]] = {}
+        self._channels = {
+            peer: frozenset(link.channel.encode() for link in wiring.links if link.peer == peer)
+            for peer in wiring.peers
+        }
+        self._journal, self._names = journal, dict[str, bytes]()
+        self._said = 0
         system, me = wiring.system, wiring.agent
         # References are kept: a dropped declaration is undeclared.
         self._declared: list[Any] = [
@@ -218,32 +286,44 @@ class ZenohWire:
             session.liveliness().declare_subscriber(
                 service_key(system, "alive", "*", "*"), self._on_token, history=True
             ),
-            session.liveliness().declare_token(service_key(system, "alive", me, str(incarnation))),
+            session.liveliness().declare_token(service_key(system, "alive", me, life(incarnation, journal))),
         ]
 
     # --- out ----------------------------------------------------------------------------------------------------------
 
-    def send(self, communicate: Communicate) -> int:
-        """Put a communicate; its size in bytes."""
+    def knows(self, journals: Mapping[str, str]) -> None:
+        """From now on the peers have journals of these names."""
+        self._names = {peer: f"{self._journal}/{name}".encode() for peer, name in journals.items()}
+
+    def send(self, communicate: Communicate, after: bytes = b"") -> int:
+        """Put a communicate; its size in bytes. `after`: the digest of the one that it follows (renumbering)."""
         data = encode(communicate)
         act = (communicate.receiver, communicate.protocol, communicate.performative)
         route = self._routes.get(act)
         if route is None:
             route = self._routes[act] = self._route(communicate)
-        key, priority, bulky = route
-        self._put(key, data, priority if len(data) < BULK_BYTES else bulky)
+        key, priority, bulky, kept = route
+        names = self._attached(communicate.receiver) if kept else None
+        if after and names:
+            names += b"/" + after.hex().encode()
+        self._put(key, data, priority if len(data) < BULK_BYTES else bulky, names)
         return len(data)
 
-    def _route(self, communicate: Communicate) -> tuple[zenoh.KeyExpr, Any, Any]:
+    def _attached(self, peer: str) -> bytes | None:
+        return self._names.get(peer) or (f"{self._journal}/".encode() if self._journal else None)
+
+    def _route(self, communicate: Communicate) -> tuple[zenoh.KeyExpr, Any, Any, bool]:
         """Key and priorities. One for a whole stream: an overtaking message would only be dropped as a gap."""
         link = self._wiring.required(communicate.receiver, communicate.protocol)
         key = self._session.declare_keyexpr(self._wiring.key(communicate))
-        return (key, _FIRST, _FIRST) if link.delivery is Delivery.DURABLE else (key, _SECOND, _LAST)
+        if link.delivery is Delivery.DURABLE:
+            return key, _FIRST, _FIRST, True
+        return key, _SECOND, _LAST, link.delivery is Delivery.LATEST
 
     def send_receipt(self, receipt: Receipt) -> None:
         """Put a receipt."""
         key = service_key(self._wiring.system, "receipt", self._wiring.agent, receipt.peer)
-        self._put(key, msgspec.msgpack.encode(receipt), _FIRST)
+        self._put(key, msgspec.msgpack.encode(receipt), _FIRST, self._attached(receipt.peer))
 
     def ping(self, peer: str, channel: bytes, *, pong: bool = False) -> None:
         """Ask whether `peer` is there on a channel, or answer its question."""
@@ -251,57 +331,105 @@ class ZenohWire:
         self._put(key, channel, _SECOND)
 
     def publish(self, kind: str, data: bytes) -> None:
-        """Put something for people: dropped where it would have to wait. LocalProtocolError where it is too long."""
-        if len(data) > MAX_BYTES:  # the router would drop it, and tell nobody
-            raise LocalProtocolError(kind, f"has {len(data)} bytes, at most {MAX_BYTES} are published")
+        """Put something for people: dropped where it would have to wait. Raises TooLongError."""
         key = service_key(self._wiring.system, kind, self._wiring.agent)
         if not self._session.is_closed():
-            self._session.put(key, data, congestion_control=zenoh.CongestionControl.DROP)
+            drop = zenoh.CongestionControl.DROP
+            put(self._session, key, data, congestion_control=drop, source_info=self._numbered())
 
     def close(self) -> None:
         """Close the session; the token vanishes at once."""
         self._session.close()  # type: ignore[no-untyped-call]
         self._declared.clear()
 
-    def _put(self, key: zenoh.KeyExpr | str, data: bytes, priority: Any) -> None:
-        self._session.put(key, data, priority=priority, congestion_control=_BLOCK)
+    def _put(self, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None) -> None:
+        info = self._numbered()
+        if attached is None:
+            put(self._session, key, data, priority=priority, congestion_control=_BLOCK, source_info=info)
+        else:
+            put(
+                self._session,
+                key,
+                data,
+                priority=priority,
+                congestion_control=_BLOCK,
+                source_info=info,
+                attachment=attached,
+            )
+
+    def _numbered(self) -> zenoh.SourceInfo:
+        """Return the number of the next put: who records sees by a gap that something did not reach it."""
+        self._said = (self._said + 1) % 2**32
+        return zenoh.SourceInfo(self._session.id, self._said)
 
     # --- in: on Zenoh's threads ---------------------------------------------------------------------------------------
 
     def _on_communicate(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
-        kind, told = self._known.get(key) or self._told(key)
-        self._inbox.put(kind, Bytes(key, told, sample.payload.to_bytes()))
+        kind, told, kept = self._known.get(key) or self._told(key)
+        journals, after = _attachment(sample) if kept else (NAMELESS, b"")
+        data = sample.payload.to_bytes()
+        self._inbox.put(kind, Bytes(key, told, data, journals, after), told[0], len(data))
 
-    def _told(self, key: str) -> tuple[Class, tuple[str, ...]]:
+    def _told(self, key: str) -> tuple[Class, tuple[str, ...], bool]:
         """Return the parts of a key, cached up to a bound, since strangers may make up keys without end."""
         chunks = key.split("/")
         link = self._wiring.link(chunks[3], chunks[5])
         durable = link is not None and link.delivery is Delivery.DURABLE
-        found = Class.STREAM if durable else Class.VOLATILE, tuple(chunks[3:])
+        kept = link is not None and link.delivery is not Delivery.VOLATILE
+        found = Class.STREAM if durable else Class.VOLATILE, tuple(chunks[3:]), kept
         if len(self._known) < KNOWN_KEYS:
             self._known[key] = found
         return found
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(Class.CONTROL, ReceiptBytes(_owner(sample), sample.payload.to_bytes()))
+        peer, data = _owner(sample), sample.payload.to_bytes()
+        if peer in self._channels:
+            self._inbox.put(Class.CONTROL, ReceiptBytes(peer, data, _attachment(sample)[0]), peer, len(data))
 
     def _on_order(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(Class.CONTROL, OrderBytes(sample.payload.to_bytes()))
+        data = sample.payload.to_bytes()
+        self._inbox.put(Class.CONTROL, OrderBytes(data), KIND, len(data))
 
     def _on_ping(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(Class.CONTROL, Ping(_owner(sample), sample.payload.to_bytes(), False))
+        self._on_question(sample, pong=False)
 
     def _on_pong(self, sample: zenoh.Sample) -> None:
-        self._inbox.put(Class.CONTROL, Ping(_owner(sample), sample.payload.to_bytes(), True))
+        self._on_question(sample, pong=True)
+
+    def _on_question(self, sample: zenoh.Sample, *, pong: bool) -> None:
+        """Take it only of a channel that there is: a pong says the channel again, however long it is."""
+        peer, channel = _owner(sample), sample.payload.to_bytes()
+        if channel in self._channels.get(peer, ()):
+            self._inbox.put(Class.CONTROL, Ping(peer, channel, pong), peer, len(channel))
 
     def _on_token(self, sample: zenoh.Sample) -> None:
-        agent, incarnation = str(sample.key_expr).split("/")[-2:]
-        if incarnation.isascii() and incarnation.isdigit():
-            self._inbox.put(Class.CONTROL, Token(agent, int(incarnation), sample.kind == zenoh.SampleKind.PUT))
+        agent, chunk = str(sample.key_expr).split("/")[-2:]
+        found = parse_life(chunk)
+        if agent in self._channels and found is not None:
+            incarnation, journal = found
+            alive = sample.kind == zenoh.SampleKind.PUT
+            self._inbox.put(Class.LIFE, Token(agent, incarnation, alive, journal), agent)
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
-        self._inbox.put(Class.CONTROL, RouterSeen(event.kind == zenoh.SampleKind.PUT))
+        up = event.kind == zenoh.SampleKind.PUT
+        if up:
+            self._said = self._said // LINK * LINK + LINK  # what was put without a router no recorder missed
+        self._inbox.put(Class.OWN, RouterSeen(up))
+
+
+def _attachment(sample: zenoh.Sample) -> tuple[tuple[str, str], bytes]:
+    attached = sample.attachment
+    return (NAMELESS, b"") if attached is None else _attached(attached.to_bytes())
+
+
+@lru_cache(KNOWN_NAMES)
+def _attached(attached: bytes) -> tuple[tuple[str, str], bytes]:
+    """Return the names of both journals, and the digest of the message before, b"" where there is none."""
+    own, believed, after = (*attached[:LONGEST_NAMES].decode("ascii", "replace").split("/"), "", "")[:3]
+    with suppress(ValueError):
+        return (own, believed), bytes.fromhex(after)
+    return (own, believed), NOBODYS
 
 
 def _owner(sample: zenoh.Sample) -> str:

@@ -88,6 +88,10 @@ class Alone:
             self._happen(Tick())
         self.now = end
 
+    def seen(self, peer: str, incarnation: int) -> None:
+        """A peer appears: as a new life, or the same one again, as after an outage of the router."""
+        self._happen(PeerChanged(peer, incarnation))
+
     def answers(self, conversation: str) -> tuple[Performative, ...]:
         """The acts the agent has said in a conversation."""
         return tuple(one.performative for one in self.said if one.conversation == conversation)

@@ -5,8 +5,8 @@ One session for all of them: they have tokens, answer pings and number their dur
 memory and no journal. `Stage` is the router it all happens on: nobody else's.
 """
 
-import queue
 import time
+from queue import Empty
 from typing import Any
 
 import msgspec
@@ -16,9 +16,11 @@ from agent_runtime.core.effects import Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.streams import RESEND_FIRST, parse_observation
 from agent_runtime.core.wiring import Delivery, Wiring, communicate_key, service_key
+from agent_runtime.io.message_size import put
+from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.zenoh_wire import free_endpoint, open_client, open_router
 from agent_runtime.testing.stand_in import StandInError
-from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.communicate import UNREADABLE, Communicate, decode, encode, number_of
 from fipa_codec.errors import FipaError
 
 FIRST_LIFE = "1"
@@ -47,7 +49,7 @@ class Stage:
         if session is None:
             raise StandInError(f"no router answers at {self.endpoint}", lives=False)
         self._session = session
-        self._born: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._born = OneReaderQueue[str]()
         self._watch = session.liveliness().declare_subscriber(service_key(system, "alive", "*", "*"), self._seen)
         there = tuple(sorted(set(self._tokens())))
         if there:
@@ -56,9 +58,9 @@ class Stage:
 
     def put(self, key: str, data: bytes) -> None:
         """Say it. `key`: without the first two chunks. Raises LivingError if an agent of the system started."""
-        if not self._born.empty():
+        if len(self._born):
             raise LivingError(self.system, (self._born.get(),), self.endpoint)
-        self._session.put(f"roco/{self.system}/{key}", data, congestion_control=zenoh.CongestionControl.BLOCK)
+        put(self._session, f"roco/{self.system}/{key}", data, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def close(self) -> None:
         """End it, and the own router."""
@@ -85,7 +87,7 @@ class Cast:
         if session is None:
             raise StandInError(f"no router answers at {endpoint}", lives=False)
         self._session, self._wiring = session, wiring
-        self._heard: queue.SimpleQueue[Communicate] = queue.SimpleQueue()
+        self._heard = OneReaderQueue[Communicate]()
         self._numbers = dict.fromkeys(wiring.peers, 0)
         self._taken = dict.fromkeys(wiring.peers, 0)
         self._outbox: dict[str, dict[int, tuple[str, bytes]]] = {peer: {} for peer in wiring.peers}
@@ -127,8 +129,8 @@ class Cast:
         while True:
             left = until - time.monotonic()
             try:
-                one = self._heard.get(timeout=max(0.0, min(left, RESEND_FIRST)))
-            except queue.Empty:
+                one = self._heard.get(min(left, RESEND_FIRST))
+            except Empty:
                 one = None
             self._resend()
             if one is not None and self._fresh(one):
@@ -149,11 +151,12 @@ class Cast:
         observed = parse_observation(one.id) if link.delivery is Delivery.LATEST else None
         if observed is not None:
             self._receipt(peer, Receipt(me, subject=observed[0], version=observed[1]))
-        if link.delivery is not Delivery.DURABLE or not one.id.isdigit():
+        number = number_of(one.id) if link.delivery is Delivery.DURABLE else None
+        if number is None:
             new = (peer, one.id) not in self._known
             self._known.add((peer, one.id))
             return new
-        fresh = int(one.id) == self._taken[peer] + 1
+        fresh = number == self._taken[peer] + 1
         self._taken[peer] += fresh
         self._receipt(peer, Receipt(me, taken=self._taken[peer]))
         return fresh
@@ -170,7 +173,7 @@ class Cast:
             self._due = time.monotonic() + RESEND_FIRST
 
     def _put(self, key: str, data: bytes) -> None:
-        self._session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
+        put(self._session, key, data, congestion_control=zenoh.CongestionControl.BLOCK)
 
     # --- on Zenoh's threads -------------------------------------------------------------------------------------------
 
@@ -188,7 +191,7 @@ class Cast:
         peer = str(sample.key_expr).split("/")[5]
         try:
             receipt = msgspec.msgpack.decode(sample.payload.to_bytes(), type=Receipt)
-        except msgspec.MsgspecError:
+        except UNREADABLE:
             return
         for number in [one for one in list(self._outbox.get(peer, {})) if one <= receipt.taken]:
             self._outbox[peer].pop(number, None)

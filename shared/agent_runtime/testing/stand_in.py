@@ -5,10 +5,10 @@ next life from it: no peer sees a number twice or misses one. What is said to it
 will not see it. It keeps no conversation: the agent's next life knows of none.
 """
 
-import queue
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from queue import Empty
 from typing import Any
 
 import msgspec
@@ -16,13 +16,17 @@ import zenoh
 
 from agent_runtime.core.effects import Receipt
 from agent_runtime.core.errors import RuntimeFault
+from agent_runtime.core.lineage import begin_again
+from agent_runtime.core.recent import covered, digest, note, preceding, receipt
 from agent_runtime.core.state import Outgoing, Record
 from agent_runtime.core.streams import RESEND_FIRST
-from agent_runtime.core.wiring import Delivery, Wiring, service_key
+from agent_runtime.core.wiring import Delivery, Wiring, parse_life, service_key
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.journal import Journal
-from agent_runtime.io.zenoh_wire import Bytes, Ping, ReceiptBytes, ZenohWire, open_client
-from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
+from agent_runtime.io.journal import Journal, journal_file, new_name
+from agent_runtime.io.message_size import put
+from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.zenoh_wire import NAMELESS, Bytes, Ping, ReceiptBytes, Token, ZenohWire, open_client
+from fipa_codec.communicate import UNREADABLE, Communicate, decode_strictly, encode_strictly, number_of
 from fipa_codec.errors import MalformedError
 
 FIRST_MEMORY = msgspec.Raw(b"\x80")
@@ -47,7 +51,7 @@ class Voice:
     ) -> None:
         """Raises StandInError where no router answers in time. `tls`: secured.client_tls of whose voice it is."""
         self._session = _opened(endpoint, patience_s, tls)
-        self._heard: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._heard = OneReaderQueue[bytes]()
         self._declared = [
             self._session.declare_subscriber(key, lambda sample: self._heard.put(sample.payload.to_bytes()))
             for key in keys
@@ -56,15 +60,15 @@ class Voice:
     def put(self, key: str, communicate: Communicate) -> int:
         """Say it; its size in bytes."""
         data = encode_strictly(communicate)
-        self._session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
+        put(self._session, key, data, congestion_control=zenoh.CongestionControl.BLOCK)
         return len(data)
 
     def hear(self, until: float) -> Iterator[Communicate]:
         """Return the next message heard until then [unix s]."""
         while (left := until - time.time()) > 0:
             try:
-                yield decode_strictly(self._heard.get(timeout=left))
-            except (queue.Empty, MalformedError):
+                yield decode_strictly(self._heard.get(left))
+            except (Empty, MalformedError):
                 continue
 
     def close(self) -> None:
@@ -92,14 +96,15 @@ class StandIn:
             there = living(self._session, wiring.system, wiring.agent)
             if there:
                 raise StandInError(f"{wiring.agent} lives, as incarnation {max(there)}", lives=True)
-            self._journal = Journal(run / "journal" / f"{wiring.agent}.journal")
+            self._journal = Journal(journal_file(run, wiring.agent))
         except RuntimeFault:
             self._session.close()  # type: ignore[no-untyped-call]
             raise
         self._record = _record(self._journal.last, wiring.agent, start)
         self._record.incarnation += 1
         self._keep()
-        self._wire = ZenohWire(self._session, wiring, self._record.incarnation, self._inbox)
+        self._wire = ZenohWire(self._session, wiring, self._record.incarnation, self._inbox, self._record.journal)
+        self._wire.knows(self._record.journals)
         self._due = 0.0
 
     @property
@@ -129,7 +134,7 @@ class StandIn:
             self._record.issued[peer] = number
             self._record.outbox[peer] = (*self._record.outbox.get(peer, ()), Outgoing(number, one))
         self._keep()
-        self._wire.send(one)
+        self._wire.send(one, preceding(self._record, one))
         self._due = time.time() + RESEND_FIRST
         return one
 
@@ -149,6 +154,8 @@ class StandIn:
                         yield one
                 case ReceiptBytes():
                     self._settle(item)
+                case Token(alive=True):
+                    self._met(item)
                 case Ping(pong=False):
                     self._wire.ping(item.peer, item.channel, pong=True)
             self._resend()
@@ -158,6 +165,21 @@ class StandIn:
         self._keep()
         self._wire.close()
         self._journal.close()
+
+    def _met(self, token: Token) -> None:
+        """Note a peer's journal. With a peer that lost its own, the streams begin again."""
+        known = self._record.journals.get(token.agent)
+        if token.agent not in self._wiring.peers or not token.journal or token.journal == known:
+            return
+        if known is not None:
+            begin_again(self._record, token.agent, f"{token.agent} lost its memory")
+        self._record.journals = self._record.journals | {token.agent: token.journal}
+        self._wire.knows(self._record.journals)
+        self._keep()
+
+    def _fits(self, peer: str, journals: tuple[str, str]) -> bool:
+        """Whether something is between the present journals of both."""
+        return journals == NAMELESS or journals == (self._record.journals.get(peer), self._record.journal)
 
     def _keep(self) -> None:
         self._journal.append(msgspec.msgpack.encode(self._record))
@@ -171,21 +193,29 @@ class StandIn:
         link = self._wiring.link(one.sender, one.protocol)
         if link is None or link.delivery is not Delivery.DURABLE:
             return one
+        if not self._fits(one.sender, item.journals):
+            return None
         before = self._record.taken.get(one.sender, 0)
-        number = int(one.id) if one.id.isascii() and one.id.isdigit() else before + 2
+        number = number_of(one.id)
+        if number is None:
+            return None
         if number == before + 1:
-            self._record.taken[one.sender] = number
+            note(self._record, one.sender, number, digest(one))
             self._keep()
         if number <= before + 1:
-            self._wire.send_receipt(Receipt(one.sender, taken=self._record.taken[one.sender]))
+            self._wire.send_receipt(receipt(self._record, one.sender))
         return one if number == before + 1 else None
 
     def _settle(self, item: ReceiptBytes) -> None:
         try:
-            receipt = msgspec.msgpack.decode(item.data, type=Receipt)
-        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            came = msgspec.msgpack.decode(item.data, type=Receipt)
+        except UNREADABLE:
             return
-        rest = tuple(one for one in self._record.outbox.get(item.peer, ()) if one.number > receipt.taken)
+        if not self._fits(item.peer, item.journals):
+            return
+        sent = self._record.outbox.get(item.peer, ())
+        taken = covered(sent, came.taken, came.digest)
+        rest = tuple(one for one in sent if one.number > taken)
         if rest:
             self._record.outbox[item.peer] = rest
         else:
@@ -195,15 +225,15 @@ class StandIn:
         if time.time() >= self._due:
             for sent in self._record.outbox.values():
                 for outgoing in sent:
-                    self._wire.send(outgoing.communicate)
+                    self._wire.send(outgoing.communicate, preceding(self._record, outgoing.communicate))
             self._due = time.time() + RESEND_FIRST
 
 
 def living(session: zenoh.Session, system: str, agent: str) -> list[int]:
     """The incarnations of an agent whose tokens are there."""
     replies = session.liveliness().get(service_key(system, "alive", agent, "*"), timeout=LOOK_S)
-    names = [str(reply.ok.key_expr).rsplit("/", 1)[-1] for reply in replies if reply.ok is not None]
-    return [int(name) for name in names if name.isascii() and name.isdigit()]
+    lives = [parse_life(str(reply.ok.key_expr).rsplit("/", 1)[-1]) for reply in replies if reply.ok is not None]
+    return [one[0] for one in lives if one is not None]
 
 
 def _opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None) -> zenoh.Session:
@@ -217,4 +247,4 @@ def _opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None) -> zen
 def _record(last: bytes | None, agent: str, start: str) -> Record:
     if last is not None:
         return msgspec.msgpack.decode(last, type=Record)
-    return Record(agent=agent, incarnation=0, counter=0, state=start, memory=FIRST_MEMORY)
+    return Record(agent=agent, incarnation=0, counter=0, state=start, memory=FIRST_MEMORY, journal=new_name())

@@ -8,10 +8,10 @@ stands still.
 
 import heapq
 import itertools
-import queue
 import random
 from collections.abc import Callable
 from enum import StrEnum
+from queue import Empty
 from typing import Any
 
 import msgspec
@@ -19,11 +19,13 @@ import msgspec
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.errors import RuntimeFault
-from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, PeerChanged, Receipted, Started, Tick
+from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, PeerChanged, Started, Tick
+from agent_runtime.core.recent import preceding, receipted
 from agent_runtime.core.state import CoreState, restored
 from agent_runtime.core.step import Core
-from agent_runtime.core.wiring import Wiring
+from agent_runtime.core.wiring import Delivery, Wiring
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
+from agent_runtime.io.one_reader import OneReaderQueue
 from fipa_codec.communicate import Communicate, decode, encode
 
 LATENCY_S = 0.0005
@@ -70,6 +72,7 @@ class Node:
         self.core = Core(agent, wiring)
         self.maker = maker
         self.journal: bytes | None = None
+        self.journals = 0
         self.state: CoreState | None = None
         self.device: Device = NoDevice()
         self.steps = 0
@@ -109,7 +112,7 @@ class Wires:
         self._chance = random.Random(seed)
         self._order = itertools.count()
         self._agenda: list[tuple[float, int, Callable[[], None]]] = []
-        self.posted: queue.SimpleQueue[tuple[str, int, Any, float]] = queue.SimpleQueue()
+        self.posted = OneReaderQueue[tuple[str, int, Any, float]]()
 
     # --- for tests and fleets -----------------------------------------------------------------------------------------
 
@@ -140,9 +143,23 @@ class Wires:
         node = self.nodes[agent]
         node.crash_at, node.restart_s = (point, node.steps + in_steps), restart_s
 
-    def deliver(self, communicate: Communicate) -> None:
-        """Put a communicate on the wire as a stranger might."""
-        self._carry(communicate)
+    def kill(self, agent: str, *, restart_s: float = 0.5) -> None:
+        """Kill the agent between two steps, unless it is down; it comes back `restart_s` later."""
+        if self.nodes[agent].state is not None:
+            self._die(agent, restart_s)
+
+    def lose_journal(self, agent: str, *, restart_s: float = 0.5) -> None:
+        """Kill the agent and delete its journal; it comes back `restart_s` later, under another journal's name."""
+        self._die(agent, restart_s)
+        self.nodes[agent].journal = None
+
+    def deliver(self, communicate: Communicate, journals: tuple[str, str] = ("", "")) -> None:
+        """Put a communicate on the wire as a stranger might; `journals`: the names that are said with it."""
+        self._carry(communicate, *journals)
+
+    def call(self, delay_s: float, act: Callable[[], None]) -> None:
+        """Call it when the virtual clock is there."""
+        self._at(self.now + delay_s, act)
 
     def run(self, until: Callable[[], bool], *, limit_s: float = 600.0, patience_s: float = 60.0) -> None:
         """Go on until the condition holds.
@@ -180,8 +197,8 @@ class Wires:
             busy = any(node.device.busy for node in self.nodes.values())
             later = not self._agenda or self._agenda[0][0] > self.now
             try:
-                agent, boot, content, delay_s = self.posted.get(timeout=patience_s if busy and later else 0.0)
-            except queue.Empty:
+                agent, boot, content, delay_s = self.posted.get(patience_s if busy and later else 0.0)
+            except Empty:
                 if busy and later and any(node.device.busy for node in self.nodes.values()):
                     raise Quiet(f"a device said nothing for {patience_s} s", self.now, self._states()) from None
                 return
@@ -199,21 +216,24 @@ class Wires:
     def _boot(self, agent: str) -> None:
         node = self.nodes[agent]
         node.boots += 1
+        if node.journal is None:
+            node.journals += 1
+            node.journal = node.core.first(f"{agent}-journal-{node.journals}")
         node.state = node.core.boot(node.journal)
         node.journal = node.core.record(node.state)
         node.wake_at = None
         boot = node.boots
         if node.maker is not None:
             node.device = node.maker(_Desk(self, agent, boot))
-        incarnation = node.state.incarnation
+        incarnation, journal = node.state.incarnation, node.state.journal
         self._happen(agent, Started(first=incarnation == 1))
         for name, other in self.nodes.items():
             if other.state is None or name == agent:
                 continue
             if name in node.core.wiring.peers:
-                self._later(agent, PeerChanged(name, other.state.incarnation))
+                self._later(agent, PeerChanged(name, other.state.incarnation, other.state.journal))
             if agent in other.core.wiring.peers:
-                self._later(name, PeerChanged(agent, incarnation))
+                self._later(name, PeerChanged(agent, incarnation, journal))
 
     def _die(self, agent: str, restart_s: float) -> None:
         node = self.nodes[agent]
@@ -290,16 +310,29 @@ class Wires:
             self._carry_receipt(agent, receipt)
         for communicate in () if receipts_only else effects.sends:
             self.traffic.append(communicate)
-            self._carry(communicate)
+            state = self.nodes[agent].state
+            after = preceding(state, communicate) if state is not None else b""
+            self._carry(communicate, *self._journals(agent, communicate), after)
 
-    def _carry(self, communicate: Communicate) -> None:
+    def _journals(self, agent: str, said: Communicate | Receipt) -> tuple[str, str]:
+        """Names of journals that go with it, as over the real wire."""
+        node = self.nodes[agent]
+        assert node.state is not None
+        peer = said.peer if isinstance(said, Receipt) else said.receiver
+        if isinstance(said, Communicate):
+            link = node.core.wiring.link(peer, said.protocol)
+            if link is None or link.delivery is Delivery.VOLATILE:
+                return "", ""
+        return node.state.journal, node.state.journals.get(peer, "")
+
+    def _carry(self, communicate: Communicate, journal: str = "", believed: str = "", after: bytes = b"") -> None:
         data = encode(communicate)
         receiver = communicate.receiver
         if receiver in self.nodes:
-            self._through(lambda: self._happen(receiver, Arrived(decode(data))))
+            self._through(lambda: self._happen(receiver, Arrived(decode(data), journal, believed, after)))
 
     def _carry_receipt(self, agent: str, receipt: Receipt) -> None:
-        event = Receipted(agent, receipt.taken, receipt.subject, receipt.version)
+        event = receipted(agent, receipt, *self._journals(agent, receipt))
         if receipt.peer in self.nodes:
             self._through(lambda: self._happen(receipt.peer, event))
 

@@ -8,8 +8,11 @@ from enum import StrEnum
 import msgspec
 
 
-class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """A command of a person."""
+class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
+    """A command of a person. `urgency`: more urgent ones come first; `deadline`: unix time [s], 0 for none."""
+
+    urgency: int = 0
+    deadline: float = 0.0
 
 
 class PourInto(Command, frozen=True):
@@ -42,6 +45,7 @@ class TaskState(StrEnum):
     WAITING = "waiting"
     PLANNING = "planning"
     RUNNING = "running"
+    SUSPENDED = "suspended"
     DONE = "done"
     FAILED = "failed"
     CANCELLED = "cancelled"

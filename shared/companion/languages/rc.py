@@ -10,7 +10,7 @@ from enum import StrEnum
 import msgspec
 
 from companion.languages.rs import Seen
-from companion.languages.values import BodyPosture, Pose, Side, Vector
+from companion.languages.values import BodyPosture, Name, Pose, Side, Vector
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
@@ -97,8 +97,8 @@ class Pour(Command, frozen=True):
     """
 
     side: Side
-    source: str
-    destination: str
+    source: Name
+    destination: Name
     azimuth: float
     spin: float
     tilts: tuple[float, float]
@@ -132,6 +132,7 @@ class NotDoneKind(StrEnum):
     CANCELLED = "cancelled"
     INTERRUPTED = "interrupted"  # the machine was too slow, or a process died while the robot stood still
     UNKNOWN = "unknown"  # a process died while the robot moved
+    NEW_WORLD = "new-world"  # the simulated world was lost: nothing that was known of it is so
 
 
 class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

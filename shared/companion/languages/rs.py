@@ -5,13 +5,13 @@ Ours (the paper names no language for C5). A pose here was seen by the head came
 
 import msgspec
 
-from companion.languages.values import BodyPosture, Pose
+from companion.languages.values import BodyPosture, Name, Pose
 
 
 class Seen(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """An object seen: its id and model, its pose in the world, the time [s, simulated]."""
 
-    object: str
+    object: Name
     model: str
     pose: Pose
     at: float

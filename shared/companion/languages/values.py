@@ -5,10 +5,13 @@ as in the robot's own description. Nothing here knows a protocol or an agent.
 """
 
 from enum import StrEnum
+from typing import Annotated
 
 import msgspec
 
 Vector = tuple[float, float, float]
+Name = Annotated[str, msgspec.Meta(pattern=r"\A[!-~]{1,64}\Z")]
+"""Name of an object: printable ASCII without blanks, short, since it becomes a part of the id of an observation."""
 
 
 class Side(StrEnum):

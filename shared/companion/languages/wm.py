@@ -434,8 +434,14 @@ class NothingSeen(Observation, frozen=True):
     reason: str
 
 
+class WorldLost(Observation, frozen=True):
+    """A new simulated world was made, so no earlier observation holds; the reason. A look around follows."""
+
+    reason: str
+
+
 AnySight = SeenObject | SeenBody | SeenHand | SeenContent
-AnyObservation = AnySight | NothingSeen
+AnyObservation = AnySight | NothingSeen | WorldLost
 
 
 class ObserveWorld(msgspec.Struct, frozen=True, tag=True):

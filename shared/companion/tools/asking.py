@@ -51,20 +51,16 @@ def known(file: Path, at: float | None = None) -> Known:
 
 def _recorded(file: Path) -> "tuple[list[Spoken], list[float]]":
     """All communicates in the order of time, those the recorder missed from step logs; when each life of km began."""
-    from operate.recording import history, mcap_file
+    from operate.recording import filled, mcap_file
     from operate.recording.records import Spoken, Token
 
-    tape = file / mcap_file.FILE if file.is_dir() else file
-    tapped, lives = list[Spoken](), dict[int, float]()
-    for one in mcap_file.Reading(tape):
+    said, lives = list[Spoken](), dict[int, float]()
+    for one in filled.of_run(file, SYSTEM).records if file.is_dir() else mcap_file.Reading(file):
         if isinstance(one, Spoken):
-            tapped.append(one)
+            said.append(one)
         elif isinstance(one, Token) and one.agent == KM and one.alive:
             lives.setdefault(one.incarnation, one.received)
-    names = {one.identity for one in tapped}  # of the recorder's all are kept: another life of km is asked again
-    logs = (history.arrivals(path, SYSTEM) for path in sorted(file.glob(f"{history.STEPS}/*.{history.STEPS}")))
-    tapped += [one for log in logs for one in log if one.identity not in names]
-    return sorted(tapped, key=lambda one: one.received), list(lives.values())
+    return said, list(lives.values())
 
 
 def answered(question: Question) -> Answer:

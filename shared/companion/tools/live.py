@@ -9,6 +9,7 @@ from companion.languages import hfsm, sw, wm
 from companion.telemetry import RobotState
 from companion.tools.report.events import events
 from companion.tools.report.plans import states_of
+from fipa_codec.communicate import UNREADABLE
 from operate.recording.history import History
 from operate.recording.records import House, Record, Spoken
 from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen
@@ -62,7 +63,7 @@ class Live:
     def _loop(self, house: House) -> Iterator[AgentIn]:
         try:
             robot = _robot.decode(house.data)
-        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        except UNREADABLE:
             return
         doing = robot.skill or robot.act if robot.mode in ("motion", "") else ""
         yield AgentIn(t=house.received, agent=LOOP, state=doing or robot.mode)

@@ -5,7 +5,7 @@ from companion.languages import LANGUAGES
 from companion.run_files import SLOTS_FILE
 from companion.wording import plain, words
 from operate.supervisor.processes import FIRST, Process, around
-from operate.system import Additions, System
+from operate.system import Additions, Job, System
 
 # Loop and agent of ex are siblings: each may die and come back without the other.
 PROCESSES = (
@@ -36,6 +36,26 @@ SAYS = {
     },
 }
 
+JOB = Job(
+    command=("demo", "--headless"),
+    phases={
+        "spoken": "told:command received",
+        "planning": "told:plan 1 requested",
+        "approaching": "told:take jar: move-joint",
+        "closing": "told:take jar: grasp",
+        "lifted": "told:take jar: move-cartesian",
+        "carrying": "told:carry jar: move-joint",
+        "second grasp": "told:take bowl: grasp",
+        "putting down": "told:place bowl: release",
+        "looking": "told:look at bowl: look",
+        "replanning": "told:plan 2 requested",
+        "pouring": "told:pour jar into bowl: pour",
+        "finished": "told:content poured",
+    },
+    rests={"hi": "listening", "co": "trigger", "pl": "idle", "km": "idle", "ta": "idle", "ex": "idle"},
+    timeout_s=900.0,  # estimate: a pour takes 30-50 s on two cores of its own, 240 s at a load of 24; co waits 600 s
+)
+
 SYSTEM = System(
     name="roco",
     design=DESIGN,
@@ -62,7 +82,10 @@ SYSTEM = System(
         verbs="companion.tools.verbs.table:VERBS",
         tasks="companion.tools.verbs.hi:tasks",
         checks="companion.tools.verbs.checkup:CHECKS",
+        promises="companion.tools.promises:broken",
+        untouchable="companion.tools.verbs.real_robot:untouchable",
     ),
+    job=JOB,
     variables={"ROCO_SLOTS": f"{{run}}/{SLOTS_FILE}"},
     entry="companion.tools.system:SYSTEM",
 )

@@ -4,13 +4,15 @@
     render(AclMessage) -> bytes                   strict: every known parser accepts it
     to_acl(communicate) -> AclMessage             and back without loss:
     from_acl(message, received) -> Communicate
+    reply_names(message) -> names for to_acl      where a reply-to wants the answers
 
-Modules in reading order: message, errors, dates, scanner, reading, printing, content, mapping. No I/O, no clock.
+Modules in reading order: message, errors, dates, scanner, reading, printing, content, escapes,
+mapping. No I/O, no clock.
 """
 
 from fipa_codec.acl_string.content import Form
 from fipa_codec.acl_string.errors import AclSyntaxError
-from fipa_codec.acl_string.mapping import from_acl, to_acl
+from fipa_codec.acl_string.mapping import from_acl, reply_names, to_acl
 from fipa_codec.acl_string.message import MAX_ACL_BYTES, MAX_DEPTH, MAX_ITEMS, AclMessage, After, Aid, At
 from fipa_codec.acl_string.printing import render
 from fipa_codec.acl_string.reading import parse
@@ -28,5 +30,6 @@ __all__ = [
     "from_acl",
     "parse",
     "render",
+    "reply_names",
     "to_acl",
 ]

@@ -6,9 +6,10 @@ parameters:
   X-reply-by          unix seconds, if reply-by with its milliseconds and four-digit years is not exact
   X-act, X-protocol   if the standard's name would be mapped back to another one
 A user-defined parameter only refines its standard parameter; if the two disagree (another platform copied it into a
-changed message), it is ignored. Names of protocols map one to one (query <-> fipa-query, cfp <-> fipa-contract-net).
-inform-ref and inform-if are macro acts, which are not sent (SC00037J): they are mapped to inform, and an inform of
-fipa-query is mapped to inform-ref, with which the paper answers a query.
+changed message), it is ignored. inform-ref and inform-if are macro acts, which are not sent (SC00037J): they are mapped
+to inform. FIPA's token of a protocol means that of the profile: by `Profile.FIPA` fipa-query is `fipa-query`, by
+`Profile.PAPER` it is `query`, and an inform in it is inform-ref, with which the paper answers a query. What is not a
+word or label of ours (a blank in a conversation-id, a nested ontology) is escaped (`escapes`).
 """
 
 from collections.abc import Mapping
@@ -17,49 +18,46 @@ import msgspec
 
 from fipa_codec.acl_string import content as contents
 from fipa_codec.acl_string.content import Form
+from fipa_codec.acl_string.escapes import LABEL, WORD, Escape
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS, AclMessage, After, Aid, At
 from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
-from fipa_codec.protocols import QUERY, named
+from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, Profile, named
 
 ID, SENT, REPLY_BY, ACT, PROTOCOL = "X-id", "X-sent", "X-reply-by", "X-act", "X-protocol"
 
-# Name -> FIPA's token (SC00026H to SC00036H), for protocols that are not registered or have no such alias.
-_TOKENS = {
-    "request": "fipa-request",
-    "query": "fipa-query",
-    "request-when": "fipa-request-when",
-    "cfp": "fipa-contract-net",
-    "icfp": "fipa-iterated-contract-net",
-    "brokering": "fipa-brokering",
-    "recruiting": "fipa-recruiting",
-    "subscribe": "fipa-subscribe",
-    "propose": "fipa-propose",
-}
-_NAMES = {token: name for name, token in _TOKENS.items()}
+_PAPERS = {f"fipa-{protocol.name}": protocol.name for protocol in (REQUEST, QUERY, SUBSCRIBE)}
+_TOKENS = {name: token for token, name in _PAPERS.items()}
 _MACRO_ACTS = (Performative.INFORM_REF, Performative.INFORM_IF)
 _NOBODY: Mapping[str, Aid] = {}
 
 
-def to_acl(communicate: Communicate, *, names: Mapping[str, Aid] = _NOBODY, form: Form = Form.READABLE) -> AclMessage:
-    """Return the ACL message of a communicate. `names`: identifiers (with addresses) by names of agents.
+def to_acl(
+    communicate: Communicate,
+    *,
+    names: Mapping[str, Aid] = _NOBODY,
+    form: Form = Form.READABLE,
+    profile: Profile = Profile.FIPA,
+) -> AclMessage:
+    """Return the ACL message of a communicate; `from_acl` of the same profile returns the same communicate.
 
-    Raise LocalProtocolError if the communicate is not valid (`encode_strictly`).
+    `names`: identifiers (with addresses) by names of agents. Raise LocalProtocolError if the communicate is not valid
+    (`encode_strictly`).
     """
     encode_strictly(communicate)
     message = AclMessage(
         performative=_act_out(communicate.performative),
         sender=_aid(communicate.sender, names) if communicate.sender else None,
         receiver=(_aid(communicate.receiver, names),) if communicate.receiver else (),
-        language=communicate.language or None,
-        ontology=communicate.ontology or None,
+        language=WORD.leave(communicate.language) or None,
+        ontology=WORD.leave(communicate.ontology) or None,
         protocol=_token_of(communicate.protocol) or None,
-        conversation_id=communicate.conversation or None,
-        reply_with=communicate.reply_with or None,
-        in_reply_to=communicate.in_reply_to or None,
+        conversation_id=LABEL.leave(communicate.conversation) or None,
+        reply_with=LABEL.leave(communicate.reply_with) or None,
+        in_reply_to=LABEL.leave(communicate.in_reply_to) or None,
         reply_by=None if communicate.reply_by is None else _at(communicate.reply_by),
-        user=_user(communicate),
+        user=_user(communicate, profile),
     )
     if communicate.content is msgspec.UNSET:
         return message
@@ -69,45 +67,61 @@ def to_acl(communicate: Communicate, *, names: Mapping[str, Aid] = _NOBODY, form
 
 
 def from_acl(
-    message: AclMessage, received: float, *, names: Mapping[str, Aid] = _NOBODY, receiver: str = ""
+    message: AclMessage,
+    received: float,
+    *,
+    names: Mapping[str, Aid] = _NOBODY,
+    receiver: str = "",
+    profile: Profile = Profile.FIPA,
 ) -> Communicate:
     """Return the communicate of an ACL message. `received` [unix s]: the reference of a relative reply-by.
 
     `names` as in `to_acl`. `receiver`: name of the agent whose copy this is, if the message has several receivers.
-    User-defined parameters of others are dropped. Raise MalformedError for values that a communicate cannot represent:
-    invalid words or labels, several receivers without `receiver`, a reply-to other than the sender.
+    `profile`: whose protocols FIPA's tokens mean. User-defined parameters of others are dropped. A communicate has no
+    reply-to: `reply_names` says how it is followed. Raise MalformedError for values that a communicate cannot
+    represent: words or labels that are too long, several receivers without `receiver`.
     """
     ours = {aid.name: name for name, aid in names.items()}
-    sender = _name(message.sender, ours) if message.sender else ""
-    if any(_name(aid, ours) != sender for aid in message.reply_to):
-        raise MalformedError("reply-to", f"is not the sender {sender!r}; answers are sent to the sender only")
     user = {name.lower(): value for name, value in message.user.items()}
     jade_encoding = user.get(contents.JADE_ENCODING.lower())
-    communicate = Communicate(
-        performative=_act_in(message, user),
-        content=msgspec.UNSET
-        if message.content is None
-        else contents.read(message.content, message.encoding, jade_encoding),
-        language=message.language or "",
-        ontology=message.ontology or "",
-        protocol=_protocol_in(message, user),
-        reply_by=_reply_by(message, received, user),
-        reply_with=message.reply_with or "",
-        in_reply_to=message.in_reply_to or "",
-        conversation=message.conversation_id or "",
-        sender=sender,
-        receiver=_receiver([_name(aid, ours) for aid in message.receiver], receiver),
-        id=user.get(ID.lower(), ""),
-        sent=_seconds(SENT, user[SENT.lower()]) if SENT.lower() in user else 0.0,
-    )
     try:
+        communicate = Communicate(
+            performative=_act_in(message, user, profile),
+            content=msgspec.UNSET
+            if message.content is None
+            else contents.read(message.content, message.encoding, jade_encoding),
+            language=_entered(WORD, message.language),
+            ontology=_entered(WORD, message.ontology),
+            protocol=_protocol_in(message, user, profile),
+            reply_by=_reply_by(message, received, user),
+            reply_with=_entered(LABEL, message.reply_with),
+            in_reply_to=_entered(LABEL, message.in_reply_to),
+            conversation=_entered(LABEL, message.conversation_id),
+            sender=_name(message.sender, ours) if message.sender else "",
+            receiver=_receiver([_name(aid, ours) for aid in message.receiver], receiver),
+            id=user.get(ID.lower(), ""),
+            sent=_seconds(SENT, user[SENT.lower()]) if SENT.lower() in user else 0.0,
+        )
         data = msgspec.msgpack.encode(communicate)
     except UnicodeEncodeError as error:
         raise MalformedError("message", "contains half a surrogate pair, which UTF-8 cannot encode") from error
     return decode_strictly(data)
 
 
-def _user(communicate: Communicate) -> dict[str, str]:
+def reply_names(message: AclMessage, names: Mapping[str, Aid] = _NOBODY) -> dict[str, Aid]:
+    """Return `names` for the answers to a message, so that `to_acl` addresses them to its reply-to (SC00061G).
+
+    Raise MalformedError if there are several: the answers of a conversation go to one agent.
+    """
+    if message.sender is None or not message.reply_to:
+        return dict(names)
+    if len(message.reply_to) > 1:
+        raise MalformedError("reply-to", f"has {len(message.reply_to)} agents, must name one (SC00061G)")
+    ours = {aid.name: name for name, aid in names.items()}
+    return {**names, _name(message.sender, ours): message.reply_to[0]}
+
+
+def _user(communicate: Communicate, profile: Profile) -> dict[str, str]:
     """Return the user-defined parameters for values that the standard parameters do not represent."""
     act, protocol = communicate.performative, communicate.protocol
     sent, reply_by = float(communicate.sent), communicate.reply_by
@@ -117,8 +131,8 @@ def _user(communicate: Communicate) -> dict[str, str]:
             (ID, communicate.id, bool(communicate.id)),
             (SENT, repr(sent), repr(sent) != "0.0"),
             (REPLY_BY, repr(reply_by), reply_by is not None and repr(_at(reply_by).unix_ms / 1000) != repr(reply_by)),
-            (PROTOCOL, protocol, _name_of(_token_of(protocol)) != protocol),
-            (ACT, str(act), _answers(_act_out(act), protocol) != act),
+            (PROTOCOL, protocol, _name_of(_token_of(protocol), profile) != protocol),
+            (ACT, str(act), _answers(_act_out(act), protocol, profile) != act),
         )
         if needed
     }
@@ -131,41 +145,43 @@ def _act_out(act: Performative) -> Performative:
     return Performative.INFORM if act in _MACRO_ACTS else act
 
 
-def _answers(act: Performative, protocol: str) -> Performative:
-    """Return the received act; the answer to a query is inform-ref."""
-    return Performative.INFORM_REF if act is Performative.INFORM and _name_of(protocol) == QUERY.name else act
+def _answers(act: Performative, name: str, profile: Profile) -> Performative:
+    """Return the received act; by the paper the answer to a query is inform-ref."""
+    papers = profile is Profile.PAPER and act is Performative.INFORM and name == QUERY.name
+    return Performative.INFORM_REF if papers else act
 
 
-def _act_in(message: AclMessage, user: Mapping[str, str]) -> Performative:
+def _act_in(message: AclMessage, user: Mapping[str, str], profile: Profile) -> Performative:
     exact = next((act for act in Performative if act == user.get(ACT.lower(), "").lower()), None)
     if exact and _act_out(exact) is message.performative:
         return exact
-    return _answers(message.performative, message.protocol or "")
+    return _answers(message.performative, _protocol_in(message, user, profile), profile)
 
 
 def _token_of(name: str) -> str:
     """Return FIPA's token of a protocol, or its name if there is none."""
+    name = WORD.leave(name)
     try:
         protocol = named(name)
     except LocalProtocolError:
-        return _TOKENS.get(name, name)
-    return next((known for known in (name, *protocol.aliases) if known.startswith("fipa-")), _TOKENS.get(name, name))
-
-
-def _name_of(name: str) -> str:
-    """Return the name of a protocol of FIPA by its token; any other name is unchanged."""
-    lower = name.lower()
-    if not lower.startswith("fipa-"):
         return name
+    return next((known for known in protocol.aliases if known.startswith("fipa-")), _TOKENS.get(name, name))
+
+
+def _name_of(token: str, profile: Profile) -> str:
+    """Return the name of a protocol of FIPA by its token; any other name is unchanged."""
+    lower = token.lower()
+    if profile is Profile.PAPER and lower in _PAPERS:
+        return _PAPERS[lower]
     try:
-        return named(lower).name
+        return named(lower).name if lower.startswith("fipa-") else WORD.enter(token)
     except LocalProtocolError:
-        return _NAMES.get(lower, name)
+        return WORD.enter(token)
 
 
-def _protocol_in(message: AclMessage, user: Mapping[str, str]) -> str:
+def _protocol_in(message: AclMessage, user: Mapping[str, str], profile: Profile) -> str:
     written, exact = message.protocol or "", user.get(PROTOCOL.lower(), "")
-    return exact if exact and _token_of(exact) == written else _name_of(written)
+    return exact if exact and _token_of(exact) == written else _name_of(written, profile)
 
 
 # --- times ------------------------------------------------------------------------------------------------------------
@@ -199,15 +215,19 @@ def _seconds(name: str, text: str) -> float:
         raise MalformedError(name, f"is {text!r}, must be unix seconds such as 1760000000.25") from error
 
 
-# --- names ------------------------------------------------------------------------------------------------------------
+# --- words, labels, names ---------------------------------------------------------------------------------------------
+
+
+def _entered(escape: Escape, text: str | None) -> str:
+    return escape.enter(text or "")
 
 
 def _aid(name: str, names: Mapping[str, Aid]) -> Aid:
-    return names.get(name) or Aid(name)
+    return names.get(name) or Aid(WORD.leave(name))
 
 
 def _name(aid: Aid, ours: Mapping[str, str]) -> str:
-    return ours.get(aid.name, aid.name)
+    return ours[aid.name] if aid.name in ours else _entered(WORD, aid.name)
 
 
 def _receiver(receivers: list[str], wanted: str) -> str:

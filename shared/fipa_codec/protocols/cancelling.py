@@ -47,19 +47,24 @@ def cancellable(
     failure_ends: bool = False,
     aliases: tuple[str, ...] = (),
     rounds: Iterable[P] = (),
+    resting: Iterable[S] = (),
 ) -> Protocol:
     """Return the protocol of a diagram (`rows`, from the view of the initiator) with cancel.
 
     `ended`: final states of the diagram. `pending`: its open states after the opening. `failure_ends`: whether a failed
-    cancel ends the conversation too; otherwise the conversation continues in its state.
+    cancel ends the conversation too; otherwise the conversation continues in its state. `resting`: open states that may
+    last for ever.
     """
-    arrows, ends = tuple(rows), tuple(ended)
+    arrows, ends, rests = tuple(rows), tuple(ended), tuple(resting)
     mirror, over = mirrored(arrows), (*ends, S.CANCELLED, S.SETTLED)
     return Protocol(
         name,
-        initiator=Table((*arrows, *_initiator(arrows, pending, failure_ends)), ended=over),
+        initiator=Table((*arrows, *_initiator(arrows, pending, failure_ends)), ended=over, resting=rests),
         participant=Table(
-            (*mirror, *_participant(mirror, ends, pending, failure_ends)), ended=over, urgent=(S.TOO_LATE,)
+            (*mirror, *_participant(mirror, ends, pending, failure_ends)),
+            ended=over,
+            urgent=(S.TOO_LATE,),
+            resting=rests,
         ),
         aliases=aliases,
         rounds=rounds,

@@ -1,16 +1,15 @@
-"""`query` (FIPA SC00027H): whether a proposition holds (query-if), which object a descriptor denotes (query-ref).
+"""Query: whether a proposition holds (query-if), which object a descriptor denotes (query-ref).
 
-The answer is immediate, so there is neither agree nor cancel; an initiator that needs no answer any more ignores it.
-The query may be repeated with the same m_w until it is answered: each copy may be answered, and later answers are
-ignored.
-
-In the standard the answer is an inform whose content is the object or the truth value. `inform-ref` is a macro act
-(SC00037J), but the paper uses it as the answer (Table 8). Both roles have rows for both, so that agents of the paper
-and of other platforms are understood.
+`fipa-query` is that of the specification (SC00027H). `query` is the paper's. There the answer is immediate, so there is
+neither agree nor cancel; an initiator that needs no answer any more ignores it. The query may be repeated with the same
+m_w until it is answered: each copy may be answered, and later answers are ignored. The paper answers with `inform-ref`
+(Table 8), a macro act that the specification does not send (SC00037J); `query` has rows for it and for inform.
 """
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
+from fipa_codec.protocols.cancelling import cancellable
+from fipa_codec.protocols.request import ANSWERS, ENDED, OPEN
 from fipa_codec.protocols.states import State as S
 from fipa_codec.tables import RECEIVE, SEND, Protocol, Row, Table, register
 
@@ -37,5 +36,15 @@ _query_participant = Table(
     ended=_QUERY_ENDED,
 )
 
-QUERY = register(Protocol("query", initiator=_query_initiator, participant=_query_participant, aliases=("fipa-query",)))
-"""Query (SC00027H)."""
+QUERY = register(Protocol("query", initiator=_query_initiator, participant=_query_participant))
+"""The paper's query."""
+
+FIPA_QUERY = register(
+    cancellable(
+        "fipa-query",
+        [*(Row(S.START, SEND, query, PLAIN, S.ASKED) for query in _QUERIES), *ANSWERS],
+        ended=ENDED,
+        pending=OPEN,
+    )
+)
+"""Query (SC00027H); agree may be omitted if the answer is immediate."""

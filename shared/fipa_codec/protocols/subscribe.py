@@ -1,12 +1,13 @@
-"""`subscribe` (FIPA SC00035H) with cancel, as soft state.
+"""Subscription, of the specification (`fipa-subscribe`, SC00035H) and the paper's (`subscribe`), which is soft state.
 
-The initiator repeats subscribe, with the same m_w, until it is answered; the participant then repeats its answer. A
-live subscription may last for ever. The rows of the cancel differ from those of the other protocols: a participant
-answers the cancel in the same step.
+A live subscription may last for ever. In the paper's the initiator repeats subscribe, with the same m_w, until it is
+answered; the participant then repeats its answer. A participant answers the cancel in the same step, and a failed
+cancel ends the subscription.
 """
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
+from fipa_codec.protocols.cancelling import Pending, cancellable
 from fipa_codec.protocols.states import State as S
 from fipa_codec.tables import RECEIVE, SEND, Protocol, Row, Table, register
 
@@ -76,9 +77,27 @@ _subscribe_participant = Table(
     resting=(S.LIVE,),
 )
 
-SUBSCRIBE = register(
-    Protocol(
-        "subscribe", initiator=_subscribe_initiator, participant=_subscribe_participant, aliases=("fipa-subscribe",)
+SUBSCRIBE = register(Protocol("subscribe", initiator=_subscribe_initiator, participant=_subscribe_participant))
+"""The paper's subscription."""
+
+FIPA_SUBSCRIBE = register(
+    cancellable(
+        "fipa-subscribe",
+        [
+            Row(S.START, SEND, P.SUBSCRIBE, PLAIN, S.ASKED),
+            Row(S.ASKED, RECEIVE, P.AGREE, PLAIN, S.LIVE),
+            Row(S.ASKED, RECEIVE, P.REFUSE, PLAIN, S.REFUSED),
+            Row(S.ASKED, RECEIVE, P.INFORM, PLAIN, S.LIVE),
+            Row(S.ASKED, RECEIVE, P.FAILURE, PLAIN, S.FAILED),
+            Row(S.LIVE, RECEIVE, P.INFORM, PLAIN, S.LIVE),
+            Row(S.LIVE, RECEIVE, P.FAILURE, PLAIN, S.FAILED),
+        ],
+        ended=(S.REFUSED, S.FAILED),
+        pending={
+            S.ASKED: Pending(S.CANCELLING_ASKED, S.STOPPING_ASKED),
+            S.LIVE: Pending(S.CANCELLING, S.STOPPING),
+        },
+        resting=(S.LIVE,),
     )
 )
-"""Subscribe (SC00035H)."""
+"""Subscribe (SC00035H); agree may be omitted if the first notification is immediate."""

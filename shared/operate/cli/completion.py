@@ -46,6 +46,15 @@ def protocols(ctx: typer.Context, incomplete: str) -> list[str]:
     return _begun(incomplete, (design.tables for design in _designs(ctx)))
 
 
+def every_protocol(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the protocols that a design can follow, by every name: its own, then all that are registered."""
+    from fipa_codec.tables import known
+
+    own = [name for design in _designs(ctx) for name in design.own_tables]
+    names = [name for protocol in known() for name in (protocol.name, *protocol.aliases)]
+    return _among(dict.fromkeys([*own, *names]), incomplete)
+
+
 def uses(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the uses of protocols of the design."""
     return _begun(incomplete, (design.protocols for design in _designs(ctx)))
@@ -122,11 +131,16 @@ def started(incomplete: str) -> list[str]:
     from operate.system import NoSystemError, here
     from topdown.model.errors import TopdownError
 
-    done, comma, last = incomplete.rpartition(",")
     try:
         names = [one.name for one in here().processes]
     except (NoSystemError, TopdownError):
         return []
+    return behind_commas(names, incomplete)
+
+
+def behind_commas(names: Iterable[str], incomplete: str) -> list[str]:
+    """Return the names that go on what is behind the last comma, behind all before it."""
+    done, comma, last = incomplete.rpartition(",")
     return [f"{done}{comma}{name}" for name in _among(names, last) if name not in done.split(",")]
 
 
@@ -155,6 +169,15 @@ def speeds(incomplete: str) -> list[str]:
 def thresholds(incomplete: str) -> list[str]:
     """Return what `roco compare` has a threshold for."""
     return _among(("success=", "latency=", "energy=", "traffic="), incomplete)
+
+
+def moments(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return moments at which a fault may begin: the states of all agents, as AGENT:STATE."""
+    named = (
+        [f"{agent}:{one.name}" for agent, entry in design.agents.items() for one in entry.state]
+        for design in _designs(ctx)
+    )
+    return _begun(incomplete, named)
 
 
 def faults(incomplete: str) -> list[str]:

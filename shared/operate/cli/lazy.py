@@ -15,6 +15,7 @@ from operate.cli.verbs import VERBS, Table, merged
 
 ROOM = "operate.cli"
 EXAMPLES = "\nExamples:\n"
+BELOW_ZERO = re.compile(r"-\d+(\.\d+)?")
 WrongUse = cast(type[typer.BadParameter], typer.BadParameter.__mro__[1])
 """Any error of options and arguments; typer has it under other names from version to version."""
 
@@ -86,6 +87,11 @@ class Summary(TyperCommand):
 
 class Verb(TyperCommand):
     """A verb. Its help has examples with names of the system here in place of AGENT, PEER and CHANNEL."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """As click does, but a number below zero is an argument, and no option."""
+        ctx.ignore_unknown_options = any(BELOW_ZERO.fullmatch(word) for word in args)
+        return super().parse_args(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""

@@ -26,6 +26,7 @@ VERBS: Table = {
             ".fleet.agent:start",
             "Start a process that was stopped or given up, and wait until it is ready.",
         ),
+        "agent repair": (".fleet.repair:repair", "Repair the damaged journal of an agent that does not run."),
         "directory": (
             ".fleet.directory:directory",
             "Show who offers which protocol, ontology, language and query kinds, and who is up.",
@@ -76,6 +77,7 @@ VERBS: Table = {
             "Say again what a recording holds, with its timing, where no robot hears it.",
         ),
         "traffic judge": (".traffic.judge:judge", "Judge every communicate of a recording by the design."),
+        "traffic dead": (".traffic.dead:dead", "List the communicates that nobody took, and why."),
         "conversation": (GROUP, "The conversations of a run."),
         "conversation list": (".traffic.conversation:list_", "List conversations, oldest first."),
         "conversation show": (".traffic.conversation:show", "Show a conversation as a sequence diagram."),
@@ -85,6 +87,42 @@ VERBS: Table = {
         ),
         "acl": (GROUP, "Messages of other FIPA platforms, in their text (SC00070I)."),
         "acl show": (".traffic.acl:show", "Show what a message says."),
+    },
+    "Faults, on purpose": {
+        "fault": (GROUP, "Faults done to a running fleet; all are recorded, and healed at their end."),
+        "fault kill": (".faults.verbs:kill", "Kill a process (SIGKILL), and wait until it is back."),
+        "fault hang": (".faults.verbs:hang", "Let a process hang (SIGSTOP) until somebody ends it."),
+        "fault pause": (".faults.verbs:pause", "Give a process no processor for a time."),
+        "fault restart": (
+            ".faults.verbs:restart",
+            "End a process in order (SIGTERM) in the middle of its work, and wait until it is back.",
+        ),
+        "fault cut": (".faults.verbs:cut", "Cut the wire between an agent and the router."),
+        "fault delay": (".faults.verbs:delay", "Delay what passes the wire of an agent."),
+        "fault loss": (".faults.verbs:loss", "Lose a share of what passes the wire of an agent."),
+        "fault rate": (".faults.verbs:rate", "Bound the rate of the wire of an agent."),
+        "fault corrupt": (
+            ".faults.verbs:corrupt",
+            "Turn over a bit in a share of what passes the wire of an agent.",
+        ),
+        "fault disk-full": (
+            ".faults.verbs:disk_full",
+            "Let what a process writes to files fail, as if its disk were full (EFBIG), until it ends or the time is"
+            " over.",
+        ),
+        "fault flood": (
+            ".faults.verbs:flood",
+            "Flood an agent with orders of the operator, or with copies of what another agent says to it (--as).",
+        ),
+        "fault clock": (".faults.verbs:clock", "Step the wall clock of an agent; its monotonic clock goes on."),
+        "fault run": (".faults.run:run", "Do the faults of a scenario, and wait until all are over."),
+        "fault list": (".faults.verbs:list_", "List the faults of a run."),
+        "fault heal": (".faults.verbs:heal", "Heal all faults that go on."),
+        "chaos": (
+            ".chaos.verb:chaos",
+            "Do the system's job again and again, each time with a fault that a seed chooses, and judge each whole"
+            " history.",
+        ),
     },
     "Runs reported, repeated, compared": {
         "runs": (
@@ -133,10 +171,17 @@ VERBS: Table = {
             ".design.verify:verify",
             "Prove a design: no deadlock, nothing unforeseen.",
         ),
+        "protocol": (GROUP, "Interaction protocols: FIPA's, the paper's, the design's own."),
+        "protocol list": (".design.protocol:list_", "List the protocols that a design can follow."),
+        "protocol show": (".design.protocol:show", "Show the tables of a protocol: who may say what in which state."),
         "keys": (GROUP, "Certificates of a fleet, and the router's rules."),
         "keys make": (
             ".fleet.keys:make",
             "Make an authority, a certificate per identity and the router's rules, all anew.",
+        ),
+        "keys revoke": (
+            ".fleet.keys:revoke",
+            "Deny everything to whoever has the key of a name: the router listens again within a second.",
         ),
     },
 }

@@ -11,7 +11,7 @@ from operate.experiments import measures, tables
 from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import Runs
 from operate.experiments.run_figures import Figures, Result, Setting
-from operate.recording import history
+from operate.recording import filled, history
 from operate.reports import report
 from operate.run_folder import REPORT_FILE, TRAFFIC_FILE
 from operate.system import System, of_run
@@ -54,7 +54,7 @@ def is_run(place: Path) -> bool:
 
 def of_recording(place: Path) -> history.History:
     """The history of a run's folder or of a recording. Raises NothingHere."""
-    if place.is_dir() and ((place / TRAFFIC_FILE).exists() or (place / history.STEPS).is_dir()):
+    if place.is_dir() and ((place / TRAFFIC_FILE).exists() or (place / filled.STEPS).is_dir()):
         return history.load(place, of_run(place))
     if not place.is_file():
         raise NothingHere(f"{place} holds no recording; give a run's folder or a {TRAFFIC_FILE}")

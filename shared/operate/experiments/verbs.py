@@ -1,4 +1,4 @@
-"""`python -m services.monitor again | export | compare | experiment`: what `roco` has this room do; it prints JSON.
+"""`python -m services.monitor again | export | compare | invariants | experiment`: the room's work for `roco`, in JSON.
 
 Exit code 2, with one line on standard error, where there is nothing to work on. What they need is imported when called.
 """
@@ -62,6 +62,16 @@ def compare(
     with _telling():
         limits = comparing.thresholds(threshold or [])
         found = comparing.compared(results.load(a), results.load(b), limits)
+    _print(found)
+
+
+def invariants(place: Annotated[Path, typer.Argument(help="A run's folder.")]) -> None:
+    """Print what does not hold of a run, though it must whatever was done to it."""
+    from operate.judging import invariants as judging
+    from operate.system import of_run
+
+    with _telling():
+        found = judging.checked(place, of_run(place))
     _print(found)
 
 

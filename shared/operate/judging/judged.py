@@ -53,16 +53,18 @@ class Judging:
         at = record.received
         match record:
             case Spoken():
-                return self._judge.hear(key_of(record, self._key), record.wire, at)
+                return self._judge.hear(key_of(record, self._key), record.wire, at, log=record.log)
+            case Garbage(data=b"", log=log) if log:
+                return self._judge.noted(record.key, record.reason, at, log)
             case Garbage():
-                return self._judge.hear(record.key, record.data, at, record.size)
+                return self._judge.hear(record.key, record.data, at, record.size, log=record.log)
             case Token(alive=True):
                 fresh = self._began is not None and at > self._began + HISTORY_S
-                return self._judge.lived(record.agent, record.incarnation, at, fresh=fresh)
+                return self._judge.lived(record.agent, record.incarnation, at, fresh=fresh, journal=record.journal)
             case House(kind=kind) if kind == SETTING:
                 self._began = at
-            case Resumed():
-                return self._judge.deaf(at)
+            case Resumed(sender=sender):
+                return self._judge.deaf(at, sender)
         return self._judge.pass_time(at)
 
 

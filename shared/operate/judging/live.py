@@ -10,6 +10,8 @@ import msgspec
 
 from agent_runtime.core import unheard
 from agent_runtime.core.unheard import Unheard
+from fipa_codec.communicate import UNREADABLE
+from operate.recording.fault_file import fault_in
 from operate.recording.records import House, Record, Spoken, Token
 from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent
 from operate.system import System
@@ -63,6 +65,8 @@ class Live:
                 yield from self._entered(AgentIn(t=t, agent=agent, state=state, alive=alive, incarnation=born))
             case House(kind="state"):
                 yield from self._house(record)
+            case House(kind="fault"):
+                yield from self._fault(record)
             case House():
                 yield from self._further(record)
 
@@ -73,6 +77,13 @@ class Live:
                 yield from self._entered(line)
             else:
                 yield line
+
+    def _fault(self, house: House) -> Iterator[Happened]:
+        """Return the line of a fault that begins or ends."""
+        fault = fault_in(house)
+        if fault is not None and fault.began:
+            told = "begins" if fault.ended is None else f"over after {fault.ended - fault.began:.1f} s, {fault.text}"
+            yield Happened(t=house.received, name="fault", text=f"{fault.words}: {told}")
 
     def _spoken(self, one: Spoken) -> Sent:
         return Sent(
@@ -99,7 +110,7 @@ class Live:
     def _house(self, house: House) -> Iterator[LiveLine]:
         try:
             beat = _beat.decode(house.data)
-        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        except UNREADABLE:
             return
         state = "paused" if beat.paused else beat.state
         yield from self._entered(AgentIn(t=house.received, agent=beat.agent, state=state))

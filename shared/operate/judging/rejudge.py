@@ -1,11 +1,14 @@
-"""Judging afterwards: a run folder, a traffic.mcap or a live.jsonl, by the design of its system or another one."""
+"""Judging afterwards: a run folder, a traffic.mcap or a live.jsonl, by the design of its system or another one.
+
+Of a run folder also what only the agents' step logs have is judged (operate.recording.filled).
+"""
 
 from pathlib import Path
 
 import msgspec
 
 from operate.judging import judged
-from operate.recording import mcap_file
+from operate.recording import filled, mcap_file
 from operate.run_folder import LIVE_FILE, TRAFFIC_FILE, Judged, LiveLine
 from operate.system import System
 
@@ -16,15 +19,16 @@ class CannotJudge(Exception):
 
 def judge(file: Path, system: System) -> tuple[Judged, ...]:
     """Return every verdict about what `file` holds, in the order of time. Raise CannotJudge."""
-    if file.is_dir():
-        file = next((one for one in (file / TRAFFIC_FILE, file / LIVE_FILE) if one.exists()), file / TRAFFIC_FILE)
-    if not file.is_file():
-        raise CannotJudge(f"{file} is not there; give a run folder, a {TRAFFIC_FILE} or a {LIVE_FILE}")
-    if file.suffix == ".jsonl":
+    if file.is_dir() and not (file / TRAFFIC_FILE).exists() and (file / LIVE_FILE).exists():
+        file /= LIVE_FILE
+    if file.suffix == ".jsonl" and file.is_file():
         return judged.of_live(_live(file), system.design)
-    records = mcap_file.read(file).records
+    recorded = file / TRAFFIC_FILE if file.is_dir() else file
+    if not recorded.is_file():
+        raise CannotJudge(f"{recorded} is not there; give a run folder, a {TRAFFIC_FILE} or a {LIVE_FILE}")
+    records = filled.of_run(file, system).known if file.is_dir() else mcap_file.read(file).records
     if not records:
-        raise CannotJudge(f"{file} holds no record that can be read; give a {TRAFFIC_FILE} of a run")
+        raise CannotJudge(f"{recorded} holds no record that can be read; give a {TRAFFIC_FILE} of a run")
     return judged.of_records(records, system)
 
 

@@ -4,6 +4,7 @@
 it alone waits for a child that is slow or frozen, and starts a new one, after a growing pause, where one has died.
 """
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from functools import partial
 from pathlib import Path
 
 from agent_runtime.io.tap import Sample
-from operate.pictures.viewer_address import Place, wanted
+from operate.pictures.viewer_address import SWITCH, Place, wanted
 from operate.pictures.wire import Heard, Item, Missed, Said, encode, framed
 from operate.run_folder import Judged
 from operate.system import System
@@ -166,8 +167,14 @@ def _environment() -> dict[str, str]:
 
 
 def feeding(where: Mapping[str, Path], system: System, say: Say) -> dict[str, Feed]:
-    """A feed for each system's run, as the environment wants it; none where that is wrong, which `say` reports."""
+    """A feed for each system's run, as the environment wants it; none where that is wrong, which `say` reports.
+
+    None either where Rerun is not installed, as in the recorder's image.
+    """
     feeds = {}
+    if os.environ.get(SWITCH) != "off" and importlib.util.find_spec("rerun") is None:
+        say("no pictures", why="Rerun is not installed here; `roco view` shows the recording where it is")
+        return {}
     for number, (name, run) in enumerate(where.items()):
         try:
             place = wanted(os.environ, number)

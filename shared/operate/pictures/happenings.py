@@ -8,6 +8,8 @@ from typing import Any
 
 import msgspec
 
+from fipa_codec.communicate import UNREADABLE
+from operate.recording.fault_file import fault_in
 from operate.recording.history import History, state_in
 from operate.recording.records import House, Record, Spoken, Token
 from operate.system import System
@@ -20,7 +22,7 @@ class Lost(msgspec.Struct, frozen=True):
 
 
 What = Any
-"""Spoken, Judged, Entered, Lost, or what the system tells on house keys (Additions.telemetry)."""
+"""Spoken, Judged, Entered, Fault, Lost, or what the system tells on house keys (Additions.telemetry)."""
 
 
 class Happening(msgspec.Struct, frozen=True):
@@ -41,10 +43,12 @@ class Reader:
         """Yield the events of a record; none for what is not drawn or cannot be read."""
         if isinstance(record, Spoken):
             yield Happening(record.received, record)
+        elif (fault := fault_in(record)) is not None:
+            yield Happening(fault.began if fault.ended is None else fault.ended, fault)
         elif isinstance(record, House) and record.kind in self._decoders:
             try:
                 yield Happening(record.received, self._decoders[record.kind](record.data))
-            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            except UNREADABLE:
                 return
         elif isinstance(record, House | Token):
             yield from self._state(record)
@@ -62,4 +66,8 @@ def of_history(history: History) -> list[Happening]:
     found += [Happening(one.t, one) for one in history.judged]
     found += [Happening(at, one) for at, one in history.told]
     found += [Happening(one.at, one) for one in history.entered]
+    for fault in history.faults:
+        found.append(Happening(fault.began, msgspec.structs.replace(fault, ended=None)))
+        if fault.ended is not None:
+            found.append(Happening(fault.ended, fault))
     return sorted(found, key=lambda one: one.at)

@@ -6,19 +6,29 @@ import rerun as rr
 
 from operate.pictures.colours import FRESH, GREY, RED
 from operate.pictures.happenings import Happening
-from operate.pictures.sheet import Sheet, states
+from operate.pictures.sheet import Colour, Sheet, states
 from operate.recording.history import Entered
+from operate.run_folder import Fault
 from topdown.model.design import Design
 
 REST = "–"
 GONE = "gone"
+FAULTS = "agents/faults"
+"""Place of the lane of faults, below the states of the agents."""
 
 
 class Lane:
-    """One lane: which states it has had, and which it has now. `resting`: its states of rest."""
+    """One lane: which states it has had, and which it has now. `resting`: its states of rest; `colour`: of others."""
 
-    def __init__(self, sheet: Sheet, place: str, known: Iterable[str] = (), resting: Iterable[str] = ()) -> None:
-        self._sheet, self._place = sheet, place
+    def __init__(
+        self,
+        sheet: Sheet,
+        place: str,
+        known: Iterable[str] = (),
+        resting: Iterable[str] = (),
+        colour: Colour = FRESH,
+    ) -> None:
+        self._sheet, self._place, self._colour = sheet, place, colour
         self._known, self._resting = list(known), {REST, *resting}
         self.now: str | None = None
 
@@ -29,7 +39,7 @@ class Lane:
         known = self._known
         if self.now is None or state not in known:
             known += [state] if state not in known else []
-            colours = [RED if name == GONE else GREY if name in self._resting else FRESH for name in known]
+            colours = [RED if name == GONE else GREY if name in self._resting else self._colour for name in known]
             self._sheet.static(self._place, rr.StateConfiguration(values=known, labels=known, colors=colours))
         self.now = state
         self._sheet.add(self._place, states, at, state)
@@ -54,3 +64,21 @@ class Lanes:
         match happening.what:
             case Entered(agent=agent, state=state, alive=alive) if agent in self._lanes and (state or not alive):
                 self._lanes[agent].enter(happening.at, state if alive else GONE)
+
+
+class Faults:
+    """Draws a lane of the faults that go on; without any fault it is not there."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        self._lane = Lane(sheet, FAULTS, [REST], colour=RED)
+        self._now: dict[str, str] = {}
+
+    def take(self, happening: Happening) -> None:
+        """Draw a fault that begins or ends."""
+        match happening.what:
+            case Fault(id=name, began=began, ended=ended) as fault if began:
+                if ended is None:
+                    self._now[name] = fault.words
+                elif self._now.pop(name, None) is None:
+                    return
+                self._lane.enter(happening.at, ", ".join(self._now.values()) or REST)

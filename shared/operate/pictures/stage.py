@@ -4,10 +4,10 @@ from typing import Protocol
 
 from operate.pictures.graph import Graph
 from operate.pictures.happenings import Happening, Lost
-from operate.pictures.lanes import Lanes
+from operate.pictures.lanes import Faults, Lanes
 from operate.pictures.sheet import Sheet
 from operate.pictures.traffic import Bandwidth, Log, Sizes
-from operate.run_folder import Judged
+from operate.run_folder import Fault, Judged
 from operate.system import System
 
 
@@ -29,6 +29,7 @@ class Stage:
         self._drawers: tuple[Drawer, ...] = (
             *(own(sheet) if own is not None else ()),
             Lanes(sheet, design),
+            Faults(sheet),
             Log(sheet, design),
             Sizes(sheet, design),
             self._graph,
@@ -36,8 +37,8 @@ class Stage:
         )
 
     def take(self, happening: Happening) -> None:
-        """Draw it; verdicts may be of a moment that is over, all else says how late it is."""
-        if not isinstance(happening.what, Judged | Lost):
+        """Draw it; verdicts and faults may be of a moment that is over, all else says how late it is."""
+        if not isinstance(happening.what, Judged | Lost | Fault):
             self.pass_time(happening.at)
         for drawer in self._drawers:
             drawer.take(happening)

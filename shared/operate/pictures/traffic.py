@@ -8,7 +8,7 @@ import rerun as rr
 from operate.pictures.colours import GREY, ORANGE, RED, channel
 from operate.pictures.happenings import Happening, Lost
 from operate.pictures.sheet import Colour, Sheet, scalars, words
-from operate.recording.records import Origin, Spoken
+from operate.recording.records import Spoken
 from operate.run_folder import Judged
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
@@ -21,7 +21,7 @@ OTHER = "other"
 
 
 class Log:
-    """A line for each verdict about a communicate, and for what nobody judged since only its receiver wrote it down."""
+    """A line for each verdict about a communicate."""
 
     def __init__(self, sheet: Sheet, design: Design) -> None:
         self._sheet, self._channels = sheet, design.channels
@@ -33,10 +33,9 @@ class Log:
                 level = LEVELS.get(Verdict(one.verdict), "ERROR")
                 what = _line(one.sender, one.receiver, one.performative, one.text, one.bytes) if one.sender else one.key
                 why = f"  {one.verdict.upper()}: {one.why}" if level not in ("INFO", "DEBUG") else ""
-                self._add(happening.at, one.channel, what + why, level)
-            case Spoken(origin=Origin.STEPS) as one:
-                what = _line(one.sender, one.receiver, one.performative, one.text, one.size)
-                self._add(happening.at, one.channel, f"{what}  not recorded: from {one.receiver}'s step log", "WARN")
+                missed = f"  not recorded: from {one.log}'s step log" if one.log else ""
+                level = "WARN" if one.log and not one.violation else level
+                self._add(happening.at, one.channel, what + why + missed, level)
             case Lost(samples=count):
                 self._add(
                     happening.at, "", f"drawing is too slow: {count} samples not shown (they are recorded)", "WARN"

@@ -14,7 +14,7 @@ from agent_runtime.io import cli
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.tap import RECORDER
-from operate.experiments.verbs import again, compare, experiment, export
+from operate.experiments.verbs import again, compare, experiment, export, invariants
 from operate.recording.recorder import serve
 from operate.system import NoSystemError, here, languages_at, of_design, of_run
 
@@ -67,10 +67,18 @@ def said(
     from operate.recording import samples
 
     try:
-        samples.main(file, of_run(file).design, everything=everything)
+        samples.main(file, of_run(file), everything=everything)
     except (samples.NoRecordingError, NoSystemError) as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(2) from error
+
+
+def dead(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=True, file_okay=False)]) -> None:
+    """Print the communicates of a run folder that nobody took, one JSON object a line."""
+    from operate.recording import dead as letters
+
+    for letter in letters.of_run(run_dir, of_run(run_dir)):
+        sys.stdout.buffer.write(msgspec.json.encode(letter) + b"\n")
 
 
 def info(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
@@ -119,12 +127,14 @@ VERBS: dict[str, Callable[..., None]] = {
     "judge": judge,
     "observations": observations,
     "said": said,
+    "dead": dead,
     "info": info,
     "record": record,
     "replayed": replayed,
     "again": again,
     "export": export,
     "compare": compare,
+    "invariants": invariants,
     "experiment": experiment,
 }
 

@@ -14,6 +14,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Footer, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
+from fipa_codec.communicate import UNREADABLE
 from operate.recording.mcap_file import RECORD_LIMIT
 from operate.recording.samples import NoRecordingError
 from operate.run_folder import TRAFFIC_FILE
@@ -148,7 +149,7 @@ def _add(topic: Topic, message: Message) -> None:
     topic.add(at, size)
     try:
         words = _decoder.decode(message.data).words()
-    except msgspec.MsgspecError:  # cut off, or of another version: counted all the same
+    except UNREADABLE:  # cut off, or of another version: counted all the same
         return
     if words:
         topic.keys.setdefault(words, Counted(words)).add(at, size)

@@ -1,7 +1,7 @@
-"""A run as it was recorded: the monitor's MCAP and the agents' own step logs, merged, with what is missing named.
+"""A run as it was recorded: the monitor's MCAP, filled from the agents' own step logs, with what is missing named.
 
-The monitor may be killed; each agent also writes down what reached it. A communicate that only a step log has is taken
-from there; where that happened is a hole in the recording. Must not know: what a report wants of it.
+A communicate that only a step log has is taken from there (filled.py); where that happened is a hole in the recording.
+Must not know: what a report wants of it.
 """
 
 from collections import Counter
@@ -14,17 +14,15 @@ from typing import Any
 import msgspec
 
 from agent_runtime.core.effects import Receipt
-from agent_runtime.core.events import Arrived
-from agent_runtime.io import steplog
-from fipa_codec.communicate import encode
-from fipa_codec.errors import FipaError
+from fipa_codec.communicate import UNREADABLE
+from operate.fault_lines import done
 from operate.judging.judged import of_records
-from operate.recording import mcap_file
-from operate.recording.records import SETTING, Garbage, House, Origin, Record, Resumed, Spoken, Token, spoken
-from operate.run_folder import FLEET_FILE, Fleet, Judged, ProcessState, ProcessStatus
+from operate.recording import filled
+from operate.recording.fault_file import KIND, FaultFile, fault_in
+from operate.recording.records import SETTING, Garbage, House, Origin, Record, Resumed, Spoken, Token
+from operate.run_folder import FLEET_FILE, Fault, Fleet, Judged, ProcessState, ProcessStatus
 from operate.system import System
 
-STEPS = "steps"
 NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
 
 
@@ -67,10 +65,10 @@ class History(msgspec.Struct, frozen=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
 
     `told`: what came on house keys that the system can read (Additions.telemetry): when it was heard, and what.
-    `judged`: what the judge says of what was recorded.
+    `judged`: what the judge says of it all. `whole`: the recorder ended in order.
     `houses`: how many of each kind of samples that are not communicates. `setting`: as the recorder was told it, None
     in a recording without. `down`: processes that the fleet needs and that died or were given up, as its supervisor
-    told last.
+    told last. `faults`: those that were done on purpose.
     """
 
     said: tuple[Spoken, ...] = ()
@@ -84,6 +82,8 @@ class History(msgspec.Struct, frozen=True):
     judged: tuple[Judged, ...] = ()
     setting: Setting | None = None
     down: tuple[ProcessStatus, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    whole: bool = True
 
     @property
     def begin(self) -> float:
@@ -101,9 +101,13 @@ class _Beat(msgspec.Struct, frozen=True):
 
 def load(run: Path, system: System) -> History:
     """The history of a run folder of this system. What cannot be read is a hole, never an error."""
-    heard = mcap_file.read(run / mcap_file.FILE, system)
-    logs = {path.stem: tuple(arrivals(path, system)) for path in sorted((run / STEPS).glob(f"*.{STEPS}"))}
-    return msgspec.structs.replace(merged(heard.records, logs, system, whole=heard.whole), down=_down(run))
+    past = of_filled(filled.of_run(run, system), system)
+    return msgspec.structs.replace(past, down=_down(run), faults=_faults(run, past.faults))
+
+
+def _faults(run: Path, recorded: tuple[Fault, ...]) -> tuple[Fault, ...]:
+    """Return the faults of a run: those recorded, and what was written while no recorder lived."""
+    return done(sorted((*recorded, *FaultFile(run).new()), key=lambda one: one.t))
 
 
 def _down(run: Path) -> tuple[ProcessStatus, ...]:
@@ -116,66 +120,46 @@ def _down(run: Path) -> tuple[ProcessStatus, ...]:
 
 
 def merged(
-    records: Iterable[Record], logs: dict[str, tuple[Spoken, ...]], system: System, *, whole: bool = True
+    records: Iterable[Record], logs: Mapping[str, tuple[Record, ...]], system: System, *, whole: bool = True
 ) -> History:
-    """The history in these records and logs (agent -> what reached it)."""
-    records = tuple(records)
-    tapped = tuple(record for record in records if isinstance(record, Spoken))
-    missed, lost = _missed(tapped, logs), _lost(tapped, logs)
-    ordered = sorted((*tapped, *missed), key=lambda one: one.received)
-    said, copies = _told_apart(ordered)
-    houses = [record for record in records if isinstance(record, House) and record.kind != SETTING]
-    holes = (*_unheard(ordered), *lost, *_torn(records, whole))
+    """The history in these records and logs (agent -> what it noted)."""
+    return of_filled(filled.filled(tuple(records), logs, system, whole=whole), system)
+
+
+def of_filled(run: filled.Filled, system: System) -> History:
+    """The history in a recording that was filled."""
+    spoken = [record for record in run.records if isinstance(record, Spoken)]
+    said, copies = _told_apart(spoken)
+    houses = [record for record in run.records if isinstance(record, House) and record.kind not in (SETTING, KIND)]
     return History(
         said=said,
         copies=copies,
         receipts=tuple(_receipts(houses)),
         told=tuple(_decoded(houses, system.addition("telemetry") or {})),
-        entered=tuple(_entered(records)),
-        garbage=tuple(record for record in records if isinstance(record, Garbage)),
+        entered=tuple(_entered(run.records)),
+        garbage=tuple(record for record in run.records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
-        holes=holes,
-        judged=of_records(records, system),
-        setting=next(_settings(records), None),
+        holes=(*_unheard(spoken), *_lost(run), *_torn(run.records, run.whole)),
+        judged=of_records(run.known, system),
+        setting=next(_settings(run.records), None),
+        faults=done(fault for record in run.records if (fault := fault_in(record)) is not None),
+        whole=run.whole,
     )
 
 
-def arrivals(path: Path, system: System) -> Iterator[Spoken]:
-    """The communicates that reached the agent whose step log this is; the log may end anywhere."""
-    try:
-        for step in steplog.read(path):
-            if step.kind == Arrived.__name__ and (one := _arrived(step, system)) is not None:
-                yield one
-    except (msgspec.MsgspecError, OSError):
-        return
-
-
-def _arrived(step: steplog.Step, system: System) -> Spoken | None:
-    """Return the communicate that reached the agent in this step; None for one that the design does not have."""
-    try:
-        communicate = msgspec.msgpack.decode(step.input, type=Arrived).communicate
-        return spoken(communicate, encode(communicate), step.at, system, Origin.STEPS)
-    except (msgspec.MsgspecError, FipaError, LookupError):
-        return None
-
-
-def _missed(tapped: tuple[Spoken, ...], logs: dict[str, tuple[Spoken, ...]]) -> list[Spoken]:
-    """Communicates that agents heard and the tap did not."""
-    known = {one.identity for one in tapped}
-    first = {one.identity: one for log in logs.values() for one in reversed(log)}
-    return [one for identity, one in first.items() if identity not in known]
-
-
-def _lost(tapped: tuple[Spoken, ...], logs: dict[str, tuple[Spoken, ...]]) -> Iterator[Hole]:
-    """Communicates that the tap heard and the receiver did not step on."""
-    for agent, log in logs.items():
-        known = {one.identity for one in log}
-        lost = [one for one in tapped if one.receiver == agent and one.identity not in known]
+def _lost(run: filled.Filled) -> Iterator[Hole]:
+    """Communicates that the recorder heard and the receiver did not step on."""
+    for agent, known in run.taken.items():
+        lost = [one for one in run.records if isinstance(one, Spoken) and _is_lost(one, agent, known)]
         if lost:
             text = (
                 f"{_count(lost)} to {agent} went by, but {agent}'s step log has them not: lost on the way, or its tail"
             )
             yield Hole(lost[0].received, lost[-1].received, len(lost), text)
+
+
+def _is_lost(one: Spoken, agent: str, known: frozenset[tuple[str, str, str]]) -> bool:
+    return one.receiver == agent and one.origin is Origin.TAP and one.identity not in known
 
 
 def _unheard(ordered: list[Spoken]) -> Iterator[Hole]:
@@ -189,14 +173,29 @@ def _unheard(ordered: list[Spoken]) -> Iterator[Hole]:
 
 
 def _torn(records: tuple[Record, ...], whole: bool) -> Iterator[Hole]:
-    """Times in which no monitor lived, or none could hear."""
+    """Times in which no monitor lived, or none could hear, or it was too slow."""
+    yield from _missed([one for one in records if isinstance(one, Resumed) and one.sender])
     for record in records:
-        if isinstance(record, Resumed):
+        if isinstance(record, Resumed) and not record.sender:
             away = f"the recorder was away or cut off for {record.received - record.since:.1f} s"
             yield Hole(record.since, record.received, 0, f"{away}: only what agents logged is known of that time")
     if not whole:
         end = records[-1].received if records else 0.0
         yield Hole(end, end, 0, "the recording was not closed in order: what came after its last record is not in it")
+
+
+def _missed(marks: list[Resumed]) -> Iterator[Hole]:
+    """Return one hole for marks that overlap."""
+    stretch: list[Resumed] = []
+    for mark in [*sorted(marks, key=lambda one: one.since), None]:
+        end = max((one.received for one in stretch), default=0.0)
+        if stretch and (mark is None or mark.since > end):
+            who = ", ".join(sorted({one.sender for one in stretch}))
+            slow = f"the recorder was too slow for {end - stretch[0].since:.1f} s"
+            yield Hole(stretch[0].since, end, 0, f"{slow}: of what {who} said then, a part is known from logs only")
+            stretch = []
+        if mark is not None:
+            stretch.append(mark)
 
 
 def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken, ...]]:
@@ -214,7 +213,7 @@ def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken
 def _settings(records: tuple[Record, ...]) -> Iterator[Setting]:
     for record in records:
         if isinstance(record, House) and record.kind == SETTING:
-            with suppress(msgspec.MsgspecError, UnicodeDecodeError):
+            with suppress(*UNREADABLE):
                 yield msgspec.json.decode(record.data, type=Setting)
 
 
@@ -223,7 +222,7 @@ def _receipts(houses: list[House]) -> Iterator[Told]:
         if house.kind == "receipt":
             try:
                 receipt = msgspec.msgpack.decode(house.data, type=Receipt)
-            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            except UNREADABLE:
                 continue
             yield Told(house.received, house.owner, house.peer, receipt)
 
@@ -232,7 +231,7 @@ def _decoded(houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]
     for house in houses:
         decode = decoders.get(house.kind)
         if decode is not None:
-            with suppress(msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            with suppress(*UNREADABLE):
                 yield house.received, decode(house.data)
 
 
@@ -253,7 +252,7 @@ def state_in(record: Record, last: dict[str, tuple[str, bool]]) -> Entered | Non
     if isinstance(record, House) and record.kind == "state":
         try:
             beat = msgspec.json.decode(record.data, type=_Beat)
-        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        except UNREADABLE:
             return None
         return Entered(record.received, beat.agent, beat.state)
     return None

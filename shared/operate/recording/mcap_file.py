@@ -5,6 +5,7 @@ log time = heard, publish time = sent. Records are not gathered in chunks: one t
 whole.
 """
 
+import os
 import struct
 import time
 from collections.abc import Iterable, Iterator
@@ -18,6 +19,7 @@ from mcap.records import Channel, Footer, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
+from fipa_codec.communicate import UNREADABLE
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
 from operate.recording.schemas import schema
 from operate.system import System
@@ -38,15 +40,17 @@ class Recording:
     """An open traffic.mcap."""
 
     def __init__(self, path: Path) -> None:
-        """Begins the file; what a monitor that died left in it is taken over."""
+        """Begins the file, for its owner alone; what a monitor that died left in it is taken over."""
         path.parent.mkdir(parents=True, exist_ok=True)
         beside = path.with_name(f".{path.name}")
-        self._file = beside.open("wb")
+        self._file = os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb")
         self._writer = Writer(self._file, use_chunking=False)
         self._writer.start(profile=PROFILE)
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
         self._count = 0
+        self.taken_until = 0.0
+        """When the last record was heard that a recorder before this one left [unix s]; 0: there was none."""
         self._take_over(Reading(path))
         self.flush()
         beside.replace(path)
@@ -57,6 +61,11 @@ class Recording:
         heard = int(record.received * _NS)
         sent = int(record.sent * _NS) if isinstance(record, Spoken) and 0 < record.sent < 1e10 else heard
         self._writer.add_message(self._channel(record), heard, _encoder.encode(record), sent, self._count)
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return self._file.tell()
 
     def note(self, name: str, facts: dict[str, str]) -> None:
         """Append words about the recording itself, as metadata."""
@@ -77,6 +86,7 @@ class Recording:
         for last in before:
             self.add(last)
         if last is not None:
+            self.taken_until = last.received
             self.add(Resumed(last.received, time.time()))
 
     def _channel(self, record: Record) -> int:
@@ -138,7 +148,7 @@ class Reading:
             if isinstance(found, Channel):
                 kinds[found.id] = _kind(found.topic)
             elif isinstance(found, Message) and found.channel_id in kinds:
-                with suppress(msgspec.MsgspecError):  # cut off, or of another version
+                with suppress(*UNREADABLE):  # cut off, or of another version
                     record = _decoders[kinds[found.channel_id]].decode(found.data)
                     if isinstance(record, Spoken) and self._system is not None:
                         record.read_in(self._system.languages)

@@ -11,8 +11,8 @@ class Reach:
     """The tokens of one system that are there, and those that vanished."""
 
     def __init__(self) -> None:
-        self._there: set[tuple[str, int]] = set()
-        self._away: set[tuple[str, int]] = set()
+        self._there: set[tuple[str, int, str]] = set()
+        self._away: set[tuple[str, int, str]] = set()
         self._heard = self._since = 0.0
 
     @property
@@ -27,7 +27,7 @@ class Reach:
                 return self._came(record)
             case Token():
                 self._went(record)
-            case Resumed():  # told already: the recorder itself was away
+            case Resumed(sender=""):  # told already: the recorder itself was away
                 self._there.clear()
                 self._away.clear()
             case _:
@@ -35,14 +35,14 @@ class Reach:
         return None
 
     def _came(self, token: Token) -> Resumed | None:
-        name = token.agent, token.incarnation
+        name = token.agent, token.incarnation, token.journal
         same, lost = name in self._away, self.lost
         self._there.add(name)
         self._away = self._away - {name} if same or not lost else set()
         return Resumed(self._since, token.received) if same and lost else None
 
     def _went(self, token: Token) -> None:
-        name = token.agent, token.incarnation
+        name = token.agent, token.incarnation, token.journal
         self._there.discard(name)
         self._away.add(name)
         if not self._there:

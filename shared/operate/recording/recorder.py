@@ -5,6 +5,7 @@ Everything is with the operating system within FLUSH_S, so a kill costs no more 
 own step logs have. SIGTERM ends the recording in order and makes report and pictures.
 """
 
+import math
 import os
 import signal
 import time
@@ -15,34 +16,75 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.core.wiring import service_key
+from agent_runtime.io.full_disk import worded
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.pulse import Pulse
-from agent_runtime.io.tap import Sample, Tap, open_tap
+from agent_runtime.io.repeats import WINDOW_S, Repeats
+from agent_runtime.io.run_files import make_run
+from agent_runtime.io.tap import Sample
+from agent_runtime.io.two_taps import open_taps
 from agent_runtime.io.waiting import Waiting
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import NOTE, versions_now
+from operate.recording.fault_file import KIND as FAULT
+from operate.recording.fault_file import OPERATOR, FaultFile
 from operate.recording.history import Setting
 from operate.recording.mcap_file import FILE, Recording
 from operate.recording.reach import Reach
-from operate.recording.records import SETTING, House, Record, understood
+from operate.recording.records import SETTING, Garbage, House, Record, Resumed, understood
 from operate.recording.systems import SystemNameError, folders
-from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged
+from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Happened, Judged
 from operate.system import System
+from topdown.judge.verdicts import Verdict
 
 NAME = "monitor"
 FLUSH_S = 0.1
+MOST_PASSED_S = 2 * FLUSH_S
+"""Between two looks at an empty queue; estimate: each takes FLUSH_S."""
 NICENESS = 10
 """The fleet comes first (benchmarks/README.md). In the class SCHED_IDLE the tap reads so late on a busy machine that
 the router closes its session; at 19 it was slower there than at 10.
 """
+MOST_BYTES = 8 * 1024 * 1024 * 1024
+"""Of a recording; then it goes on without one. Estimate: a pour has 25 MB in 100 s, so nine hours of pouring."""
+MOST_BYTES_OF_LINES = 1024 * 1024 * 1024
+"""Of live.jsonl, and of verdicts.jsonl; estimate: days of pouring."""
 TOLD = ("verdict", "why", "channel", "sender", "receiver", "protocol", "performative", "conversation", "id", "key")
 """Log event of a communicate that is not as designed."""
 
 
 Say = Callable[..., None]
+
+
+class _Lines:
+    """A file of lines that grows to MOST_BYTES_OF_LINES and no further."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("ab")
+        self._size = self._file.tell()
+
+    @property
+    def full(self) -> bool:
+        """Whether nothing more is written."""
+        return self._size >= MOST_BYTES_OF_LINES
+
+    def write(self, line: bytes) -> None:
+        """Append a line."""
+        if not self.full:
+            self._file.write(line)
+            self._size += len(line)
+
+    def flush(self) -> None:
+        """Hand all of it to the operating system."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
 
 
 class Recorder:
@@ -52,12 +94,16 @@ class Recorder:
         self, run: Path, system: System, say: Say = lambda event, **fields: None, feed: Feed | None = None
     ) -> None:
         """`feed`: who shows it while it goes on."""
-        run.mkdir(parents=True, exist_ok=True)
+        make_run(run)
         self._recording = Recording(run / FILE)
-        self._live_file = (run / LIVE_FILE).open("ab")
-        self._verdicts = (run / VERDICTS_FILE).open("ab")
+        self._live_file, self._verdicts = _Lines(run / LIVE_FILE), _Lines(run / VERDICTS_FILE)
+        self._repeats, self._garbage = Repeats[Judged](_OTHERS), Repeats[str]("")
+        self._full = False
         self._live, self._judging, self._reach = Live(system), Judging(system), Reach()
         self._system, self._say, self._feed = system, say, feed
+        self._faults = FaultFile(run, self._recording.taken_until)
+        self._present, self._looked = time.time(), time.monotonic()
+        self._slow = Repeats[str]("others")
         self.count = 0
 
     def begin(self, setting: Setting) -> None:
@@ -70,6 +116,9 @@ class Recorder:
     def take(self, sample: Sample) -> None:
         """Record a sample, whatever it is; where it ends a time out of reach, that first."""
         record, lost = understood(sample, self._system), self._reach.lost
+        self._present, self._looked = max(self._present, record.received), time.monotonic()
+        if isinstance(record, Resumed) and record.sender and self._slow.told(record.sender, record.received):
+            self._say("too slow", level="warning", sender=record.sender, s=round(record.received - record.since, 1))
         hole = self._reach.hole(record)
         if hole is not None:
             self._say("in reach again", unheard_s=round(hole.received - hole.since, 1))
@@ -82,24 +131,59 @@ class Recorder:
         self.count += 1
 
     def _add(self, record: Record) -> None:
-        self._recording.add(record)
+        if self._kept(record):
+            self._recording.add(record)
         for line in self._live.lines(record):
             self._live_file.write(msgspec.json.encode(line) + b"\n")
         self._judged(self._judging.lines(record))
 
+    def _kept(self, record: Record) -> bool:
+        """Whether it is recorded: until the file is full, and of what is no communicate the first of each key."""
+        if isinstance(record, Garbage):
+            self._garbage.over(record.received)
+            if not self._garbage.told(record.key, record.received):
+                return False
+        return not self._full
+
+    def _look_at_disk(self) -> None:
+        files = (self._recording.size >= MOST_BYTES, self._live_file.full, self._verdicts.full)
+        if any(files) and not self._full:
+            self._full = True
+            why = "a file of the run is full, what is said is not recorded any more; begin a new run to have it"
+            self._say("disk limit", level="error", why=why)
+            self._live_file.write(msgspec.json.encode(Happened(t=time.time(), name="disk limit", text=why)) + b"\n")
+
+    def look_for_faults(self) -> None:
+        """Record what `roco fault` has written since the last look."""
+        for fault in self._faults.new():
+            record = House(FAULT, OPERATOR, fault.target, time.time(), msgspec.json.encode(fault))
+            self._add(record)
+            if self._feed is not None:
+                key = service_key(self._system.name, FAULT, OPERATOR, fault.target)
+                self._feed.heard(Sample(key, record.data, record.received))
+
     def flush(self) -> None:
         """Hand all of it to the operating system."""
+        self._sum_up(time.time())
+        self._look_at_disk()
         self._recording.flush()
         self._live_file.flush()
         self._verdicts.flush()
 
     def pass_time(self) -> None:
-        """Judge what waited in vain; while samples wait, the present has not been heard yet."""
-        self._judged(self._judging.pass_time(time.time()))
+        """Judge what waited in vain; while samples wait, the present has not been heard yet.
+
+        Nor has it where this process stood still: no more time passes than if it had not, until something is heard.
+        """
+        now = time.monotonic()
+        self._present += min(now - self._looked, MOST_PASSED_S)
+        self._looked = now
+        self._judged(self._judging.pass_time(self._present))
 
     def finish(self) -> None:
         """Close in order."""
         self._judged(self._judging.finish(time.time()))
+        self._sum_up(math.inf)
         self._recording.finish()
         self._live_file.close()
         self._verdicts.close()
@@ -109,18 +193,46 @@ class Recorder:
 
     def _judged(self, lines: Iterable[Judged]) -> None:
         for one in lines:
+            if one.violation and not self._repeats.told(_kind(one), time.time()):
+                continue
             self._verdicts.write(encoded(one))
             if self._feed is not None:
                 self._feed.said(one)
             if one.violation:
-                against = Against(one.t, one.verdict, one.channel, one.sender, one.receiver, one.performative, one.why)
-                self._live_file.write(msgspec.json.encode(against) + b"\n")
-                told = {name: getattr(one, name) for name in TOLD if getattr(one, name)}
-                self._say("not as designed", level="warning", **told)
+                self._live_file.write(msgspec.json.encode(_against(one)) + b"\n")
+                self._say("not as designed", level="warning", **_told(one))
+
+    def _sum_up(self, now: float) -> None:
+        """Tell how many more violations of a kind there were than were told singly."""
+        self._slow.over(now)
+        if now < self._repeats.look_at:
+            return
+        for kind, count in self._repeats.over(now):
+            why = f"… {count:,} more of this kind from {kind.sender or kind.key} in {WINDOW_S:g} s"
+            one = msgspec.structs.replace(kind, t=time.time(), why=why)
+            self._verdicts.write(encoded(one))
+            self._live_file.write(msgspec.json.encode(_against(one)) + b"\n")
+            self._say("not as designed", level="warning", **_told(one))
+
+
+_OTHERS = Judged(t=0.0, verdict=Verdict.MALFORMED, bytes=0, why="others", violation=True)
+
+
+def _kind(one: Judged) -> Judged:
+    """What is told together: a verdict about a sender on a channel."""
+    return Judged(0.0, one.verdict, 0, one.channel, one.sender, one.receiver, key=one.key, violation=True)
+
+
+def _against(one: Judged) -> Against:
+    return Against(one.t, one.verdict, one.channel, one.sender, one.receiver, one.performative, one.why)
+
+
+def _told(one: Judged) -> dict[str, str]:
+    return {name: getattr(one, name) for name in TOLD if getattr(one, name)}
 
 
 class Recorders:
-    """The recorders of all systems; a sample goes to its system's, what came of no key (the tap was deaf) to all."""
+    """The recorders of all systems; a sample goes to its system's, what is of none (the tap was deaf) to all."""
 
     def __init__(self, where: Mapping[str, Path], system: System, say: Say) -> None:
         feeds = feeding(where, system, say)
@@ -137,7 +249,7 @@ class Recorders:
 
     def take(self, sample: Sample) -> None:
         """Record a sample where it belongs."""
-        for recorder in (self._of[sample.system],) if sample.key else self._all:
+        for recorder in (self._of[sample.system],) if sample.system else self._all:
             recorder.take(sample)
 
     def each(self, act: Callable[[Recorder], None]) -> None:
@@ -147,9 +259,13 @@ class Recorders:
 
 
 def serve(options: Options, system: System) -> int:
-    """Record until SIGTERM or SIGINT, then make the reports. 0: all; 1: some could not be made; 2: a wrong name."""
+    """Record until SIGTERM or SIGINT, then make the reports.
+
+    0: all; 1: some could not be made, or the disk took nothing: who supervises starts the recorder again, and what it
+    missed is filled from the agents' step logs; 2: a wrong name.
+    """
     run = options.run_dir
-    run.mkdir(parents=True, exist_ok=True)
+    make_run(run)
     log = Log(NAME, options.log_level, run / "logs" / f"{NAME}.jsonl")
     try:
         where = folders(run, options.all_systems)
@@ -160,8 +276,13 @@ def serve(options: Options, system: System) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, waiting.stop)
     recorders, ready = Recorders(where, system, log.write), run / f"{NAME}.ready"
-    with ThreadPoolExecutor(1, initializer=_give_way) as pool:  # the reports have the priority of this thread again
-        pool.submit(_tap, options, recorders, waiting, ready, log.write).result()
+    try:
+        with ThreadPoolExecutor(1, initializer=_give_way) as pool:  # the reports have the priority of this thread again
+            pool.submit(_tap, options, recorders, waiting, ready, log.write).result()
+    except OSError as error:
+        ready.unlink(missing_ok=True)
+        log.write("recording broke off", level="error", why=worded(error.filename or run, error))
+        return 1
     recorders.each(Recorder.finish)
     ready.unlink(missing_ok=True)
     log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
@@ -178,18 +299,30 @@ def _give_way() -> None:
 
 def _tap(options: Options, recorders: Recorders, waiting: Waiting, ready: Path, say: Say) -> None:
     """Record as soon as the router is there, until no more is wanted."""
-    tap = open_tap(options, waiting.put, lambda: waiting.stopped)
+    pulse = Pulse(options.run_dir, NAME)
+
+    def over() -> bool:
+        pulse.beat()
+        return waiting.stopped
+
+    tap = open_taps(options, waiting.put, over, lambda why: say("still waiting for the router", why=why))
     if tap is None:
         return
     ready.write_text("taps")
     say("recording", **recorders.files)
     scene = str(options.scene) if options.scene else ""
     setting = Setting(seed=options.seed, speed=options.speed, scene=scene)
-    recorders.each(lambda recorder: recorder.begin(setting))
-    _record(recorders, waiting, tap, Pulse(options.run_dir, NAME))
+    try:
+        recorders.each(lambda recorder: recorder.begin(setting))
+        _record(recorders, waiting, pulse)
+    finally:
+        tap.close()
+    for sample in waiting.left():
+        recorders.take(sample)
+    recorders.each(Recorder.look_for_faults)
 
 
-def _record(recorders: Recorders, waiting: Waiting, tap: Tap, pulse: Pulse) -> None:
+def _record(recorders: Recorders, waiting: Waiting, pulse: Pulse) -> None:
     flushed = time.monotonic()
     while not waiting.stopped:
         pulse.beat()
@@ -199,8 +332,6 @@ def _record(recorders: Recorders, waiting: Waiting, tap: Tap, pulse: Pulse) -> N
         else:
             recorders.take(sample)
         if time.monotonic() - flushed > FLUSH_S:
+            recorders.each(Recorder.look_for_faults)
             recorders.each(Recorder.flush)
             flushed = time.monotonic()
-    tap.close()
-    for sample in waiting.left():
-        recorders.take(sample)

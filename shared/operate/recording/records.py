@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from agent_runtime.core.wiring import HOUSE, parse_life
 from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import Communicate, decode, decode_strictly
 from fipa_codec.errors import FipaError
@@ -18,7 +19,6 @@ from operate.system import System
 
 GARBAGE_BYTES = 64 * 1024
 """Number of bytes kept of a sample that is not a communicate; estimate: enough to see what it was."""
-HOUSE = "_"
 SETTING = "setting"
 """Kind of the recorder's own first record."""
 
@@ -59,6 +59,11 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
     origin: Origin = Origin.TAP
     text: str = ""
 
+    @property
+    def log(self) -> str:
+        """The agent whose step log has it, where the recorder did not hear it; "" where it did."""
+        return self.receiver if self.origin is Origin.STEPS else ""
+
     @cached_property
     def communicate(self) -> Communicate:
         """All of its fields, with its content undecoded."""
@@ -89,6 +94,12 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
         except FipaError:
             return None, Kind.PLAIN
 
+    def moved(self, at: float) -> "Spoken":
+        """The same communicate, as if it had been heard at `at` [unix s]."""
+        there = msgspec.structs.replace(self, received=at)
+        there.__dict__.update(self.__dict__)  # what was decoded is not decoded again
+        return there
+
     @property
     def identity(self) -> tuple[str, str, str]:
         """Return the key shared by re-sent copies: ids are numbers of a stream, or names chosen by the sender."""
@@ -106,31 +117,43 @@ class House(msgspec.Struct, frozen=True):
 
 
 class Token(msgspec.Struct, frozen=True):
-    """The liveliness token of an agent's incarnation appeared or vanished."""
+    """The liveliness token of an agent's incarnation appeared or vanished; `journal`: the name of its journal."""
 
     agent: str
     incarnation: int
     alive: bool
     received: float
+    journal: str = ""
 
 
 class Garbage(msgspec.Struct, frozen=True):
-    """Bytes that are no communicate, or not the one their key says, or one the design does not have."""
+    """Bytes that are no communicate, or not the one their key says, or one the design does not have.
+
+    `log`: the agent whose step log has it, where the recorder did not hear it. The log does not keep bytes that are no
+    communicate, only the reason.
+    """
 
     key: str
     size: int
     reason: str
     received: float
     data: bytes
+    log: str = ""
 
 
 class Resumed(msgspec.Struct, frozen=True):
     """Nothing was heard from `since` on: the monitor took over from one that died, or had no router meanwhile, or its
-    router no way to any agent (reach.py).
+    router no way to any agent (reach.py). With a `sender`: not all that this one said was heard, for the monitor was
+    slow and the router dropped it (agent_runtime.io.gaps).
     """
 
     since: float
     received: float
+    sender: str = ""
+
+    def within(self, at: float, sender: str) -> bool:
+        """Whether what `sender` said at `at` [unix s] may be what was not heard."""
+        return self.since <= at <= self.received and self.sender in ("", sender)
 
 
 Record = Spoken | House | Token | Garbage | Resumed
@@ -139,7 +162,7 @@ Record = Spoken | House | Token | Garbage | Resumed
 def understood(sample: Sample, system: System) -> Record:
     """The record of a sample heard in this system. Never raises: what cannot be read is garbage."""
     if sample.deaf_since:
-        return Resumed(sample.deaf_since, sample.at)
+        return Resumed(sample.deaf_since, sample.at, sample.sender)
     chunks = sample.key.split("/")
     if len(chunks) > 3 and chunks[2] == HOUSE:
         return _house(sample, chunks[3:])
@@ -186,9 +209,10 @@ def spoken(
 def _house(sample: Sample, chunks: list[str]) -> Record:
     kind, *rest = chunks
     if sample.token:
-        if len(rest) == 2 and rest[1].isascii() and rest[1].isdigit():
-            return Token(rest[0], int(rest[1]), not sample.gone, sample.at)
-        return _garbage(sample, "a token is alive/<agent>/<incarnation>")
+        found = parse_life(rest[1]) if len(rest) == 2 else None
+        if found is not None:
+            return Token(rest[0], found[0], not sample.gone, sample.at, found[1])
+        return _garbage(sample, "a token is alive/<agent>/<incarnation>.<journal>")
     if not rest or len(rest) > 2:
         return _garbage(sample, "a house key is _/<kind>/<owner>[/<peer>]")
     return House(kind, rest[0], rest[1] if len(rest) == 2 else "", sample.at, sample.data)

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.core.wiring import service_key
+from agent_runtime.core.wiring import life, service_key
 from agent_runtime.io.tap import Sample
 from operate.judging.judged import SYSTEM, key_of
-from operate.recording import mcap_file
+from operate.recording import filled, mcap_file
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
 from operate.run_folder import TRAFFIC_FILE
+from operate.system import System
 from topdown.model.design import Design
 
 
@@ -19,12 +20,15 @@ class NoRecordingError(Exception):
     """There is nothing to read; it says what would be right."""
 
 
-def records(file: Path) -> tuple[Record, ...]:
-    """All records of a recording, or of the one in a run folder. Raises NoRecordingError."""
+def records(file: Path, system: System) -> tuple[Record, ...]:
+    """All records of a recording, or of a run folder: there also what only the step logs have.
+
+    Raises NoRecordingError.
+    """
     path = file / TRAFFIC_FILE if file.is_dir() else file
     if not path.is_file():
         raise NoRecordingError(f"{path} is not there; give a run folder or a recording (.mcap)")
-    found = mcap_file.read(path).records
+    found = filled.of_run(file, system).known if file.is_dir() else mcap_file.read(path).records
     if not found:
         raise NoRecordingError(f"{path} holds no record that can be read; give one of `roco record` or of a run")
     return found
@@ -45,20 +49,21 @@ def sampled(record: Record, design: Design) -> Sample:
     at = record.received
     match record:
         case Spoken():
-            return Sample(key_of(record, design.file.system.key), record.wire, at)
+            return Sample(key_of(record, design.file.system.key), record.wire, at, log=record.log)
         case Garbage():
-            return Sample(record.key, record.data, at)
+            return Sample(record.key, record.data, at, log=record.log)
         case Token():
-            key = service_key(SYSTEM, "alive", record.agent, str(record.incarnation))
+            key = service_key(SYSTEM, "alive", record.agent, life(record.incarnation, record.journal))
             return Sample(key, b"", at, token=True, gone=not record.alive)
         case House():
             peer = (record.peer,) if record.peer else ()
             return Sample(service_key(SYSTEM, record.kind, record.owner, *peer), record.data, at)
         case Resumed():
-            return Sample("", b"", at, deaf_since=record.since)
+            missed = service_key(SYSTEM, "missed", record.sender) if record.sender else ""
+            return Sample("", b"", at, deaf_since=record.since, missed=missed)
 
 
-def main(file: Path, design: Design, *, everything: bool) -> None:
+def main(file: Path, system: System, *, everything: bool) -> None:
     """Print the samples of a recording, one JSON object a line. Raises NoRecordingError."""
-    for sample in samples(records(file), design, everything=everything):
+    for sample in samples(records(file, system), system.design, everything=everything):
         sys.stdout.buffer.write(msgspec.json.encode(sample) + b"\n")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 import msgspec
 import numpy as np
 
+from fipa_codec.communicate import number_of
 from fipa_codec.performatives import Performative
 from operate.recording.history import History, Told
 from operate.recording.records import Spoken
@@ -165,9 +166,10 @@ def _receipted(history: History, design: Design) -> Callable[[Spoken], float | N
         told[receipt.owner, receipt.peer].append(receipt)
 
     def measure(one: Spoken) -> float | None:
-        if not (design.rule(one.communicate).durable and one.id.isascii() and one.id.isdigit()):
+        number = number_of(one.id) if design.rule(one.communicate).durable else None
+        if number is None:
             return None
-        covering = (t.at for t in told[one.receiver, one.sender] if t.receipt.taken >= int(one.id))
+        covering = (t.at for t in told[one.receiver, one.sender] if t.receipt.taken >= number)
         at = next(covering, None)
         return at - one.received if at is not None and at >= one.received else None
 

@@ -19,7 +19,9 @@ from operate.reports.counts import Latency
 from topdown.model.design import Design
 
 ACCENT, INK, FAINT, GRID = "#0e7490", "#1f2937", "#6b7280", "#e5e7eb"
-BAND = "#ecfeff"
+BAND, FAULT = "#ecfeff", "#fca5a5"
+SHORTEST = 0.003
+"""Width of a bar of no length, as a share of the axis; estimate: it is seen."""
 MARKS = (("s", "#d97706"), ("D", "#be185d"), ("^", "#6d28d9"), ("o", ACCENT), ("v", "#475569"), ("P", "#15803d"))
 """Of channels, in the order of the design; a seventh one looks like the first."""
 CROWDED = 1 / 3
@@ -136,6 +138,25 @@ def busy(stretches: Iterable[tuple[str, str, float, float]], design: Design) -> 
         axes.set_xlabel("time after the first communicate [s]")
         axes.grid(visible=False, axis="y")
         axes.margins(x=0.01)
+    return svg[0]
+
+
+def faults(stretches: Iterable[tuple[str, str, float, float]], end: float) -> str:
+    """Faults over time, a lane for each process: (process, fault, start, end [s]), or ""; `end`: of the run."""
+    found = list(stretches)
+    if not found:
+        return ""
+    lanes = list(dict.fromkeys(one[0] for one in found))[::-1]
+    with drawing("faults", 0.8 + 0.36 * len(lanes), "Faults done on purpose over time, by process") as (axes, svg):
+        for target, kind, start, until in found:
+            lane = lanes.index(target)
+            axes.barh(lane, max(until - start, SHORTEST * end), 0.62, left=start, color=FAULT, zorder=3)
+            axes.text(start, lane, f" {kind}", ha="left", va="center", fontsize=7, zorder=4)
+        axes.set_yticks(range(len(lanes)), lanes)
+        axes.set_ylim(-0.6, len(lanes) - 0.4)
+        axes.set_xlim(-0.01 * end, 1.01 * end)
+        axes.set_xlabel("time after the first communicate [s]")
+        axes.grid(visible=False, axis="y")
     return svg[0]
 
 

@@ -1,13 +1,17 @@
-"""From a run folder to its report: report.json, report.html, run.rrd. Each is made although another cannot be."""
+"""From a run folder to its report: report.json, report.html, run.rrd. Each is made although another cannot be.
+
+Page and pictures are left out where their libraries are not installed, as in the recorder's image.
+"""
 
 import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from operate.judging.judged import encoded
 from operate.recording import history
 from operate.reports import report
-from operate.run_folder import REPORT_FILE, RRD_FILE
+from operate.run_folder import REPORT_FILE, RRD_FILE, VERDICTS_FILE, Judged
 from operate.system import System
 
 PAGE_FILE = "report.html"
@@ -15,7 +19,10 @@ Say = Callable[..., None]
 
 
 def everything(run: Path, system: System, say: Say) -> bool:
-    """Make all three; `say(event, level, **fields)` is told what was made and what was not. True: all of it."""
+    """Make all three; `say(event, level, **fields)` is told what was made and what was not.
+
+    Where the recorder did not hear everything its verdicts are made again, too. True: all that can be made here.
+    """
     try:
         past = history.load(run, system)
         figures = report.of(past, system)
@@ -23,6 +30,8 @@ def everything(run: Path, system: System, say: Say) -> bool:
     except Exception:  # the recording stays: the report can be made again by a later version
         say("no report", level="error", why=traceback.format_exc())
         return False
+    if past.whole and any(one.log for one in past.judged):
+        _rewrite(run / VERDICTS_FILE, past.judged)
     outcome = {name: getattr(figures, name) or "" for name in ("success", "failure") if hasattr(figures, name)}
     say("report", **outcome, file=str(run / REPORT_FILE))
     page = _try(PAGE_FILE, lambda: _page(run, system, past, figures), say)
@@ -30,9 +39,20 @@ def everything(run: Path, system: System, say: Say) -> bool:
     return page and pictures
 
 
+def _rewrite(file: Path, verdicts: tuple[Judged, ...]) -> None:
+    """Replace what a recorder wrote that did not hear everything; a reader sees the old file or the new one."""
+    beside = file.with_name(f".{file.name}")
+    beside.write_bytes(b"".join(map(encoded, verdicts)))
+    beside.replace(file)
+
+
 def _try(name: str, make: Callable[[], None], say: Say) -> bool:
     try:
         make()
+    except ModuleNotFoundError as error:
+        why = f"{error.name} is not installed here; `roco report` makes it where the extra `monitor` is"
+        say("left out", file=name, why=why)
+        return True
     except Exception:
         say(f"no {name}", level="error", why=traceback.format_exc())
         return False

@@ -8,11 +8,11 @@ import jinja2
 from operate.recording.history import History
 from operate.reports import figures
 from operate.reports.counts import Communicates
-from operate.reports.report import Report
+from operate.reports.report import FaultAt, Report
 from operate.system import System
 from topdown.judge.verdicts import VIOLATIONS
 
-TEMPLATE = Path(__file__).with_name("page.html.j2")
+TEMPLATE, FAULTS = (Path(__file__).with_name(name) for name in ("page.html.j2", "faults.html.j2"))
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 ABSENT = "–"
 MOST_VIOLATIONS = 50
@@ -32,11 +32,22 @@ def rendered(history: History, report: Report, run: str, system: System) -> str:
         sizes=figures.sizes(history, design),
         latencies=figures.latencies(report.latency),
         heat=heat(report.communicates),
+        faults=faults(report.faults, history),
         houses=history.houses,
         against=VIOLATIONS,
         most_violations=MOST_VIOLATIONS,
         style=STYLE,
     )
+
+
+def faults(found: tuple[FaultAt, ...], history: History) -> str:
+    """Return the part of a page about the faults that were done on purpose; "" where none was."""
+    if not found:
+        return ""
+    last = max((one.received for one in history.said[-1:]), default=history.begin) - history.begin
+    end = max([last, *(one.end for one in found if one.end is not None), *(one.start for one in found)])
+    stretches = [(one.target, one.kind, one.start, end if one.end is None else one.end) for one in found]
+    return template(FAULTS).render(faults=found, figure=figures.faults(stretches, end))
 
 
 def template(file: Path) -> jinja2.Template:

@@ -43,10 +43,12 @@ class NotAsDesigned(msgspec.Struct, frozen=True):
 
 class Judged(msgspec.Struct, frozen=True):
     """Verdicts on the recording: number of communicates with copies, count of each verdict, and each of
-    those that are against the design. Null in a report: nothing was recorded.
+    those that are against the design. `filled`: how many communicates the recorder did not hear, and step logs have.
+    Null in a report: nothing was recorded.
     """
 
     communicates: int
+    filled: int
     verdicts: dict[str, int]
     violations: tuple[NotAsDesigned, ...]
 
@@ -58,6 +60,20 @@ class Busy(msgspec.Struct, frozen=True):
     state: str
     start: float
     end: float
+
+
+class FaultAt(msgspec.Struct, frozen=True):
+    """A fault that was done on purpose, from `start` to `end` [s after the first communicate]; null: to the end.
+
+    `at`: the moment that was asked for, "" for at once; `text`: what came of it.
+    """
+
+    kind: str
+    target: str
+    at: str
+    start: float
+    end: float | None
+    text: str
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -77,6 +93,7 @@ class Report(msgspec.Struct, frozen=True):
     scene: str | None
     began: float
     holes: tuple[HoleAt, ...]
+    faults: tuple[FaultAt, ...] = ()
 
 
 def of(history: History, system: System) -> Any:
@@ -101,6 +118,7 @@ def build(history: History, system: System) -> Report:
         scene=history.setting.scene if history.setting else None,
         began=history.begin,
         holes=holes(history),
+        faults=faults(history),
     )
 
 
@@ -150,8 +168,10 @@ def judged(history: History) -> Judged | None:
         if one.violation
     )
     counted = Counter(one.verdict for one in history.judged)
+    heard = {(one.t, one.sender, one.receiver, one.id): one.log for one in history.judged}
     return Judged(
-        communicates=len({(one.t, one.sender, one.receiver, one.id) for one in history.judged}),
+        communicates=len(heard),
+        filled=sum(bool(log) for log in heard.values()),
         verdicts={verdict: counted[verdict] for verdict in Verdict if counted[verdict]},
         violations=against,
     )
@@ -161,6 +181,17 @@ def holes(history: History) -> tuple[HoleAt, ...]:
     """Return what was not recorded."""
     begin = history.begin
     return tuple(HoleAt(hole.start - begin, hole.end - begin, hole.communicates, hole.text) for hole in history.holes)
+
+
+def faults(history: History) -> tuple[FaultAt, ...]:
+    """Return the faults that were done on purpose."""
+    begin = history.begin
+    return tuple(
+        FaultAt(
+            one.kind, one.target, one.at, one.began - begin, None if one.ended is None else one.ended - begin, one.text
+        )
+        for one in history.faults
+    )
 
 
 def busy(history: History) -> tuple[Busy, ...]:

@@ -3,6 +3,7 @@
 What the processes share goes to them as environment variables, ROCO_<OPTION>, the same for each.
 """
 
+import contextlib
 import os
 from pathlib import Path
 from typing import Annotated
@@ -12,11 +13,12 @@ import typer
 
 from agent_runtime.io.cli import Level, Speed
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
-from agent_runtime.io.secured import ROUTER
-from operate.supervisor import core, folder
-from operate.supervisor.processes import Process
+from agent_runtime.io.secured import ROUTERS
+from operate.supervisor import core, folder, wiring
+from operate.supervisor.keeping import KeptError, kept
+from operate.supervisor.processes import Process, linked
 from operate.supervisor.securing import DAYS, Keys
-from operate.supervisor.shell import Shell
+from operate.supervisor.shell import Shell, end_left
 from operate.system import NoSystemError, here
 
 
@@ -25,7 +27,12 @@ def main(
     system: Annotated[
         str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot; else the system's own.")
     ] = "",
-    connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's address; empty: a free port.")] = "",
+    connect: Annotated[
+        str, typer.Option(envvar="ROCO_CONNECT", help="The router's address, of two comma between; empty: a free port.")
+    ] = "",
+    routers: Annotated[
+        int, typer.Option(min=1, max=len(ROUTERS), help="2: linked, and the fleet goes on when one of them dies.")
+    ] = 1,
     speed: Annotated[
         Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
     ] = Speed.REAL,
@@ -48,46 +55,63 @@ def main(
     ] = DAYS,
     only: Annotated[str, typer.Option(help="Names of processes, comma between; empty: all.")] = "",
     latest: Annotated[bool, typer.Option(help="Let `latest` beside the run's folder point to it.")] = True,
+    faults: Annotated[
+        bool,
+        typer.Option("--faults", help="Agents have wires and clocks of their own, which `roco fault` can disturb."),
+    ] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Only look at scene, seed and processes; start nothing.")
     ] = False,
 ) -> None:
     """Run the processes of a system: start, watch, restart, stop in order.
 
-    Ends with 2 and a sentence, before anything is started, where the options do not make sense.
+    Ends before anything is started with 2 and a sentence where the options do not make sense, with 1 where another
+    supervisor keeps the folder. What a dead one left there is ended first.
     """
     run = run_dir.resolve()
-    try:
-        bound = here()
-        system = system or bound.name
-        processes = chosen(only, bound.processes)
-        possible = bound.addition("options")
-        if possible is not None:
-            possible(tuple(process.name for process in processes), scene, seed)
-        if check:
-            return
-        folder.make(run, latest=latest)
-        router = any(process.name == ROUTER for process in processes)
-        made = Keys(run, bound.design, system, connect, keys, insecure=insecure, router=router, days=key_days)
-    except (ValueError, NoSystemError) as error:
-        typer.echo(f"supervisor: {error}", err=True)
-        raise typer.Exit(core.USAGE_ERROR) from error
-    options = {
-        RUN_FOLDER_VARIABLE: str(run),
-        "ROCO_SYSTEM": system,
-        "ROCO_CONNECT": made.own,
-        "ROCO_LISTEN": made.listen,
-        "ROCO_SPEED": speed.value,
-        "ROCO_SEED": str(seed),
-        "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
-        "ROCO_LOG_LEVEL": log_level.value,
-        KEYS_VARIABLE: str(made.folder or ""),
-        "OMP_NUM_THREADS": "1",  # numeric libraries would each take all cores, from the loop too
-        "PYTHONUNBUFFERED": "1",
-        "PYTHONSAFEPATH": "1",
-    }
-    options |= bound.environment(run)
-    Shell(run, processes, system, made.own, os.environ | options, tend=made.tend, bound=bound).serve()
+    with contextlib.ExitStack() as stack:
+        try:
+            bound = here()
+            system = system or bound.name
+            processes = chosen(only, linked(bound.processes) if routers > 1 else bound.processes)
+            possible = bound.addition("options")
+            if possible is not None:
+                possible(tuple(process.name for process in processes), scene, seed)
+            if check:
+                return
+            stack.enter_context(kept(run))
+            end_left(run, linked(bound.processes), system)
+            folder.make(run, latest=latest)
+            routing = tuple(process.name for process in processes if process.name in ROUTERS)
+            two = routers > 1
+            made = Keys(
+                run, bound.design, system, connect, keys, insecure=insecure, here=routing, linked=two, days=key_days
+            )
+        except (ValueError, NoSystemError) as error:
+            typer.echo(f"supervisor: {error}", err=True)
+            raise typer.Exit(core.USAGE_ERROR) from error
+        except KeptError as error:
+            typer.echo(f"supervisor: {error}", err=True)
+            raise typer.Exit(1) from error
+        options = {
+            RUN_FOLDER_VARIABLE: str(run),
+            "ROCO_SYSTEM": system,
+            "ROCO_CONNECT": made.own,
+            "ROCO_SPEED": speed.value,
+            "ROCO_SEED": str(seed),
+            "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
+            "ROCO_LOG_LEVEL": log_level.value,
+            KEYS_VARIABLE: str(made.folder or ""),
+            "OMP_NUM_THREADS": "1",  # numeric libraries would each take all cores, from the loop too
+            "PYTHONUNBUFFERED": "1",
+            "PYTHONSAFEPATH": "1",
+        }
+        options |= bound.environment(run)
+        apart = made.routers
+        if faults:
+            processes, wires = wiring.wired(processes, tuple(bound.design.agents), made.own, run)
+            apart |= wires
+        Shell(run, processes, system, made.own, os.environ | options, tend=made.tend, bound=bound, apart=apart).serve()
 
 
 def chosen(only: str, processes: tuple[Process, ...]) -> tuple[Process, ...]:

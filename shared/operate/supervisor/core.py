@@ -1,9 +1,12 @@
 """Next actions of the supervisor, from the wanted fleet, the state of each process and the time.
 
 No clock, no process and no file in here: the shell tells what happened (events) and does what comes out (actions), so
-every order of starts, deaths and stops can be tested. A process that was ready once is restarted for ever; one that
-dies again and again before it is ready is given up.
+every order of starts, deaths and stops can be tested. A process that dies is started again, after a pause that grows;
+one that dies again and again is given up, and if it was ready before, the robot is to be held. One whose heartbeat
+stands still is killed first. Its silence is counted in looks: a machine that was suspended kills nobody.
 """
+
+import math
 
 import msgspec
 
@@ -14,15 +17,25 @@ FIRST_PAUSE_S = 0.2  # before the first restart; doubles with each failure in a 
 LONGEST_PAUSE_S = 5.0  # estimate: a person still sees that something happens
 SETTLED_S = 30.0  # ready for so long: earlier failures are forgotten
 ATTEMPTS = 6  # in a row without being ready once (about 6 s): given up
+MOST_DEATHS, WINDOW_S = 15, 120.0  # of a process that gets ready: given up; estimate: a death each 6 s with its pauses
+PERIOD_S = 0.05  # between two looks; estimate: a death is seen soon enough, and 20 looks a second cost next to nothing
+LATE_S = 2.5  # without a heartbeat, which comes each second: it is told
+BORN_WITHIN_S = 60.0  # to the first heartbeat; estimate: a fleet needs 9 s at a load of 5 (benchmarks)
 OFF = "stopped by hand"
 """Note of what shall not run until somebody says so."""
+LEFT = "left by a supervisor that died"
 USAGE_ERROR = 2  # exit code of a wrong option or environment: trying again cannot help
 
+_AS_IF_NEW = {"state": ProcessState.WAITING, "failures": 0, "killed": False, "note": "", "deaths": ()}
 RUNNING = (ProcessState.STARTING, ProcessState.READY, ProcessState.STOPPING)
 
 
 class Known(msgspec.Struct, frozen=True):
-    """State of a process; `since`: when it entered its state [s]; `due`: when it is started again [s]."""
+    """State of a process; `since`: when it entered its state [s]; `due`: when it is started again [s].
+
+    `beaten`: whether it had a heartbeat since it was started; `silent`: looks since the last one. `deaths`: when it
+    died within WINDOW_S, after it had been ready [s].
+    """
 
     process: Process
     state: ProcessState = ProcessState.WAITING
@@ -33,6 +46,21 @@ class Known(msgspec.Struct, frozen=True):
     due: float = 0.0
     killed: bool = False
     note: str = ""
+    beaten: bool = False
+    silent: int = 0
+    deaths: tuple[float, ...] = ()
+
+    @property
+    def silence_s(self) -> float:
+        """Time without a heartbeat, by looks [s]."""
+        return self.silent * PERIOD_S
+
+    @property
+    def patience_s(self) -> float:
+        """Silence after which it is killed [s]; of one that is ready and has never beaten there is no end."""
+        if self.beaten:
+            return self.process.hangs_s
+        return math.inf if self.state is ProcessState.READY else BORN_WITHIN_S
 
     @property
     def running(self) -> bool:
@@ -51,6 +79,11 @@ class Fleet(msgspec.Struct, frozen=True):
     def ready(self) -> bool:
         """All that must be ready are."""
         return all(known.state is ProcessState.READY or known.process.optional for known in self.known.values())
+
+    @property
+    def failing(self) -> tuple[str, ...]:
+        """Who was ready and died so often that it was given up: without it the robot is to be held."""
+        return tuple(name for name, known in self.known.items() if len(known.deaths) >= MOST_DEATHS)
 
     @property
     def ended(self) -> bool:
@@ -82,6 +115,12 @@ class Event(msgspec.Struct, frozen=True):
 
 class Started(Event, frozen=True):
     """It runs under this pid."""
+
+    pid: int
+
+
+class Found(Event, frozen=True):
+    """It runs already under this pid: a supervisor that died left it."""
 
     pid: int
 
@@ -140,6 +179,8 @@ def take(fleet: Fleet, event: Event, now: float) -> Fleet:
     match event:
         case Started(pid=pid):
             changed = msgspec.structs.replace(known, state=ProcessState.STARTING, pid=pid, since=now, note="")
+        case Found(pid=pid):
+            changed = msgspec.structs.replace(known, state=ProcessState.READY, pid=pid, since=now, note=LEFT)
         case Refused(reason=reason):
             changed = msgspec.structs.replace(known, state=ProcessState.GIVEN_UP, since=now, note=reason)
         case Ready() if known.state is ProcessState.STARTING:
@@ -149,6 +190,24 @@ def take(fleet: Fleet, event: Event, now: float) -> Fleet:
         case _:
             changed = known
     return msgspec.structs.replace(fleet, known={**fleet.known, event.name: changed})
+
+
+def look(fleet: Fleet, beats: frozenset[str]) -> Fleet:
+    """Note a look, and whose heartbeat it found changed; who has been silent for long is told by its note."""
+    changed = {name: _looked_at(known, name in beats) for name, known in fleet.known.items()}
+    return msgspec.structs.replace(fleet, known=changed)
+
+
+def _looked_at(known: Known, beats: bool) -> Known:
+    if beats:
+        note = "" if known.silence_s >= LATE_S else known.note
+        return msgspec.structs.replace(known, beaten=True, silent=0, note=note)
+    if known.state not in (ProcessState.STARTING, ProcessState.READY):
+        return known
+    silent = msgspec.structs.replace(known, silent=known.silent + 1)
+    if known.beaten and silent.silence_s >= LATE_S and not known.killed:
+        silent = msgspec.structs.replace(silent, note=f"hangs: no heartbeat for {int(silent.silence_s)} s")
+    return silent
 
 
 def stop(fleet: Fleet) -> Fleet:
@@ -162,7 +221,7 @@ def switch(fleet: Fleet, off: frozenset[str], now: float) -> Fleet:
     if off == fleet.off:
         return fleet
     again = {
-        name: msgspec.structs.replace(known, state=ProcessState.WAITING, since=now, failures=0, killed=False, note="")
+        name: msgspec.structs.replace(known, **_AS_IF_NEW, since=now)
         for name, known in fleet.known.items()
         if name in fleet.off - off and not known.running
     }
@@ -188,12 +247,13 @@ def decide(fleet: Fleet, now: float) -> tuple[Fleet, list[Action]]:
 
 
 def _beginning(fleet: Fleet, known: Known, now: float) -> Action | None:
-    """Start what waits once all before it are ready, and again what died once its pause is over."""
+    """Start what waits once all before it are ready, and again what died once its pause is over; kill what hangs."""
     if known.state is ProcessState.WAITING and all(_awaited(fleet.known[name], now) for name in known.process.after):
         return Start(known.process.name)
     if known.state is ProcessState.BACKING_OFF and now >= known.due:
         return Start(known.process.name)
-    return None
+    watched = known.state in (ProcessState.STARTING, ProcessState.READY) and not known.killed
+    return Kill(known.process.name) if watched and known.silence_s >= known.patience_s else None
 
 
 def _awaited(known: Known, now: float) -> bool:
@@ -224,12 +284,15 @@ def _ordered(known: Known, action: Action, now: float) -> Known:
     """Note an action that was ordered."""
     if isinstance(action, Start):
         again = known.restarts + (known.state is ProcessState.BACKING_OFF)
-        return msgspec.structs.replace(known, state=ProcessState.STARTING, since=now, restarts=again)
+        fresh = {"beaten": False, "silent": 0, "killed": False}
+        return msgspec.structs.replace(known, state=ProcessState.STARTING, since=now, restarts=again, **fresh)
     if isinstance(action, Terminate):
         return msgspec.structs.replace(known, state=ProcessState.STOPPING, since=now)
-    return msgspec.structs.replace(
-        known, killed=True, note=f"killed: did not stop in {known.process.stop_within_s:g} s"
-    )
+    if known.state is ProcessState.STOPPING:
+        why = f"did not stop in {known.process.stop_within_s:g} s"
+    else:
+        why = f"it hung, no heartbeat for {known.silence_s:.0f} s"
+    return msgspec.structs.replace(known, killed=True, note=f"killed: {why}")
 
 
 def _exited(known: Known, code: int, last: str, now: float, stopping: bool, off: bool) -> Known:
@@ -239,15 +302,19 @@ def _exited(known: Known, code: int, last: str, now: float, stopping: bool, off:
     if stopping:
         return msgspec.structs.replace(known, state=ProcessState.STOPPED, since=now)
     if known.state is ProcessState.STOPPING:  # was switched off and on again before it had ended
-        return msgspec.structs.replace(known, state=ProcessState.WAITING, since=now, failures=0, killed=False, note="")
+        return msgspec.structs.replace(known, **_AS_IF_NEW, since=now)
     was_ready = known.state is ProcessState.READY
     settled = was_ready and now - known.since > SETTLED_S
     failures = 1 if settled else known.failures + 1
     how = f"killed by signal {-code}" if code < 0 else f"ended with code {code}"
-    note = f"{how}: {last}" if last else how
-    if code == USAGE_ERROR or (not was_ready and failures >= ATTEMPTS):
-        return msgspec.structs.replace(known, state=ProcessState.GIVEN_UP, since=now, failures=failures, note=note)
+    note = known.note if known.killed else f"{how}: {last}" if last else how
+    deaths = tuple(at for at in known.deaths if now - at < WINDOW_S) + ((now,) if was_ready else ())
+    if len(deaths) >= MOST_DEATHS:
+        note = f"died {len(deaths)} times within {WINDOW_S:g} s: {note}"
+    if code == USAGE_ERROR or (not was_ready and failures >= ATTEMPTS) or len(deaths) >= MOST_DEATHS:
+        given_up = {"state": ProcessState.GIVEN_UP, "failures": failures, "note": note, "deaths": deaths}
+        return msgspec.structs.replace(known, since=now, **given_up)
     pause = min(FIRST_PAUSE_S * 2.0 ** min(failures - 1, 10), LONGEST_PAUSE_S)
     return msgspec.structs.replace(
-        known, state=ProcessState.BACKING_OFF, since=now, failures=failures, due=now + pause, note=note
+        known, state=ProcessState.BACKING_OFF, since=now, failures=failures, due=now + pause, note=note, deaths=deaths
     )

@@ -1,17 +1,26 @@
 """The run folder as the supervisor keeps it: made, pointed at, and told the state of the fleet (docs/run-folder.md)."""
 
 import os
+import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 
-from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED
+from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED, heartbeat_file, make_run
 from operate.run_folder import FLEET_FILE, LATEST, OFF_SUFFIX, Fleet
+
+MOST_BYTES = 32 * 1024 * 1024
+"""Of what a process prints, as of its log (agent_runtime.io.logs; estimate)."""
 
 
 def make(run: Path, *, latest: bool = True) -> None:
-    """Make the folder with its stop flag, nobody switched off; `latest`: let the link beside it point to it."""
-    run.mkdir(parents=True, exist_ok=True)
+    """Make the folder with its stop flag, nobody switched off, no fleet told.
+
+    `latest`: let the link beside it point to it.
+    """
+    make_run(run)
+    (run / FLEET_FILE).unlink(missing_ok=True)
     flag = run / STOP_FILE
     if not flag.exists():
         flag.write_bytes(STOP_RELEASED)
@@ -36,6 +45,14 @@ def ready_file(run: Path, name: str) -> Path:
     return run / f"{name}.ready"
 
 
+def beat(run: Path, name: str) -> int:
+    """Return the time of its last heartbeat [ns]; 0: none. Only whether it changes means anything."""
+    try:
+        return heartbeat_file(run, name).stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
 def pid_file(run: Path, name: str) -> Path:
     """Return the file of the process id while a process runs."""
     return run / f"{name}.pid"
@@ -44,6 +61,17 @@ def pid_file(run: Path, name: str) -> Path:
 def log_file(run: Path, name: str) -> Path:
     """Return the file of a process's standard output and error."""
     return run / f"{name}.log"
+
+
+def keep_small(log: Path) -> None:
+    """Where the output of a process is too long, move it to LOG.1 and have the process go on at the beginning.
+
+    The process appends to an open file, so the file stays; what it writes between the copy and the cut is lost.
+    """
+    with suppress(OSError):
+        if log.stat().st_size > MOST_BYTES:
+            shutil.copyfile(log, log.with_name(f"{log.name}.1"))
+            os.truncate(log, 0)
 
 
 def off(run: Path) -> frozenset[str]:

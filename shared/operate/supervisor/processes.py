@@ -2,7 +2,11 @@
 
 import msgspec
 
+from agent_runtime.io.secured import ROUTERS
+
 ORDERLY_STOP_S = 5.0  # estimate: an agent closes its session and its journal in well under a second
+SILENT_S = 6.0  # estimate: six heartbeats
+RECORDS_S = 20.0  # estimate: the monitor works at a low priority, and reads large content amid its heartbeats
 REPORT_S = 120.0  # estimate: when it is stopped the monitor writes report and pictures, perhaps of several robots
 
 
@@ -11,6 +15,7 @@ class Process(msgspec.Struct, frozen=True):
 
     `after`: processes that are ready before it starts, and stop only once it has ended. `optional`: others do not wait
     for it for more than `patience_s`, and the fleet counts as ready without it. `stop_within_s`: then it is killed.
+    `hangs_s`: silence of its heartbeat after which it is killed and started again [s].
     """
 
     name: str
@@ -19,6 +24,7 @@ class Process(msgspec.Struct, frozen=True):
     optional: bool = False
     patience_s: float = 10.0
     stop_within_s: float = ORDERLY_STOP_S
+    hangs_s: float = SILENT_S
 
 
 # Agents start side by side: each is ready when a ping was answered on each of its channels: they wait for each other.
@@ -30,8 +36,19 @@ def around(router: str = "operate.router", monitor: str = "operate.recording") -
     """The router and the monitor of a system, run by these modules."""
     return (
         Process("router", router),
-        Process("monitor", monitor, after=("router",), optional=True, stop_within_s=REPORT_S),
+        Process("monitor", monitor, after=("router",), optional=True, stop_within_s=REPORT_S, hangs_s=RECORDS_S),
     )
+
+
+def linked(processes: tuple[Process, ...]) -> tuple[Process, ...]:
+    """Return the processes with a second router, which the others wait for and outlive as the first, if it comes up."""
+    first, second = ROUTERS
+    found: list[Process] = []
+    for one in processes:
+        found.append(msgspec.structs.replace(one, after=(*one.after, second)) if first in one.after else one)
+        if one.name == first:
+            found.append(msgspec.structs.replace(one, name=second, optional=True))
+    return tuple(found)
 
 
 def agents(package: str, *names: str) -> tuple[Process, ...]:

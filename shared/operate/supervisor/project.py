@@ -5,7 +5,6 @@ Companion is.
 """
 
 import os
-import queue
 import threading
 import time
 from datetime import datetime
@@ -14,6 +13,7 @@ from typing import Annotated
 
 import typer
 
+from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.options import Options
 from agent_runtime.io.tap import Sample, Tap, open_tap
 from agent_runtime.io.zenoh_wire import free_endpoint
@@ -21,7 +21,8 @@ from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
 from operate.run_folder import ProcessState
 from operate.supervisor import folder
-from operate.supervisor.shell import Shell
+from operate.supervisor.keeping import KeptError, kept
+from operate.supervisor.shell import Shell, end_left
 from operate.system import System, load
 
 PATIENCE_S = 30.0
@@ -49,7 +50,20 @@ def run(entry: str) -> None:
 
 
 def foreground(system: System, run_dir: Path, connect: str, after_s: float | None, scene: str = "") -> int:
-    """Run it until a signal comes, or for `after_s` once all are ready. 0: as wanted; 1: not all became ready."""
+    """Run it until a signal comes, or for `after_s` once all are ready.
+
+    0: as wanted; 1: not all became ready, or another supervisor keeps the folder.
+    """
+    try:
+        with kept(run_dir):
+            return _kept(system, run_dir, connect, after_s, scene)
+    except KeptError as error:
+        print(error, flush=True)
+        return 1
+
+
+def _kept(system: System, run_dir: Path, connect: str, after_s: float | None, scene: str) -> int:
+    end_left(run_dir, system.processes, system.name)
     folder.make(run_dir)
     environment = _environment(system, run_dir, connect, scene)
     shell = Shell(run_dir, system.processes, system.name, connect, environment, bound=system)
@@ -86,7 +100,7 @@ class _Watch(threading.Thread):
         self._began = time.time()
         self._ready_at: float | None = None
         self._tap: Tap | None = None
-        self._samples: queue.SimpleQueue[Sample] = queue.SimpleQueue()
+        self._samples = OneReaderQueue[Sample]()
         self._seen: set[tuple[str, str, str, str]] = set()
         self._states: dict[str, ProcessState] = {}
 
@@ -130,7 +144,7 @@ class _Watch(threading.Thread):
         return True
 
     def _tell(self) -> None:
-        while not self._samples.empty():
+        while len(self._samples):
             sample = self._samples.get()
             chunks = sample.key.split("/")
             if not sample.token and len(chunks) == 7:

@@ -7,13 +7,17 @@ The first ones are made beside the start of the router, which waits for them: ha
 """
 
 import datetime as dt
+import random
 import socket
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
+from agent_runtime.io.cli import listed
 from agent_runtime.io.run_files import KEYS_FOLDER
-from agent_runtime.io.secured import ROUTER, key_file
+from agent_runtime.io.secured import ROUTERS, key_file
+from operate.wires.files import place
 from topdown.model.design import Design
 
 TLS, PLAIN = "tls/", "tcp/"
@@ -23,13 +27,17 @@ DAYS = 7.0
 LAST = 1 / 7
 """Of the time that keys hold: then they are renewed (of a week its last day: as long as a machine may sleep)."""
 AGAIN_S = 60.0  # estimate: a day is left
+RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
+PORTS, TRIES = 10_000, 100
+"""So many ports below those of outgoing connections are looked at, and so often (estimate: few of them are taken)."""
 
 
 class Keys:
-    """Address of the router, and the folder of keys: None where nothing is encrypted.
+    """Addresses of the routers, and the folder of keys: None where nothing is encrypted.
 
-    `own`: where the processes of this host meet; `listen`: where the router listens. One that others reach, too, has a
-    listener on loopback for its own: a flood of handshakes locks the listener that it hits, and no other.
+    `own`: where the processes of this host meet, of two routers comma between; `routers`: the settings of each that is
+    started here. One that others reach, too, has a listener on loopback for its own: a flood of handshakes locks the
+    listener that it hits, and no other.
     """
 
     def __init__(
@@ -41,30 +49,61 @@ class Keys:
         given: str,
         *,
         insecure: bool,
-        router: bool,
+        here: tuple[str, ...],
+        linked: bool = False,
         days: float = DAYS,
     ) -> None:
-        """Begin to make them, where the router is started here and none are given.
+        """Begin to make them, where a router is started here and none are given.
 
-        `connect`: the address asked for, "" for a free port here; `given`: a folder of keys that are there. ValueError
-        where address and keys do not fit.
+        `connect`: the addresses asked for, "" for free ports here; `given`: a folder of keys that are there; `here`:
+        the routers that are started here; `linked`: there are two. ValueError where addresses and keys do not fit.
         """
         self._design, self._system, self._days, self._due = design, system, days, float("inf")
-        mine = router and not given and not insecure
+        self._routers = len(ROUTERS) if linked else 1
+        mine = bool(here) and not given and not insecure
         self.folder = run / KEYS_FOLDER if mine else Path(given).resolve() if given and not insecure else None
-        self.address = connect or f"{TLS if self.folder else PLAIN}127.0.0.1:{free_port()}"
-        if self.folder and not self.address.startswith(TLS):
-            raise ValueError(f"with keys the router's address begins with {TLS}, {self.address!r} not; or --insecure")
-        if not self.folder and self.address.startswith(TLS):
-            raise ValueError(f"{self.address!r} wants keys, and there are none: --keys names their folder")
-        outside = router and host_of(self.address) not in LOOPBACK
-        self.own = f"{self.address.partition('/')[0]}/127.0.0.1:{free_port()}" if outside else self.address
-        self.listen = f"{self.address},{self.own}" if outside else self.address
+        self.addresses = listed(connect) or tuple(
+            f"{TLS if self.folder else PLAIN}127.0.0.1:{free_port()}" for _ in range(self._routers)
+        )
+        self._fit(here, mine=mine)
+        self.own, self.routers = self._met(here)
         self._making = threading.Thread(target=self._begin, name="keys", daemon=True)
         self._failed: Exception | None = None
         if self.folder and mine:
-            key_file(self.folder, ROUTER).unlink(missing_ok=True)  # the last start's: the router waits for a new one
+            for name in ROUTERS:  # of the last start: a router waits for a new one
+                key_file(self.folder, name).unlink(missing_ok=True)
             self._making.start()
+
+    def _fit(self, here: tuple[str, ...], *, mine: bool) -> None:
+        """Raise ValueError where the addresses do not go with each other, or with the keys."""
+        for address in self.addresses:
+            if self.folder and not address.startswith(TLS):
+                raise ValueError(f"with keys the router's address begins with {TLS}, {address!r} not; or --insecure")
+            if not self.folder and address.startswith(TLS):
+                raise ValueError(f"{address!r} wants keys, and there are none: --keys names their folder")
+        if mine and self._routers > 1 and len(here) < self._routers:
+            raise ValueError(
+                f"only {', '.join(here)} of the routers is started here: the other needs keys of the same authority;"
+                " `roco keys make --routers 2`, then --keys at both hosts"
+            )
+        if self._routers > 1 and len(self.addresses) != self._routers:
+            raise ValueError(
+                f"{self._routers} routers want an address each, comma between; {self.addresses[0]!r} is"
+                f" {len(self.addresses)}; without an address they get free ports"
+            )
+
+    def _met(self, here: tuple[str, ...]) -> tuple[str, dict[str, dict[str, str]]]:
+        """Return where the processes of this host meet, and the settings of each router that is started here."""
+        own, settings = list(self.addresses), {}
+        for number, (name, address) in enumerate(zip(ROUTERS, self.addresses, strict=False)):
+            if name not in here:
+                continue
+            listen = address
+            if place(address)[0] not in LOOPBACK:
+                own[number] = f"{address.partition('/')[0]}/127.0.0.1:{free_port()}"
+                listen = f"{address},{own[number]}"
+            settings[name] = {"ROCO_NAME": name, "ROCO_LISTEN": listen} | ({"ROCO_LINK": own[0]} if number else {})
+        return ",".join(own), settings
 
     def _begin(self) -> None:
         try:
@@ -97,19 +136,29 @@ class Keys:
         from agent_runtime.io import issuing, keys
 
         assert self.folder is not None
-        hosts = dict.fromkeys((*keys.HOSTS, host_of(self.address)))
-        until = issuing.issue(self.folder, self._design, (self._system,), days=self._days, hosts=tuple(hosts)).until
+        hosts = tuple(dict.fromkeys((*keys.HOSTS, *(place(one)[0] for one in self.addresses))))
+        systems, count = (self._system,), self._routers
+        made = issuing.issue(self.folder, self._design, systems, days=self._days, hosts=hosts, routers=count)
+        until = made.until
         self._due = until.timestamp() - LAST * self._days * 86400.0
         return until
 
 
-def host_of(address: str) -> str:
-    """The host in an address like tls/127.0.0.1:7447."""
-    return address.partition("/")[2].rpartition(":")[0].strip("[]")
-
-
 def free_port() -> int:
-    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side.
+
+    Who listens does so seconds later: it is none of those that the system may give to outgoing connections meanwhile.
+    """
+    lowest = _lowest_given()
+    for port in (*random.sample(range(lowest - PORTS, lowest), TRIES), 0):
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return int(probe.getsockname()[1])
+    raise OSError("no TCP port of 127.0.0.1 is free; end what listens there (`ss -ltn`)")
+
+
+def _lowest_given() -> int:
+    """Return the lowest port that the system gives to outgoing connections; 32768, Linux's default, elsewhere."""
+    with suppress(OSError, ValueError, IndexError):
+        return max(int(RANGE.read_text().split()[0]), 1024 + PORTS)
+    return 32768

@@ -2,8 +2,8 @@
 
 One thread, one loop: look at the children and their ready files, take that in, decide, act, write fleet.json. Children
 get sessions of their own, so that Ctrl-C in a terminal reaches the supervisor alone and the order of the end is kept.
-A supervisor that is killed leaves them running: the robot does not drop the jar because of it, and `roco down` finds
-them by their pid files.
+A supervisor that is killed leaves them running: the robot does not drop the jar because of it. `roco down` finds them
+by their pid files, and so does the next supervisor of the folder, which ends them before it starts its own.
 """
 
 import importlib.util
@@ -17,20 +17,22 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from agent_runtime.io.pulse import Pulse
+from agent_runtime.io.run_files import set_stop
 from operate.run_folder import Fleet as FleetFile
 from operate.run_folder import ProcessState
 from operate.supervisor import core, folder
+from operate.supervisor.keeping import Left, left
 from operate.supervisor.processes import Process
 from operate.system import System
 
 NAME = "supervisor"
-PERIOD_S = 0.05  # estimate: a death is seen soon enough, and 20 looks a second cost next to nothing
 
 
 class Shell:
     """Runs one fleet in one run folder. `command` makes the argument list of a process (tests put their own there).
 
-    `tend`: what else is to be looked after at each look. `bound`: the system, for fleet.json.
+    `tend`: what else is to be looked after at each look. `bound`: the system, for fleet.json. `apart`: variables of
+    single processes.
     """
 
     def __init__(
@@ -43,17 +45,21 @@ class Shell:
         command: Callable[[Process], list[str]] | None = None,
         tend: Callable[[], None] | None = None,
         bound: System | None = None,
+        apart: Mapping[str, Mapping[str, str]] | None = None,
     ) -> None:
         self.run = run
         self.system = system
         self.connect = connect
         self.environment = dict(environment)
+        self.apart = apart or {}
         self.command = command or python_module
         self.tend = tend or (lambda: None)
         self.entry, self.project = (bound.entry, bound.project) if bound is not None else ("", "")
         self.fleet = core.begin(processes, time.monotonic())
         self.started = time.time()
-        self.children: dict[str, subprocess.Popen[bytes]] = {}
+        self.children: dict[str, subprocess.Popen[bytes] | Left] = {}
+        self.beats: dict[str, int] = {}
+        self.held = False
         self.end_asked = threading.Event()
 
     def serve(self) -> None:
@@ -66,12 +72,22 @@ class Shell:
         while not self.fleet.ended:
             pulse.beat()
             self.step(time.monotonic())
-            self.end_asked.wait(PERIOD_S) if not self.fleet.stopping else time.sleep(PERIOD_S)
+            self.end_asked.wait(core.PERIOD_S) if not self.fleet.stopping else time.sleep(core.PERIOD_S)
         for file in (ready, pulse.file, folder.pid_file(self.run, NAME)):
             file.unlink(missing_ok=True)
 
+    def end(self, left: Mapping[str, Left]) -> None:
+        """End in order what a supervisor that died left running; each has its time, then it is killed."""
+        self.children |= left
+        for name, one in left.items():
+            self.fleet = core.take(self.fleet, core.Found(name, one.pid), time.monotonic())
+        self.end_asked.set()
+        while not self.fleet.ended:
+            self.step(time.monotonic())
+            time.sleep(core.PERIOD_S)
+
     def step(self, now: float) -> None:
-        """Look, decide, act, tell."""
+        """Look, decide, act, tell; hold the robot where a process that was ready cannot be kept alive."""
         before = self.fleet.status
         self.tend()
         if self.end_asked.is_set():
@@ -79,6 +95,10 @@ class Shell:
         self.fleet = core.switch(self.fleet, folder.off(self.run), now)
         for event in self._look():
             self.fleet = core.take(self.fleet, event, now)
+        self.fleet = core.look(self.fleet, self._beats())
+        if self.fleet.failing and not self.held:
+            self.held = True
+            set_stop(self.run, held=True)
         self.fleet, actions = core.decide(self.fleet, now)
         for action in actions:
             outcome = self._act(action)
@@ -92,6 +112,7 @@ class Shell:
         """See which children ended, and which became ready."""
         seen: list[core.Event] = []
         for name, child in list(self.children.items()):
+            folder.keep_small(folder.log_file(self.run, name))
             code = child.poll()
             if code is not None:
                 del self.children[name]
@@ -100,6 +121,13 @@ class Shell:
             elif self.fleet.known[name].state is ProcessState.STARTING and folder.ready_file(self.run, name).exists():
                 seen.append(core.Ready(name))
         return seen
+
+    def _beats(self) -> frozenset[str]:
+        """Return whose heartbeat changed since the last look."""
+        found = {name: folder.beat(self.run, name) for name in self.children}
+        changed = frozenset(name for name, at in found.items() if at and at != self.beats.get(name))
+        self.beats |= found
+        return changed
 
     def _act(self, action: core.Action) -> core.Event | None:
         """Do one action; a start gives what came of it."""
@@ -117,12 +145,13 @@ class Shell:
     def _start(self, process: Process) -> core.Event:
         """Start a process; where that cannot work, say why."""
         folder.ready_file(self.run, process.name).unlink(missing_ok=True)
+        self.beats[process.name] = folder.beat(self.run, process.name)  # of the one before: no beat of this one
         try:
             command = self.command(process)
             with folder.log_file(self.run, process.name).open("ab") as log:
                 child = subprocess.Popen(
                     command,
-                    env=self.environment,
+                    env={**self.environment, **self.apart.get(process.name, {})},
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,
@@ -133,6 +162,14 @@ class Shell:
         self.children[process.name] = child
         folder.pid_file(self.run, process.name).write_text(f"{child.pid}\n")
         return core.Started(process.name, child.pid)
+
+
+def end_left(run: Path, processes: tuple[Process, ...], system: str) -> None:
+    """End what a supervisor of this folder that died left running, in order, and say so."""
+    found = left(run, processes)
+    if found:
+        print(f"ending what a supervisor that died left: {', '.join(found)}", flush=True)
+        Shell(run, processes, system, "", {}).end(found)
 
 
 class NotBuiltError(Exception):

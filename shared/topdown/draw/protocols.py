@@ -3,6 +3,7 @@
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Protocol, Role, Row, Way
 from topdown.draw import sequence
+from topdown.draw.canvas import Canvas
 from topdown.draw.channels import seconds, size
 from topdown.draw.document import Figure, Grid, Section, listed, rulings
 from topdown.draw.exchange import Exchange, exchange
@@ -14,6 +15,7 @@ from topdown.model.errors import NoSuchEntry
 from topdown.model.own_tables import fipa_table
 
 ALWAYS = "not-understood: either side may say it at any point; it ends the conversation."
+ROLES = sequence.Cast("initiator", "participant")
 
 
 def section(design: Design, wanted: str | None, width: int) -> Section:
@@ -27,7 +29,7 @@ def section(design: Design, wanted: str | None, width: int) -> Section:
         table = design.own_tables.get(wanted or "") or fipa_table(wanted or "")
         if table is None:
             raise NoSuchEntry("protocol", str(wanted), sorted({*design.protocols, *design.tables}))
-        parts = _table_alone(table, width)
+        parts = _alone(table, width)
     lead = "Who may say what, in which order. alt: one of these; loop: any number of times; opt: once or not at all."
     return Section("protocols", "Protocols", lead, tuple(parts))
 
@@ -50,12 +52,18 @@ def _use(use: Use, protocol: Protocol | None, about: tuple[str, ...], width: int
     return parts
 
 
-def _table_alone(protocol: Protocol, width: int) -> list[Grid | Figure]:
+def _alone(protocol: Protocol, width: int) -> list[Grid | Figure]:
     """A protocol between no particular agents."""
     found = exchange(protocol)
-    cast = sequence.Cast("initiator", "participant")
-    figure = _figure(f"protocol-{protocol.name}", f"{protocol.name}, by its table", found, cast, width, (ALWAYS,))
+    figure = _figure(f"protocol-{protocol.name}", f"{protocol.name}, by its table", found, ROLES, width, (ALWAYS,))
     return [figure, _rows(f"The rows of {protocol.name}", protocol, found, None)]
+
+
+def draw(protocol: Protocol) -> Canvas:
+    """Return the drawing of a protocol between no particular agents, with its name above."""
+    canvas = sequence.draw(exchange(protocol).parts, ROLES, f"The protocol {protocol.name}")
+    canvas.words((canvas.boxes[0].x, -14), protocol.name, "strong large")
+    return canvas
 
 
 def _figure(

@@ -19,6 +19,8 @@ QUIET_S = 3600.0
 """One that neither ended nor may rest for ever is kept so long after its last word (estimate)."""
 OVER = 20_000
 """Ended conversations whose names are remembered, so that a straggler is recognised (estimate)."""
+ON_ITS_WAY_S = 0.25
+"""A question that was heard so long after it was sent had a slow way; estimate: on one host it takes milliseconds."""
 SWEEP_S = 10.0
 """Seconds between two looks for conversations to forget (estimate: that is 1 us for each that is open)."""
 
@@ -131,8 +133,7 @@ class Talk:
         one, wait = entry.communicate, self.waits.pop(role.other, None)
         at = one.sent or entry.heard.at
         if wait is not None and at > wait.reply_by:
-            asked = wait.entry.communicate
-            return Verdict.LATE, f"{at - wait.reply_by:.3f} s after the reply-by of {asked.performative} {asked.id}"
+            return Verdict.LATE, _how_late(at, wait)
         if self.opened is None or role is Role.INITIATOR:
             return Verdict.LEGAL, ""
         since, use = self.opened
@@ -197,6 +198,14 @@ class Talks:
             if not talk.kept(now):
                 del self._open[talk.name]
                 self._over.note(talk.name, True)
+
+
+def _how_late(at: float, wait: Waits) -> str:
+    """Why an answer that was sent at `at` is late; where its question was long on its way, that too."""
+    asked = wait.entry.communicate
+    question, way_s = f"{asked.performative} {asked.id}", wait.entry.heard.at - asked.sent if asked.sent else 0.0
+    slow = f"; {question} itself was heard {way_s:.3f} s after it was sent" if way_s > ON_ITS_WAY_S else ""
+    return f"{at - wait.reply_by:.3f} s after the reply-by of {question}{slow}"
 
 
 def name(one: Communicate) -> Name:

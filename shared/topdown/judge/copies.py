@@ -12,6 +12,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
+from fipa_codec.communicate import number_of
 from topdown.judge.verdicts import Heard
 from topdown.model.design import Rule
 
@@ -60,6 +61,7 @@ class Copies:
 
     def __init__(self) -> None:
         self._prints: defaultdict[str, Remembered[int]] = defaultdict(lambda: Remembered(REMEMBERED))
+        self._journals: defaultdict[str, int] = defaultdict(int)
 
     def note(self, heard: Heard, rule: Rule) -> Known:
         """Return the state of this communicate's id and remember it. A message without an id is always new.
@@ -71,15 +73,17 @@ class Copies:
             return Known.NEW
         words = 0 if one.content is msgspec.UNSET else zlib.crc32(one.content)
         found = hash((heard.key, one.conversation, one.reply_with, one.in_reply_to, words))
-        identity = (one.receiver, one.id, one.conversation if rule.latest else "")
+        receiver = (one.receiver, self._journals[one.receiver]) if one.receiver in self._journals else one.receiver
+        identity = (receiver, one.id, one.conversation if rule.latest else "")
         before = self._prints[one.sender].note(identity, found)
         if before is None:
             return Known.NEW
         return Known.SAME if before == found else Known.OTHER
 
     def forget(self, agent: str) -> None:
-        """The agent numbers from 1 again."""
+        """The agent lost its journal: it numbers from 1 again, and so does who speaks to it."""
         self._prints.pop(agent, None)
+        self._journals[agent] += 1
 
 
 class Streams(Generic[T]):
@@ -103,7 +107,8 @@ class Streams(Generic[T]):
 
     def unheard(self, pair: Pair, label: str) -> bool:
         """Whether a label is a number of this stream (m_w of a durable message is its number) not heard so far."""
-        return label.isascii() and label.isdigit() and int(label) >= self._next.get(pair, 0)
+        number = number_of(label)
+        return number is not None and number >= self._next.get(pair, 0)
 
     def give_up(self, pair: Pair, number: int) -> tuple[tuple[int, int], list[T]] | None:
         """The numbers missing before this one, first and last, and what is in order without them.

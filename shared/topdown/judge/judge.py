@@ -8,7 +8,7 @@ beginning was not heard is not judged, and never an alarm.
 
 from itertools import count
 
-from fipa_codec.communicate import Communicate, decode_strictly
+from fipa_codec.communicate import Communicate, decode_strictly, number_of
 from fipa_codec.errors import MalformedError
 from fipa_codec.languages import Kind, Languages
 from fipa_codec.tables import Role
@@ -40,6 +40,7 @@ class Judge:
         self._patience = patience_s
         self._numbers, self._timers = count(1), Timers()
         self._lives: dict[str, int] = {}
+        self._journals: dict[str, str] = {}
         self._whole: set[str] = set()
         self._found: list[Judgement] = []
 
@@ -52,11 +53,12 @@ class Judge:
         at: float,
         size: int = 0,
         read: tuple[str, Kind] | None = None,
+        log: str = "",
     ) -> tuple[Judgement, ...]:
         """A communicate went by on `key` at `at` [s]; `size` [bytes], where it is not given as bytes.
 
-        `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before. Judgements of it,
-        and of earlier ones that it explains.
+        `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before. `log`: the agent that
+        noted it, where nobody else heard it. Judgements of it, and of earlier ones that it explains.
         """
         self._advance(at)
         one: Communicate | None = None
@@ -69,11 +71,18 @@ class Judge:
                 one = decode_strictly(said)
             except MalformedError as error:
                 why = str(error)
-        heard = Heard(next(self._numbers), at, key, size, one)
+        heard = Heard(next(self._numbers), at, key, size, one, log)
         if one is None:
             self._say(Verdict.MALFORMED, heard, (self._admission.parts(key) or {}).get("channel", ""), why)
         else:
             self._admit(heard, one, read)
+        return self._told()
+
+    def noted(self, key: str, why: str, at: float, log: str) -> tuple[Judgement, ...]:
+        """An agent noted bytes that were no communicate, which nobody else heard, and why; not the bytes themselves."""
+        self._advance(at)
+        channel = (self._admission.parts(key) or {}).get("channel", "")
+        self._say(Verdict.MALFORMED, Heard(next(self._numbers), at, key, 0, None, log), channel, why)
         return self._told()
 
     def pass_time(self, now: float) -> tuple[Judgement, ...]:
@@ -81,28 +90,40 @@ class Judge:
         self._advance(now)
         return self._told()
 
-    def lived(self, agent: str, incarnation: int, at: float, *, fresh: bool = False) -> tuple[Judgement, ...]:
+    def lived(
+        self, agent: str, incarnation: int, at: float, *, fresh: bool = False, journal: str = ""
+    ) -> tuple[Judgement, ...]:
         """An incarnation of an agent appeared. `fresh`: it was certainly not there before the judge listened.
 
-        Soft conversations (those no journal keeps) end with a life.
+        `journal`: the name of its journal; under another one its streams, and those to it, begin at 1 again. Soft
+        conversations (those no journal keeps) end with a life.
         """
         self._advance(at)
         before = self._lives.get(agent)
         self._lives[agent] = incarnation
         if before is None and fresh and incarnation == 1:
             self._whole.add(agent)
-        if before is not None and incarnation < before:  # its journal is lost: it numbers from 1 again
+        another = self._journals.get(agent, journal) != journal
+        self._journals[agent] = journal
+        if before is not None and (another or incarnation < before):  # its journal is lost: it numbers from 1 again
             self._copies.forget(agent)
             self._lose([talk for talk in self._talks if agent in talk.agents], self._streams.forget(agent))
         elif before is not None and incarnation > before:
             self._reborn(agent)
         return self._told()
 
-    def deaf(self, at: float) -> tuple[Judgement, ...]:
-        """Until now something may have been said that was not heard: open conversations are judged no more."""
+    def deaf(self, at: float, sender: str = "") -> tuple[Judgement, ...]:
+        """Until now something may have been said that was not heard: open conversations are judged no more.
+
+        `sender`: by this agent alone; its conversations.
+        """
         self._advance(at)
-        self._whole.clear()
-        self._lose(list(self._talks), self._streams.forget())
+        if sender:
+            self._whole.discard(sender)
+            self._lose([talk for talk in self._talks if sender in talk.agents], self._streams.forget(sender))
+        else:
+            self._whole.clear()
+            self._lose(list(self._talks), self._streams.forget())
         return self._told()
 
     def finish(self, at: float) -> tuple[Judgement, ...]:
@@ -151,10 +172,10 @@ class Judge:
     def _number(self, entry: Entry) -> None:
         """In the order of its stream."""
         one = entry.communicate
-        if not (one.id.isascii() and one.id.isdigit()):
+        pair, number = (one.sender, one.receiver), number_of(one.id)
+        if number is None:
             self._judge(Verdict.OUT_OF_SEQUENCE, entry, f"its id is {one.id!r}, not the number of a durable stream")
             return
-        pair, number = (one.sender, one.receiver), int(one.id)
         ready = self._streams.put(pair, number, entry, first=1 if one.sender in self._whole else None)
         if ready is None:
             self._judge(Verdict.NOT_JUDGED, entry, "said before anything of this stream was heard")

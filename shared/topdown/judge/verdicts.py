@@ -42,13 +42,17 @@ VIOLATIONS = frozenset(Verdict) - FINE
 
 
 class Heard(msgspec.Struct, frozen=True, gc=False):
-    """The `n`-th sample (from 1), heard at `at` [s] on `key`; `size` [bytes]; None: not a communicate."""
+    """The `n`-th sample (from 1), heard at `at` [s] on `key`; `size` [bytes]; None: not a communicate.
+
+    `log`: the agent that noted it, where nobody else heard it.
+    """
 
     n: int
     at: float
     key: str
     size: int
     communicate: Communicate | None
+    log: str = ""
 
 
 class Judgement(msgspec.Struct, frozen=True):

@@ -286,7 +286,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
 
 def load(path: Path) -> Design:
     """The design in the file at `path`. Raises DesignError."""
-    text = path.read_text(encoding="utf-8")
+    text = loading.text_of(path)
     return Design(loading.read(text, str(path)), path.name, text, str(path.resolve().parent))
 
 

@@ -19,28 +19,40 @@ _HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.-]+)\s*\]\]?\s*(?:#.*)?$")
 _TOML_LINE = re.compile(r"\(at line (\d+), column \d+\)")
 _UNKNOWN = re.compile(r"unknown field `([^`]+)`")
 
+_TOML = "the file must be TOML 1.0"
+
 Path_ = tuple[str | int, ...]
 
 
 def load(path: Path) -> elements.DesignFile:
     """The design file at `path`. Raises DesignError."""
-    return read(path.read_text(encoding="utf-8"), str(path))
+    return read(text_of(path), str(path))
+
+
+def text_of(path: Path) -> str:
+    """Return what is written in a file. Raise DesignError where it is not UTF-8."""
+    data = path.read_bytes()
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        wrong = f"byte {data[error.start]:02x} is not UTF-8"
+        raise DesignError(str(path), data.count(b"\n", 0, error.start) + 1, "(file)", wrong, _TOML) from error
 
 
 def read(text: str, name: str = "design.toml") -> elements.DesignFile:
     """The design written in `text`; `name` is what errors call the file. Raises DesignError."""
     try:
         return msgspec.convert(tomllib.loads(text), elements.DesignFile)
-    except tomllib.TOMLDecodeError as error:
-        raise _not_toml(error, text, name) from error
-    except msgspec.ValidationError as error:
+    except msgspec.ValidationError as error:  # a ValueError, too
         raise _not_fitting(error, text, name) from error
+    except (ValueError, RecursionError) as error:  # of tomllib: its own, numbers too long, nesting too deep
+        raise _not_toml(error, text, name) from error
 
 
-def _not_toml(error: tomllib.TOMLDecodeError, text: str, name: str) -> DesignError:
+def _not_toml(error: Exception, text: str, name: str) -> DesignError:
     found = _TOML_LINE.search(str(error))
     line = int(found.group(1)) if found else len(text.splitlines())
-    return DesignError(name, line, "(file)", str(error), "the file must be TOML 1.0")
+    return DesignError(name, line, "(file)", str(error), _TOML)
 
 
 def _not_fitting(error: msgspec.ValidationError, text: str, name: str) -> DesignError:

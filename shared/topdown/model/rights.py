@@ -21,6 +21,8 @@ from topdown.model.elements import House
 
 ROUTER = "router"
 """The identity of the router: it listens, and has no right as a client."""
+ROUTERS = (ROUTER, "router-2")
+"""Two that are linked; the second joins the first."""
 _INCARNATION = "{incarnation}"
 _PEER = "{peer}"
 
@@ -58,10 +60,10 @@ class Family(msgspec.Struct, frozen=True, order=True):
     token: bool = False
 
 
-def identities(design: Design) -> tuple[str, ...]:
-    """Return agents, then other readers and writers, then the router: each has a certificate of its own."""
+def identities(design: Design, routers: int = 1) -> tuple[str, ...]:
+    """Return agents, then other readers and writers, then the routers: each has a certificate of its own."""
     others = [name for house in design.file.house for name in (*house.writers, *house.readers)]
-    return tuple(dict.fromkeys([*design.agents, *design.file.system.recorders, *others, ROUTER]))
+    return tuple(dict.fromkeys([*design.agents, *design.file.system.recorders, *others, *ROUTERS[:routers]]))
 
 
 def families(design: Design, system: str) -> tuple[Family, ...]:
@@ -90,35 +92,39 @@ def rights(design: Design, system: str) -> tuple[Right, ...]:
 
 
 def common_names(
-    design: Design, systems: Sequence[str], *, linked: bool = False
+    design: Design, systems: Sequence[str], *, linked: bool = False, routers: int = 1
 ) -> dict[str, tuple[tuple[str, str], ...]]:
     """The common name (CN) of each certificate, and as whom it counts: (identity, system) pairs.
 
     One system: the CN is the identity. Several behind one router: an agent's CN is `<system>.<identity>`, so that the
     two of a name are told apart; another identity (router, recorders, readers) is one for all systems. `linked`:
-    each system has a router of its own.
+    each system has a router of its own; else `routers` serve them all.
     """
     several = {*design.agents, *([ROUTER] if linked else [])} if len(systems) > 1 else set()
     found: dict[str, list[tuple[str, str]]] = {}
     for system in systems:
-        for identity in identities(design):
+        for identity in identities(design, routers):
             name = f"{system}.{identity}" if identity in several else identity
             found.setdefault(name, []).append((identity, system))
     return {name: tuple(pairs) for name, pairs in found.items()}
 
 
-def access_control(design: Design, *systems: str, linked: bool = False) -> dict[str, Any]:
+def access_control(design: Design, *systems: str, linked: bool = False, routers: int = 1) -> dict[str, Any]:
     """The part `access_control` of a Zenoh router's configuration (1.10): subjects are common names of certificates.
 
     Directions are the router's: ingress is what a client sends. A subscription may have wildcards (`_ears`); what then
     reaches the subscriber are only the keys that it has a right to. Subscriptions of others are told to no agent, so a
     publisher cannot learn who listens. `linked`: each system has a router of its own, and the rules are for each of
-    these; the others are its clients, too (`_neighbour`).
+    these; the others are its clients, too. `routers`: 2 are linked and serve all systems. Raise ValueError for both.
     """
-    holders = common_names(design, systems, linked=linked)
+    if linked and routers > 1:
+        raise ValueError("a router for each system, or two for all of them: linked and routers do not go together")
+    holders = common_names(design, systems, linked=linked, routers=routers)
     rules = {name: list(_rules(design, name, pairs)) for name, pairs in holders.items()}
     if linked:
-        rules |= {f"{system}.{ROUTER}": list(_neighbour(design, system, systems)) for system in systems}
+        rules |= {f"{one}.{ROUTER}": list(_neighbour(design, one, systems)) for one in systems}
+    if routers > 1:
+        rules |= {name: list(_joined(design, name, systems, systems)) for name in ROUTERS[:routers]}
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -149,18 +155,23 @@ def _rules(design: Design, name: str, pairs: tuple[tuple[str, str], ...]) -> Ite
 
 
 def _neighbour(design: Design, system: str, systems: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Rights of the router of `system` at those of the other systems: bring what is said in its own system, and take
-    what is said in theirs; of subscriptions are told those that such words are for, which only recorders and readers
-    of several systems have.
+    """Rights of the router of `system` at those of the other systems: of subscriptions are told those that words from
+    there are for, which only recorders and readers of several systems have.
     """
-    name, others = f"{system}.{ROUTER}", [other for other in systems if other != system]
-    brought, taken = families(design, system), [family for other in others for family in families(design, other)]
+    yield from _joined(design, f"{system}.{ROUTER}", [system], [other for other in systems if other != system])
+
+
+def _joined(design: Design, name: str, brings: Sequence[str], takes: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Rights of a router at one that it is linked with: bring what is said in some systems, take what is said in
+    others, and be told the subscriptions that either is for. Who may say it, the router at which it comes in decides.
+    """
+    brought, taken = ([family for one in some for family in families(design, one)] for some in (brings, takes))
     for told, token in (("put", False), ("liveliness_token", True)):
         ours, theirs = ([one.key for one in some if one.token is token] for some in (brought, taken))
         yield from _rule(f"{name} brings {told}", "ingress", [told], ours)
         yield from _rule(f"{name} takes {told}", "egress", [told], theirs)
-    yield from _rule(f"{name} asks", "ingress", ["declare_subscriber"], [_all_of(design, other) for other in others])
-    yield from _rule(f"{name} is asked", "egress", ["declare_subscriber"], [_all_of(design, system)])
+    yield from _rule(f"{name} asks", "ingress", ["declare_subscriber"], [_all_of(design, one) for one in takes])
+    yield from _rule(f"{name} is asked", "egress", ["declare_subscriber"], [_all_of(design, one) for one in brings])
 
 
 def _all_of(design: Design, system: str) -> str:

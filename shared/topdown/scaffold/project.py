@@ -109,7 +109,7 @@ x-common: &common
   working_dir: /app
   labels: {{robot-companion.system: {package}}}
   volumes: [".:/app:ro", "run:/var/lib/roco"]
-  restart: on-failure
+  restart: unless-stopped
 
 x-environment: &environment
   PYTHONPATH: /app

@@ -47,7 +47,7 @@ class Heard:
     """A post that keeps what was said."""
 
     def __init__(self) -> None:
-        self.words: queue.SimpleQueue[object] = queue.SimpleQueue()
+        self.words: queue.Queue[object] = queue.Queue()
 
     def __call__(self, content: object, delay_s: float = 0.0) -> None:
         self.words.put(content)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from driven import Driven
@@ -10,18 +11,21 @@ from driven import Driven
 from agent_runtime.core.events import Event, Local, Started, Tick
 from companion.binding import wiring
 from companion.languages import rc
-from companion.languages.values import Side
+from companion.languages.values import Pose, Side
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
 from services.executor.behaviours import SKILL_WITHIN_S
 from services.executor.local import Brake, Crashed, Do, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
 from services.executor.loop.program import motion
-from services.executor.remembered import Remembered
+from services.executor.remembered import Holding, Remembered
 
 Q = np.linspace(0.0, 1.4, 15)
 FELT = Felt(q=Q.tobytes(), measured=Q.tobytes(), head=(0.1, 0.2), time=5.0)
 MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
 KEPT = Remembered(q=(1.0,) * 15, time=7.0)
+HOLDING = Remembered(
+    q=(1.0,) * 15, held={Side.LEFT: Holding("jar_1", "g", Pose((0, 0, 0), (1, 0, 0, 0)), 0.3)}, epoch="one"
+)
 POSTURE = KEPT.posture()
 assert POSTURE is not None
 DONE = rc.Done("m1", POSTURE, (), {}, 2.0)
@@ -29,12 +33,12 @@ MOTION = motion("m1", np.zeros((101, 15)))
 OTHER = 99
 
 
-def idle() -> Driven:
+def idle(felt: Felt = FELT) -> Driven:
     """ex has found out how its robot stands."""
     one = Driven(behaviours.agent(), wiring("ex", "test"))
     one.step(Started())
     assert one.tells == [Halt(0)]
-    one.step(Local(Stands(0, FELT)))
+    one.step(Local(Stands(0, felt)))
     return one
 
 
@@ -190,6 +194,27 @@ def test_a_skill_that_ends_without_a_motion_is_the_outcome() -> None:
     assert said(one) == [(P.INFORM, "t1", DONE)]
     memory = one.state.memory
     assert (memory.act, memory.last, memory.remembered, memory.soft.felt) == (None, "m1", KEPT, None)
+
+
+ELSEWHERE = msgspec.structs.replace(FELT, epoch="another", q=(Q + 1).tobytes())
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_in_another_world_everything_is_forgotten_once(lost: bool) -> None:
+    """Before an act, or after the loss of the loop: what was held and seen is of a world that is no more."""
+    one = idle(msgspec.structs.replace(FELT, epoch="one"))
+    ask(one, MOVE, "t1")
+    if lost:
+        one.step(Local(Stands(1, msgspec.structs.replace(FELT, epoch="one"))))
+        one.step(Local(Move(1, MOTION, 3.0, HOLDING)))
+        one.step(Local(Lost(1, "no loop")))
+    one.step(Local(Stands(1, ELSEWHERE)))
+    ((_, _, outcome),) = said(one)[-1:]
+    assert (outcome.kind, outcome.body, outcome.held) == ("new-world", None, {})
+    assert one.state.memory.remembered == Remembered(tuple(Q + 1), (0.1, 0.2), time=5.0, epoch="another")
+    ask(one, msgspec.structs.replace(MOVE, key="m2"), "t2")
+    one.step(Local(Stands(2, ELSEWHERE)))
+    assert isinstance(one.tells[-1], Perform)
 
 
 def test_after_a_loss_the_outcome_is_unknown_once_the_robot_stands() -> None:

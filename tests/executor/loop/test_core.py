@@ -231,7 +231,7 @@ def test_a_law_without_an_answer_is_a_fault(core):
     """What is not finite is never sent: damping goes out in the same cycle."""
     core.begin(motion("up", rise(core)))
     cycles(core, 100)
-    core._impedance.torque = lambda *_: np.full(15, np.nan)
+    core.impedance.torque = lambda *_: np.full(15, np.nan)
     cycles(core, 1)
     assert (core.mode, core.report.phase, core.faults) == (Mode.DAMPING, Phase.FAILED, 1)
     np.testing.assert_allclose(core.backend.taus[-1], damping.torque(core.state.v), atol=0.5)

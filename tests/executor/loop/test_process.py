@@ -9,12 +9,16 @@ import time
 import msgspec
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from companion.tools.verbs.hi import Hi
+from operate.cli.__main__ import app
 from services.executor.loop.__main__ import build
 from services.executor.loop.link import AgentLink, StopLink
 from services.executor.loop.process import Speed
 from services.executor.loop.program import Cancel, Mode, Phase, motion
 from services.executor.loop.timing import Histogram, Pacer
+from services.human_interface.server import HttpDevice
 from velma.errors import SlotError
 from velma.model import scene
 from velma.names import START
@@ -182,6 +186,46 @@ def test_a_person_stops_and_releases_without_any_agent(pair):
     for _ in range(510):
         loop.turn()
     assert agent.state().mode is Mode.MOTION
+
+
+@pytest.mark.parametrize("words", [["stop"], ["say", "STOP!!!"], ["say", "no, don't touch that"], ["say", "stój"]])
+def test_a_stop_in_words_is_obeyed_within_two_cycles_by_a_loop_alone(pair, words):
+    """There is no fleet, no agent, no router, no key, no supervisor: a folder with the files of the loop."""
+    loop, agent, path = pair
+    agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
+    loop.turn()
+    assert agent.state().mode is Mode.MOTION
+    done = CliRunner().invoke(app, [*words, "--run-dir", str(path.parent)])
+    assert (done.exit_code, "until `roco release`" in done.stdout) == (0, True), done.output
+    at = agent.state().cycles
+    for _ in range(2):
+        loop.turn()
+    assert (agent.state().mode, agent.state().cycles - at <= 2) == (Mode.STOPPED, True)
+    for _ in range(510):
+        loop.turn()
+    assert agent.state().mode is Mode.STOPPED, "leaving is explicit"
+    assert CliRunner().invoke(app, ["release", "--run-dir", str(path.parent)]).exit_code == 0
+    for _ in range(510):
+        loop.turn()
+    assert agent.state().mode is Mode.MOTION
+
+
+def test_a_stop_over_http_is_obeyed_though_the_agent_hangs(pair):
+    """hi's threads alone, and the loop."""
+    loop, agent, path = pair
+    agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
+    loop.turn()
+    desk = HttpDevice(lambda content, delay_s=0.0: None, path.parent)
+    try:
+        assert Hi(desk.address).say("halt").state == "stopped"
+        loop.turn()
+        assert agent.state().mode is Mode.STOPPED
+        assert Hi(desk.address).release().state == "released"
+        for _ in range(510):
+            loop.turn()
+        assert agent.state().mode is Mode.MOTION
+    finally:
+        desk.close()
 
 
 def test_the_end_is_damping(pair):

@@ -140,7 +140,7 @@ def test_a_torque_is_cut_to_what_the_lower_level_accepts_and_counted(core, joint
     """One joint at a time, to the figures of VS; at its limit it is neither cut nor counted."""
     most = ARM[(joint - 1) % 7]
     for asked, sent, count in ((most, most, 0), (-most - 0.1, -most, 1), (1e6, most, 2), (0.0, 0.0, 2)):
-        core._impedance.torque = lambda *_, asked=asked: asked * np.eye(15)[joint]
+        core.impedance.torque = lambda *_, asked=asked: asked * np.eye(15)[joint]
         core.cycle()
         assert core.command.tau[joint] == sent
         assert core.saturated == count
@@ -149,8 +149,8 @@ def test_a_torque_is_cut_to_what_the_lower_level_accepts_and_counted(core, joint
 
 def test_a_body_that_follows_is_not_damped_against_its_own_motion(core):
     """The speed that the law damps is the body's beside the path's: at 0.1 rad/s on a path of 0.1 rad/s it is 0."""
-    slips, torque = [], core._impedance.torque
-    core._impedance.torque = lambda terms, error, slip, *rest: (
+    slips, torque = [], core.impedance.torque
+    core.impedance.torque = lambda terms, error, slip, *rest: (
         slips.append(slip.copy()) or torque(terms, error, slip, *rest)
     )
     core.begin(motion("line", line(core)))

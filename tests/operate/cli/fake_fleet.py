@@ -14,13 +14,18 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED
+from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED, heartbeat_file
 from companion import run_files
 from companion.run_files import HiAddress, TaskLine
+from companion.tools.system import JOB
 from operate import run_folder
 from operate.run_folder import AgentIn, Fleet, Happened, PlanAt, PlanSeen, ProcessStatus, Sent
 
 TOKEN = "a token"
+BEAT_S = 0.1
+"""Between two heartbeats of each agent: all are at rest."""
+BESIDE = "beside"
+"""Name of a file that is still being written."""
 STORY = (
     AgentIn(t=1.0, agent="ta", state="running"),
     PlanSeen(t=1.0, plan="p1", task="pour", states=("main", "main/take", "main/take/grasp", "main/pour")),
@@ -70,6 +75,19 @@ class Answers(http.server.BaseHTTPRequestHandler):
         """Say nothing."""
 
 
+def put(file: Path, data: bytes) -> None:
+    """Write a file as a whole."""
+    whole = file.with_name(BESIDE)
+    whole.write_bytes(data)
+    whole.replace(file)
+
+
+def beat(run: Path) -> None:
+    """Write a heartbeat of each agent."""
+    for agent, rest in JOB.rests.items():
+        put(heartbeat_file(run, agent), msgspec.json.encode({"state": rest, "at": time.time()}))
+
+
 def main(run: Path, success: bool, mode: str) -> None:
     """Be a fleet until SIGTERM."""
     server = http.server.HTTPServer(("127.0.0.1", 0), Answers)
@@ -82,10 +100,10 @@ def main(run: Path, success: bool, mode: str) -> None:
     (run / run_folder.LIVE_FILE).write_bytes(b"".join(encode(line) + b"\n" for line in STORY))
     state = run_folder.ProcessState.READY if mode == "ready" else run_folder.ProcessState.STARTING
     processes = (ProcessStatus("ta", state, os.getpid(), module="services.supervisor"),)
-    whole = run / "beside"
-    whole.write_bytes(encode(Fleet("test", "", os.getpid(), time.time(), processes)))
-    whole.replace(run / run_folder.FLEET_FILE)
-    end.wait()
+    beat(run)
+    put(run / run_folder.FLEET_FILE, encode(Fleet("test", "", os.getpid(), time.time(), processes)))
+    while not end.wait(BEAT_S):
+        beat(run)
     while mode == "slow" and not (run / "may-end").exists():
         time.sleep(0.02)
     server.shutdown()

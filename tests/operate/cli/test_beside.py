@@ -10,11 +10,14 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from companion.run_files import SLOTS_FILE
 from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
 from operate.cli.fleet import starting, targets
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
+
+from . import fake_fleet
 
 pytestmark = pytest.mark.process
 
@@ -66,14 +69,18 @@ def begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: list[list[str]]
 def test_beside_a_fleet_none_is_started(begin: Begin, tmp_path: Path, verb: list[str], folder: str) -> None:
     """The sentence says what runs where, and what to do; nothing was made."""
     begin(folder)
-    before = sorted(tmp_path.rglob("*"))
+    before = _files(tmp_path)
     done = roco(*verb, "--format", "json")
     words = json.loads(done.stderr)["error"]
     assert done.exit_code == 1
     assert f"{folder}, 1 process since" in words
     assert "`roco down` ends it" in words
     assert ("--another NAME" in words) == (len(verb) == 1)
-    assert sorted(tmp_path.rglob("*")) == before
+    assert _files(tmp_path) == before
+
+
+def _files(folder: Path) -> set[Path]:
+    return {file for file in folder.rglob("*") if file.name != fake_fleet.BESIDE}
 
 
 def test_processes_that_a_supervisor_left_count_too(begin: Begin) -> None:
@@ -105,6 +112,7 @@ def test_a_second_fleet_is_named_and_latest_stays(begin: Begin, told: list[list[
     assert "--no-latest" in told[-1]
     assert _run(targets.find()) == first
     assert _run(targets.find("second")) == tmp_path / "runs/second"
+    (tmp_path / "runs/second" / SLOTS_FILE).touch()
     assert roco("stop", "--target", "second").exit_code == 0
     assert (folders.stop_held(first), folders.stop_held(tmp_path / "runs/second")) == (False, True)
 

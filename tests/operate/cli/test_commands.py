@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from companion.run_files import SLOTS_FILE
 from companion.tools.verbs.pace import Pace
 from operate.cli.__main__ import app
 from operate.cli.fleet import starting
@@ -66,6 +67,7 @@ def test_down_ends_the_fleet_and_status_tells_it(run: Path) -> None:
 def test_stop_reaches_whoever_has_the_flag_mapped(tmp_path: Path) -> None:
     """The loop maps the file once; stop and release change that very byte, with nothing else running."""
     (tmp_path / "stop").write_bytes(b"\x00")
+    (tmp_path / SLOTS_FILE).touch()
     file = os.open(tmp_path / "stop", os.O_RDONLY)
     with mmap.mmap(file, 1, prot=mmap.PROT_READ) as flag:
         assert roco("stop", "--run-dir", tmp_path).exit_code == 0
@@ -73,6 +75,14 @@ def test_stop_reaches_whoever_has_the_flag_mapped(tmp_path: Path) -> None:
         assert roco("release", "--run-dir", tmp_path).exit_code == 0
         assert flag[0] == 0
     os.close(file)
+
+
+def test_stop_promises_nothing_where_no_control_loop_is(tmp_path: Path) -> None:
+    """A robot on another machine goes on; one that starts here rests, and may be released."""
+    done = roco("stop", "--run-dir", tmp_path)
+    assert (done.exit_code, done.stdout, "nothing was stopped" in done.stderr) == (1, "", True)
+    assert (tmp_path / "stop").read_bytes() == b"\x01"
+    assert roco("release", "--run-dir", tmp_path).exit_code == 0
 
 
 @pytest.mark.parametrize("command", [["down"], ["status"], ["say", "x"], ["cancel"], ["stop"], ["release"]])

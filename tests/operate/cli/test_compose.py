@@ -2,7 +2,12 @@
 
 import json
 import os
+import signal
+import subprocess
 import sys
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -14,11 +19,19 @@ from companion.tools.verbs.hi import address
 from operate.cli.__main__ import app
 from operate.cli.errors import DockerError, UsageError
 from operate.cli.fleet import targets
-from operate.run_folder import Fleet, ProcessState, ProcessStatus
+from operate.run_folder import FAULTS_FILE, Fleet, ProcessState, ProcessStatus
 
 pytestmark = pytest.mark.process
 
+DEADLINE_S = 20.0
 DOCKER = Path(__file__).with_name("fake_docker.py")
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    """Look until it is so."""
+    until = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < until, f"not within {DEADLINE_S} s"
 
 
 @pytest.fixture
@@ -164,3 +177,40 @@ def test_of_several_robots_one_is_meant(world: Path) -> None:
         == "hi-1-1"
     )
     assert roco("status", "--target", "one/velma3").exit_code == 3
+
+
+def test_a_fault_hits_the_process_in_its_container(world: Path) -> None:
+    """By its pid there; the line stands where the monitor records, or in the folder of this robot."""
+    fleet = targets.find("one")
+    with subprocess.Popen(["sleep", "60"]) as victim:
+        (world / "one.hi" / "hi.heartbeat.json").write_text(
+            f'{{"pid":{victim.pid},"incarnation":2,"state":"listening"}}'
+        )
+        fleet.signal("hi", signal.SIGSTOP)
+        wait_for(lambda: next(one for one in fleet.look().seen if one.name == "hi").used.frozen)
+        fleet.signal("hi", signal.SIGKILL)
+        assert victim.wait(10) == -signal.SIGKILL
+    monitor = world / "one.monitor"
+    monitor.mkdir()
+    (monitor / "state").write_text("running")
+    assert targets.find("one").faults() == b""
+    targets.find("one").add_fault(b"first\n")
+    assert (monitor / FAULTS_FILE).read_bytes() == b"first\n"
+    (monitor / "roco").mkdir()
+    targets.find("one").add_fault(b"second\n")
+    assert (monitor / "roco" / FAULTS_FILE).read_bytes() == b"second\n" == targets.find("one").faults()
+
+
+def test_a_fault_of_the_monitor_is_noted_when_it_is_back(world: Path) -> None:
+    """It was killed, and its file is in its own container."""
+    monitor = world / "one.monitor"
+    monitor.mkdir()
+    (monitor / "state").write_text("restarting")
+    noting = threading.Thread(target=lambda: targets.find("one").add_fault(b"killed\n"))
+    noting.start()
+    looked = targets.find("one").look()
+    assert next(one.status.state for one in looked.seen if one.name == "monitor") is ProcessState.BACKING_OFF
+    assert noting.is_alive()
+    (monitor / "state").write_text("running")
+    noting.join(DEADLINE_S)
+    assert (monitor / FAULTS_FILE).read_bytes() == b"killed\n"

@@ -46,6 +46,15 @@ def test_each_line_is_told_once_and_only_when_it_is_whole(run: Path) -> None:
     assert written.new() == []
 
 
+def test_a_log_that_began_anew_is_read_from_its_beginning(run: Path) -> None:
+    """A full log is moved away: what stands in the new one is told, once."""
+    written = Written(Local(run), "co")
+    assert len(written.new()) == 3
+    (run / "logs" / "co.jsonl").write_bytes(b'{"agent":"co","t":1100.0,"level":"info","event":"new"}\n')
+    assert [line.event for line in written.new()] == ["new"]
+    assert written.new() == []
+
+
 def test_level_and_since_leave_the_rest_out(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From info on ta's are none; from a time on the older ones are none."""
     logs(level=Level.INFO, since="", lines=0, run_dir=run, form=Format.JSON)

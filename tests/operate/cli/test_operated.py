@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from operate.cli.runs import folders
+
 pytestmark = [pytest.mark.long, pytest.mark.process, pytest.mark.timeout(400)]
 VERB_S = 150.0
 
@@ -72,11 +74,18 @@ def test_a_restarted_agent_is_another_process(run: Path) -> None:
 
 
 def test_a_frozen_process_is_found_out_and_a_restart_helps(run: Path) -> None:
-    """Doctor names it with a remedy, and the remedy works: the supervisor kills who does not end."""
-    os.kill(rows(run)["ta"]["pid"], signal.SIGSTOP)
-    assert rows(run, code=1)["ta"]["trouble"] == "frozen by a signal"
-    checks = {check["name"]: check for check in roco(run, "doctor", code=1)["checks"]}
-    assert "roco agent restart ta" in checks["ta"]["remedy"]
+    """Doctor names it with a remedy, and the remedy works. The supervisor, which would do the same, is frozen, too."""
+    told = folders.fleet(run)
+    assert told is not None
+    os.kill(told.supervisor, signal.SIGSTOP)
+    try:
+        os.kill(rows(run)["ta"]["pid"], signal.SIGSTOP)
+        assert rows(run, code=1)["ta"]["trouble"] == "frozen by a signal"
+        checks = {check["name"]: check for check in roco(run, "doctor", code=1)["checks"]}
+        assert "roco agent restart ta" in checks["ta"]["remedy"]
+        assert "frozen by a signal" in checks["supervisor"]["what"]
+    finally:
+        os.kill(told.supervisor, signal.SIGCONT)
     roco(run, "agent", "restart", "ta")
     assert rows(run)["ta"]["trouble"] == ""
 

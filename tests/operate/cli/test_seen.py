@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,7 +13,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from operate.cli.fleet import process_status
+from operate.cli.fleet import checkup_fleet, process_status
+from operate.cli.fleet.checkup import Level
 from operate.cli.fleet.container_snapshot import SHEET, sheet
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Beat, Look, Seen, Used
@@ -126,6 +128,20 @@ def test_a_sheet_of_a_container_says_what_its_files_say(run: Path, idle: int) ->
     assert read.beat("pl") == (None, None)
 
 
+def test_a_file_that_goes_while_it_is_looked_at_is_not_there(run: Path, tmp_path: Path) -> None:
+    """A process that starts removes what its last life said."""
+    real, pretended = shutil.which("stat"), tmp_path / "bin" / "stat"
+    pretended.parent.mkdir()
+    pretended.write_text(f'#!/bin/sh\ncase "$*" in *km.ready) exit 1 ;; esac\nexec {real} "$@"\n')
+    pretended.chmod(0o755)
+    (run / "km.ready").write_text("1")
+    environment = {"PATH": f"{pretended.parent}:{os.environ['PATH']}", "ROCO_RUN_DIR": str(run)}
+    done = subprocess.run(["sh", "-c", SHEET], env=environment, capture_output=True, timeout=20, check=True)
+    read = sheet(done.stdout)
+    assert not read.ready("km")
+    assert read.beat("km")[0] is not None
+
+
 @pytest.mark.parametrize("data", [b"", b"nothing\n", b"@@ now 1.0\n@@ stat 0\n"])
 def test_an_empty_sheet_says_nothing(data: bytes) -> None:
     """As of a container that ended meanwhile."""
@@ -133,3 +149,36 @@ def test_an_empty_sheet_says_nothing(data: bytes) -> None:
     assert read.fleet is None
     assert not read.ready("km")
     assert read.pid("km") == 0
+
+
+@pytest.mark.parametrize(
+    ("used", "age_s", "words"),
+    [(Used(0.0, 1, True), 0.1, "frozen by a signal"), (Used(0.0, 1, False), 290.0, "hangs: last heartbeat 290 s ago")],
+)
+def test_who_is_stuck_before_it_is_ready_is_not_waited_for(used: Used, age_s: float, words: str) -> None:
+    """Doctor does not say "wait" of it, nor of one that is optional."""
+    status = ProcessStatus("km", ProcessState.STARTING, 7, optional=True)
+    seen = (Seen(status, Beat(pid=7), age_s, used),)
+    (check,) = checkup_fleet.processes(Local(Path()), Look(None, seen, False, 0.0))
+    assert (check.level, check.what) == (Level.WRONG, words)
+    assert "roco agent restart km" in check.remedy
+
+
+def test_the_heartbeat_of_an_earlier_process_says_nothing_of_this_one() -> None:
+    """A container's volume keeps it until the new process writes its own."""
+    status = ProcessStatus("km", ProcessState.STARTING, 7)
+    assert process_status.stuck(Seen(status, Beat(pid=6), 60.0, Used(0.0, 1, False))) == ""
+
+
+def test_nobody_keeps_a_fleet_whose_supervisor_is_dead_or_stuck() -> None:
+    """Of a fleet of which nothing runs that is no matter."""
+    keeper = ProcessStatus("supervisor", ProcessState.READY, 5)
+    runs = (ProcessStatus("km", ProcessState.READY, 7),)
+
+    def unkept(supervisor: int, processes: tuple[ProcessStatus, ...], age_s: float) -> str:
+        return process_status.unkept(Fleet("s", "", supervisor, 0.0, processes), Seen(keeper, Beat(pid=5), age_s))
+
+    assert unkept(5, runs, 0.5) == ""
+    assert unkept(0, runs, 0.5) == process_status.UNSUPERVISED
+    assert unkept(5, runs, 60.0) == "the supervisor (pid 5) is stuck, hangs: last heartbeat 60 s ago"
+    assert unkept(0, (ProcessStatus("km", ProcessState.STOPPED),), 0.5) == ""

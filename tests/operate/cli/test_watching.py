@@ -121,7 +121,7 @@ def test_doctor_names_what_died_and_what_was_left_behind(
     (left / "fleet.json").write_text(json.dumps(fleet | {"supervisor": 0}))
     dead = {"name": "km", "state": "given-up", "note": "killed by signal 9"}
     (run / "fleet.json").write_text(
-        json.dumps(fleet | {"connect": "tls/127.0.0.1:1", "processes": [*fleet["processes"], dead]})
+        json.dumps(fleet | {"connect": "tcp/127.0.0.1:1", "processes": [*fleet["processes"], dead]})
     )
     monkeypatch.chdir(tmp_path)
     done = roco("doctor", "--run-dir", run, "--format", "json")
@@ -129,7 +129,7 @@ def test_doctor_names_what_died_and_what_was_left_behind(
     checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
     assert checks["km"]["what"] == "given-up: killed by signal 9"
     assert "roco agent start km" in checks["km"]["remedy"]
-    assert "does not answer" in checks["router"]["what"]
+    assert "nobody listens at tcp/127.0.0.1:1" in checks["router"]["what"]
     assert checks["other runs"]["level"] == "wrong"
     assert "roco down --run-dir runs/before" in checks["other runs"]["remedy"]
     assert "✗" in roco("doctor", "--run-dir", run).stdout

@@ -9,10 +9,12 @@ import pytest
 from planting import Expected, Traffic, plants
 
 from agent_runtime.io.tap import Sample
-from operate.recording.records import Resumed, Token
+from operate.recording.records import Record, Resumed, Token
 from topdown.judge.verdicts import VIOLATIONS, Verdict
 
 PLANTS = list(plants())
+MISSED_S, NOTICED_S = 0.9, 2.0
+"""A gap in what a sender said is noticed at its next heartbeat but one."""
 UNTOLD_S = 0.02
 """How much later than said a communicate may be heard here, each for itself; on one host it is less than a ms."""
 
@@ -84,3 +86,23 @@ def test_nothing_is_judged_that_was_said_while_nobody_listened() -> None:
         kept = traffic.items[:start], traffic.items[start + 60 :]
         traffic.items = [*kept[0], Resumed(at[start - 1], at[start + 59]), *kept[1]]
         assert traffic.found() == []
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_a_slow_monitor_missed_is_no_violation(seed: int) -> None:
+    """All that one sender says in a second, though the mark comes only when its next heartbeats are heard."""
+    traffic, chance = Traffic(), random.Random(seed)
+    sender = ("pl", "km", "ta", "co")[seed % 4]
+    said = [n for n, one in enumerate(traffic.items) if isinstance(one, Sample) and one.sender == sender]
+    first = _at(traffic.items[chance.choice(said)])
+    for n in reversed(said):
+        if first <= _at(traffic.items[n]) <= first + MISSED_S:
+            traffic.remove(n)
+    back = first + MISSED_S + NOTICED_S
+    noticed = next((n for n, one in enumerate(traffic.items) if _at(one) > back), len(traffic.items))
+    traffic.items.insert(noticed, Resumed(first - 0.1, back, sender))
+    assert traffic.found() == []
+
+
+def _at(item: Sample | Record) -> float:
+    return item.at if isinstance(item, Sample) else item.received

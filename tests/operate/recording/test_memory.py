@@ -78,6 +78,7 @@ def grown(recorder: Recorder, again: Again) -> list[int]:
     return sizes[2:]
 
 
+@pytest.mark.timeout(300)  # 24 s at a load of 13, and each gc.collect() looks through all that other tests left
 @pytest.mark.parametrize("channel", ["C4", "C3"])
 def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Judge, live lines and file, with what they remember filled soon."""

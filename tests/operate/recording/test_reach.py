@@ -69,3 +69,8 @@ def test_whether_nobody_is_in_reach_is_known_meanwhile() -> None:
         reach.hole(record)
         lost.append(reach.lost)
     assert lost == [False] * 5 + [True, False]
+
+
+def test_that_a_sender_was_missed_says_nothing_of_the_way_to_all() -> None:
+    """The recorder was slow meanwhile; the agents are back all the same."""
+    assert holes(*BOTH, *GONE, Resumed(2.0, 8.0, "co"), came("co", 3, 9.0)) == [Resumed(2.0, 9.0)]

@@ -17,7 +17,7 @@ from companion.design import DESIGN
 from companion.tools.report import plans, report
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
-from operate.recording import history, mcap_file
+from operate.recording import filled, history, mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, Record, Spoken, understood
 from operate.reports import make
@@ -101,9 +101,7 @@ def test_what_only_agents_heard_is_taken_from_their_logs(pouring: Run, tmp_path:
             log.write([(steplog.Step(1, 1, one.received, "Arrived", event), steplog.NOTHING)])
     log.close()
     heard = [*pouring.samples[: cut.start], *pouring.samples[cut.stop :]]
-    past = history.merged(
-        records(heard), {"km": tuple(history.arrivals(tmp_path / "steps" / "km.steps", SYSTEM))}, SYSTEM
-    )
+    past = history.merged(records(heard), {"km": tuple(filled.noted(tmp_path / "steps" / "km.steps", SYSTEM))}, SYSTEM)
     to_km = [one for one in unheard if one.receiver == "km"]
     assert sum(hole.communicates for hole in past.holes if "did not hear" in hole.text) == len(to_km)
     assert len(past.said) == len(pouring.said) - len(unheard) + len(to_km)

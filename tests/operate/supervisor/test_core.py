@@ -222,3 +222,112 @@ def test_whatever_happens_the_end_is_reached_and_nothing_runs_twice(story: list[
     assert world.fleet.ended
     assert not any(status.pid for status in world.fleet.status)
     assert msgspec.json.encode(world.fleet.status)
+
+
+@given(data=st.data())
+def test_what_a_dead_supervisor_left_is_ended_in_order_and_nothing_is_started(data: st.DataObject) -> None:
+    """Whatever of the real table lives, whoever is deaf, and whenever each ends."""
+    world = World(PROCESSES)
+    names = [process.name for process in PROCESSES]
+    found = data.draw(st.sets(st.sampled_from(names)))
+    world.deaf = data.draw(st.sets(st.sampled_from(names)))
+    for number, name in enumerate(sorted(found)):
+        world.tell(core.Found(name, 100 + number))
+    world.fleet = core.stop(world.fleet)
+    for _ in range(5 * len(names)):
+        world.tick(data.draw(st.sampled_from([0.05, 10.0, 130.0])))
+    world.tick(200.0)
+    for _ in names:
+        world.tick(200.0)
+    assert world.fleet.ended
+    assert not any(isinstance(action, core.Start) for action in world.log)
+    assert {action.name for action in world.log} == found
+
+
+# --- heartbeats -------------------------------------------------------------------------------------------------------
+
+
+def silent(world: World, name: str, seconds: float) -> list[core.Action]:
+    """Look for so long, and hear everybody but this one."""
+    actions = []
+    for _ in range(round(seconds / core.PERIOD_S)):
+        world.fleet = core.look(world.fleet, frozenset(world.fleet.known) - {name})
+        actions += world.tick(core.PERIOD_S)
+    return actions
+
+
+def test_one_that_hangs_is_told_then_killed_once_then_started_again() -> None:
+    """After two and a half seconds, after six; the note of its restart says why."""
+    world = World()
+    world.all_ready()
+    world.fleet = core.look(world.fleet, frozenset(world.fleet.known))
+    assert silent(world, "ta", 2.4) == []
+    assert world.fleet.known["ta"].note == ""
+    assert silent(world, "ta", 3.4) == []
+    assert world.fleet.known["ta"].note == "hangs: no heartbeat for 5 s"
+    assert silent(world, "ta", 0.25) == [core.Kill("ta")]
+    assert world.fleet.known["ta"].note == "killed: it hung, no heartbeat for 6 s"
+    assert silent(world, "ta", 6.0) == [core.Start("ta")]
+    assert world.fleet.known["ta"].restarts == 1
+
+
+def test_one_that_beats_again_is_forgiven() -> None:
+    """A busy machine: nothing was done, and nothing is said any more."""
+    world = World()
+    world.all_ready()
+    world.fleet = core.look(world.fleet, frozenset(world.fleet.known))
+    silent(world, "ta", 5.0)
+    world.fleet = core.look(world.fleet, frozenset({"ta"}))
+    assert world.fleet.known["ta"].note == ""
+    assert silent(world, "ta", 5.0) == []
+
+
+def test_one_that_freezes_before_it_is_ready_is_killed() -> None:
+    """After its first heartbeat as any other; before it after a minute, since imports take their time."""
+    world = World((THREE[0],))
+    world.tick()
+    assert silent(world, "router", core.BORN_WITHIN_S - 0.1) == []
+    assert core.Kill("router") in silent(world, "router", 0.2)
+    silent(world, "router", 1.0)
+    world.fleet = core.look(world.fleet, frozenset({"router"}))
+    assert core.Kill("router") in silent(world, "router", THREE[0].hangs_s + 0.1)
+
+
+def test_one_that_is_ready_and_has_no_heartbeat_is_let_be() -> None:
+    """A program that knows nothing of heartbeats."""
+    world = World((THREE[0],))
+    world.tick()
+    world.tell(core.Ready("router"))
+    assert silent(world, "router", 500.0) == []
+
+
+def test_one_that_is_asked_to_end_may_be_silent() -> None:
+    """It writes its report; `stop_within_s` bounds that."""
+    world = World((msgspec.structs.replace(THREE[0], stop_within_s=100.0),))
+    world.deaf.add("router")
+    world.tick()
+    world.fleet = core.look(world.fleet, frozenset({"router"}))
+    world.fleet = core.stop(world.fleet)
+    assert silent(world, "router", 50.0) == [core.Terminate("router")]
+
+
+def test_a_machine_that_was_suspended_kills_nobody() -> None:
+    """Silence is counted in looks: an hour between two of them is one look."""
+    world = World()
+    world.all_ready()
+    world.fleet = core.look(world.fleet, frozenset(world.fleet.known))
+    world.fleet = core.look(world.fleet, frozenset())
+    assert world.tick(3600.0) == []
+
+
+def test_one_that_cannot_be_kept_alive_is_given_up_and_named() -> None:
+    """Ready and dead, again and again; at the pace at which a test or a person kills it, it is restarted for ever."""
+    for every_s, failing in ((0.5, True), (10.0, False)):
+        world = World((THREE[0],))
+        for _ in range(200):
+            if any(isinstance(action, core.Start) for action in world.tick(every_s)):
+                world.tell(core.Ready("router"))
+                world.tell(core.Exited("router", -11, "boom"))
+        assert (world.fleet.failing == ("router",)) is failing
+        assert (world.fleet.known["router"].state is ProcessState.GIVEN_UP) is failing
+    assert world.fleet.known["router"].restarts > core.MOST_DEATHS

@@ -12,7 +12,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from operate.run_folder import OFF_SUFFIX, Fleet, ProcessState
+from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
+from operate.run_folder import LOCK_FILE, OFF_SUFFIX, Fleet, ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.processes import Process
 from operate.supervisor.shell import NotBuiltError, Shell, python_module
@@ -126,7 +127,7 @@ def test_the_program_itself_beats_and_stops_in_order_on_sigterm(tmp_path: Path) 
             time.sleep(0.02)
         supervisor.terminate()
         assert supervisor.wait(30) == 0
-    assert not list(run.glob("supervisor.*"))
+    assert [file.name for file in run.glob("supervisor.*")] == [LOCK_FILE]
     assert (run.parent / "latest").resolve() == run.resolve()
     assert (run / "stop").read_bytes() == b"\x00"
 
@@ -145,3 +146,55 @@ def test_the_file_beside_it_keeps_a_process_down(start: Callable[..., Shell]) ->
     off.touch()
     folder.make(shell.run)
     assert not off.exists()
+
+
+BEATS = "import threading, time; f = pathlib.Path(os.environ['RUN'], sys.argv[1] + '.heartbeat.json'); "
+BEATING = "import pathlib, sys, os; " + BEATS + "{}\nwhile True: f.write_text(str(time.time())); time.sleep(0.05)"
+READY_BEATING = BEATING.format("pathlib.Path(os.environ['RUN'], sys.argv[1] + '.ready').touch()")
+UNREADY_BEATING = BEATING.format("pass")
+
+
+@pytest.mark.parametrize("ready", [True, False])
+def test_a_frozen_process_is_killed_and_comes_back(start: Callable[..., Shell], ready: bool) -> None:
+    """SIGSTOP, before it is ready or after; one that beats beside it is left alone."""
+    frozen = Process("ta", READY_BEATING if ready else UNREADY_BEATING, hangs_s=0.5)
+    shell = start(frozen, Process("co", READY_BEATING, hangs_s=0.5))
+    known = shell.fleet.known
+    until(shell, lambda: all(shell.fleet.known[name].beaten for name in known))
+    first, other = shell.children["ta"].pid, shell.children["co"].pid
+    os.kill(first, signal.SIGSTOP)
+    until(shell, lambda: shell.fleet.known["ta"].restarts == 1 and shell.fleet.known["ta"].beaten)
+    assert (shell.children["ta"].pid != first, shell.children["co"].pid) == (True, other)
+    with pytest.raises(ProcessLookupError):
+        os.kill(first, 0)
+
+
+def test_where_a_process_cannot_be_kept_alive_the_robot_is_held(
+    start: Callable[..., Shell], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stop flag is that of a person; it is set once, so a release is not undone."""
+    monkeypatch.setattr(core, "MOST_DEATHS", 2)
+    shell = start(Process("ta", READY + "import time; time.sleep(0.2)"))
+    flag = shell.run / STOP_FILE
+    assert flag.read_bytes() == STOP_RELEASED
+    until(shell, lambda: shell.fleet.known["ta"].state is ProcessState.GIVEN_UP)
+    until(shell, lambda: flag.read_bytes() == STOP_HELD)
+    flag.write_bytes(STOP_RELEASED)
+    shell.step(time.monotonic())
+    assert flag.read_bytes() == STOP_RELEASED
+    assert "died 2 times" in read(shell).processes[0].note
+
+
+def test_what_a_process_prints_takes_bounded_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who appends goes on in the same file, which begins anew; what stood there before is beside it."""
+    monkeypatch.setattr(folder, "MOST_BYTES", 1000)
+    file = tmp_path / "co.log"
+    with file.open("ab", buffering=0) as printed:
+        printed.write(b"x" * 1000)
+        folder.keep_small(file)
+        assert file.stat().st_size == 1000
+        printed.write(b"y")
+        folder.keep_small(file)
+        printed.write(b"after")
+    assert file.read_bytes() == b"after"
+    assert (tmp_path / "co.log.1").read_bytes() == b"x" * 1000 + b"y"

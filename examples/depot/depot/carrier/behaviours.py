@@ -5,7 +5,7 @@ Must not know: clocks, the wire, which of the two robots it is.
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.binding import Transition, bind
-from agent_runtime.core.events import Local, Received, Started
+from agent_runtime.core.events import Broken, Local, Received, Started
 from agent_runtime.core.turn import Turn
 from fipa_codec.performatives import Performative as P
 from msgspec.structs import replace
@@ -34,6 +34,8 @@ def await_call(memory: Memory, turn: Turn) -> Memory:
 
 def await_award(memory: Memory, turn: Turn) -> Memory:
     """Behaviour of `offering`: waits for the answer to its offer."""
+    if isinstance(turn.event, Broken):
+        return replace(memory, job=None)
     if not isinstance(turn.event, Received) or memory.job is None:
         return memory
     if turn.event.communicate.performative is P.ACCEPT_PROPOSAL:
@@ -50,6 +52,8 @@ def drive(memory: Memory, turn: Turn) -> Memory:
             turn.say(received.conversation, P.REFUSE, NotFree("on the way home"))
         case Received(communicate=said) if said.performative is P.AGREE:
             return _go(memory, turn)
+        case Broken(conversation=name) if name == memory.way and not memory.driving:
+            return _set_out(memory, turn)
         case Started(first=False) if memory.driving:
             return _go(memory, turn)
         case Local(content=At(here=here)):

@@ -2,7 +2,7 @@
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.binding import Transition, bind
-from agent_runtime.core.events import Local, PeerChanged, Received
+from agent_runtime.core.events import Broken, Local, PeerChanged, Received
 from agent_runtime.core.turn import Turn
 from fipa_codec.performatives import Performative as P
 from msgspec.structs import replace
@@ -33,6 +33,9 @@ def await_end(memory: Memory, turn: Turn) -> Memory:
         case Received(content=NotDelivered(reason=reason)):
             turn.log("not delivered", level="warning", why=reason)
             return replace(memory, order="", ended=memory.ended + 1)
+        case Broken(conversation=name, reason=reason) if name == memory.order:
+            turn.log("not delivered", level="warning", why=reason)
+            return replace(memory, order="", ended=memory.ended + 1)
     return _hear(memory, turn)
 
 
@@ -41,9 +44,12 @@ def _hear(memory: Memory, turn: Turn) -> Memory:
     match turn.event:
         case Local(content=Wish() as wish) if wish.number > memory.heard:
             return replace(memory, wishes=(*memory.wishes, wish), heard=wish.number)
-        case PeerChanged(agent="dispatcher", incarnation=int()):
+        case PeerChanged(agent="dispatcher", incarnation=int() as life):
+            if memory.watched == life and turn.holds(memory.watch):
+                return memory  # the router was away, not the dispatcher: it knows the subscription
             turn.drop(memory.watch)
-            return replace(memory, watch=turn.open("dispatcher", "subscribe", P.SUBSCRIBE, Watch()))
+            watch = turn.open("dispatcher", "subscribe", P.SUBSCRIBE, Watch())
+            return replace(memory, watch=watch, watched=life)
         case Received(content=Figures(delivered=delivered, failed=failed)):
             turn.log("figures", delivered=delivered, failed=failed)
     return memory

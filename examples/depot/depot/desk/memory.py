@@ -8,13 +8,15 @@ from depot.desk.people import Wish
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     """`wishes`: not ordered yet; `heard`: number of the last one taken; `order`: the conversation of the present one.
 
-    `watch`: the subscription, which a death takes too; `told`: how many orders have ended, and `delivered` of them.
+    `watch`: the subscription, which a death takes too; `watched`: the life of the dispatcher that knows of it; `ended`:
+    how many orders have ended, and `delivered` of them.
     """
 
     wishes: tuple[Wish, ...] = ()
     heard: int = 0
     order: str = ""
     watch: str = ""
+    watched: int = 0
     ended: int = 0
     delivered: int = 0
 

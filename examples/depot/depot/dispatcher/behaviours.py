@@ -7,7 +7,7 @@ job and is not heard of any more fails the order, and its last word is noted whe
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.binding import Transition, bind
-from agent_runtime.core.events import Late, Received, Woken
+from agent_runtime.core.events import Broken, Late, Received, Woken
 from agent_runtime.core.turn import Turn
 from fipa_codec.performatives import Performative as P
 from msgspec.structs import replace
@@ -78,6 +78,9 @@ def await_delivery(memory: Memory, turn: Turn) -> Memory:
         case Late(conversation=name) if name == memory.calls[robot] and order is not None:
             turn.say(order.conversation, P.FAILURE, NotDelivered(f"{robot} is not heard of any more"))
             return _ended(replace(memory, failed=memory.failed + 1), turn)
+        case Broken(conversation=name, reason=reason) if name == memory.calls[robot] and order is not None:
+            turn.say(order.conversation, P.FAILURE, NotDelivered(reason))
+            return _ended(replace(_closed(memory, robot), failed=memory.failed + 1), turn)
     return _hear(memory, turn)
 
 
@@ -106,6 +109,10 @@ def _hear(memory: Memory, turn: Turn) -> Memory:
             return _offered(memory, turn, received, seconds)
         case Received(communicate=said) if said.protocol == "cfp":
             return _closed(memory, said.sender)
+        case Broken(conversation=name):
+            gone = next((robot for robot, call in memory.calls.items() if call == name), "")
+            offers = {robot: seconds for robot, seconds in memory.offers.items() if robot != gone}
+            return replace(_closed(memory, gone), offers=offers)
         case Late(conversation=name):
             silent = tuple(robot for robot in memory.pending if memory.calls[robot] == name)
             return replace(memory, pending=tuple(robot for robot in memory.pending if robot not in silent))

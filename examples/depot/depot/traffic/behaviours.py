@@ -2,7 +2,7 @@
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.binding import Transition, bind
-from agent_runtime.core.events import Received
+from agent_runtime.core.events import Broken, Received
 from agent_runtime.core.turn import Turn
 from fipa_codec.performatives import Performative as P
 
@@ -23,7 +23,9 @@ def await_exit(memory: Memory, turn: Turn) -> Memory:
     match turn.event:
         case Received(content=Enter()) as received:
             return Memory(memory.inside, (*memory.waiting, received.conversation))
-        case Received(content=Left()):
+        case Broken(conversation=name) if name in memory.waiting:
+            return Memory(memory.inside, tuple(one for one in memory.waiting if one != name))
+        case Received(content=Left()) | Broken():
             return _let_in(turn, memory.waiting[0], memory.waiting[1:]) if memory.waiting else Memory()
     return memory
 

@@ -9,7 +9,7 @@ from companion.tools.report.paper import PAPER, TABLE_8, Paper
 from companion.tools.report.report import Report
 from operate.recording.history import History
 from operate.reports import figures
-from operate.reports.page import ABSENT, MOST_VIOLATIONS, STYLE, heat, template
+from operate.reports.page import ABSENT, MOST_VIOLATIONS, STYLE, faults, heat, template
 from topdown.judge.verdicts import VIOLATIONS
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
@@ -35,6 +35,7 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
         heat=heat(report.communicates),
         style=STYLE,
         theirs_received={a: sum(row.get(a, 0) for row in paper.matrix.values()) for a in TABLE_8},
+        faults=faults(report.faults, history),
         houses=history.houses,
         against=VIOLATIONS,
         most_violations=MOST_VIOLATIONS,

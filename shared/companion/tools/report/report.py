@@ -14,7 +14,7 @@ from companion.tools.report.paper import TABLE_8
 from companion.tools.telemetry import paced, robot, truth
 from operate.recording.history import History
 from operate.reports import counts
-from operate.reports.report import HoleAt, Judged, holes, judged
+from operate.reports.report import FaultAt, HoleAt, Judged, faults, holes, judged
 
 
 class Happened(msgspec.Struct, frozen=True):
@@ -100,6 +100,7 @@ class Report(msgspec.Struct, frozen=True):
     began: float
     holes: tuple[HoleAt, ...]
     missing: tuple[str, ...]
+    faults: tuple[FaultAt, ...] = ()
 
 
 def build(history: History) -> Report:
@@ -126,6 +127,7 @@ def build(history: History) -> Report:
         began=history.begin,
         holes=holes(history),
         missing=(),
+        faults=faults(history),
     )
     return msgspec.structs.replace(report, missing=_missing(report, history))
 

@@ -32,6 +32,7 @@ def demo(
     scene: up.SceneFile = None,
     headless: Headless = None,
     insecure: up.Insecure = False,
+    faults: up.Faults = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Run the main job from start to end, watched: up, say, report, down. Exits with 1 on a failed pour.
@@ -45,7 +46,7 @@ def demo(
         run, latest = running_fleets.place(out, another, datetime.now())
         starting.check(up.options(seed, Speed.REAL, scene, insecure))
         console = Console()
-        words = up.options(seed, speed or _held(console, form), scene, insecure)
+        words = up.options(seed, speed or _held(console, form), scene, insecure, faults=faults)
         watch = Watch(here(), run, "The Robot Companion pours", console, form is Format.JSON)
         report = main_job.play(run, [*words, *([] if latest else ["--no-latest"])], watch)
         if form is Format.JSON:

@@ -31,13 +31,21 @@ class Hi:
     def __init__(self, address: HiAddress) -> None:
         self.address = address
 
-    def say(self, text: str) -> TaskLine:
+    def say(self, text: str, urgency: int = 0, within_s: float = 0.0) -> TaskLine:
         """Say a sentence; the task it became, or its refusal."""
-        return self._ask("POST", "/say", TaskLine, Say(text))
+        return self._ask("POST", "/say", TaskLine, Say(text, urgency, within_s))
 
     def cancel(self, task: str = "") -> TaskLine:
         """Cancel this task, or the oldest that has not ended."""
         return self._ask("POST", "/cancel", TaskLine, Cancel(task))
+
+    def stop(self) -> TaskLine:
+        """Stop the robot; no agent is asked."""
+        return self._ask("POST", "/stop", TaskLine)
+
+    def release(self) -> TaskLine:
+        """Let it move again."""
+        return self._ask("POST", "/release", TaskLine)
 
     def tasks(self) -> tuple[TaskLine, ...]:
         """All tasks, oldest first."""

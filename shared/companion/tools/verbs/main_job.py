@@ -5,13 +5,15 @@ import subprocess
 import sys
 import textwrap
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.run_files import heartbeat_file
 from companion.run_files import TaskLine
-from companion.tools.verbs.hi import Hi, address
+from companion.tools.system import JOB
+from companion.tools.verbs.hi import Hi, HiError, address
 from operate.cli import interrupts
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import starting
@@ -26,7 +28,10 @@ PICTURES = "run.rrd"
 RERUN = Path(sys.executable).with_name("rerun")  # the viewer comes with the library
 PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
 FIRST_LOOK_S = 120.0  # it takes 3 s and some of preparation; 30 s at a load of 36 on two cores (measured 2026-11-22)
+AWAY_S = 60.0  # estimate: a killed hi is back in seconds, a hung one in ten
 LAST_LOOKS = 5  # estimate: five times what the recorder holds back
+REST_S = 90.0
+"""Estimate: ta waits 20 s for the end of an act that it stopped (services.task.acts), then makes safe what is held."""
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -39,10 +44,18 @@ class Report(msgspec.Struct, frozen=True):
     wall_time_s: float | None = None
 
 
-def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
-    """Bring the fleet up, say the sentence, follow it to its end, bring the fleet down; what the report says.
+class Beat(msgspec.Struct, frozen=True):
+    """The fields of an agent's heartbeat that are read; `at`: unix seconds."""
 
-    The fleet is brought down whatever happens. ConsoleError: it did not come up, or there is no report.
+    state: str
+    at: float
+
+
+def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
+    """Bring the fleet up, say the sentence, follow it to its end, let the agents come to rest, bring the fleet down.
+
+    Return what the report says. The fleet is brought down whatever happens. ConsoleError: it did not come up, or there
+    is no report.
     """
     with interrupts.held() as let_go:
         supervisor = starting.start(run, supervisor_arguments)
@@ -51,7 +64,8 @@ def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
             with watch.showing():
                 starting.wait_ready(run, supervisor, watch.look)
                 first_look(watch, lambda: supervisor.poll() is None)
-                follow(Hi(address(Local(run))), SENTENCE, watch, lambda: supervisor.poll() is None)
+                follow(lambda: Hi(address(Local(run))), SENTENCE, watch, lambda: supervisor.poll() is None)
+                at_rest(run, JOB.rests, watch, lambda: supervisor.poll() is None)
         finally:
             try:
                 watch.ending()
@@ -79,20 +93,63 @@ def first_look(watch: Watch, alive: Callable[[], bool], within_s: float = FIRST_
         time.sleep(PERIOD_S)
 
 
-def follow(hi: Hi, sentence: str, watch: Watch, alive: Callable[[], bool]) -> TaskLine:
-    """Say a sentence and watch its task to the end. ConsoleError where the fleet ends before."""
-    task = hi.say(sentence)
+def follow(hi: Callable[[], Hi], sentence: str, watch: Watch, alive: Callable[[], bool]) -> TaskLine:
+    """Say a sentence and watch its task to the end; `hi` finds the human interface, which may die and come back.
+
+    A sentence whose answer was lost is looked for among hi's tasks before it is said again. Raise ConsoleError where
+    the fleet ends before, or hi stays away.
+    """
+    task, heard = TaskLine("", "", ""), time.monotonic()
     while task.state not in ENDED:
+        try:
+            tasks = hi().tasks()
+            task = _found(tasks, task, sentence) or hi().say(sentence)
+            heard = time.monotonic()
+            watch.look(tasks=tasks)
+        except HiError as error:
+            if error.status or time.monotonic() - heard > AWAY_S:
+                raise
+            watch.look()
         if not alive():
             raise ConsoleError("the fleet ended in the middle of the task; see its logs")
         time.sleep(PERIOD_S)
-        tasks = hi.tasks()
-        watch.look(tasks=tasks)
-        task = next((line for line in tasks if line.task == task.task), task)
     for _ in range(LAST_LOOKS):  # the recorder writes down what it heard a moment later
         watch.look(tasks=(*(line for line in watch.scene.tasks if line.task != task.task), task))
         time.sleep(PERIOD_S)
     return task
+
+
+def at_rest(
+    run: Path, rests: Mapping[str, str], watch: Watch, alive: Callable[[], bool], within_s: float = REST_S
+) -> list[str]:
+    """Wait until each agent says that it is in its state of rest, but not for ever; return who is not, in words.
+
+    A task that failed or was cancelled may have ended for its person while ta and ex still stop. What an agent said
+    before this wait counts for nothing.
+    """
+    began, end = time.time(), time.monotonic() + within_s
+    while (busy := [*_busy(run, rests, began)]) and alive() and time.monotonic() < end:
+        said = [words for words in busy if words]
+        if said:
+            watch.waits(f"until the robot is at rest: {', '.join(said)}")
+        watch.look()
+        time.sleep(PERIOD_S)
+    return busy
+
+
+def _busy(run: Path, rests: Mapping[str, str], since: float) -> Iterator[str]:
+    """Yield who has not said since then [unix s] that it rests: what it does, "" where it has said nothing."""
+    for agent, rest in rests.items():
+        beat = folders.read(heartbeat_file(run, agent), Beat)
+        if beat is None or beat.at < since:
+            yield ""
+        elif beat.state != rest:
+            yield f"{agent} is {beat.state}"
+
+
+def _found(tasks: tuple[TaskLine, ...], task: TaskLine, sentence: str) -> TaskLine | None:
+    """Return the task that the sentence became, as it is now."""
+    return next((line for line in tasks if task.task in ("", line.task) and line.said == sentence), None)
 
 
 def verdict(report: Report, run: Path, width: int | None = None) -> str:

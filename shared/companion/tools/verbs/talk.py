@@ -3,51 +3,143 @@
 import http
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from msgspec.structs import replace
 
-from companion.run_files import TaskLine
+from companion.languages.cmd import TaskState
+from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
+from companion.stop_words import stop_words
 from companion.tools.verbs.hi import Hi, HiError, address
 from companion.tools.verbs.human_interface_start import starting
-from operate.cli.errors import ConsoleError
+from operate.cli.errors import NO, ConsoleError, FleetError
 from operate.cli.fleet import living_names, targets
+from operate.cli.fleet.local import Local
+from operate.cli.fleet.targets import Target
+from operate.cli.fleet.tasks import ENDED
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json
 
 STARTING_S = 90.0  # as long as `roco up` waits
 PERIOD_S = 0.2  # estimate: nobody notices
+TAKEN_S = 15.0  # estimate: co agrees within milliseconds; one that hangs is killed after 6 s
+AWAY_S = 60.0  # estimate: a killed hi is back in seconds, a hung one in ten
 EXECUTOR = "ex"
 """In its run folder the control loop has the stop flag mapped."""
+NOT_HERE = (
+    "nothing was stopped: no control loop has run at {where}; one that starts there will rest. `roco stop` on the "
+    "robot's own machine; from here `roco say stop` has its tasks cancelled"
+)
 
 
 def say(
     text: Annotated[str, typer.Argument(help="The sentence, in quotes.")],
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Follow it to its end; exits with 1 where it is not done.")
+    ] = False,
+    first: Annotated[
+        bool, typer.Option("--first", help="Before all others; the task under way is left for it, and resumed.")
+    ] = False,
+    within: Annotated[
+        float,
+        typer.Option(help="Seconds until it should be done: earlier ones come first.", min=0.0, max=LONGEST_WITHIN_S),
+    ] = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
     """Say a sentence to the robot, such as "pour the jar into the bowl". Exits with 1 where it is refused.
 
-    A fleet that is starting is waited for, at most 90 s.
+    It waits until the coordinator has taken the task or refused it, with --wait until it has ended; progress goes to
+    standard error. A question back is an answer, too (exit code 1): say `yes`, or the name of the thing.
+
+    A word such as stop, halt, freeze or careful stops the robot at once, as `roco stop` does. A fleet that is starting
+    is waited for, at most 90 s.
+
+    What waits is done in the order it was said, unless --within says otherwise. With --first the robot leaves the task
+    under way: what it holds is put down, and the task is done again from there afterwards.
 
     Examples:
       roco say "pour the content of the jar into the bowl"
       roco say "take the jar" --format json
+      roco say "take the jar and put it down" --wait
+      roco say "look around" --first
       roco say status
     """
     with problems(form):
-        task = _said_when_started(text, target, run_dir, form)
+        wish = Say(text, int(first), within)
+        task = _stopped(text, target, run_dir) if stop_words(text) else _said_when_started(wish, target, run_dir, form)
+        if task.task:
+            task = followed(lambda: Hi(address(targets.find(target, run_dir))), task, wait, form)
         tell_task(task, form)
-        if task.state == "refused":
-            raise typer.Exit(1)
+        if task.state in (REFUSED, QUESTION, TaskState.FAILED) or (wait and task.state == TaskState.CANCELLED):
+            raise typer.Exit(NO)
 
 
-def _said_when_started(text: str, target: str, run_dir: Path | None, form: Format) -> TaskLine:
+def followed(hi: Callable[[], Hi], said: TaskLine, wait: bool, form: Format) -> TaskLine:
+    """Return the task of a sentence once co has taken or refused it; with `wait` once all of the sentence has ended.
+
+    Then it is the first one that was not done, or the last one. Raise HiError where co says nothing, or hi stays away.
+    """
+    task = said
+    for name in (said.task, *said.then):
+        task = _until(hi, name, wait, form)
+        if task.state in ENDED and task.state != TaskState.DONE:
+            return task
+    return task if wait or task.state in ENDED else replace(said, state=said.state if said.then else task.state)
+
+
+def _until(hi: Callable[[], Hi], name: str, wait: bool, form: Format) -> TaskLine:
+    """The task once it was taken or refused, or has ended; its states are told meanwhile."""
+    asked = heard = time.monotonic()
+    before, taken = "", False
+    while True:
+        try:
+            task = next((line for line in hi().tasks() if line.task == name), None)
+            heard = time.monotonic()
+        except HiError as error:
+            if error.status or time.monotonic() - heard > AWAY_S:
+                raise
+            task = None
+        taken = taken or (task is not None and task.accepted)
+        if task is not None and (task.state in ENDED or (taken and not wait)):
+            return task
+        if (
+            task is not None
+            and wait
+            and form is Format.TEXT
+            and (now := f"{name}  {task.state}  {task.text}") != before
+        ):
+            print(before := now, file=sys.stderr)
+        if not taken and time.monotonic() - asked > TAKEN_S:
+            words = (
+                f"the coordinator has not taken {name} within {TAKEN_S:g} s; it goes on when it does, or `roco cancel`"
+            )
+            raise HiError(http.HTTPStatus.SERVICE_UNAVAILABLE, words)
+        time.sleep(PERIOD_S)
+
+
+def _stopped(text: str, target: str, run_dir: Path | None) -> TaskLine:
+    """Stop the robot as `roco stop` does, with nobody's help; a robot elsewhere is left to its human interface."""
+    fleet = targets.find(target, run_dir)
+    fleet.hold(EXECUTOR, True)
+    if _loop_here(fleet):
+        return TaskLine("", STOPPED, HELD, text, time.time())
+    return Hi(address(fleet)).say(text)
+
+
+def _loop_here(fleet: Target) -> bool:
+    """Whether a control loop has had the stop flag of this fleet mapped, on this machine or in its containers."""
+    return not isinstance(fleet, Local) or (fleet.run / SLOTS_FILE).exists()
+
+
+def _said_when_started(wish: Say, target: str, run_dir: Path | None, form: Format) -> TaskLine:
     """The task that a sentence became, once there is somebody to say it to."""
     until = 0.0
     while True:
-        said = _said(text, target, run_dir)
+        said = _said(wish, target, run_dir)
         if isinstance(said, TaskLine):
             return said
         if not (_without_coordinator(said) or starting(target, run_dir)):
@@ -62,7 +154,7 @@ def _said_when_started(text: str, target: str, run_dir: Path | None, form: Forma
         time.sleep(PERIOD_S)
 
 
-def _said(text: str, target: str, run_dir: Path | None) -> TaskLine | ConsoleError:
+def _said(wish: Say, target: str, run_dir: Path | None) -> TaskLine | ConsoleError:
     """The task, or why nobody heard the sentence. What may have been heard is never said again."""
     try:
         hi = Hi(address(targets.find(target, run_dir)))
@@ -70,7 +162,7 @@ def _said(text: str, target: str, run_dir: Path | None) -> TaskLine | ConsoleErr
     except ConsoleError as nobody:
         return nobody
     try:
-        return hi.say(text)
+        return hi.say(wish.text, wish.urgency, wish.within_s)
     except HiError as error:
         if not _without_coordinator(error):
             raise
@@ -106,11 +198,13 @@ def cancel(
 def stop(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
     """Stop the robot at once. It reaches the control loop directly and needs no agent, router or supervisor.
 
+    Exits with 1 where no control loop runs on this machine: a robot elsewhere is stopped there.
+
     Examples:
       roco stop
       roco stop --run-dir runs/latest
     """
-    flag(target, run_dir, True, "stopped: the loop holds the robot until `roco release`", form)
+    flag(target, run_dir, True, HELD, form)
 
 
 def release(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
@@ -119,7 +213,7 @@ def release(target: targets.Name = "", run_dir: RunDir = None, form: Form = Form
     Examples:
       roco release
     """
-    flag(target, run_dir, False, "released: the loop leaves the stop by its own rules", form)
+    flag(target, run_dir, False, LET_GO, form)
 
 
 def flag(target: str, run_dir: Path | None, held: bool, words: str, form: Format) -> None:
@@ -127,6 +221,8 @@ def flag(target: str, run_dir: Path | None, held: bool, words: str, form: Format
     with problems(form):
         fleet = targets.find(target, run_dir)
         fleet.hold(EXECUTOR, held)
+        if held and not _loop_here(fleet):
+            raise FleetError(NOT_HERE.format(where=fleet.where))
         tell(Reply(words, fleet.where), form)
 
 

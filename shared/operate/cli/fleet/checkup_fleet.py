@@ -1,20 +1,18 @@
-"""What `roco doctor` looks at of a fleet: its processes, router, keys, and what earlier runs left."""
+"""What `roco doctor` looks at of a fleet: its processes, keys, and what earlier runs left."""
 
 import datetime as dt
-import re
-import socket
 import time
 from collections.abc import Callable, Iterator
 
 from agent_runtime.io.run_files import KEYS_FOLDER
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.checkup import Check, Level
+from operate.cli.fleet.checkup_reach import refusals, router
 from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Look, Seen, trouble
+from operate.cli.fleet.process_status import Look, Seen, stuck, trouble
 from operate.cli.fleet.targets import Target
 from operate.run_folder import ProcessState
 
-CONNECT_S = 2.0
 SOON = dt.timedelta(hours=12)
 """A certificate that ends before is told: a run may go on over night (estimate)."""
 AHEAD_S = 1.0
@@ -45,16 +43,19 @@ def _process(one: Seen) -> Check | None:
         ProcessState.STARTING: f"wait; {log} if it goes on",
         ProcessState.WAITING: "it waits for others; see those",
     }
+    words = stuck(one)
+    if words and one.used is not None and one.used.frozen:
+        return Check(name, Level.WRONG, words, f"kill -CONT {status.pid}, or `roco agent restart {name}`")
+    if words:
+        return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}")
     if status.state in remedies:
         level = Level.NOTE if status.optional else Level.WRONG
         words = f"{status.state}{': ' + status.note if status.note else ''}"
         return Check(name, level, words, remedies[status.state])
     words = trouble(one)
-    if not words:
-        return None
-    if one.used is not None and one.used.frozen:
-        return Check(name, Level.WRONG, words, f"kill -CONT {status.pid}, or `roco agent restart {name}`")
-    return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}")
+    if words and one.beat is not None and words == one.beat.trouble:
+        return Check(name, Level.WRONG, words, "make room (`df -h`, `roco runs remove`); it goes on by itself")
+    return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}") if words else None
 
 
 def supervisor(fleet: Target, now: Look) -> Iterator[Check]:
@@ -62,28 +63,10 @@ def supervisor(fleet: Target, now: Look) -> Iterator[Check]:
     told = now.fleet
     if not isinstance(fleet, Local) or told is None:
         return
-    lives = any(status.pid for status in told.processes)
-    if lives and not told.supervisor:
-        what = "the supervisor is dead: who dies now stays dead"
-        yield Check("supervisor", Level.WRONG, what, f"`roco down --run-dir {fleet.run}`, then `roco up`")
-    elif lives:
+    if now.unkept:
+        yield Check("supervisor", Level.WRONG, now.unkept, f"`roco down --run-dir {fleet.run}`, then `roco up`")
+    elif any(status.pid for status in told.processes):
         yield Check("supervisor", Level.FINE, f"lives, pid {told.supervisor}")
-
-
-def router(fleet: Target, now: Look) -> Iterator[Check]:
-    """Whether the router's port answers."""
-    told = now.fleet
-    if not isinstance(fleet, Local) or told is None or not any(status.pid for status in told.processes):
-        return
-    address = re.fullmatch(r"\w+/(.+):(\d+)", told.connect)
-    if address is None:
-        return
-    try:
-        with socket.create_connection((address[1], int(address[2])), CONNECT_S):
-            yield Check("router", Level.FINE, f"listens at {told.connect}")
-    except OSError as error:
-        remedy = "`roco agent restart router`; a firewall may be in the way"
-        yield Check("router", Level.WRONG, f"{told.connect} does not answer ({error})", remedy)
 
 
 def held(fleet: Target, now: Look) -> Iterator[Check]:
@@ -139,6 +122,7 @@ FLEET: dict[str, Callable[[Target, Look], Iterator[Check]]] = {
     "processes": processes,
     "supervisor": supervisor,
     "router": router,
+    "refusals": refusals,
     "stop": held,
     "keys": certificates,
     "clock": clock,

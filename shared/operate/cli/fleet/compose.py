@@ -7,26 +7,43 @@ its fleet.json; of the others docker knows whether they run.
 import string
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 
+import msgspec
+
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE
-from operate.cli.errors import DockerError, NoRunError, UsageError
+from agent_runtime.io.secured import ROUTERS
+from operate.cli.errors import DockerError, FleetError, NoRunError, UsageError
 from operate.cli.fleet import process_status
 from operate.cli.fleet.container_snapshot import SHEET, Sheet, sheet
 from operate.cli.fleet.docker import Container, command, docker, executed, inspected, ours
 from operate.cli.fleet.identity import OPERATOR
 from operate.cli.fleet.process_status import Look, Seen
 from operate.cli.traffic import verdicts
-from operate.run_folder import LIVE_FILE, OFF_SUFFIX, VERDICTS_FILE, Fleet, Judged, ProcessState, ProcessStatus
+from operate.run_folder import (
+    FAULTS_FILE,
+    LIVE_FILE,
+    OFF_SUFFIX,
+    VERDICTS_FILE,
+    Fleet,
+    Judged,
+    ProcessState,
+    ProcessStatus,
+)
 from operate.system import System, here
+from operate.wires import files
 
-MONITOR = "monitor"
+MONITOR, WIRES = "monitor", "wires"
+WITH_WIRES = "start it with its compose.faults.yaml as a second file (docs/faults.md)"
 END_S = 90.0
 """Docker waits up to a minute for the monitor's report (compose.yaml: stop_grace_period), and for the rest seconds."""
+MONITOR_S, PERIOD_S = 60.0, 0.2
+"""Longest wait for a monitor that is started again, and time between two tries; Docker waits for up to a minute when a
+container ends again and again."""
 GUARDED = ("--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-new-privileges:true", "--pids-limit=64")
 """As the services themselves are (compose.yaml)."""
-ORDER = ("router", "monitor")
+ORDER = (*ROUTERS, "monitor", "wires")
 """Started first and ended last."""
 CONTAINER = {"created": ProcessState.WAITING, "restarting": ProcessState.BACKING_OFF}
 """What docker says of a container without a process; else it was stopped."""
@@ -114,6 +131,58 @@ class Compose:
             begin = "unpause" if container.state.status == "paused" else "start"
             docker(begin if on else "stop", container.id, timeout_s=END_S)
 
+    def signal(self, name: str, number: int) -> None:
+        """Send a signal to a process, in its container. DockerError, FleetError: it does not run."""
+        one = self._living(name)
+        self._shell(one.home, f"kill -{number} {one.status.pid}")
+
+    def writing(self, name: str, possible: bool) -> None:
+        """Let what a process writes to files fail, or not any more. DockerError, FleetError: it does not run."""
+        one = self._living(name)
+        self._shell(one.home, f"prlimit --pid {one.status.pid} --fsize={'unlimited' if possible else 0}:")
+
+    def clock(self, name: str, seconds: float) -> None:
+        """Raise FleetError: only agents of a local fleet have a clock of their own."""
+        if seconds:
+            raise FleetError(f"{name} of {self.where} has no clock of its own; a local fleet has: `roco up --faults`")
+
+    def variable(self, name: str, variable: str) -> str:
+        """Return a variable of the environment of the container that a process runs in."""
+        return self._home(name).variable(variable)
+
+    def wire(self, name: str, kind: str, amount: float | None) -> None:
+        """Set a condition of the wire of an agent, or of all ("router"), or end it (None). FleetError: no such wire."""
+        if self._find(WIRES) is None:
+            if amount is not None:
+                raise FleetError(f"the agents of {self.where} have no wires; {WITH_WIRES}")
+            return
+        wires = msgspec.json.decode(self.read(WIRES, files.WIRES_FILE), type=files.Wires)
+        if amount is not None and (missing := wires.missing(name)):
+            raise FleetError(missing)
+        file = f'"${RUN_FOLDER_VARIABLE}/{name}.{kind}{files.SUFFIX}"'
+        put = f"printf %s {amount} > {file}.new && mv {file}.new {file}"
+        self._shell(WIRES, f"rm -f {file}" if amount is None else put)
+
+    def faults(self) -> bytes:
+        """Return what faults.jsonl has; b"" where it is not there."""
+        return self._recorded(FAULTS_FILE, "cat")
+
+    def add_fault(self, line: bytes) -> None:
+        """Append a line to faults.jsonl, beside the monitor's recording; waits while the monitor is started again."""
+        until = time.monotonic() + MONITOR_S
+        while True:
+            try:
+                return self._add_fault(line)
+            except DockerError:
+                if time.monotonic() > until:
+                    raise
+                time.sleep(PERIOD_S)
+
+    def _add_fault(self, line: bytes) -> None:
+        run = f"${RUN_FOLDER_VARIABLE}"
+        script = f'd="{run}"; [ -d "$d/{self._name()}" ] && d="$d/{self._name()}"; cat >> "$d/{FAULTS_FILE}"'
+        docker("exec", "--interactive", self._running(MONITOR).id, "sh", "-c", script, data=line)
+
     def down(self) -> tuple[str, ...]:
         """End the containers in order; volumes, networks and containers stay."""
         running = {one.service: one.id for one in self._containers() if one.runs}
@@ -132,6 +201,16 @@ class Compose:
     def operating(self) -> Iterator[Callable[[str, bytes], None]]:
         """A session of the operator: each put is a container of its own, with the operator's keys and no others."""
         yield self._put
+
+    def speaking(self, identity: str) -> AbstractContextManager[Callable[[str, bytes], None]]:
+        """Raise FleetError: keys of containers stay in them."""
+        raise FleetError(f"the keys of {self.where} stay in its containers; flood a local fleet: `roco up`")
+
+    def _living(self, name: str) -> Seen:
+        one = next((one for one in self.look().seen if one.name == name and one.status.pid), None)
+        if one is None:
+            raise FleetError(f"{name} of {self.where} does not run; `roco agent start {name}` starts it")
+        return one
 
     def _put(self, key: str, data: bytes) -> None:
         agent = next((one for one in map(self._find, self.system.design.agents) if one is not None and one.runs), None)

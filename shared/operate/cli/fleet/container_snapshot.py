@@ -14,7 +14,7 @@ SHEET = f"""cd "${RUN_FOLDER_VARIABLE}" || exit
 echo "{MARK} now $(date +%s.%N)"
 echo "{MARK} began $(stat -c %.Y /dev)"
 for file in *.heartbeat.json *.ready {FLEET_FILE} {STOP_FILE}; do
-  [ -e "$file" ] && echo "{MARK} $file $(stat -c %.Y "$file")" && cat "$file" && echo
+  when=$(stat -c %.Y "$file" 2>/dev/null) && echo "{MARK} $file $when" && cat "$file" && echo
 done
 echo "{MARK} stat 0"
 cat /proc/[0-9]*/stat 2>/dev/null

@@ -10,6 +10,8 @@ from agent_runtime.io.secured import client_tls
 from operate.cli.errors import ConsoleError
 from operate.run_folder import Fleet
 
+CONSOLE = "console"
+"""The identity that hears everything and says nothing, where there are keys."""
 OPERATOR = "operator"
 """The identity that may write orders to agents, where there are keys: not the one that listens."""
 

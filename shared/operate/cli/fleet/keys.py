@@ -1,15 +1,21 @@
-"""`roco keys make`: certificates for every identity of a design, and the router's rules; all expires in a week."""
+"""`roco keys make`: certificates for every identity of a design, and the router's rules; all expires in a week.
+
+`roco keys revoke`: the router denies all to the name of a stolen key, until there are new keys for all.
+"""
 
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
 from agent_runtime.io import issuing, keys
-from agent_runtime.io.secured import RIGHTS
+from agent_runtime.io.run_files import KEYS_FOLDER
+from agent_runtime.io.secured import RIGHTS, KeysError
 from operate.cli import completion
-from operate.cli.errors import ConsoleError
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.errors import ConsoleError, UsageError
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.runs import folders
 from operate.system import here, of_design
 
 
@@ -31,6 +37,12 @@ def make(
         float | None, typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more.")
     ] = None,
     linked: Annotated[bool, typer.Option(help="A router for each system, which join each other.")] = False,
+    routers: Annotated[
+        int,
+        typer.Option(
+            min=1, max=2, envvar="ROCO_ROUTERS", help="2: linked, for all systems; the second one joins the first."
+        ),
+    ] = 1,
     form: Form = Format.TEXT,
 ) -> None:
     """Make an authority, a certificate per identity and the router's rules, all anew.
@@ -45,11 +57,21 @@ def make(
     """
     hosts = (*keys.HOSTS, *(host or ()))
     with problems(form):
+        if linked and routers > 1:
+            raise UsageError("--linked is a router for each system, --routers 2 are two for all: choose one")
         found = here() if design is None else of_design(design)
         names = [name.strip() for given in system or [found.name] for name in given.split(",") if name.strip()]
         try:
             made = issuing.issue(
-                folder, found.design, names, days=days, hosts=hosts, apart=apart, linked=linked, keep_days=keep
+                folder,
+                found.design,
+                names,
+                days=days,
+                hosts=hosts,
+                apart=apart,
+                linked=linked,
+                routers=routers,
+                keep_days=keep,
             )
         except (OSError, UnicodeError) as error:
             raise ConsoleError(str(error)) from error
@@ -69,3 +91,50 @@ def words(made: issuing.Issued, *, apart: bool) -> str:
         f"{'' if made.anew else ' (kept as they were)'}\n"
         f"they hold until {made.until:%Y-%m-%d %H:%M} UTC; {use} makes a process use them"
     )
+
+
+class Revoked(msgspec.Struct, frozen=True):
+    """Names that the routers of a folder of keys deny everything."""
+
+    folder: str
+    revoked: tuple[str, ...]
+
+
+def revoke(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="The name in the certificate: an agent, or SYSTEM.AGENT.",
+            autocompletion=completion.agents,
+        ),
+    ],
+    folder: Annotated[
+        Path | None, typer.Option("--keys", metavar="DIR", help="What `roco keys make` wrote; else the run's keys.")
+    ] = None,
+    undo: Annotated[bool, typer.Option("--undo", help="Grant its rights again.")] = False,
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Deny everything to whoever has the key of a name: the router listens again within a second.
+
+    Who is so named rightfully is denied, too, until there are new keys for all: `roco down` and `roco up`, or `roco
+    keys make`. All others come back by themselves. Exits with 2 where there is no such name.
+
+    Examples:
+      roco keys revoke AGENT
+      roco keys revoke AGENT --undo
+      roco keys revoke SYSTEM.AGENT --keys keys
+    """
+    with problems(form):
+        where = folder or folders.find(run_dir) / KEYS_FOLDER
+        try:
+            denied = issuing.revoke(where, name, undo=undo)
+        except KeysError as error:
+            raise UsageError(str(error)) from error
+        except OSError as error:
+            raise ConsoleError(str(error)) from error
+        if form is Format.JSON:
+            tell_json(Revoked(str(where), denied))
+        else:
+            print(f"{where}: revoked are {', '.join(denied) or 'none'}; the router listens again within a second")

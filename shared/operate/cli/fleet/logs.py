@@ -97,10 +97,18 @@ class Written:
         return sorted((line for name in self._followed for line in self._of(name)), key=lambda line: line.t)
 
     def _of(self, name: str) -> Iterator[Line]:
-        data = self._fleet.logged(name, self._followed[name])
+        data = self._unread(name)
         whole = data[: data.rfind(b"\n") + 1]
         self._followed[name] += len(whole)
         yield from parsed(whole.splitlines())
+
+    def _unread(self, name: str) -> bytes:
+        """What comes after what was read; from the beginning, where the log was begun anew: not even that is there."""
+        if read := self._followed[name]:
+            if data := self._fleet.logged(name, read - 1):
+                return data[1:]
+            self._followed[name] = 0
+        return self._fleet.logged(name, 0)
 
 
 def parsed(raw: Iterable[bytes]) -> Iterator[Line]:

@@ -1,4 +1,4 @@
-"""A session of the operator to the router of a fleet, by which orders are put.
+"""A session of the operator, or of another identity, to the router of a fleet, by which orders are put.
 
 `python -m operate.cli.fleet.operating KEY HEX` puts one, in a container beside the agents.
 """
@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from agent_runtime.io import message_size
+from agent_runtime.io.reaching import why_not
 from agent_runtime.io.run_files import KEYS_VARIABLE
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.zenoh_wire import open_client
@@ -25,12 +27,12 @@ ROUTER_S = 5.0
 
 
 @contextmanager
-def session(run: Path) -> Iterator[Callable[[str, bytes], None]]:
+def session(run: Path, who: str = OPERATOR) -> Iterator[Callable[[str, bytes], None]]:
     """Return what puts data on a key. Raises FleetError: no router answers; ConsoleError: keys are missing."""
     fleet = folders.living(run)
     if fleet is None:
         raise FleetError(f"nothing runs in {run}; `roco up` starts a fleet")
-    with _session(fleet.connect, identity.tls(run, fleet, OPERATOR)) as put:
+    with _session(fleet.connect, identity.tls(run, fleet, who)) as put:
         yield put
 
 
@@ -39,9 +41,10 @@ def _session(connect: str, tls: dict[str, Any] | None) -> Iterator[Callable[[str
     until = time.monotonic() + ROUTER_S
     opened = open_client(connect, lambda: time.monotonic() > until, tls=tls)
     if opened is None:
-        raise FleetError(f"no router answers at {connect}; `roco status` says whether it runs")
+        why = why_not(connect, tls) or f"the router at {connect} opens no session"
+        raise FleetError(f"{why}; `roco status` says whether it runs")
     try:
-        yield lambda key, data: opened.put(key, data)
+        yield lambda key, data: message_size.put(opened, key, data)
     finally:
         opened.close()  # type: ignore[no-untyped-call]
 

@@ -14,8 +14,9 @@ from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 PAGE = os.sysconf("SC_PAGE_SIZE")
-LATE_S = 10.0
-"""An older heartbeat is one of a process that hangs, as for deploy/healthy: an agent may be busy for some seconds."""
+LATE_S = 3.0
+"""An older heartbeat is one of a process that hangs: they come each second, at a load of 20 within 3 s."""
+UNSUPERVISED = "no supervisor: who dies now stays dead"
 PAUSED = "paused"
 """State of an agent that takes no step until it is resumed."""
 FROZEN = "T"
@@ -36,6 +37,7 @@ class Beat(msgspec.Struct, frozen=True):
 
     `peers`: their incarnations, 0 of who is not there; `unreceipted`, `due`: communicates that wait, by peer: for a
     receipt, and for being said. `level`: least of its log lines shown; `answer`: to the operator's last order.
+    `trouble`: why it waits, in words.
     """
 
     pid: int = 0
@@ -53,14 +55,19 @@ class Beat(msgspec.Struct, frozen=True):
     parameters: dict[str, Value] = {}
     answer: Answer = Answer()
     inside: Inside | None = None
+    trouble: str = ""
 
 
 class Used(msgspec.Struct, frozen=True):
-    """A process and those below it: processor time [s] so far, resident memory [bytes]; `frozen`: it may not run."""
+    """A process and those below it: processor time [s] so far, resident memory [bytes]; `frozen`: it may not run.
+
+    `start`: when the process itself started [ticks after boot]: another one under the same pid started later.
+    """
 
     cpu_s: float
     memory: int
     frozen: bool
+    start: int = 0
 
 
 class Seen(msgspec.Struct, frozen=True):
@@ -78,12 +85,13 @@ class Seen(msgspec.Struct, frozen=True):
 
 
 class Look(msgspec.Struct, frozen=True):
-    """A fleet at one look. `at`: a clock that only goes forward [s]."""
+    """A fleet at one look. `at`: a clock that only goes forward [s]; `unkept`: why nobody looks after it, "" if so."""
 
     fleet: Fleet | None
     seen: tuple[Seen, ...]
     stop_held: bool
     at: float
+    unkept: str = ""
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -142,15 +150,35 @@ def cpu(before: Seen | None, now: Seen, span_s: float) -> float | None:
     return max(0.0, 100.0 * (now.used.cpu_s - before.used.cpu_s) / span_s)
 
 
+def stuck(one: Seen) -> str:
+    """Whether a process runs and does not get on, in words; "" where it does."""
+    if one.used is not None and one.used.frozen:
+        return "frozen by a signal"
+    own = one.beat is None or one.beat.pid == one.status.pid  # not that of an earlier process, left in a volume
+    if own and one.status.pid and one.age_s is not None and one.age_s > LATE_S:
+        return f"hangs: last heartbeat {one.age_s:.0f} s ago"
+    return ""
+
+
+def unkept(told: Fleet, supervisor: Seen) -> str:
+    """Return why nobody looks after the processes of a fleet: its supervisor is dead or stuck. "" where one does."""
+    if not any(status.pid for status in told.processes):
+        return ""
+    if not told.supervisor:
+        return UNSUPERVISED
+    words = stuck(supervisor)
+    return f"the supervisor (pid {told.supervisor}) is stuck, {words}" if words else ""
+
+
 def trouble(one: Seen) -> str:
     """What is wrong with a process, as far as a look can tell; "" where nothing is."""
     status = one.status
-    if one.used is not None and one.used.frozen:
-        return "frozen by a signal"
-    if status.pid and one.age_s is not None and one.age_s > LATE_S:
-        return f"hangs: last heartbeat {one.age_s:.0f} s ago"
+    if words := stuck(one):
+        return words
     if status.state is ProcessState.READY and one.beat is not None and not one.beat.up:
         return "no router"
+    if status.pid and one.beat is not None and one.beat.pid == status.pid and one.beat.trouble:
+        return one.beat.trouble
     return status.note if status.state is not ProcessState.READY else ""
 
 
@@ -170,6 +198,7 @@ class Stat(msgspec.Struct, frozen=True):
     state: str
     ticks: int
     pages: int
+    start: int = 0
 
 
 def stats(lines: Iterable[str]) -> dict[int, Stat]:
@@ -181,7 +210,7 @@ def stats(lines: Iterable[str]) -> dict[int, Stat]:
         if len(fields) > 21:
             pid = int(head.split(" ", 1)[0])
             ticks = int(fields[11]) + int(fields[12])
-            found[pid] = Stat(pid, int(fields[1]), fields[0], ticks, int(fields[21]))
+            found[pid] = Stat(pid, int(fields[1]), fields[0], ticks, int(fields[21]), int(fields[19]))
     return found
 
 
@@ -194,4 +223,4 @@ def used(pid: int, found: Mapping[int, Stat]) -> Used | None:
         grown = len(tree)
         tree |= {stat.pid for stat in found.values() if stat.parent in tree}
     ticks, pages = (sum(getattr(found[one], name) for one in tree) for name in ("ticks", "pages"))
-    return Used(TICK_S * ticks, PAGE * pages, found[pid].state == FROZEN)
+    return Used(TICK_S * ticks, PAGE * pages, found[pid].state == FROZEN, found[pid].start)

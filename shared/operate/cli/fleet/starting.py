@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from agent_runtime.io.run_files import make_run
 from operate.cli.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
 from operate.cli.runs import folders
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
@@ -37,12 +38,9 @@ def check(arguments: list[str]) -> None:
 
 def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
     """Start the supervisor of a run of the system here in the background; its words go to <run>/supervisor.log."""
-    other = folders.fleet(run)
-    if other is not None and folders.is_service(other.supervisor, *folders.SUPERVISORS):
-        raise FleetError(f"the fleet of {run} runs already (supervisor {other.supervisor}); `roco down` ends it")
+    _refuse_second(run, 0)
     shared = os.environ | here().environment(run)
-    run.mkdir(parents=True, exist_ok=True)
-    (run / "fleet.json").unlink(missing_ok=True)
+    make_run(run)
     with (run / "supervisor.log").open("ab") as log:
         return subprocess.Popen(
             [sys.executable, "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
@@ -52,6 +50,25 @@ def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
+
+
+def _refuse_second(run: Path, own: int) -> None:
+    """Raise FleetError where a supervisor other than this one keeps the folder."""
+    other = folders.keeper(run)
+    if other not in (0, own):
+        raise FleetError(f"the fleet of {run} runs already (supervisor {other}); `roco down` ends it")
+
+
+def wait_kept(run: Path, supervisor: subprocess.Popen[bytes], patience_s: float = READY_S) -> None:
+    """Wait until the supervisor keeps its folder. Raise FleetError where another does, or it ended."""
+    deadline = time.monotonic() + patience_s
+    while folders.keeper(run) != supervisor.pid:
+        _refuse_second(run, supervisor.pid)
+        if supervisor.poll() is not None:
+            raise FleetError(f"the supervisor ended with code {supervisor.returncode}", _last_words(run))
+        if time.monotonic() > deadline:
+            raise FleetError(f"the supervisor did not begin within {patience_s:.0f} s (logs in {run})")
+        time.sleep(PERIOD_S)
 
 
 def wait_ready(
@@ -64,9 +81,11 @@ def wait_ready(
 
     FleetError names who cannot be started, or who is not ready in time.
     """
+    wait_kept(run, supervisor, patience_s)
     deadline = time.monotonic() + patience_s
     while True:
-        fleet = folders.fleet(run)
+        told = folders.fleet(run)
+        fleet = told if told is not None and told.supervisor == supervisor.pid else None  # not that of an earlier one
         tick(fleet)
         if supervisor.poll() is not None:
             raise FleetError(f"the supervisor ended with code {supervisor.returncode}", _last_words(run))
@@ -88,9 +107,11 @@ def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
     fleet = folders.fleet(run)
     modules = {status.name: status.module for status in fleet.processes} if fleet else {}
     living = [status for status in fleet.processes if folders.is_service(status.pid, status.module)] if fleet else []
-    if fleet is not None and folders.is_service(fleet.supervisor, *folders.SUPERVISORS):
-        os.kill(fleet.supervisor, signal.SIGTERM)
-        _wait_gone([fleet.supervisor], patience_s)
+    supervisor = folders.keeper(run)
+    if supervisor:
+        for number in (signal.SIGTERM, signal.SIGCONT):  # one that was frozen goes on, and ends
+            _signal(supervisor, number)
+        _wait_gone([supervisor], patience_s)
     orphans = _orphans(run, modules)
     for number in (signal.SIGTERM, signal.SIGKILL):
         for pid in orphans:
@@ -100,10 +121,14 @@ def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
 
 
 def bring_down(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
-    """End the fleet that this command started, whatever it has told of itself. NotWaitedError: Ctrl-C meanwhile."""
+    """End the fleet that this command started, whatever it has told of itself. NotWaitedError: Ctrl-C meanwhile.
+
+    That of another supervisor, which was there first, goes on.
+    """
     with patient(run):
         end(supervisor)
-        down(run)
+        if not folders.keeper(run):
+            down(run)
 
 
 @contextlib.contextmanager

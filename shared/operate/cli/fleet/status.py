@@ -11,7 +11,7 @@ from rich.text import Text
 
 from operate.cli.errors import AS_WANTED, NO, NOTHING_RUNS
 from operate.cli.fleet import targets, tasks
-from operate.cli.fleet.process_status import Look, trouble
+from operate.cli.fleet.process_status import Look, stuck, trouble
 from operate.cli.fleet.state_words import COLOURS
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import Task
@@ -22,7 +22,8 @@ from operate.run_folder import Fleet, ProcessState, ProcessStatus
 class Status(msgspec.Struct, frozen=True):
     """The fleet, the tasks, whether the robot is held; `problem`: why no task is known; `troubles`: by process.
 
-    `unheard`: who is not heard by whom, a sentence each; `paused`: agents that take no step.
+    `unheard`: who is not heard by whom, a sentence each; `paused`: agents that take no step. `stuck`: processes that
+    are frozen or hang; `unkept`: why nobody looks after the fleet.
     """
 
     run: str
@@ -33,11 +34,13 @@ class Status(msgspec.Struct, frozen=True):
     troubles: dict[str, str] = {}
     unheard: tuple[str, ...] = ()
     paused: tuple[str, ...] = ()
+    stuck: tuple[str, ...] = ()
+    unkept: str = ""
 
 
 def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Show the fleet's processes and the tasks. Exits with 1 where not all that must be ready are, with 3
-    where nothing runs.
+    """Show the fleet's processes and the tasks. Exits with 1 where not all that must be ready are, where a process is
+    frozen or hangs, or no supervisor looks after them, with 3 where nothing runs.
 
     Examples:
       roco status
@@ -55,11 +58,12 @@ def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
 
 
 def verdict(now: Status) -> int:
-    """The exit code: whether all that must be ready are, and whether anything runs at all."""
+    """The exit code: whether all that must be ready are, nothing hangs, and whether anything runs at all."""
     processes = now.fleet.processes if now.fleet else ()
     if not any(process.pid for process in processes):
         return NOTHING_RUNS
-    return NO if any(p.state is not ProcessState.READY and not p.optional for p in processes) else AS_WANTED
+    missing = any(p.state is not ProcessState.READY and not p.optional for p in processes)
+    return NO if missing or now.stuck or now.unkept else AS_WANTED
 
 
 def state_of(fleet: Target) -> Status:
@@ -68,7 +72,10 @@ def state_of(fleet: Target) -> Status:
     now = fleet.look()
     troubles = {one.name: words for one in now.seen if one.status.pid and (words := trouble(one))}
     paused = tuple(one.name for one in now.seen if one.status.pid and one.beat is not None and one.beat.paused)
-    return Status(fleet.where, now.fleet, told, now.stop_held, problem, troubles, tuple(unheard(now)), paused)
+    late = tuple(one.name for one in now.seen if one.status.pid and stuck(one))
+    return Status(
+        fleet.where, now.fleet, told, now.stop_held, problem, troubles, tuple(unheard(now)), paused, late, now.unkept
+    )
 
 
 def unheard(now: Look) -> Iterator[str]:
@@ -87,6 +94,8 @@ def show(now: Status) -> None:
     console.print(f"run {now.run}" + ("  [bold red]STOPPED[/] (`roco release`)" if now.stop_held else ""))
     if now.fleet is not None:
         console.print(table(now))
+    if now.unkept:
+        console.print(f"{now.unkept}: `roco down`, then `roco up`", style="bold red", highlight=False, soft_wrap=True)
     for line in now.unheard:
         console.print(line, style="yellow")
     for task in now.tasks:

@@ -67,6 +67,27 @@ class Target(Protocol):
     def switch(self, name: str, on: bool) -> None:
         """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError: no such name."""
 
+    def signal(self, name: str, number: int) -> None:
+        """Send a signal to a process. FleetError: it does not run."""
+
+    def variable(self, name: str, variable: str) -> str:
+        """Return a variable of the environment that a process has, or would be started with; "" where it is not set."""
+
+    def wire(self, name: str, kind: str, amount: float | None) -> None:
+        """Set a condition of the wires of an agent, or of all to a router, or end it (None). FleetError: none."""
+
+    def writing(self, name: str, possible: bool) -> None:
+        """Let what a process writes to files fail, or not any more. FleetError: it does not run."""
+
+    def clock(self, name: str, seconds: float) -> None:
+        """Set the wall clock of a process so far forward [s]; 0: as it is. FleetError: it has none of its own."""
+
+    def faults(self) -> bytes:
+        """Return what faults.jsonl has; b"" where it is not there."""
+
+    def add_fault(self, line: bytes) -> None:
+        """Append a line to faults.jsonl, where the monitor reads it."""
+
     def down(self) -> tuple[str, ...]:
         """End the fleet in order; who was ended."""
 
@@ -75,6 +96,9 @@ class Target(Protocol):
 
     def operating(self) -> AbstractContextManager[Put]:
         """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
+
+    def speaking(self, identity: str) -> AbstractContextManager[Put]:
+        """A session with the keys of an identity. ConsoleError: it cannot be had."""
 
     def logging(self) -> tuple[str, ...]:
         """The processes that have a log of JSON lines."""

@@ -34,6 +34,10 @@ SceneFile = Annotated[
 Insecure = Annotated[
     bool, typer.Option("--insecure", help="No TLS and no rights: whoever is on this host may say anything.")
 ]
+Faults = Annotated[
+    bool,
+    typer.Option("--faults", help="Agents have wires and clocks of their own, which `roco fault` can disturb."),
+]
 Out = Annotated[Path | None, typer.Option("--out", help="Where everything is written; else runs/<time>.")]
 For = Annotated[float | None, typer.Option("--for", min=1.0, help="Bring it down after this many seconds.")]
 Another = Annotated[
@@ -51,6 +55,10 @@ def up(
         str, typer.Option(help="Names of processes, comma between; else all.", autocompletion=completion.started)
     ] = "",
     insecure: Insecure = False,
+    faults: Faults = False,
+    routers: Annotated[
+        int, typer.Option(min=1, max=2, help="2: linked, and the fleet goes on when one of them dies.")
+    ] = 1,
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
     seconds: For = None,
     form: Form = Format.TEXT,
@@ -65,11 +73,13 @@ def up(
       roco up --insecure --out runs/today
       roco up --only router,monitor,AGENT,PEER
       roco up --another second
+      roco up --routers 2
       roco up --for 30
     """
     with problems(form), interrupts.heard():
         where = running_fleets.place(out, another, datetime.now())
-        words = [*options(seed, speed, scene, insecure), *(["--only", only] if only else [])]
+        words = [*options(seed, speed, scene, insecure, faults=faults), *(["--only", only] if only else [])]
+        words += ["--routers", str(routers)] if routers > 1 else []
         if seconds is not None and not wait:
             raise UsageError("--for counts from when all are ready; leave --no-wait out")
         starting.check(words)
@@ -87,10 +97,11 @@ def _begun(where: running_fleets.Place, words: list[str], wait: bool, form: Form
     """Start the fleet and wait until it is ready. What was started is brought down where that fails."""
     with interrupts.held() as let_go:
         supervisor = starting.start(where.run, [*words, *([] if where.latest else ["--no-latest"])])
-        if not wait:
-            return
         try:
             let_go()
+            if not wait:
+                starting.wait_kept(where.run, supervisor)
+                return
             _watched(where.run, supervisor, form)
         except BaseException as error:
             try:
@@ -142,7 +153,7 @@ def down(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
         tell(Reply(words, found.where), form)
 
 
-def options(seed: int, speed: Speed, scene: Path | None, insecure: bool) -> list[str]:
+def options(seed: int, speed: Speed, scene: Path | None, insecure: bool, *, faults: bool = False) -> list[str]:
     """The supervisor's options of a run."""
-    others = [*(["--scene", str(scene)] if scene else []), *(["--insecure"] if insecure else [])]
+    others = [*(["--scene", str(scene)] if scene else []), *["--insecure"] * insecure, *["--faults"] * faults]
     return ["--seed", str(seed), "--speed", speed.value, *others]

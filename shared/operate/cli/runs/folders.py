@@ -1,5 +1,6 @@
 """Finding a run and reading its files (docs/run-folder.md)."""
 
+import fcntl
 import os
 from datetime import datetime
 from pathlib import Path
@@ -8,9 +9,9 @@ from typing import TypeVar
 import msgspec
 
 from agent_runtime.io.options import Options
-from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD, STOP_RELEASED
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD
 from operate.cli.errors import NoRunError
-from operate.run_folder import FLEET_FILE, LATEST, Fleet, ProcessState, ProcessStatus
+from operate.run_folder import FLEET_FILE, LATEST, LOCK_FILE, Fleet, ProcessState, ProcessStatus
 
 RUNS = Path("runs")
 NAME = "%Y-%m-%d_%H-%M-%S"
@@ -52,10 +53,24 @@ def fleet(run: Path) -> Fleet | None:
     return read(run / FLEET_FILE, Fleet)
 
 
+def keeper(run: Path) -> int:
+    """Return the pid of the supervisor that keeps a run folder now; 0: nobody does."""
+    try:
+        with (run / LOCK_FILE).open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        text = (run / LOCK_FILE).read_text().strip()
+        return int(text) if text.isdigit() else 0
+    except OSError:
+        pass
+    told = fleet(run)
+    return told.supervisor if told is not None and is_service(told.supervisor, *SUPERVISORS) else 0
+
+
 def living(run: Path) -> Fleet | None:
     """The fleet as the supervisor told it; where the supervisor is gone, each process is looked for by its pid."""
     told = fleet(run)
-    if told is None or is_service(told.supervisor, *SUPERVISORS):
+    if told is None or told.supervisor == keeper(run) != 0:
         return told
     processes = tuple(status if is_service(status.pid, status.module) else _ended(status) for status in told.processes)
     return msgspec.structs.replace(told, supervisor=0, processes=processes)
@@ -94,15 +109,6 @@ def is_service(pid: int, *modules: str) -> bool:
     except OSError:
         return False
     return any(module in words for module in modules if module)
-
-
-def set_stop(run: Path, held: bool) -> None:
-    """Write the stop flag, in place: the loop has the file mapped. It needs no agent, router or supervisor."""
-    flag = os.open(run / STOP_FILE, os.O_WRONLY | os.O_CREAT, 0o600)
-    try:
-        os.pwrite(flag, STOP_HELD if held else STOP_RELEASED, 0)
-    finally:
-        os.close(flag)
 
 
 def stop_held(run: Path) -> bool:

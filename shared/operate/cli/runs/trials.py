@@ -17,6 +17,7 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.run_files import make_run
 from operate.cli.errors import UsageError
 from operate.cli.fleet import starting
 from operate.cli.runs import machine
@@ -209,7 +210,7 @@ def _clear(place: Path) -> None:
     if place.exists():
         starting.down(place)
         shutil.rmtree(place)
-    place.mkdir(parents=True)
+    make_run(place)
 
 
 def _start(place: Path, setting: Setting, seed: int) -> subprocess.Popen[bytes]:

@@ -48,6 +48,13 @@ class Watch:
         if not self.json_lines:
             self.console.print("stopping the fleet, writing the report …", style="dim" if self.pictures else "")
 
+    def waits(self, words: str) -> None:
+        """Say what is waited for, where it is new."""
+        if self._told.get("waits") != words:
+            self._told["waits"] = words
+            if not self.json_lines:
+                self.console.print(f"waiting {words}", style="dim" if self.pictures else "")
+
     def look(self, fleet_now: Fleet | None = None, tasks: tuple[Task, ...] | None = None) -> None:
         """Take in what is new: lines of the monitor, the fleet, the tasks."""
         view, plain = self.scene.view, self.scene.system.plain

@@ -13,6 +13,7 @@ from rich.cells import cell_len, set_cell_size
 from rich.console import Console
 from rich.text import Text
 
+from agent_runtime.core.wiring import parse_life
 from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import Communicate
 from operate.cli.fleet import targets
@@ -123,12 +124,16 @@ def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgemen
     if sample is None:
         return judge.pass_time(at)
     if sample.deaf_since:
-        return judge.deaf(at)
+        return judge.deaf(at, sample.sender)
     if sample.token:
-        agent, incarnation = sample.key.split("/")[-2:]
-        known = not sample.gone and incarnation.isascii() and incarnation.isdigit()
-        return judge.lived(agent, int(incarnation), at) if known else ()
-    return judge.pass_time(at) if said(sample) is None else judge.hear(sample.key, sample.data, at)
+        agent, chunk = sample.key.split("/")[-2:]
+        found = None if sample.gone else parse_life(chunk)
+        return judge.lived(agent, found[0], at, journal=found[1]) if found is not None else ()
+    if said(sample) is None:
+        return judge.pass_time(at)
+    if sample.log and not sample.data:
+        return judge.noted(sample.key, "noted as no communicate", at, sample.log)
+    return judge.hear(sample.key, sample.data, at, log=sample.log)
 
 
 def _line(judgement: Judgement, system: System) -> Echoed:
@@ -170,6 +175,8 @@ def drawn(one: Judged, width: int, names: int) -> Text:
     else:
         words = set_cell_size(words if cell_len(words) <= room else words[: max(0, room - 1)] + "…", max(0, room))
     text.append(words, "italic").append(f" {one.verdict}", style)
+    if one.log:
+        text.append(f"\n{'':13}not heard by the recorder; from the step log of {one.log}", "dim")
     if one.violation and one.why:
         text.append(f"\n{'':13}{one.why}", "red")
     return text

@@ -31,8 +31,6 @@ from operate.system import System, of_run
 if TYPE_CHECKING:
     from operate.cli.fleet.compose import Compose
 
-IDENTITY = "console"
-"""Whose certificate a session shows, where there are keys: it may hear everything, and say nothing."""
 ROUTER_S = 5.0
 """How long a router is waited for (estimate: it answers in milliseconds)."""
 HOUSE = "_"
@@ -109,7 +107,7 @@ def at_run(run_dir: Path | None) -> Options:
         return Options(connect=around.connect, system=around.system, run_dir=run, keys=Path(keys) if keys else None)
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
-    tls = identity.tls(run, fleet, IDENTITY)
+    tls = identity.tls(run, fleet, identity.CONSOLE)
     folder = Path(tls["root_ca_certificate"]).parent if tls else None
     return Options(connect=fleet.connect, system=fleet.system, run_dir=run, keys=folder)
 
@@ -139,8 +137,8 @@ class Source:
 
 def whose(options: Options) -> str:
     """The identity to listen by: the operator's, else (in the monitor's container) the recorder's."""
-    there = options.keys is None or key_file(options.keys, IDENTITY).is_file()
-    return IDENTITY if there else RECORDER
+    there = options.keys is None or key_file(options.keys, identity.CONSOLE).is_file()
+    return identity.CONSOLE if there else RECORDER
 
 
 def meant(target: str, run_dir: Path | None) -> "Options | Compose":

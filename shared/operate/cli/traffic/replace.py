@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import typer
@@ -27,7 +26,7 @@ from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
 from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import moved
-from operate.cli.traffic.script import Difference, Part, Script, before, parts, plain
+from operate.cli.traffic.script import Difference, Part, Script, before, parts, plain, short
 from operate.system import System, of_run
 
 SYSTEM = "replay"
@@ -40,7 +39,6 @@ PATIENCE_S = 20.0
 SLICE_S = 0.005
 END_S = 0.5
 """At the end it is listened so long for words that the recording does not have."""
-MOST_WORDS = 160
 
 
 class Compared(msgspec.Struct, frozen=True):
@@ -98,13 +96,8 @@ def sentence(done: Compared, part: tuple[Part, ...]) -> str:
     what = f"{done.agent} > {done.receiver} {done.performative}" if done.performative else done.agent
     return (
         f"{spoken}; then its words differ\n  {when}  {what}  {done.conversation}\n  in {one.field}\n"
-        f"  recorded: {_short(one.recorded)}\n  now:      {_short(one.now)}"
+        f"  recorded: {short(one.recorded)}\n  now:      {short(one.now)}"
     )
-
-
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else msgspec.json.encode(value).decode()
-    return text if len(text) <= MOST_WORDS else text[: MOST_WORDS - 1] + "…"
 
 
 def _part(file: Path, agent: str) -> tuple[tuple[Part, ...], int]:

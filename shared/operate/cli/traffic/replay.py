@@ -16,6 +16,7 @@ import typer
 from rich.console import Console
 
 from agent_runtime.core.errors import RuntimeFault
+from agent_runtime.io.run_files import make_run
 from agent_runtime.io.tap import Sample
 from agent_runtime.testing.scripted_peers import Stage
 from operate.cli import completion
@@ -23,7 +24,7 @@ from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
-from operate.cli.traffic import replace
+from operate.cli.traffic import replace, verify
 from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, wanted
 from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import Player, Replayed, sentence
@@ -62,7 +63,12 @@ def replay(
         str,
         typer.Option("--replace", help="Run this agent; the others are as recorded.", autocompletion=completion.agents),
     ] = "",
-    seed: Annotated[int | None, typer.Option(help="With --replace: its seed; else the recorded one.")] = None,
+    verify_: Annotated[
+        bool, typer.Option("--verify", help="Run all agents again offline: do they put out the same bytes?")
+    ] = False,
+    seed: Annotated[
+        int | None, typer.Option(help="With --replace or --verify: the agent's seed; else the recorded one.")
+    ] = None,
     system: Annotated[str, typer.Option(help="The system's name in all keys.")] = SYSTEM,
     connect: Annotated[str, typer.Option(help="A router to say it on; else one of its own.")] = "",
     after: Annotated[float, typer.Option(min=0.0, help="Begin after so many seconds.")] = 0.0,
@@ -72,15 +78,22 @@ def replay(
 
     It happens on a router of its own; times inside communicates (sent, reply-by) are moved to now. With --replace one
     agent is real, the others are stood in from the recording, and where its words first differ from the recorded ones
-    is said. Exits with 1 where they differ, or where agents live in the system.
+    is said. With --verify every agent (or --agent's) runs its steps again from its log, offline, and must put out what
+    it put out then, to the byte. Exits with 1 where something differs, or where agents live in the system.
 
     Examples:
       roco replay runs/latest --speed 4
       roco replay recording.mcap --loop --only channel=CHANNEL --only performative=query-ref,inform-ref
       roco replay runs/latest --replace AGENT --speed max
+      roco replay runs/latest --verify
     """
     with problems(form):
         fast = factor(speed)
+        if verify_ and replace_:
+            raise UsageError("--verify and --replace are two questions; ask one after the other")
+        if verify_:
+            verify.verified(file, agent or [], seed, form)
+            return
         if replace_:
             replace.replaced(file, replace_, fast, seed, form)
             return
@@ -154,7 +167,7 @@ class Shown:
     """
 
     def __init__(self, folder: Path, system: System) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_run(folder)
         self._folder, asked, pipe = folder, command("replayed", str(folder)), subprocess.PIPE
         self._process = subprocess.Popen(asked, env=environment(system), stdin=pipe, start_new_session=True)
 
@@ -209,7 +222,7 @@ def _folder(stage: Stage) -> Path:
 def _told(stage: Stage, system: System) -> Iterator[None]:
     """While it goes on, a folder says where, and of which system it is, so that `--run-dir` finds it."""
     folder = _folder(stage)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_run(folder)
     now = datetime.now().timestamp()
     fleet = Fleet(stage.system, stage.endpoint, 0, now, (), entry=system.entry, project=system.project)
     (folder / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))

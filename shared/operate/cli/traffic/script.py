@@ -12,6 +12,7 @@ import msgspec
 from fipa_codec.communicate import Communicate
 
 COMPARED = ("performative", "receiver", "protocol", "language", "ontology", "in_reply_to")
+MOST_WORDS = 160
 
 
 class Part(msgspec.Struct, frozen=True):
@@ -167,3 +168,9 @@ def difference(was: Any, now: Any, place: str = "") -> tuple[str, Any, Any] | No
                 return found
         return None if len(was) == len(now) else (f"{place} (length)", len(was), len(now))
     return None if was == now else (place, was, now)
+
+
+def short(value: Any) -> str:
+    """A value in JSON, cut off where it is long; None: nothing."""
+    text = "nothing" if value is None else msgspec.json.encode(value).decode()
+    return text if len(text) <= MOST_WORDS else text[: MOST_WORDS - 1] + "…"

@@ -1,0 +1,215 @@
+"""How long a killed process is away: `kill -9` of each, again and again, until the supervisor says it is ready again.
+
+One fleet at rest, each process in turn; noticed: the supervisor says that it does not run. Appends to a results file.
+With --silence routers alone are killed, of two in turn the one that all use; silence: until each agent has a router.
+
+    python benchmarks/coming_back.py --kills 20
+    cd examples/depot && python ../../benchmarks/coming_back.py --silence --routers 2
+    python benchmarks/coming_back.py --target deploy --processes router,monitor,hi,co,pl,km,ta,ex
+
+With --target the fleet is up already, in containers too, and `roco fault kill` does it and looks. `--table` writes the
+tables of docs/reliability.md.
+"""
+
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import tables
+import typer
+
+from agent_runtime.io.secured import ROUTERS
+from operate.run_folder import Fault, Fleet, ProcessState, ProcessStatus
+from operate.supervisor.core import SETTLED_S
+
+PATIENCE_S = 90.0  # estimate: km is back after 4 s on a quiet machine
+LOOK_S = 0.002
+ROCO = str(Path(sys.executable).with_name("roco"))
+RESULTS = Path(__file__).parent / "results/coming_back.jsonl"
+PAGE = Path(__file__).parents[1] / "docs/reliability.md"
+BEGIN, END = "<!-- coming back: python benchmarks/coming_back.py --table -->\n", "<!-- /coming back -->\n"
+PROCESSES = ("router", "monitor", "loop", "hi", "co", "pl", "km", "ta", "ex")
+
+
+def status(run: Path, name: str) -> ProcessStatus:
+    """Return what the supervisor says of a process."""
+    fleet = msgspec.json.decode((run / "fleet.json").read_bytes(), type=Fleet)
+    return next(one for one in fleet.processes if one.name == name)
+
+
+def after(reached: Callable[[], bool]) -> float:
+    """Wait for it; return the time it took [s]."""
+    began = time.monotonic()
+    while not reached():
+        if time.monotonic() - began > PATIENCE_S:
+            raise typer.BadParameter("it did not come back; see the logs of the run")
+        time.sleep(LOOK_S)
+    return time.monotonic() - began
+
+
+def killed(run: Path, name: str) -> tuple[float, float]:
+    """Kill a process; return after how long that was noticed, and after how long it was ready again [s]."""
+    before = status(run, name)
+    os.kill(before.pid, signal.SIGKILL)
+    noticed = after(lambda: status(run, name).state is not ProcessState.READY)
+    rest = after(lambda: status(run, name).state is ProcessState.READY and status(run, name).pid != before.pid)
+    return noticed, noticed + rest
+
+
+def killed_by_order(target: str, name: str) -> float:
+    """Kill a process of a fleet that is up, by `roco fault kill`; return after how long it was ready again [s]."""
+    words = [ROCO, "fault", "kill", name, "--target", target, "--format", "json"]
+    done = subprocess.run(words, check=False, capture_output=True, text=True)
+    if done.returncode:
+        raise typer.BadParameter(f"{name} was killed and is not back: {done.stderr.strip()}")
+    fault = msgspec.json.decode(done.stdout, type=Fault)
+    assert fault.ended is not None
+    return fault.ended - fault.began
+
+
+def ordered(target: str, names: list[str], kills: int, out: Path) -> None:
+    """Kill the processes of a fleet that is up, in turn."""
+    seen: dict[str, list[float]] = {name: [] for name in names}
+    load = os.getloadavg()[0]
+    for number in range(kills):
+        for name in names:
+            seen[name].append(killed_by_order(target, name))
+        typer.echo(f"{number + 1} of {kills}", err=True)
+    loads = [round(load, 2), round(os.getloadavg()[0], 2)]
+    for name, times in seen.items():
+        _told(out, {"target": target, "process": name, "kills": kills, "load": loads, "ready_s": figures(times)})
+
+
+def without_router(run: Path, name: str) -> float:
+    """Kill the router that all agents use; return after how long the last of them had one again [s]."""
+    logs = [
+        log for log in (run / "logs").glob("*.jsonl") if log.stem in {file.stem for file in (run / "steps").iterdir()}
+    ]
+    ends = {log: log.stat().st_size for log in logs}
+    at = time.time()
+    os.kill(status(run, name).pid, signal.SIGKILL)
+
+    def back(log: Path) -> float:
+        with log.open("rb") as file:
+            file.seek(ends[log])
+            lines = [msgspec.json.decode(line) for line in file.read().rpartition(b"\n")[0].splitlines()]
+        return next((line["t"] for line in lines if line.get("event") == "router back"), 0.0)
+
+    after(lambda: all(map(back, logs)))
+    return max(map(back, logs)) - at
+
+
+def silences(run: Path, routers: int, kills: int) -> list[float]:
+    """Kill the routers in turn, each once its earlier deaths are forgotten; return each silence [s]."""
+    names, ready, found = ROUTERS[:routers], dict.fromkeys(ROUTERS, time.monotonic()), []
+    for number in range(kills):
+        name = names[number % routers]
+        time.sleep(max(0.0, ready[name] + SETTLED_S - time.monotonic()))
+        before = status(run, name).pid
+        found.append(without_router(run, name))
+        after(lambda name=name, before=before: _again(run, name, before))
+        ready[name] = time.monotonic() + 1.0
+        typer.echo(f"{number + 1} of {kills}: {name}, {found[-1]:.3f} s", err=True)
+    return found
+
+
+def _again(run: Path, name: str, before: int) -> bool:
+    now = status(run, name)
+    return now.state is ProcessState.READY and now.pid != before
+
+
+def figures(times: list[float]) -> dict[str, float]:
+    """Return the median and the 95th percentile [s]."""
+    cuts = statistics.quantiles(times, n=20, method="inclusive")
+    return {"p50": round(cuts[9], 3), "p95": round(cuts[18], 3)}
+
+
+def main(
+    kills: Annotated[int, typer.Option(help="of each process")] = 20,
+    processes: Annotated[str, typer.Option()] = ",".join(PROCESSES),
+    routers: Annotated[int, typer.Option(min=1, max=2)] = 1,
+    silence: Annotated[bool, typer.Option(help="of the routers alone: how long agents have none")] = False,
+    target: Annotated[str, typer.Option(help="a fleet that is up: a compose project, or a run's folder")] = "",
+    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
+    table: Annotated[bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")] = False,
+) -> None:
+    """Kill the processes in turn, and say how long each was away."""
+    if table:
+        tables.put(PAGE, BEGIN, printed(tables.read(out)), END)
+        return
+    if target:
+        ordered(target, processes.split(","), kills, out)
+        return
+    run = Path(tempfile.mkdtemp(prefix="coming-back-")) / "run"
+    subprocess.run([ROCO, "up", "--out", str(run), "--routers", str(routers)], check=True, stdout=sys.stderr)
+    if silence:
+        load = os.getloadavg()[0]
+        try:
+            times = silences(run, routers, kills)
+        finally:
+            subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
+        loads = [round(load, 2), round(os.getloadavg()[0], 2)]
+        _told(out, {"routers": routers, "kills": kills, "load": loads, "silence_s": figures(times)})
+        return
+    names = processes.split(",")
+    seen: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
+    load = os.getloadavg()[0]
+    try:
+        for number in range(kills):  # in turn, so that nobody dies so often that the supervisor waits for longer
+            for name in names:
+                seen[name].append(killed(run, name))
+            typer.echo(f"{number + 1} of {kills}", err=True)
+    finally:
+        subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
+    loads = [round(load, 2), round(os.getloadavg()[0], 2)]
+    for name, times in seen.items():
+        line: dict[str, Any] = {"process": name, "kills": kills, "load": loads}
+        line |= {"noticed_s": figures([one[0] for one in times]), "ready_s": figures([one[1] for one in times])}
+        _told(out, line)
+
+
+def printed(lines: list[dict[str, Any]]) -> str:
+    """Return a table of the processes, a column for each kind of fleet, and one of the silences."""
+    killed = [line for line in lines if "process" in line]
+    fleets = list(dict.fromkeys(line.get("target", "") for line in killed))
+    found = {(line.get("target", ""), line["process"]): line for line in killed}
+    heads = [f"ready again{f': {name}' if name else ''}" for name in fleets]
+    rows = [f"| process | noticed | {' | '.join(heads)} |", "|---" * (len(fleets) + 2) + "|"]
+    for process in dict.fromkeys(line["process"] for line in killed):
+        cells = [found.get((name, process), {}) for name in fleets]
+        noticed = _times(found.get(("", process), {}).get("noticed_s"))
+        rows.append(f"| {process} | {noticed} | {' | '.join(_times(one.get('ready_s')) for one in cells)} |")
+    of = [next(line for (name, _), line in found.items() if name == fleet) for fleet in fleets]
+    kills = [f"{line['kills']}, {_loads(line)}" for line in of]
+    rows += [f"| kills of each, load | | {' | '.join(kills)} |", "", "| routers | silence | load |", "|---|---|---|"]
+    silences = [line for line in lines if "silence_s" in line]
+    return (
+        "\n".join((*rows, *(f"| {one['routers']} | {_times(one['silence_s'])} | {_loads(one)} |" for one in silences)))
+        + "\n"
+    )
+
+
+def _times(told: dict[str, float] | None) -> str:
+    return f"{told['p50']:.2f}, {told['p95']:.2f} s" if told else ""
+
+
+def _loads(line: dict[str, Any]) -> str:
+    return " to ".join(f"{load:.0f}" for load in sorted(line["load"]))
+
+
+def _told(out: Path, line: dict[str, Any]) -> None:
+    with out.open("ab") as file:
+        file.write(msgspec.json.encode(line) + b"\n")
+    typer.echo(str(line))
+
+
+if __name__ == "__main__":
+    typer.run(main)

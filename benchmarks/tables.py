@@ -1,0 +1,17 @@
+"""Results of the long benchmarks, JSON lines, and the tables that a page has of them."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+
+def read(out: Path) -> list[dict[str, Any]]:
+    """Return the rows of a results file; none where there is no file yet."""
+    return [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
+
+
+def put(page: Path, begin: str, text: str, end: str) -> None:
+    """Put a text between two marks of a page, in place of what stands there."""
+    head, _, rest = page.read_text(encoding="utf-8").partition(begin)
+    page.write_text(f"{head}{begin}{text}{end}{rest.partition(end)[2]}", encoding="utf-8")

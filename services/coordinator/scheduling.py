@@ -1,0 +1,129 @@
+"""Which task goes on: the rules by which state `schedule` decides (paper, section 5.5; requirements R2b, R3b).
+
+A rule sees the running task and those that wait, each as an offer with its schedule parameters, and returns its
+decision with the numbers and a sentence. Under every rule a more urgent task replaces the running one at once, and a
+less urgent one never does; among tasks that are equally urgent the rules differ. Pure. Must not know: messages, plans.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+
+import msgspec
+
+BELOW = 0.9
+"""A switch must cost less than this part of waiting (TaskER's rule, which its published code ignores)."""
+LATE = 5.0
+"""Cost of a second after the deadline, where a second of waiting costs 1 (estimate: people mind the first more)."""
+AGEING_S = 600.0
+"""After so long a second of waiting costs twice as much, so that no task waits for ever (estimate)."""
+
+
+class Offer(msgspec.Struct, frozen=True):
+    """Schedule parameters of a task (TaskER: ScheduleParams). `arrived`, `deadline`: unix time [s], inf for none.
+
+    In seconds of robot time: `rest` until it is done, `suspend` until it is safely left, `resume` until it is taken up
+    again where it was left. `after`: tasks that end before it, as long as it is no more urgent.
+    """
+
+    task: str
+    arrived: float
+    rest: float = 0.0
+    deadline: float = math.inf
+    urgency: int = 0
+    after: tuple[str, ...] = ()
+    suspend: float = 0.0
+    resume: float = 0.0
+
+    def cost(self, now: float, ended: float) -> float:
+        """Return the cost of the time from now until its end, both unix time [s]."""
+        per_s = 1.0 + max(0.0, now - self.arrived) / AGEING_S
+        return per_s * (ended - now) + LATE * max(0.0, ended - max(now, self.deadline))
+
+
+class Decision(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The task that goes on, and whether the running one is left for it; `switch_cost`, `wait_cost`: where compared."""
+
+    task: str
+    why: str
+    switch: bool = False
+    switch_cost: float = 0.0
+    wait_cost: float = 0.0
+
+
+Rule = Callable[[Offer | None, tuple[Offer, ...], float], Decision | None]
+"""Decide between the running task, if one runs, and those that wait, at a time [unix s]; None without any task."""
+
+
+def by_costs(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> Decision | None:
+    """Decide as TaskER does: switch where that costs less than BELOW of waiting."""
+    settled = _by_urgency(running, waiting)
+    if isinstance(settled, Decision) or settled is None:
+        return settled
+    first = min(settled, key=lambda one: _cost_first(one, settled, now))
+    if running is None:
+        return Decision(first.task, "it costs least to do it first" if len(settled) > 1 else "it is the only one")
+    left = now + running.suspend + first.rest
+    switch = first.cost(now, left) + running.cost(now, left + running.resume + running.rest)
+    wait = running.cost(now, now + running.rest) + first.cost(now, now + running.rest + first.rest)
+    if switch < BELOW * wait:
+        return Decision(first.task, f"to switch costs {switch:.0f}, to wait {wait:.0f}", True, switch, wait)
+    text = f"to wait costs {wait:.0f}, to switch {switch:.0f}: not below {BELOW:g} of it"
+    return Decision(running.task, text, False, switch, wait)
+
+
+def by_deadline(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> Decision | None:
+    """Decide for the earliest deadline; of two with the same, or none, for the one that runs or came first."""
+    settled = _by_urgency(running, waiting)
+    if isinstance(settled, Decision) or settled is None:
+        return settled
+    first = min(settled, key=lambda one: (one.deadline, one.arrived))
+    if running is not None and running.deadline <= first.deadline:
+        return Decision(running.task, "nothing that waits has an earlier deadline")
+    if math.isinf(first.deadline):
+        return Decision(first.task, "it came first")
+    return Decision(first.task, f"its deadline is the earliest, in {first.deadline - now:.0f} s", running is not None)
+
+
+def first_come(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> Decision | None:
+    """Decide for the running task, else for the one that came first."""
+    settled = _by_urgency(running, waiting)
+    if isinstance(settled, Decision) or settled is None:
+        return settled
+    if running is not None:
+        return Decision(running.task, "it runs already")
+    return Decision(min(settled, key=lambda one: one.arrived).task, "it came first")
+
+
+def in_order(offers: tuple[Offer, ...], now: float, rule: Rule) -> tuple[str, ...]:
+    """Return the tasks in the order in which a rule takes them up, as things are now."""
+    names: list[str] = []
+    while (decision := rule(None, offers, now)) is not None:
+        names.append(decision.task)
+        offers = tuple(one for one in offers if one.task != decision.task)
+    return tuple(names)
+
+
+RULES: dict[str, Rule] = {"costs": by_costs, "deadline": by_deadline, "first-come": first_come}
+
+
+def _by_urgency(running: Offer | None, waiting: tuple[Offer, ...]) -> Decision | tuple[Offer, ...] | None:
+    """Return the decision where urgency settles it, else those that wait and are as urgent as any; None for no task."""
+    if not waiting:
+        return None if running is None else Decision(running.task, "nothing else waits")
+    most = max(one.urgency for one in waiting)
+    known = {one.task for one in (*waiting, *((running,) if running else ())) if one.urgency >= most}
+    urgent = tuple(one for one in waiting if one.urgency == most and known.isdisjoint(one.after))
+    if not urgent:
+        return None if running is None else Decision(running.task, "all that waits comes after it")
+    if running is None or running.urgency == most:
+        return urgent
+    if running.urgency > most:
+        return Decision(running.task, "what waits is less urgent")
+    first = min(urgent, key=lambda one: (one.deadline, one.arrived))
+    return Decision(first.task, "it is more urgent", True)
+
+
+def _cost_first(first: Offer, offers: Iterable[Offer], now: float) -> float:
+    """The cost of all where this one is done first and each other one right after it."""
+    others = sum(one.cost(now, now + first.rest + one.rest) for one in offers if one.task != first.task)
+    return first.cost(now, now + first.rest) + others

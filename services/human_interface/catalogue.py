@@ -1,0 +1,65 @@
+"""The catalogue of what people may say: catalogue.toml as typed rows.
+
+Must not know: how sentences are parsed, HTTP, tasks.
+"""
+
+import re
+import unicodedata
+from importlib import resources
+
+import msgspec
+
+LANGUAGES = ("en", "pl")
+_LETTERS = str.maketrans("łŁ", "lL")
+
+
+class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A row [[thing]]: words for a class of the ontology, or for several (`covers`); what can be done with it."""
+
+    name: str
+    en: tuple[str, ...]
+    pl: tuple[str, ...]
+    can: tuple[str, ...] = ()
+    covers: tuple[str, ...] = ()
+
+
+class WishRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A row [[wish]]: what hi makes of sentences of these patterns."""
+
+    does: str
+    en: tuple[str, ...]
+    pl: tuple[str, ...]
+
+
+class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The whole file."""
+
+    anywhere: dict[str, str]
+    opening: dict[str, str]
+    joining: dict[str, str]
+    side: dict[str, dict[str, str]]
+    thing: tuple[KindOfThing, ...]
+    rule: dict[str, dict[str, str]]
+    wish: tuple[WishRow, ...]
+    say: dict[str, dict[str, str]]
+
+
+def bare(text: str) -> str:
+    """Return the text in small letters, without accents."""
+    letters = unicodedata.normalize("NFKD", text.translate(_LETTERS).lower())
+    return "".join(one for one in letters if not unicodedata.combining(one))
+
+
+def phrases(text: str) -> tuple[tuple[str, ...], ...]:
+    """Return the phrases of a list with bars between them, each as its words, the longest first."""
+    found = {tuple(re.findall(r"[a-z]+", one)) for one in bare(text).split("|")}
+    return tuple(sorted(found - {()}, key=lambda one: (-len(one), one)))
+
+
+CATALOGUE = msgspec.toml.decode(resources.files(__package__).joinpath("catalogue.toml").read_bytes(), type=Catalogue)
+THINGS = {one.name: one for one in CATALOGUE.thing}
+
+
+def say(language: str, row: str, *parts: object) -> str:
+    """Return a sentence of hi's."""
+    return CATALOGUE.say[language][row].format(*parts)

@@ -1,0 +1,41 @@
+"""The meaning of a sentence, as read from its words alone: what comes of it depends on what was talked of before.
+
+Must not know: the grammar, HTTP, tasks.
+"""
+
+import msgspec
+
+
+class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A thing as it was named. `kinds`: what the word can mean, none for an unknown word; `number`: jar 2.
+
+    `quality`: a colour, a size or a place beside the name. `ref`: it, other or both, in place of a name.
+    """
+
+    said: str
+    kinds: tuple[str, ...] = ()
+    number: int = 0
+    quality: str = ""
+    ref: str = ""
+
+
+class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One wish or question: a row of the catalogue, and what was named in it, in the order of the words."""
+
+    does: str
+    things: tuple[Thing, ...] = ()
+    side: str = ""
+    task: str = ""
+
+
+class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A sentence: its clauses in order, none where it is not understood, and then why, in the catalogue's terms.
+
+    `guessed`: words were taken for others that are written alike. `strange`: the first word that nobody knows.
+    """
+
+    language: str = "en"
+    clauses: tuple[Clause, ...] = ()
+    guessed: bool = False
+    why: str = ""
+    strange: str = ""

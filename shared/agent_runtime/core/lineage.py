@@ -1,0 +1,94 @@
+"""Whose memory a stream's numbers belong to: each journal has a random name, and a stream is between two journals.
+
+A journal that is deleted takes the numbers of its streams with it. So messages and receipts of streams carry the name
+of the sender's journal and of the one that the sender believes the receiver to have; what is meant for another journal
+is neither taken nor receipted. A peer's liveliness token names its journal. Under another name than before, the peer
+has lost its memory: both streams begin at 1 again, and the conversations with it are over. A name that was given up is
+never believed again, since its token may outlive it by a lease.
+"""
+
+from agent_runtime.core.effects import Out
+from agent_runtime.core.state import CoreState, Lost, Record
+from agent_runtime.core.streams import forget_last, release
+from agent_runtime.core.wiring import Delivery
+from fipa_codec.tables import Role
+
+GIVEN_UP = 16
+"""Names of lost journals that are remembered; estimate: tokens of that many lives last a lease (2 s) at most."""
+TOLD = 16
+"""Lost conversations that are remembered after the behaviour was told; estimate: its answers under way."""
+ANOTHER = "of another journal"
+_DURABLE, _LATEST = Delivery.DURABLE, Delivery.LATEST
+
+
+def fits(state: CoreState, out: Out, peer: str, journal: str, believed: str) -> bool:
+    """Whether a message or receipt is between the present journals of both; the first name of a peer is learnt."""
+    known = state.journals.get(peer)
+    if known is None and journal not in state.given_up:
+        learn(state, out, peer, journal)
+        known = journal
+    if journal == known and believed == state.journal:
+        return True
+    if ANOTHER not in state.counts:
+        out.log(ANOTHER, peer=peer, why=f"{peer} means another journal than this one; it is not taken")
+    state.count(ANOTHER)
+    return False
+
+
+def learn(state: CoreState, out: Out, peer: str, journal: str) -> None:
+    """Note the name of a peer's journal, durably: the numbers that follow count for it."""
+    state.journals = state.journals | {peer: journal}
+    out.durable = True
+
+
+def met(state: CoreState, out: Out, peer: str, journal: str) -> bool:
+    """Note the journal in a peer's token. Return whether it is news; streams with a peer that lost its memory end."""
+    known = state.journals.get(peer)
+    if not journal or journal == known or journal in state.given_up:
+        return False
+    if known is not None:
+        begin_again(state, peer, f"{peer} lost its memory: its journal is gone, and with it this conversation")
+        forget_soft(state, peer)
+        state.given_up = (*state.given_up, known)[-GIVEN_UP:]
+        ended = sum(not one.told and one.held.conversation.peer == peer for one in state.lost.values())
+        why = f"{peer} has another journal than before; {ended} conversations with it end, messages are numbered from 1"
+        out.log("lost its memory", level="warning", peer=peer, why=why)
+        state.count("peer lost its memory")
+    learn(state, out, peer, journal)
+    return True
+
+
+def begin_again(record: Record, peer: str, why: str) -> None:
+    """Let the streams with a peer begin at 1, and mark the conversations with it as lost."""
+    for key, held in list(record.conversations.items()):
+        if held.conversation.peer == peer:
+            record.lost[key] = Lost(held, why)
+            del record.conversations[key]
+    for table in (record.taken, record.recent, record.issued, record.outbox, record.versions):
+        table.pop(peer, None)
+
+
+def forget_soft(state: CoreState, peer: str) -> None:
+    """Forget what waits of a peer's lost journal, and its subscription; one to its observations is lost, too."""
+    soft = state.soft
+    soft.inbox = tuple(one for one in soft.inbox if one.peer != peer or not (one.number or one.subject))
+    soft.resend.pop(peer, None)
+    forget_last(state, peer)
+    release(state)
+    for key, held in list(soft.conversations.items()):
+        if held.conversation.peer != peer or held.delivery is not _LATEST:
+            continue
+        del soft.conversations[key]
+        soft.asks.pop(key, None)
+        if held.conversation.role is Role.INITIATOR:
+            state.lost[key] = Lost(held, f"{peer} lost its memory: its journal is gone, and with it the subscription")
+
+
+def told(state: CoreState, key: str) -> Lost:
+    """Note that the behaviour is told of a lost conversation now, and forget the oldest ones it was told of."""
+    lost = state.lost.pop(key)
+    old = [name for name, one in state.lost.items() if one.told]
+    for name in old[: max(0, len(old) - TOLD + 1)]:
+        del state.lost[name]
+    state.lost[key] = Lost(lost.held, lost.why, told=True)
+    return lost

@@ -1,0 +1,159 @@
+"""One run of chaos: a fresh fleet does the system's job while a fault is done to it; then its whole history is judged.
+
+The fault is a `roco fault` of its own, so it heals itself, is recorded, and is refused where a robot is real.
+"""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
+from operate.cli.analysis import analysed
+from operate.cli.chaos.cells import Cell
+from operate.cli.errors import ConsoleError
+from operate.cli.runs import folders, trials
+from operate.fault_lines import latest, read
+from operate.run_folder import FAULTS_FILE, Fault, ProcessState
+
+FAULT_LOG = "fault.log"
+GRACE_S = 5.0
+"""Until the children of a killed process have seen the end of their pipe; estimate."""
+LOOK_S = 0.1
+HEAL_S = 100.0
+"""How long a fault that did not begin, or has nobody to come back to, is waited for; a process may take 90 s."""
+
+
+class Result(msgspec.Struct, frozen=True):
+    """A run: `success` and `why` of its report; `broken`: invariants that do not hold. `text`: what came of the fault.
+
+    `began`: whether it was done at all; `stuck`: the run was ended from outside; `orphans`: processes left over;
+    `bytes`: of the run folder; `load`: of the machine.
+    """
+
+    cell: Cell
+    began: bool
+    text: str
+    success: bool
+    why: str
+    broken: tuple[str, ...]
+    stuck: bool
+    orphans: tuple[str, ...]
+    exit: int
+    bytes: int
+    wall_s: float
+    load: float
+
+    @property
+    def held(self) -> bool:
+        """Whether all held: the job was done, or ended with a reason."""
+        return not (self.broken or self.stuck or self.orphans) and (self.success or bool(self.why))
+
+
+class Checked(msgspec.Struct, frozen=True):
+    """Of operate.judging.invariants.Checked what is read."""
+
+    broken: tuple[str, ...]
+    bytes: int
+
+
+def done(out: Path, setting: trials.Setting, cell: Cell) -> Result:
+    """Return what became of a run; its folder stays for who wants to look. It is down afterwards, whatever happens."""
+    run = trials.folder(out, cell.seed)
+    with contextlib.ExitStack() as fault:
+        inflicting = _Inflicting(run, cell, fault)
+        line = trials.run(out, setting, cell.seed, lambda since: inflicting.look())
+    left = tuple(orphans(run))
+    file = run / FAULTS_FILE
+    faults = latest(read(file.read_bytes())) if file.exists() else ()
+    checked = _checked(run)
+    began = next((one for one in faults if one.began), None)
+    return Result(
+        cell=cell,
+        began=began is not None,
+        text=_text(run, faults),
+        success=line.failure is None,
+        why=line.failure or "",
+        broken=checked.broken,
+        stuck=line.timed_out,
+        orphans=left,
+        exit=line.exit,
+        bytes=checked.bytes,
+        wall_s=line.took_s,
+        load=line.load[0],
+    )
+
+
+class _Inflicting:
+    """Begins the fault once the fleet is ready; at the end of the stack it is over, and healed."""
+
+    def __init__(self, run: Path, cell: Cell, stack: contextlib.ExitStack) -> None:
+        self._run, self._cell, self._stack = run, cell, stack
+        self._begun = False
+
+    def look(self) -> None:
+        """Begin it now, where the fleet is ready."""
+        told = folders.fleet(self._run)
+        needed = [one for one in told.processes if not one.optional] if told is not None else []
+        if self._begun or not needed or any(one.state is not ProcessState.READY for one in needed):
+            return
+        self._begun = True
+        words = ["fault", *self._cell.command, "--run-dir", str(self._run)]
+        with (self._run / FAULT_LOG).open("ab") as log:
+            child = subprocess.Popen(
+                [sys.executable, "-P", "-m", "operate.cli", *words],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self._stack.callback(_over, child)
+
+
+def _over(child: "subprocess.Popen[bytes]") -> None:
+    """Wait for the end of a fault; one that did not begin is broken off."""
+    for number in (signal.SIGINT, signal.SIGKILL):
+        if child.poll() is None:
+            child.send_signal(number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            child.wait(HEAL_S)
+
+
+def _text(run: Path, faults: tuple[Fault, ...]) -> str:
+    """Return what came of the fault; where none was asked for, the last words of its command."""
+    if faults:
+        return faults[-1].text
+    file = run / FAULT_LOG
+    words = file.read_text(errors="replace").strip().splitlines()[-1:] if file.exists() else []
+    return words[0] if words else "the fleet was never ready"
+
+
+def _checked(run: Path) -> Checked:
+    """Judge the history of a run; where that cannot be done, that is what is broken."""
+    try:
+        return msgspec.json.decode(analysed("invariants", str(run), about=run), type=Checked)
+    except (ConsoleError, msgspec.MsgspecError) as error:
+        return Checked((f"its history cannot be judged: {error}",), 0)
+
+
+def orphans(run: Path) -> Iterator[str]:
+    """Yield the commands of the processes of a run that go on some seconds after its end."""
+    until = time.monotonic() + GRACE_S
+    while (found := list(_living(run))) and time.monotonic() < until:
+        time.sleep(LOOK_S)
+    yield from found
+
+
+def _living(run: Path) -> Iterator[str]:
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            words, settings = ((place / file).read_bytes() for file in ("cmdline", "environ"))
+            mine = f"{RUN_FOLDER_VARIABLE}={run}".encode() in settings.split(b"\0") or str(run).encode() in words
+            if mine and words and int(place.name) != os.getpid():
+                yield words.replace(b"\0", b" ").decode(errors="replace").strip()

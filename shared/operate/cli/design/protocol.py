@@ -1,0 +1,214 @@
+"""`roco protocol`: the interaction protocols that a design can follow, as the tables that decide what is allowed."""
+
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.protocols import FIPA, PAPER
+from fipa_codec.tables import Protocol, Role, Row, Table, Way, known
+from operate.cli import completion
+from operate.cli.design import files
+from operate.cli.design.show import write
+from operate.cli.errors import UsageError
+from operate.cli.output import Form, Format, tell_json
+from operate.system import NoSystemError, here
+from topdown.draw import text
+from topdown.draw.document import Grid
+from topdown.draw.protocols import ALWAYS, draw
+
+LEAST = 40
+"""Columns below which no table is readable (estimate)."""
+MEANING = {
+    "ended": "over for this role; a row from there is for what comes late or twice",
+    "urgent": "the role answers in the same step, and takes nothing before",
+    "resting": "may last for ever; nobody has to say more",
+}
+"""Marks of a table's states, in words."""
+KINDS = {
+    Kind.PROGRESS: "a report while the act goes on",
+    Kind.FINAL: "the last report",
+    Kind.CANCEL: "the answer to the cancel",
+}
+"""Kinds of an act, in words."""
+
+
+class Line(msgspec.Struct, frozen=True):
+    """A row of a table: in `state` the role says or hears (`way`) an act, and is in `to` then."""
+
+    state: str
+    way: Way
+    act: Performative
+    kind: Kind
+    to: str
+
+
+class Side(msgspec.Struct, frozen=True):
+    """The table of a role."""
+
+    rows: tuple[Line, ...]
+    ended: tuple[str, ...]
+    urgent: tuple[str, ...]
+    resting: tuple[str, ...]
+
+
+class Listed(msgspec.Struct, frozen=True):
+    """A protocol: its names, the acts that open it, whose rules it has, and what a design says of its own."""
+
+    name: str
+    aliases: tuple[str, ...]
+    openings: tuple[str, ...]
+    origin: str
+    text: str = ""
+
+
+class Shown(msgspec.Struct, frozen=True):
+    """A protocol with its tables."""
+
+    about: Listed
+    confirmed: tuple[str, ...]
+    rounds: tuple[str, ...]
+    roles: dict[Role, Side]
+
+
+def list_(form: Form = Format.TEXT) -> None:
+    """List the protocols that a design can follow.
+
+    Of the specifications, of the paper, and those that the design here brings along.
+
+    Examples:
+      roco protocol list
+    """
+    with files.problems(form):
+        found = [about for about, _ in every()]
+        if form is Format.JSON:
+            tell_json(found)
+            return
+        rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
+        print(text.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
+
+
+def show(
+    name: Annotated[str, typer.Argument(help="A protocol.", autocompletion=completion.every_protocol)],
+    svg: Annotated[Path | None, typer.Option("--svg", help="Draw the exchange, and write it here.")] = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Show the tables of a protocol: who may say what in which state.
+
+    They alone decide what is in sequence: agents, the judge and the proof read them. An act that has no row in a state
+    is an error there. The drawing shows the exchange as if nothing crossed on the way.
+
+    Examples:
+      roco protocol show request
+      roco protocol show fipa-contract-net --svg contract_net.svg
+    """
+    with files.problems(form):
+        about, protocol = _meant(name)
+        made = write(draw(protocol).svg(), svg)
+        if form is Format.JSON:
+            tell_json(_plain(about, protocol))
+        elif made:
+            print(f"wrote {svg}")
+        else:
+            print(_written(about, protocol, _width()))
+
+
+def every() -> list[tuple[Listed, Protocol]]:
+    """Return all protocols, those of the design here first. Raise DesignError where it cannot be read."""
+    own = _own()
+    others = sorted((one for one in known() if one.name not in own), key=lambda one: one.name)
+    return [*own.values(), *((_listed(one, _origin(one)), one) for one in others)]
+
+
+def _own() -> dict[str, tuple[Listed, Protocol]]:
+    """Return the protocols that the design of the system here brings along; none where there is no system."""
+    try:
+        system = here()
+    except NoSystemError:
+        return {}
+    origin, tables = f"the design of {system.name}", system.design.own_tables
+    entries = system.design.file.table
+    return {one.name: (_listed(tables[one.name], origin, one.text), tables[one.name]) for one in entries}
+
+
+def _meant(name: str) -> tuple[Listed, Protocol]:
+    found = every()
+    for about, protocol in found:
+        if name in (about.name, *about.aliases):
+            return about, protocol
+    names = ", ".join(about.name for about, _ in found)
+    raise UsageError(f"no protocol {name!r}; there are {names}: `roco protocol list`")
+
+
+def _listed(one: Protocol, origin: str, words: str = "") -> Listed:
+    return Listed(one.name, one.aliases, tuple(sorted(one.openings)), origin, " ".join(words.split()))
+
+
+def _origin(one: Protocol) -> str:
+    """Whose rules a protocol has: one of the two profiles, or both."""
+    differs = (one in FIPA) != (one in PAPER)
+    return ("FIPA" if one in FIPA else "the paper") if differs else "FIPA and the paper"
+
+
+def _plain(about: Listed, protocol: Protocol) -> Shown:
+    roles = {role: _side(table) for role, table in protocol.tables.items()}
+    return Shown(about, tuple(sorted(protocol.confirmed)), tuple(sorted(protocol.rounds)), roles)
+
+
+def _side(table: Table) -> Side:
+    rows = tuple(Line(*row) for row in _by_state(table))
+    return Side(rows, *(tuple(sorted(getattr(table, mark))) for mark in MEANING))
+
+
+def _by_state(table: Table) -> list[Row]:
+    """Return the rows, those of a state together, in the order in which states first appear."""
+    places = {state: number for number, state in enumerate(dict.fromkeys(row.state for row in table))}
+    return sorted(table, key=lambda row: places[row.state])
+
+
+def _written(about: Listed, protocol: Protocol, width: int) -> str:
+    sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
+    return "\n\n".join([_filled(_facts(about, protocol), width), *sides, _filled(_legend(protocol), width)])
+
+
+def _facts(about: Listed, protocol: Protocol) -> list[str]:
+    names = f", also called {_several(about.aliases)}" if about.aliases else ""
+    facts = [f"{about.name}{names}: opened by {_several(about.openings)}; rules of {about.origin}", about.text]
+    facts += [f"Each {act} is answered by a confirm." for act in sorted(protocol.confirmed)]
+    facts += [f"Each further {act} of the initiator opens a new round." for act in sorted(protocol.rounds)]
+    return [fact for fact in facts if fact]
+
+
+def _legend(protocol: Protocol) -> list[str]:
+    """Return the kinds of its acts in words, and what no table says."""
+    used = {row.kind for table in protocol.tables.values() for row in table}
+    return [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
+
+
+def _side_written(role: Role, table: Table, width: int) -> str:
+    rows, last = [], ""
+    for row in _by_state(table):
+        says = "says" if row.way is Way.SEND else "hears"
+        rows.append((row.state if row.state != last else "", says, row.word, row.to))
+        last = row.state
+    lines = [text.table(Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width)]
+    for mark, words in MEANING.items():
+        if states := sorted(getattr(table, mark)):
+            lines += text.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)
+    return "\n".join(lines)
+
+
+def _filled(paragraphs: list[str], width: int) -> str:
+    return "\n".join(line for one in paragraphs for line in text.cell(one, width))
+
+
+def _several(words: tuple[str, ...]) -> str:
+    return ", ".join(words) or "-"
+
+
+def _width() -> int:
+    return max(LEAST, shutil.get_terminal_size((text.WIDTH, 0)).columns)

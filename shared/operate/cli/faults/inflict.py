@@ -1,0 +1,159 @@
+"""A fault from its order to its end: noted, done at its moment, watched, healed, whatever ends the command.
+
+What goes on while its command is gone (kill -9) stands in faults.jsonl without an end: `left` finds it, `heal` ends it.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from operate.cli.errors import FleetError, UsageError
+from operate.cli.faults import kinds
+from operate.cli.faults.kinds import KINDS
+from operate.cli.fleet import process_status
+from operate.cli.fleet.agent import LOG_LINES, READY_S, named
+from operate.cli.fleet.process_status import Seen
+from operate.cli.fleet.targets import Target
+from operate.fault_lines import encoded, latest, read
+from operate.run_folder import Fault
+
+PERIOD_S = 0.05
+NOT_BEGUN, BROKEN_OFF = "did not begin", "broken off, healed"
+
+
+def refuse(fleet: Target) -> None:
+    """Raise FleetError where a fault may do harm: the system says that a real robot moves."""
+    untouchable = fleet.system.addition("untouchable")
+    if untouchable is not None and (why := untouchable(fleet)):
+        raise FleetError(f"no fault is done to {fleet.where}: {why}; faults are for simulated robots")
+
+
+def planned(fleet: Target, kind: str, name: str, at: str, amount: float = 0.0, speaker: str = "") -> Fault:
+    """Return a fault of a process that runs. Raise UsageError: no such process; FleetError: it does not run."""
+    one = named(fleet, name)
+    if not one.status.pid or one.used is None:
+        raise FleetError(f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it")
+    now, by = time.time(), os.getpid()
+    return Fault(
+        id=f"{kind}-{name}-{time.time_ns():x}",
+        kind=kind,
+        target=name,
+        t=now,
+        at=at,
+        pid=one.status.pid,
+        start=one.used.start,
+        by=by,
+        by_start=_started(by),
+        amount=amount,
+        speaker=speaker,
+    )
+
+
+class Inflicting:
+    """One fault of a fleet. `fault`: as it was noted last."""
+
+    def __init__(self, fleet: Target, fault: Fault) -> None:
+        self._fleet, self.fault, self._kind = fleet, fault, KINDS[fault.kind]
+
+    def run(self, wait: Callable[[], None], for_s: float, told: Callable[[str], None]) -> Fault:
+        """Note it, `wait` for its moment, do it, and heal it after `for_s` at the latest; the fault as it ended.
+
+        Raise FleetError where the process is not back in time. An exception, Ctrl-C too, heals first.
+        """
+        began, text = 0.0, NOT_BEGUN
+        self._note()
+        try:
+            wait()
+            self._aim()
+            with self._kind.meanwhile(self._fleet, self.fault):
+                began, text = time.time(), BROKEN_OFF
+                self._kind.begin(self._fleet, self.fault)
+                self._note(began=began)
+                told(f"{self.fault.words}: begun")
+                over = self._until_over(for_s)
+            self._kind.heal(self._fleet, self.fault)
+            text = self._until_ready(over or f"healed after {for_s:g} s")
+        finally:
+            if began:
+                self._kind.heal(self._fleet, self.fault)
+            self._note(ended=time.time(), text=text)
+        return self.fault
+
+    def _aim(self) -> None:
+        """Aim at the process that is there now, where it was restarted while the moment was waited for."""
+        one = named(self._fleet, self.fault.target)
+        if one.status.pid and one.used is not None and not kinds.same(one, self.fault):
+            self._note(pid=one.status.pid, start=one.used.start)
+
+    def _until_over(self, for_s: float) -> str:
+        """Wait until it is over by itself, which is told, or its time has passed, "". FleetError: it never is."""
+        until = time.monotonic() + (for_s if self._kind.lasts else READY_S)
+        while not (text := self._kind.over(self._now(), self.fault)):
+            if time.monotonic() > until:
+                if self._kind.lasts:
+                    return ""
+                raise self._not_back()
+            time.sleep(PERIOD_S)
+        return text
+
+    def _until_ready(self, text: str) -> str:
+        """Wait for a process that another one replaces: only then the fault is over; `text`, and that it is back."""
+        if kinds.same(self._now(), self.fault):
+            return text
+        until = time.monotonic() + READY_S
+        while not kinds.back(self._now(), self.fault):
+            if time.monotonic() > until:
+                raise self._not_back()
+            time.sleep(PERIOD_S)
+        return text if text == kinds.BACK else f"{text}, back"
+
+    def _now(self) -> Seen | None:
+        return next((one for one in self._fleet.look().seen if one.name == self.fault.target), None)
+
+    def _not_back(self) -> FleetError:
+        name = self.fault.target
+        return FleetError(f"{name} is not back after {READY_S:.0f} s", self._fleet.log(name, LOG_LINES))
+
+    def _note(self, **changes: object) -> None:
+        self.fault = noted(self._fleet, msgspec.structs.replace(self.fault, **changes))
+
+
+def noted(fleet: Target, fault: Fault) -> Fault:
+    """Write a fault as it is now; it is returned with the time of that."""
+    fault = msgspec.structs.replace(fault, t=time.time())
+    fleet.add_fault(encoded(fault))
+    return fault
+
+
+def open_faults(fleet: Target) -> list[Fault]:
+    """Return the faults that have no end yet, oldest first."""
+    return [one for one in latest(read(fleet.faults())) if one.ended is None]
+
+
+def left(fleet: Target) -> list[Fault]:
+    """Return those of them whose command is gone."""
+    return [one for one in open_faults(fleet) if not (one.by and _started(one.by) == one.by_start)]
+
+
+def heal(fleet: Target, faults: list[Fault]) -> list[Fault]:
+    """Heal faults, newest first; as they are noted then."""
+    healed = []
+    for fault in reversed(faults):
+        if fault.kind not in KINDS:
+            raise UsageError(f"a fault of kind {fault.kind!r} was done by a newer roco; heal it with that one")
+        if any(one.name == fault.target for one in fleet.look().seen):
+            KINDS[fault.kind].heal(fleet, fault)
+        healed.append(noted(fleet, msgspec.structs.replace(fault, ended=time.time(), text="healed later")))
+    return healed
+
+
+def _started(pid: int) -> int:
+    """Return when a process of this machine started [ticks after boot]; 0: there is none."""
+    try:
+        found = process_status.stats([Path(f"/proc/{pid}/stat").read_text(errors="replace")])
+    except OSError:
+        return 0
+    return found[pid].start if pid in found and found[pid].state != "Z" else 0

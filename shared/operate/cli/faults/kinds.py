@@ -1,0 +1,177 @@
+"""The kinds of faults, a row each: what is done to a process, how one sees that it is over, how it is healed, and
+what `roco fault KIND` may be told.
+"""
+
+import signal
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+
+import msgspec
+
+from operate.cli.faults import flood
+from operate.cli.fleet.process_status import Seen
+from operate.cli.fleet.targets import Target
+from operate.run_folder import Fault, ProcessState
+
+BACK = "back"
+KEPT_DOWN = "down"
+"""A kill whose process is kept down for a time."""
+
+
+class Amount(msgspec.Struct, frozen=True):
+    """How much of it, an argument of the verb, or an option with a default. `tried`: what chaos chooses from."""
+
+    metavar: str
+    text: str
+    tried: tuple[float, float]
+    least: float | None = None
+    most: float | None = None
+    option: str = ""
+    default: float | None = None
+
+
+class Kind(msgspec.Struct, frozen=True):
+    """`begin`: do it; `heal`: undo it, also where there is nothing to undo; `over`: why it has ended without that, ""
+    while it goes on; `meanwhile`: lasts as long as it does.
+
+    `for_s`: it is healed after so long; None: there is no --for, it is over once the process is back. `timed`: the kind
+    that is done where --for is given. `amount`: None where it has none. `speaker`: whether somebody speaks (--as).
+    `agents`: only agents can be hit; `wire`: only those with a wire, or all to a router.
+    """
+
+    begin: Callable[[Target, Fault], None]
+    over: Callable[[Seen | None, Fault], str]
+    heal: Callable[[Target, Fault], None]
+    for_s: float | None
+    meanwhile: Callable[[Target, Fault], AbstractContextManager[None]] = lambda fleet, fault: nullcontext()
+    timed: str = ""
+    amount: Amount | None = None
+    speaker: bool = False
+    agents: bool = False
+    wire: bool = False
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is healed after its time; else it is over once the process is back."""
+        return self.for_s is not None and not self.timed
+
+
+def same(seen: Seen | None, fault: Fault) -> bool:
+    """Whether this is the process that was hit, and it lives."""
+    return seen is not None and seen.used is not None and (seen.status.pid, seen.used.start) == (fault.pid, fault.start)
+
+
+def back(seen: Seen | None, fault: Fault) -> bool:
+    """Whether another process has taken the place of the one that was hit, and is ready."""
+    return seen is not None and seen.status.state is ProcessState.READY and not same(seen, fault)
+
+
+def now(fleet: Target, fault: Fault) -> Seen | None:
+    """Return the process of that name as it is now."""
+    return next((one for one in fleet.look().seen if one.name == fault.target), None)
+
+
+def _sends(number: signal.Signals) -> Callable[[Target, Fault], None]:
+    return lambda fleet, fault: fleet.signal(fault.target, number)
+
+
+def _killed(fleet: Target, fault: Fault) -> None:
+    """Kill it, and let nobody start it again."""
+    fleet.signal(fault.target, signal.SIGKILL)
+    fleet.switch(fault.target, False)
+
+
+def _continue(fleet: Target, fault: Fault) -> None:
+    if same(now(fleet, fault), fault):
+        fleet.signal(fault.target, signal.SIGCONT)
+
+
+def _writes_again(fleet: Target, fault: Fault) -> None:
+    if same(now(fleet, fault), fault):
+        fleet.writing(fault.target, True)
+
+
+def _nothing(fleet: Target, fault: Fault) -> None:
+    """Whoever supervises starts it again; or its command did it, and is gone."""
+
+
+def _frozen_over(seen: Seen | None, fault: Fault) -> str:
+    if not same(seen, fault):
+        return "ended by another"
+    return "" if seen is not None and seen.used is not None and seen.used.frozen else "continued by another"
+
+
+def _back_over(seen: Seen | None, fault: Fault) -> str:
+    return BACK if back(seen, fault) else ""
+
+
+def _ended_over(seen: Seen | None, fault: Fault) -> str:
+    return "" if same(seen, fault) else "it ended"
+
+
+def _never_over(seen: Seen | None, fault: Fault) -> str:
+    return ""
+
+
+def _frozen(for_s: float) -> Kind:
+    return Kind(_sends(signal.SIGSTOP), _frozen_over, _continue, for_s)
+
+
+def _wired(kind: str, amount: Amount | None = None) -> Kind:
+    """Return a fault of the wire of an agent."""
+    return Kind(
+        lambda fleet, fault: fleet.wire(fault.target, kind, fault.amount or 1.0),
+        _never_over,
+        lambda fleet, fault: fleet.wire(fault.target, kind, None),
+        WIRE_S,
+        amount=amount,
+        agents=True,
+        wire=True,
+    )
+
+
+HANG_S, PAUSE_S = 60.0, 1.0
+"""Estimates: whoever looks after a hung process has ended it by then; a pause shorter than that is not seen."""
+WIRE_S = 5.0
+"""Estimate: longer than the lease of a session (2 s), so that the others notice a cut."""
+MORE_S = 5.0
+"""Of a full disk, a flood, a stepped clock; estimate: some heartbeats and rounds of sending again."""
+SHARE = Amount("SHARE", "Of the pieces, up to 1.", (0.02, 0.2), 0.0001, 1.0)
+KINDS = {
+    "kill": Kind(_sends(signal.SIGKILL), _back_over, _nothing, 0.0, timed=KEPT_DOWN),
+    KEPT_DOWN: Kind(_killed, _never_over, lambda fleet, fault: fleet.switch(fault.target, True), 0.0),
+    "restart": Kind(_sends(signal.SIGTERM), _back_over, _nothing, None),
+    "hang": _frozen(HANG_S),
+    "pause": _frozen(PAUSE_S),
+    "cut": _wired("cut"),
+    "delay": _wired("delay", Amount("SECONDS", "Added to each way [s].", (0.05, 0.5), 0.001, 60.0)),
+    "loss": _wired("loss", SHARE),
+    "rate": _wired("rate", Amount("BYTES", "Bytes per second, each way.", (5e3, 5e4), 100.0)),
+    "corrupt": _wired("corrupt", SHARE),
+    "disk-full": Kind(lambda fleet, fault: fleet.writing(fault.target, False), _ended_over, _writes_again, MORE_S),
+    "flood": Kind(
+        _nothing,
+        _never_over,
+        _nothing,
+        MORE_S,
+        flood.going_on,
+        amount=Amount("N", "So many a second.", (100.0, 2000.0), 1.0, option="--per-second", default=500.0),
+        speaker=True,
+        agents=True,
+    ),
+    "clock": Kind(
+        lambda fleet, fault: fleet.clock(fault.target, fault.amount),
+        _never_over,
+        lambda fleet, fault: fleet.clock(fault.target, 0.0),
+        MORE_S,
+        amount=Amount("SECONDS", "Forward, or below 0 back.", (-3600.0, 3600.0)),
+        agents=True,
+    ),
+}
+"""By the name that faults.jsonl has."""
+VERBS = tuple(kind for kind in KINDS if kind != KEPT_DOWN)
+"""Verbs of `roco fault` that do one."""
+AMOUNTS = tuple(name for name, kind in KINDS.items() if kind.amount is not None and not kind.amount.option)
+"""Those that need an amount."""
+UNTIMED = tuple(name for name, kind in KINDS.items() if kind.for_s is None)
+"""Those without --for."""

@@ -1,0 +1,182 @@
+"""The moment at which a fault begins: after some seconds, in a state of an agent, at the Nth message, at a line told.
+
+Pure but for `wait`, which hears the fleet through a tap. States are those that agents tell in their heartbeats.
+"""
+
+import re
+import time
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.io.tap import Sample
+from fipa_codec.communicate import UNREADABLE
+from operate.cli.errors import FleetError, UsageError
+from operate.cli.fleet import targets
+from operate.cli.fleet.targets import Target
+from operate.cli.terminal.run_state import Follow, in_words
+from operate.cli.traffic import listen
+from topdown.model.design import Design
+
+SECONDS = re.compile(r"(\d+(?:\.\d+)?)s?")
+TIME = re.compile(r"@(\d+(?:\.\d+)?)")
+MESSAGE = re.compile(r"(\d+)(?:st|nd|rd|th)?-message")
+TOLD = "told:"
+FORMS = (
+    "seconds (2.5), a time (@UNIX), a state (STATE or AGENT:STATE), the Nth message (3rd-message), or words that the"
+    f" run tells ({TOLD}WORDS)"
+)
+LOOK_S = 0.02
+
+
+class After(msgspec.Struct, frozen=True):
+    """So many seconds from now."""
+
+    seconds: float = 0.0
+
+
+class Until(msgspec.Struct, frozen=True):
+    """At this time [unix s]."""
+
+    at: float
+
+
+class InState(msgspec.Struct, frozen=True):
+    """As soon as an agent tells that it is in this state."""
+
+    agent: str
+    state: str
+
+
+class Message(msgspec.Struct, frozen=True):
+    """With the Nth communicate, counted from now; `agent`: to or from it, "": any."""
+
+    count: int
+    agent: str = ""
+
+
+class Told(msgspec.Struct, frozen=True):
+    """As soon as the run tells a line with these words, counted from now: one that `roco view` and a demo show, too."""
+
+    words: str
+
+
+Moment = After | Until | InState | Message | Told
+
+
+class _Beat(msgspec.Struct, frozen=True):
+    agent: str
+    state: str
+
+
+_beat = msgspec.json.Decoder(_Beat)
+
+
+def parse(text: str, design: Design, target: str) -> Moment:
+    """Read a moment, for a fault of this process. Raise UsageError with the forms, or the states that there are."""
+    if found := SECONDS.fullmatch(text or "0"):
+        return After(float(found[1]))
+    if found := TIME.fullmatch(text):
+        return Until(float(found[1]))
+    if found := MESSAGE.fullmatch(text):
+        if int(found[1]) < 1:
+            raise UsageError(f"{text!r}: messages are counted from 1; write 1st-message")
+        return Message(int(found[1]), target if target in design.agents else "")
+    if text.startswith(TOLD):
+        if text == TOLD:
+            raise UsageError(f"{text!r} has no words behind it; write words that the run tells, as `roco demo` does")
+        return Told(text.removeprefix(TOLD))
+    agent, _, state = text.rpartition(":")
+    return InState(_whose(agent, state, text, design, target), state)
+
+
+def _whose(agent: str, state: str, text: str, design: Design, target: str) -> str:
+    """Return the agent whose state is meant: the one named, else the fault's own, else the only one that has it."""
+    states = {name: [one.name for one in entry.state] for name, entry in design.agents.items()}
+    if agent and agent not in states:
+        raise UsageError(f"{text!r}: the design has no agent {agent!r}; it has {', '.join(states)}")
+    if agent and state not in states[agent]:
+        raise UsageError(f"{text!r}: {agent} has no state {state!r}; it has {', '.join(states[agent])}")
+    having = [name for name, own in states.items() if state in own and agent in ("", name)]
+    if not having:
+        raise UsageError(f"{text!r} is no moment, and no agent has a state of that name; give {FORMS}")
+    if target in having or len(having) == 1:
+        return target if target in having else having[0]
+    raise UsageError(f"{text!r} is a state of several; name one: {', '.join(f'{name}:{state}' for name in having)}")
+
+
+def counter(moment: InState | Message) -> Callable[[Sample], bool]:
+    """Return what says of each sample, in order, whether the moment is there."""
+    left = moment.count if isinstance(moment, Message) else 0
+
+    def there(sample: Sample) -> bool:
+        nonlocal left
+        if isinstance(moment, InState):
+            return _tells(sample, moment)
+        one = listen.said(sample)
+        if one is not None and moment.agent in ("", one.sender, one.receiver):
+            left -= 1
+        return left <= 0
+
+    return there
+
+
+def _tells(sample: Sample, moment: InState) -> bool:
+    """Whether a sample is a heartbeat that tells this state."""
+    chunks = sample.key.split("/")
+    if sample.token or chunks[2:5] != [listen.HOUSE, "state", moment.agent]:
+        return False
+    try:
+        return _beat.decode(sample.data).state == moment.state
+    except UNREADABLE:
+        return False
+
+
+def wait(moment: Moment, within_s: float, target: str, run_dir: Path | None) -> None:
+    """Come back at the moment. Raise FleetError where it does not come within `within_s`."""
+    if isinstance(moment, After):
+        time.sleep(moment.seconds)
+        return
+    if isinstance(moment, Until):
+        time.sleep(max(0.0, moment.at - time.time()))
+        return
+    if isinstance(moment, Told):
+        _wait_told(moment, within_s, targets.find(target, run_dir))
+        return
+    there, until = counter(moment), time.monotonic() + within_s
+    with listen.source(None, run_dir, target) as heard:
+        for sample in heard.samples():
+            if sample is not None and there(sample):
+                return
+            if time.monotonic() > until:
+                raise _never_there(moment, within_s)
+
+
+def _wait_told(moment: Told, within_s: float, fleet: Target) -> None:
+    follow, until = Follow(fleet.live), time.monotonic() + within_s
+    follow.new()
+    while not any(moment.words in in_words(line, fleet.system.plain) for line in follow.new()):
+        if time.monotonic() > until:
+            raise _never_there(moment, within_s)
+        time.sleep(LOOK_S)
+
+
+def _never_there(moment: Moment, within_s: float) -> FleetError:
+    return FleetError(f"{words(moment)} was not there within {within_s:g} s; nothing was done (--within)")
+
+
+def words(moment: Moment) -> str:
+    """Return a moment as it is told; "" for at once."""
+    match moment:
+        case After(seconds=seconds):
+            return f"{seconds:g} s" if seconds else ""
+        case Until(at=at):
+            return f"{datetime.fromtimestamp(at):%H:%M:%S.%f}"[:-4]
+        case InState(agent=agent, state=state):
+            return f"{agent}:{state}"
+        case Told(words=told):
+            return repr(told)
+        case Message(count=count, agent=agent):
+            return f"message {count}{f' of {agent}' if agent else ''}"

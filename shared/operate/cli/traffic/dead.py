@@ -1,0 +1,76 @@
+"""`roco traffic dead`: the communicates of a run that nobody took, and why."""
+
+from datetime import datetime
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from operate.cli.analysis import analysed
+from operate.cli.errors import UsageError
+from operate.cli.fleet import targets
+from operate.cli.fleet.local import Local
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.traffic.filter_options import Agents, Recorded, wanted
+from operate.cli.traffic.listen import about
+from operate.run_folder import DeadLetter
+
+_decoder = msgspec.json.Decoder(DeadLetter)
+
+
+def dead(
+    agent: Agents = None,
+    run: Recorded = None,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """List the communicates that nobody took, and why.
+
+    Of a running fleet so far, also from before restarts; what is on its way for less than 5 s is left out. Of a run
+    that has ended by its folder: recording, step logs, agents' logs and journals.
+
+    Examples:
+      roco traffic dead
+      roco traffic dead --run runs/latest --agent AGENT
+      roco traffic dead --run runs/latest --format json
+    """
+    with problems(form):
+        which = wanted(about(run, run_dir, target).design, None, agent, None, None).agents
+        folder = _folder(run, run_dir, target)
+        lines = analysed("dead", str(folder), about=folder).splitlines()
+    letters = [one for one in map(_decoder.decode, lines) if not which or {one.sender, one.receiver} & {*which}]
+    if form is Format.JSON:
+        tell_json(letters)
+        return
+    console = Console(highlight=False)
+    if letters:
+        console.print(_table(letters))
+    console.print(f"{len(letters)} dead letter{'s' * (len(letters) != 1)}", style="dim")
+
+
+def _folder(run: Path | None, run_dir: Path | None, target: str) -> Path:
+    """The run folder that is meant. Raises UsageError where there is none here."""
+    if run is not None:
+        if not run.is_dir():
+            raise UsageError(f"{run} is no run folder; a recording alone does not tell what was taken")
+        return run
+    fleet = targets.find(target, run_dir)
+    if not isinstance(fleet, Local):
+        raise UsageError("the folder of a fleet in containers is in its volumes; copy it, and name it with --run")
+    return fleet.run
+
+
+def _table(letters: list[DeadLetter]) -> Table:
+    """A line for each, and below it why."""
+    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("at", "reason", "from > to", "act", "protocol", "id"):
+        drawn.add_column(name, no_wrap=True)
+    drawn.add_column("why", overflow="fold")
+    for one in letters:
+        at = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
+        who = f"{one.sender or '?'} > {one.receiver or '?'}" if one.sender or one.receiver else one.key
+        drawn.add_row(at, Text(one.reason, "red"), who, one.performative, one.protocol, one.id, Text(one.why))
+    return drawn

@@ -1,0 +1,97 @@
+"""Who keeps a run folder: one supervisor at a time, by a lock that ends with it; and what a dead one left running.
+
+Children of a supervisor that is killed go on, as the robot must not drop the jar for it. The next one of the same
+folder ends them first, in order: a second router or control loop beside them would be two masters of one robot.
+"""
+
+import contextlib
+import fcntl
+import os
+import select
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, make_run
+from operate.run_folder import LOCK_FILE
+from operate.supervisor import folder
+from operate.supervisor.processes import Process
+
+TAKE_S = 1.0  # estimate: who only looks whether the lock is held has it for some microseconds
+
+
+class KeptError(Exception):
+    """Another supervisor keeps this run folder."""
+
+    def __init__(self, run: Path, pid: str) -> None:
+        super().__init__(f"the fleet of {run} runs already (supervisor {pid or 'unknown'}); `roco down` ends it")
+
+
+@contextlib.contextmanager
+def kept(run: Path) -> Iterator[None]:
+    """Keep this folder alone as long as the block lasts; it is made where missing. Raise KeptError, OSError."""
+    make_run(run)
+    with (run / LOCK_FILE).open("a+") as lock:  # not inherited by children: it ends with this process
+        _take(run, lock.fileno())
+        lock.truncate(0)
+        lock.write(f"{os.getpid()}\n")
+        lock.flush()
+        yield
+        lock.truncate(0)
+
+
+def _take(run: Path, lock: int) -> None:
+    until = time.monotonic() + TAKE_S
+    while True:
+        try:
+            return fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > until:
+                raise KeptError(run, (run / LOCK_FILE).read_text().strip()) from None
+        time.sleep(0.01)
+
+
+class Left:
+    """A process that is no child of this one; as much of subprocess.Popen as the shell needs."""
+
+    def __init__(self, pid: int) -> None:
+        """Raise ProcessLookupError where there is none. What has the number later is not meant."""
+        self.pid = pid
+        self._handle = os.pidfd_open(pid)
+
+    def poll(self) -> int | None:
+        """Return 0 once it has ended; its exit code is its parent's to know."""
+        return 0 if select.select([self._handle], [], [], 0.0)[0] else None
+
+    def terminate(self) -> None:
+        """Send SIGTERM."""
+        self._signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """Send SIGKILL."""
+        self._signal(signal.SIGKILL)
+
+    def _signal(self, number: signal.Signals) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._handle, number)
+
+
+def left(run: Path, processes: tuple[Process, ...]) -> dict[str, Left]:
+    """Return what lives of these processes, by the pid files of a run of which nobody keeps anything."""
+    found = {}
+    for process in processes:
+        try:
+            one = Left(int(folder.pid_file(run, process.name).read_text()))
+            if _runs(one.pid, process.module, run):
+                found[process.name] = one
+        except (OSError, ValueError):
+            continue
+    return found
+
+
+def _runs(pid: int, module: str, run: Path) -> bool:
+    """Whether this process runs a module in a run folder; a number used again by somebody else does not."""
+    place = Path(f"/proc/{pid}")
+    words, settings = ((place / file).read_bytes().split(b"\0") for file in ("cmdline", "environ"))
+    return module.encode() in words and f"{RUN_FOLDER_VARIABLE}={run}".encode() in settings

@@ -1,0 +1,70 @@
+"""The proxy of a run: `python -m operate.wires`, started by the supervisor of a fleet that is up with `--faults`."""
+
+import asyncio
+import random
+import signal
+from functools import partial
+
+from agent_runtime.io import cli
+from agent_runtime.io.options import Options
+from agent_runtime.io.pulse import Pulse
+from operate.wires import files
+from operate.wires.files import Conditions
+from operate.wires.wire import Wire
+
+NAME = "wires"
+PERIOD_S = 0.02
+"""Between two looks at the files of conditions; estimate: less than what a fault is meant to be exact to."""
+
+
+class Board:
+    """The conditions of all wires now."""
+
+    def __init__(self, options: Options) -> None:
+        self._run = options.run_dir
+        self._now: dict[str, Conditions] = {}
+
+    def look(self) -> None:
+        """Read them again."""
+        self._now = files.conditions(self._run)
+
+    def of(self, agent: str, router: str) -> Conditions:
+        """Return those of an agent's wire to a router: its own, else those of all wires there."""
+        return self._now.get(agent) or self._now.get(router) or Conditions()
+
+
+async def forward(options: Options) -> int:
+    """Forward until SIGTERM. 0: ended in order; 1: no wires are told."""
+    if (listed := files.listed(options.connect, options.listen)) is not None:
+        options.run_dir.mkdir(parents=True, exist_ok=True)
+        files.tell(options.run_dir, listed)
+    wires = files.told(options.run_dir)
+    if wires is None:
+        print(f"{options.run_dir} has no {files.WIRES_FILE}; the supervisor writes it (`roco up --faults`)", flush=True)
+        return 1
+    ended, board = asyncio.Event(), Board(options)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, ended.set)
+    chance = random.Random(options.seed)
+    board.look()
+    for agent, ports in wires.ports.items():
+        for router, port in ports.items():
+            wire = Wire(*wires.routers[router], partial(board.of, agent, router), chance)
+            await asyncio.start_server(wire.connected, wires.bind, port)
+    pulse, ready = Pulse(options.run_dir, NAME), options.run_dir / f"{NAME}.ready"
+    ready.touch()
+    while not ended.is_set():
+        pulse.beat()
+        board.look()
+        await asyncio.sleep(PERIOD_S)
+    ready.unlink(missing_ok=True)
+    return 0
+
+
+def main() -> None:
+    """Serve until a signal; ends the process."""
+    cli.run(NAME, "Forwards between agents and router, and disturbs on demand.", lambda o: asyncio.run(forward(o)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""What supervisor, `roco fault` and the proxy tell each other, in files of the run folder.
+
+wires.json: the addresses of the routers, and each agent's ports of the proxy; written by the supervisor.
+NAME.KIND.wire: a condition of the wires of NAME while the file is there, its amount as text. A router's are those of
+all agents to it.
+"""
+
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.io.secured import ROUTERS
+
+WIRES_FILE, SUFFIX = "wires.json", ".wire"
+
+
+class Wires(msgspec.Struct, frozen=True):
+    """`routers`: where each listens (host, port); `ports`: agent -> router -> where the proxy listens, at `bind`."""
+
+    routers: dict[str, tuple[str, int]]
+    ports: dict[str, dict[str, int]]
+    bind: str = "127.0.0.1"
+
+    def missing(self, name: str) -> str:
+        """Return why there is no wire of that name, or "" where there is one; a router stands for all to it."""
+        routers = ", ".join(f"{one} for all to it" for one in self.routers)
+        known = name in (*self.routers, *self.ports)
+        return "" if known else f"{name} has no wire; there are {', '.join(self.ports)}, and {routers}"
+
+
+class Conditions(msgspec.Struct, frozen=True):
+    """State of a wire, both ways. `cut`: nothing passes; `delay`: of each byte [s]; `loss`: share of pieces that are
+    lost and sent again, as TCP does; `rate`: most bytes per second, 0: no bound; `corrupt`: share of pieces of which a
+    bit is turned over.
+    """
+
+    cut: float = 0.0
+    delay: float = 0.0
+    loss: float = 0.0
+    rate: float = 0.0
+    corrupt: float = 0.0
+
+
+KINDS = Conditions.__struct_fields__
+
+
+def told(run: Path) -> Wires | None:
+    """Return the wires of a run; None where its agents speak to the router without a proxy."""
+    try:
+        return msgspec.json.decode((run / WIRES_FILE).read_bytes(), type=Wires)
+    except (OSError, msgspec.DecodeError):
+        return None
+
+
+def listed(connect: str, listen: str) -> Wires | None:
+    """Return the wires that variables tell, as in containers; None where `listen` names no agent.
+
+    `connect`: the routers' endpoints; `listen`: of each agent a port for each router, `hi@0.0.0.0:7451+7461,co@...`.
+    ValueError: a port is no number.
+    """
+    if "@" not in listen:
+        return None
+    ends = routers(connect)
+    places = dict(one.split("@", 1) for one in listen.split(","))
+    return Wires(
+        ends,
+        {
+            agent: {name: int(port) for name, port in zip(ends, where.rpartition(":")[2].split("+"), strict=True)}
+            for agent, where in places.items()
+        },
+        listen.partition("@")[2].partition(":")[0],
+    )
+
+
+def routers(connect: str) -> dict[str, tuple[str, int]]:
+    """Return host and port of each router, from their addresses, such as tls/127.0.0.1:7447,tls/[::1]:7448."""
+    return dict(zip(ROUTERS, map(place, connect.split(",")), strict=False))
+
+
+def place(address: str) -> tuple[str, int]:
+    """Return host and port of an address. ValueError: it has none."""
+    host, _, port = address.partition("/")[2].rpartition(":")
+    if not host or not port.isdecimal():
+        raise ValueError(f"{address!r} names no host and port, as tls/127.0.0.1:7447 does")
+    return host.strip("[]"), int(port)
+
+
+def tell(run: Path, wires: Wires) -> None:
+    """Write wires.json; no condition of an earlier start is left."""
+    for file in run.glob(f"*{SUFFIX}"):
+        file.unlink(missing_ok=True)
+    (run / WIRES_FILE).write_bytes(msgspec.json.encode(wires) + b"\n")
+
+
+def put(run: Path, name: str, kind: str, amount: float | None) -> None:
+    """Set a condition of a wire, or end it (None)."""
+    file = run / f"{name}.{kind}{SUFFIX}"
+    if amount is None:
+        file.unlink(missing_ok=True)
+        return
+    beside = run / f".{file.name}"
+    beside.write_text(str(amount))
+    beside.replace(file)
+
+
+def conditions(run: Path) -> dict[str, Conditions]:
+    """Return the conditions of each agent and router that has any. What cannot be read is left out."""
+    found: dict[str, dict[str, float]] = {}
+    for file in run.glob(f"[!.]*{SUFFIX}"):
+        name, _, kind = file.name.removesuffix(SUFFIX).rpartition(".")
+        try:
+            if kind in KINDS:
+                found.setdefault(name, {})[kind] = float(file.read_text())
+        except (OSError, ValueError):
+            continue
+    return {name: Conditions(**kinds) for name, kinds in found.items()}

@@ -1,0 +1,71 @@
+"""Who has one key and says more with it, on keys that it has a right to, than anybody can take."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+import pytest
+import zenoh
+from key_floods import REQUEST, Peer, co, flooding, log, memory_mb, request
+from secured_fleet import SYSTEM, session
+from toy_fleet import Fleet, wait_for
+
+from fipa_codec.communicate import MAX_BYTES
+
+pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(180)]
+MANY = 20_000
+ASKED = 20
+ROOM_MB = 80
+"""What waits of a sender, in each of its lanes and decoded: estimate. Unbounded, long messages took all there was."""
+FLOODS: dict[str, tuple[str, Callable[[int], bytes], int]] = {
+    "of no communicate": (REQUEST, lambda n: b"\xc1" * 200, MANY),
+    "in another's name": (REQUEST, lambda n: request(n, "ta"), MANY),
+    "taken before": (REQUEST, lambda n: request(1), MANY),
+    "of other words under a number that was taken": (REQUEST, lambda n: request(1, "hi", f"hi-1-{n}"), MANY),
+    "of gaps": (REQUEST, lambda n: request(1_000_000 + n), MANY),
+    "of long messages": (REQUEST, lambda n: b"\xc1" * (MAX_BYTES // 2), 100),
+    "of receipts": (f"roco/{SYSTEM}/_/receipt/hi/co", lambda n: b"no receipt", MANY),
+    "of pings": (f"roco/{SYSTEM}/_/ping/hi/co", lambda n: b"C2", MANY),
+}
+
+
+@pytest.fixture
+def peer(router: Fleet) -> Iterator[Peer]:
+    """A peer that co answers."""
+    co(router)
+    one = Peer(router)
+    wait_for(one.asks, "co answers")
+    yield one
+    one.close()
+
+
+@pytest.mark.parametrize("kind", FLOODS)
+def test_a_flood_takes_little_memory_and_disk_and_holds_no_peer_up(router: Fleet, peer: Peer, kind: str) -> None:
+    """The agent keeps its router and answers others; the log has the first of each kind, then sums."""
+    key, said, many = FLOODS[kind]
+    pid = router.processes["co"].pid
+    before, lines = memory_mb(pid), len(log(router))
+    with session(router, "hi") as thief, flooding(thief, key, said, many):
+        assert all(peer.asks() for _ in range(ASKED))
+        assert memory_mb(pid) < before + ROOM_MB
+    assert peer.asks()
+    told = log(router)[lines:]
+    assert "router away" not in {line["event"] for line in told}
+    worst = Counter((line["event"], line.get("key"), line.get("sender")) for line in told).most_common(1)
+    assert not worst or worst[0][1] < MANY / 50
+    assert len(told) < MANY / 20
+
+
+def test_what_is_no_channel_of_theirs_is_not_said_back(router: Fleet, peer: Peer) -> None:
+    """A ping of 4 MB would be a pong of 4 MB: who floods with one byte's right would flood its peers, too."""
+    heard = list[zenoh.Sample]()
+    with session(router, "hi") as thief:
+        declared = thief.declare_subscriber(f"roco/{SYSTEM}/_/pong/co/hi", heard.append)
+        thief.put(f"roco/{SYSTEM}/_/ping/hi/co", bytes(MAX_BYTES), congestion_control=zenoh.CongestionControl.BLOCK)
+
+        def asked() -> bool:
+            thief.put(f"roco/{SYSTEM}/_/ping/hi/co", b"C2", congestion_control=zenoh.CongestionControl.BLOCK)
+            return bool(heard)
+
+        wait_for(asked, "co answers on a channel that is there")
+        declared.undeclare()
+    assert {bytes(one.payload) for one in heard} == {b"C2"}

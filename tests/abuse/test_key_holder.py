@@ -1,0 +1,150 @@
+"""Who has one key, and uses it to take the router's memory or its places."""
+
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+from secured_fleet import SYSTEM, session
+from toy_fleet import Fleet, wait_for
+
+from agent_runtime.io.message_size import LONGEST
+from agent_runtime.io.run_files import KEYS_FOLDER
+from agent_runtime.io.secured import client_tls, rights_of, router_tls
+from agent_runtime.io.zenoh_wire import MORE_SESSIONS, client_config, router_config
+from fipa_codec.communicate import MAX_BYTES
+
+pytestmark = pytest.mark.zenoh
+MINE = f"roco/{SYSTEM}/C1/ta/co/coordinate/inform"
+DENIED = f"roco/{SYSTEM}/C1/co/ta/coordinate/request"
+"""What hi, the thief's identity here, may not put."""
+LARGE, TIMES = 60_000_000, 5
+CONTAINER_MB = 256
+"""The router's in deploy/compose.yaml."""
+ALL_PRIORITIES = (
+    zenoh.Priority.REAL_TIME,
+    zenoh.Priority.INTERACTIVE_HIGH,
+    zenoh.Priority.INTERACTIVE_LOW,
+    zenoh.Priority.DATA_HIGH,
+    zenoh.Priority.DATA,
+    zenoh.Priority.DATA_LOW,
+    zenoh.Priority.BACKGROUND,
+)
+
+
+def peak_mb(pid: int) -> float:
+    """Most memory of a process so far."""
+    line = next(line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("VmHWM"))
+    return int(line.split()[1]) / 1024
+
+
+class Pair:
+    """ta says numbers to co; `heard` has those that came."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self.heard, self.said = list[int](), 0
+        self._speaker, self._listener = session(fleet, "ta"), session(fleet, "co")
+        self._declared = self._listener.declare_subscriber(MINE, lambda one: self.heard.append(int(bytes(one.payload))))
+        wait_for(self._through, "co hears ta")
+        wait_for(lambda: self.heard[-1] == self.said - 1, "co has heard all")
+        self.heard.clear()
+        self.said = 0
+
+    def say(self) -> None:
+        """The next number."""
+        self._speaker.put(MINE, b"%d" % self.said, congestion_control=zenoh.CongestionControl.BLOCK)
+        self.said += 1
+
+    def _through(self) -> bool:
+        self.say()
+        return bool(self.heard)
+
+    def close(self) -> None:
+        """End both sessions."""
+        self._declared.undeclare()
+        for one in (self._speaker, self._listener):
+            one.close()  # type: ignore[no-untyped-call]
+
+
+@pytest.fixture
+def pair(router: Fleet) -> Iterator[Pair]:
+    """Two agents that talk."""
+    made = Pair(router)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def thief(router: Fleet) -> Iterator[zenoh.Session]:
+    """A session with hi's key."""
+    with session(router, "hi") as opened:
+        yield opened
+
+
+def throw(thief: zenoh.Session, priority: Any) -> None:
+    """Large messages on a key without the right, which Zenoh sends in pieces between others'."""
+    for _ in range(TIMES):
+        thief.put(DENIED, bytes(LARGE), priority=priority, congestion_control=zenoh.CongestionControl.BLOCK)
+
+
+@pytest.mark.parametrize("priorities", [ALL_PRIORITIES[4:5], ALL_PRIORITIES], ids=["one", "all at once"])
+def test_large_messages_take_no_memory_and_hold_nobody_up(
+    router: Fleet, pair: Pair, thief: zenoh.Session, priorities: tuple[Any, ...]
+) -> None:
+    """The router drops them, keeps at most LONGEST of each priority meanwhile, and what others say arrives in order."""
+    pid = router.processes["router"].pid
+    before = peak_mb(pid)
+    throwing = [threading.Thread(target=throw, args=(thief, priority)) for priority in priorities]
+    for one in throwing:
+        one.start()
+    while any(one.is_alive() for one in throwing):
+        pair.say()
+        wait_for(lambda: len(pair.heard) == pair.said, "a word said meanwhile arrives")
+    for one in throwing:
+        one.join()
+    assert pair.heard == list(range(pair.said))
+    assert pair.said > TIMES
+    assert not thief.is_closed()
+    assert router.processes["router"].poll() is None
+    kept = 2 * len(priorities) * LONGEST / 1e6  # twice: it grows by doubling
+    assert peak_mb(pid) < min(before + 10 + kept, CONTAINER_MB)
+
+
+def test_whoever_takes_many_places_takes_no_more_than_there_are(router: Fleet, pair: Pair) -> None:
+    """The next is refused until one is free; sessions that are open stay and go on."""
+    keys = router.run / KEYS_FOLDER
+    most = len(rights_of(keys, SYSTEM).access_control["subjects"]) + MORE_SESSIONS
+    taken = [session(router, "hi") for _ in range(most - 2)]  # the pair has two
+    try:
+        with pytest.raises(zenoh.ZError):
+            session(router, "hi")
+        pair.say()
+        wait_for(lambda: pair.heard == [0], "the pair talks")
+        taken.pop().close()  # type: ignore[no-untyped-call]
+        wait_for(lambda: comes_in(router), "who comes next is let in")
+    finally:
+        for one in taken:
+            one.close()  # type: ignore[no-untyped-call]
+
+
+def comes_in(router: Fleet) -> bool:
+    """Whether the router has a place."""
+    try:
+        session(router, "hi").close()  # type: ignore[no-untyped-call]
+    except zenoh.ZError:
+        return False
+    return True
+
+
+def test_both_ends_put_no_more_together_than_they_must(router: Fleet) -> None:
+    """The longest communicate fits, with some room; without rights the router does not know who there is."""
+    keys = router.run / KEYS_FOLDER
+    rights = rights_of(keys, SYSTEM).access_control
+    at_router = router_config(router.endpoint, router_tls(keys), rights)
+    for config in (at_router, client_config(router.endpoint, client_tls(keys, "co"))):
+        assert MAX_BYTES < json.loads(config.get_json("transport/link/rx/max_message_size")) == 8_000_000
+    places = json.loads(at_router.get_json("transport/unicast/max_sessions"))
+    assert len(rights["subjects"]) < places < 64

@@ -1,0 +1,333 @@
+"""Somebody else speaks with an agent's key: no word is lost in silence, none is taken twice, order is kept."""
+
+from functools import partial
+from typing import Any
+
+import msgspec
+import pytest
+from driven import Driven, recording, request
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from toy_agents import LANGUAGES, Double, Want, asker, server, wirings
+
+from agent_runtime.core import recent, renumbering
+from agent_runtime.core.effects import Effects
+from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted, Tick
+from agent_runtime.core.recent import JUMP, KEPT, digest, preceding
+from agent_runtime.core.state import restored
+from agent_runtime.core.turn import Turn
+from agent_runtime.testing.wires import Faults, Wires
+from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.performatives import Performative as P
+
+STOLEN = 99
+TOLD = "another speaker"
+
+
+def stolen(number: int) -> Communicate:
+    """A thief's request in the asker's name."""
+    return Communicate(
+        performative=P.REQUEST,
+        sender="asker",
+        receiver="server",
+        protocol="request",
+        conversation=f"thief-{number}",
+        id=str(number),
+        reply_with=str(number),
+        language="SUM",
+        content=LANGUAGES.named("SUM").encode(Double(STOLEN)),
+    )
+
+
+def told(effects: Effects) -> list[str]:
+    """Why, of each line that says that two speak with one key."""
+    return [line.fields["why"] for line in effects.logs if line.event == TOLD and line.level == "error"]
+
+
+# --- the receiver -----------------------------------------------------------------------------------------------------
+
+
+def serving(**how: Any) -> Driven:
+    """The server, which has taken the asker's first word."""
+    one = Driven(recording(**how), wirings()[1])
+    one.state = one.core.boot(one.core.first("own"))
+    one.step(PeerChanged("asker", 1, "its"))
+    one.step(of(request(1)))
+    return one
+
+
+def of(arrived: Arrived, after: bytes = b"") -> Arrived:
+    """The message as it comes from the asker's journal."""
+    return msgspec.structs.replace(arrived, journal="its", believed="own", after=after)
+
+
+def agree(turn: Turn) -> None:
+    """Agree to each request."""
+    if turn.event is not None and hasattr(turn.event, "communicate"):
+        turn.say(turn.event.conversation, P.AGREE)
+
+
+def test_another_word_under_a_number_that_was_taken_is_refused_and_told() -> None:
+    """Not taken, not receipted as taken; the sender learns which word was refused, and how far the stream is."""
+    one = serving(said=agree)
+    effects = one.step(of(other := request(1, conversation="b")))
+    assert effects.handled is None
+    (receipt,) = effects.receipts
+    assert (receipt.taken, receipt.digest) == (1, digest(request(1).communicate))
+    assert (receipt.refused, receipt.unknown) == (digest(other.communicate), False)
+    (why,) = told(effects)
+    assert "roco keys revoke asker" in why
+    assert one.state.counts[TOLD] == 1
+
+
+def test_a_receiver_remembers_after_its_death() -> None:
+    """What was taken is in its journal: a copy is still a copy, another word is still refused."""
+    one = serving(said=agree)
+    one.state = one.core.boot(one.core.record(one.state))
+    assert not told(one.step(of(request(1))))
+    assert told(one.step(of(request(1, conversation="b"))))
+
+
+def test_another_word_under_a_number_that_waits_is_told() -> None:
+    """The first one that came is taken in its turn, and its receipt tells whose it was."""
+    one = serving(said=agree, takes=lambda memory, event: False)
+    assert not told(one.step(of(request(1))))
+    assert told(one.step(of(request(1, conversation="b"))))
+
+
+def test_no_more_is_remembered_than_an_outbox_holds_and_what_is_older_is_not_known() -> None:
+    """Of an older number the receiver does not say that another word was taken: it does not know."""
+    one = serving(said=agree)
+    for number in range(2, KEPT + 3):
+        one.step(of(request(number, conversation=f"c-{number}")))
+    assert len(one.state.recent["asker"]) == KEPT
+    effects = one.step(of(request(1)))
+    assert effects.receipts[0].unknown
+    assert not told(effects)
+    assert told(one.step(of(request(3, conversation="b"))))
+
+
+def test_a_word_is_not_taken_before_the_one_it_follows() -> None:
+    """Whatever its number: the one before was refused, or has not come yet."""
+    one = serving(said=agree)
+    second, third = request(2, conversation="b"), request(3, conversation="c")
+    one.step(of(request(2, conversation="thief")))
+    assert one.step(of(third, digest(second.communicate))).handled is None
+    again = request(4, conversation="b")
+    assert one.step(of(third, digest(again.communicate))).handled is None
+    assert one.step(of(again)).handled.conversation == "b"
+    assert one.step(of(request(5, conversation="c"), digest(again.communicate))).handled.conversation == "c"
+
+
+@pytest.mark.parametrize(("farther", "taken"), [(1, True), (JUMP, True), (JUMP + 1, False)])
+def test_numbers_may_be_left_out_but_not_many(farther: int, taken: bool) -> None:
+    """What is too far on is refused, with the number that the stream is at; test programs' words are not."""
+    one = serving(said=agree)
+    far = request(1 + farther, conversation="b")
+    effects = one.step(of(far))
+    assert (effects.handled is not None) == taken
+    assert [receipt.refused for receipt in effects.receipts] == [b"" if taken else digest(far.communicate)]
+    stranger = serving(said=agree)
+    assert (stranger.step(far).handled is not None) == (farther == 1)
+
+
+# --- the sender -------------------------------------------------------------------------------------------------------
+
+
+def asking() -> Driven:
+    """The asker with a request to the server in its outbox."""
+    one = Driven(asker(5), wirings()[0])
+    one.state = one.core.boot(one.core.first("own"))
+    one.step(PeerChanged("server", 1, "its"))
+    assert [outgoing.number for outgoing in one.state.outbox["server"]] == [1]
+    return one
+
+
+def receipted(taken: int, word: bytes = b"another", **more: Any) -> Receipted:
+    """A receipt of the server."""
+    return Receipted("server", taken, digest=word, journal="its", believed="own", **more)
+
+
+def outbox(one: Driven) -> list[int]:
+    """Numbers that are not receipted."""
+    return [outgoing.number for outgoing in one.state.outbox.get("server", ())]
+
+
+def test_a_word_under_whose_number_another_was_taken_is_said_again() -> None:
+    """On the disk first, under the next number; the agent says so."""
+    one = asking()
+    effects = one.step(receipted(1))
+    assert outbox(one) == [2]
+    assert effects.record is not None
+    assert [communicate.id for communicate in effects.sends] == ["2"]
+    (why,) = told(effects)
+    assert "roco keys revoke asker" in why
+    assert one.state.counts[TOLD] == 1
+    word = one.state.outbox["server"][0].communicate
+    one.step(receipted(2, digest(word)))
+    assert outbox(one) == []
+
+
+def test_the_same_words_after_a_death() -> None:
+    """What is said again by the next life has the same digest: an honest agent is never taken for a thief."""
+    one = asking()
+    word = one.state.outbox["server"][0].communicate
+    state = restored(one.core.agent, one.core.record(one.state))
+    assert digest(state.outbox["server"][0].communicate) == digest(word) == digest(decode(encode(word)))
+
+
+def test_a_refusal_of_a_thiefs_word_changes_nothing() -> None:
+    """The word that was refused is not this agent's, which waits for its receipt."""
+    one = asking()
+    assert not told(one.step(receipted(0, b"", refused=b"a thief's")))
+    assert outbox(one) == [1]
+
+
+def test_words_taken_in_its_name_are_told_while_it_says_nothing() -> None:
+    """And its next word gets the number after them."""
+    one = Driven(asker(), wirings()[0])
+    one.state = one.core.boot(one.core.first("own"))
+    one.step(PeerChanged("server", 1, "its"))
+    assert told(one.step(receipted(7)))
+    one.step(Local(Want(5)))
+    assert outbox(one) == [8]
+
+
+def test_tries_lie_farther_and_farther_ahead_and_are_not_made_at_once_for_ever() -> None:
+    """A thief who always says the next number is passed; one who cannot be passed does not set the pace."""
+    one, gaps, at_once = asking(), [], 0
+    for _ in range(8):
+        taken = outbox(one)[0]
+        at_once += len(one.step(receipted(taken)).sends)
+        gaps.append(outbox(one)[0] - taken)
+    assert gaps[:4] == [1, 16, 256, 4096]
+    assert max(gaps) <= JUMP
+    assert at_once == renumbering.AT_ONCE
+    one.now += 10.0
+    effects = one.step(Tick())
+    assert [communicate.id for communicate in effects.sends] == [str(outbox(one)[0])]
+
+
+@pytest.mark.parametrize("taken", [-5, 10**18 - 1, 10**18, 2**70])
+def test_a_number_that_none_could_follow_is_not_believed(taken: int) -> None:
+    """A thief with the receiver's key cannot use the numbers up."""
+    one = asking()
+    word = digest(one.state.outbox["server"][0].communicate)
+    one.step(receipted(taken, refused=word))
+    assert outbox(one) == [1]
+
+
+def test_a_number_too_far_on_is_taken_back() -> None:
+    """A thief with the receiver's key had it chosen; the receiver says at which number the stream is."""
+    one = asking()
+    word = digest(one.state.outbox["server"][0].communicate)
+    one.step(receipted(10**9, refused=word))
+    word = digest(one.state.outbox["server"][0].communicate)
+    one.step(receipted(0, b"", refused=word))
+    assert outbox(one)[0] <= JUMP
+
+
+def test_where_it_is_not_known_the_conversation_is_lost_and_the_behaviour_told() -> None:
+    """It is not said again: perhaps it was taken."""
+    one = asking()
+    word = digest(one.state.outbox["server"][0].communicate)
+    effects = one.step(receipted(40, refused=word, unknown=True))
+    seen = [effects.handled for effects in one.out]
+    assert any(isinstance(event, Broken) and "does not know" in event.reason for event in seen)
+    assert told(effects)
+    assert all(outgoing.number > 40 for outgoing in one.state.outbox["server"]), "the asker asks anew"
+
+
+def test_each_word_says_which_one_it_follows() -> None:
+    """While that one is not receipted."""
+    one = asking()
+    (first,) = one.state.outbox["server"]
+    second = msgspec.structs.replace(first, number=2, communicate=msgspec.structs.replace(first.communicate, id="2"))
+    one.state.outbox["server"] = (first, second)
+    assert preceding(one.state, first.communicate) == b""
+    assert preceding(one.state, second.communicate) == digest(first.communicate)
+    one.state.outbox["server"] = (second,)
+    assert preceding(one.state, second.communicate) == b""
+
+
+# --- both, and a thief ------------------------------------------------------------------------------------------------
+
+
+def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> Wires:
+    """Asker and server on the wires."""
+    wires = Wires(seed=seed, faults=faults)
+    to_server, to_asker = wirings()
+    wires.add(asker(*wanted), to_server)
+    wires.add(server(), to_asker)
+    return wires
+
+
+def answers(wires: Wires) -> tuple[tuple[int, int], ...]:
+    """What the asker has got so far."""
+    found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
+    return found
+
+
+def steal(wires: Wires, ahead: int) -> None:
+    """Say a word in the asker's name, so many numbers after the last one that the server took."""
+    node = wires.nodes["server"]
+    if node.journal is not None:
+        taken = restored(node.core.agent, node.journal).taken.get("asker", 0)
+        wires.deliver(stolen(max(1, taken + ahead)), ("asker-journal-1", "server-journal-1"))
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    loss=st.sampled_from([0.0, 0.1, 0.3]),
+    delay=st.sampled_from([0.0, 0.4]),
+    crash=st.sampled_from([0.0, 0.05]),
+    thefts=st.lists(st.tuples(st.floats(0.0, 3.0), st.integers(-1, 3)), max_size=KEPT - 2),
+)
+@settings(max_examples=100, deadline=None)
+def test_whatever_a_thief_says_each_request_is_worked_on_once(
+    seed: int, loss: float, delay: float, crash: float, thefts: list[tuple[float, int]]
+) -> None:
+    """In order, and answered, under losses, copies, delays and deaths."""
+    wires = toy_wires(*range(6), seed=seed, faults=Faults(loss=loss, duplication=0.2, delay=delay, crash=crash))
+    for at, ahead in thefts:
+        wires.call(at, partial(steal, wires, ahead))
+    wires.run(lambda: len(answers(wires)) == 6, limit_s=3600.0)
+    wires.faults = Faults()
+    wires.run(lambda: wires.up("asker") and wires.up("server"))
+    assert answers(wires) == tuple((n, 2 * n) for n in range(6))
+    assert tuple(n for n in wires.memory("server").done if n != STOLEN) == tuple(range(6))
+
+
+def test_an_old_copy_of_a_journal_that_is_put_back_loses_no_word() -> None:
+    """Its agent finds its numbers used: what it says anew is said after them."""
+    wires = toy_wires()
+    wires.run_for(1.0)
+    old = wires.nodes["asker"].journal
+    wires.post("asker", Want(1))
+    wires.run(lambda: len(answers(wires)) == 1)
+    wires.kill("asker")
+    wires.nodes["asker"].journal = old
+    wires.post("asker", Want(2))
+    wires.run(lambda: answers(wires) == ((2, 4),))
+    assert wires.memory("server").done == (1, 2)
+
+
+def test_a_thief_who_always_says_the_next_number_is_passed() -> None:
+    """It answers each receipt at once with the number after it, faster than the asker's disk."""
+    wires = toy_wires(1, 2, 3)
+
+    def answered(agent: str, effects: Effects) -> None:
+        if agent == "server" and effects.receipts:
+            steal(wires, 1)
+
+    wires.on_step = answered
+    wires.run(lambda: len(answers(wires)) == 3, limit_s=60.0)
+    assert answers(wires) == ((1, 2), (2, 4), (3, 6))
+
+
+def test_the_digest_of_a_word_is_of_all_it_says() -> None:
+    """Each field counts, its number too."""
+    word = stolen(1)
+    for field, value in {"id": "2", "conversation": "b", "sent": 5.0, "performative": P.AGREE, "reply_by": 3.0}.items():
+        assert digest(msgspec.structs.replace(word, **{field: value})) != digest(word)
+    assert len(digest(word)) == recent.DIGEST_BYTES

@@ -1,0 +1,176 @@
+"""Agents that ask each other more than an outbox holds come to an end of it, whatever the wires do."""
+
+import msgspec
+import pytest
+from driven import Driven, agree, quiet, request
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from ring_agents import NAMES, Order, agent, wiring
+from toy_agents import Double, Doubled, Want, wirings
+
+from agent_runtime.core.events import Late, Local, Receipted, Tick, Woken
+from agent_runtime.core.state import Outgoing
+from agent_runtime.core.streams import ANSWERS_BOUND, OUTBOX_BOUND
+from agent_runtime.core.turn import Turn
+from agent_runtime.testing.wires import Faults, Wires
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+
+LIMIT_S = 300.0
+"""Of virtual time; re-sending goes up to every 2 s."""
+
+
+def ring(count: int, *, seed: int = 0, faults: Faults | None = None) -> Wires:
+    """So many agents."""
+    wires = Wires(seed=seed, faults=faults)
+    for name in NAMES[:count]:
+        wires.add(agent(name, NAMES[:count]), wiring(name, NAMES[:count]))
+    return wires
+
+
+def expect_all_answered(wires: Wires, wanted: tuple[int, ...]) -> None:
+    """Each question once, in each direction."""
+    longest = [0]
+
+    def look(name: str, _: object) -> None:
+        state = wires.nodes[name].state
+        if state is not None:
+            longest[0] = max(longest[0], *map(len, state.outbox.values()), 0)
+
+    wires.on_step = look
+    wires.run(lambda: all(len(wires.memory(name).answers) == len(wanted) for name in wires.nodes), limit_s=LIMIT_S)
+    for name in wires.nodes:
+        memory = wires.memory(name)
+        assert sorted(memory.answers) == sorted((number, 2 * number) for number in wanted)
+        assert sorted(memory.done) == sorted(wanted)
+    assert longest[0] <= ANSWERS_BOUND
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("at_once", [1, 5, 12, 16])
+def test_a_ring_of_questions_ends(count: int, at_once: int) -> None:
+    """Twelve at once in both directions filled both outboxes, and then neither took what would have emptied them."""
+    wires = ring(count)
+    wanted = tuple(range(48))
+    for first in range(0, len(wanted), at_once):
+        for name in wires.nodes:
+            wires.post(name, Order(wanted[first : first + at_once]))
+    expect_all_answered(wires, wanted)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_ring_of_chains_ends(count: int) -> None:
+    """Each end of a conversation opens the next one."""
+    wires = ring(count)
+    wanted = tuple(range(64))
+    for name in wires.nodes:
+        wires.post(name, Order(wanted[:16], rest=wanted[16:]))
+    expect_all_answered(wires, wanted)
+
+
+@given(
+    faults=st.builds(
+        Faults,
+        loss=st.sampled_from([0.0, 0.3]),
+        duplication=st.sampled_from([0.0, 0.3]),
+        delay=st.sampled_from([0.0, 0.3]),
+        crash=st.sampled_from([0.0, 0.02]),
+    ),
+    seed=st.integers(0, 2**32),
+    count=st.sampled_from([2, 3]),
+    at_once=st.integers(1, 16),
+)
+@settings(max_examples=25, deadline=None)
+def test_a_ring_of_questions_ends_under_faults(faults: Faults, seed: int, count: int, at_once: int) -> None:
+    """Each question that an agent has asked is answered; a death may take a person's word that it has not read."""
+    wires = ring(count, seed=seed)
+    for first in range(0, 24, at_once):
+        for name in wires.nodes:
+            wires.post(name, Order(tuple(range(first, min(24, first + at_once)))))
+    wires.run(lambda: all(wires.memory(name).asked for name in wires.nodes))
+    wires.faults = faults
+    wires.run_for(10.0)
+    wires.faults = msgspec.structs.replace(faults, crash=0.0)
+    wires.run(lambda: at_rest(wires), limit_s=LIMIT_S)
+    for name in wires.nodes:
+        memory = wires.memory(name)
+        assert sorted(memory.answers) == [(number, 2 * number) for number in sorted(dict(memory.answers))]
+
+
+def at_rest(wires: Wires) -> bool:
+    """Whether all live, and nothing is asked, owed or on its way."""
+    states = [node.state for node in wires.nodes.values()]
+    return all(
+        state is not None and not (state.memory.asked or state.memory.owed or state.outbox or state.soft.inbox)
+        for state in states
+    )
+
+
+def test_new_questions_wait_while_the_outbox_is_full() -> None:
+    """A peer that is away holds the next questions back, and nothing else: what others ask is agreed to."""
+    wires = ring(3)
+    wires.run_for(1.0)
+    wires.crash("two", restart_s=30.0)
+    wires.post("two", Order((1,)))
+    for number in range(40):
+        wires.post("one", Order((number,)), delay_s=1.0)
+    wires.post("three", Order((7,)), delay_s=2.0)
+    wires.run(lambda: bool(wires.memory("three").answers), limit_s=10.0)
+    state = wires.nodes["one"].state
+    assert state is not None
+    assert len(state.outbox["two"]) == OUTBOX_BOUND
+    assert len(state.soft.inbox) == 40 - OUTBOX_BOUND
+    assert state.soft.full == "two"
+    wires.run(lambda: len(wires.memory("one").answers) == 40, limit_s=60.0)
+
+
+@pytest.mark.parametrize(
+    ("held", "own", "peers"), [(OUTBOX_BOUND, 1, 1), (ANSWERS_BOUND, 0, 1), (2 * ANSWERS_BOUND, 0, 0)]
+)
+def test_room_for_answers_ends_too(held: int, own: int, peers: int) -> None:
+    """Beyond the bound news that nobody asked for wait; beyond twice the bound so does the peer that brings it about.
+
+    What is held back is taken when there is room.
+    """
+
+    def said(turn: Turn) -> None:
+        if isinstance(turn.event, Local):
+            turn.say("asker-1-1", P.INFORM, Doubled(0), kind=Kind.PROGRESS)
+        agree(turn)
+
+    one = Driven(quiet(said), wirings()[1])
+    one.step(request(1))
+    kept = one.state.outbox["asker"][0]
+    one.state.outbox["asker"] = tuple(Outgoing(number, kept.communicate) for number in range(1, held + 1))
+    one.state.issued["asker"] = held
+    one.step(Local(Want(1)))
+    assert len(one.state.outbox["asker"]) == held + own
+    one.step(request(2, conversation="asker-1-2"))
+    assert one.state.taken == {"asker": 1 + peers}
+    assert len(one.state.outbox["asker"]) == held + own + peers
+    one.step(Receipted("asker", taken=held))
+    assert len(one.state.outbox["asker"]) == 2
+
+
+def test_a_wake_up_and_a_wait_that_is_over_are_held_back_too() -> None:
+    """Each opens a conversation; with room again each does, once."""
+
+    def said(turn: Turn) -> None:
+        if isinstance(turn.event, Local):
+            turn.open("server", "request", P.REQUEST, Double(1), reply_by_s=1.0 if turn.event.content.number else None)
+            turn.wake("again", turn.now + 1.0)
+        elif isinstance(turn.event, Late | Woken):
+            turn.open("server", "request", P.REQUEST, Double(2))
+
+    one = Driven(quiet(said, name="asker"), wirings()[0])
+    for number in range(OUTBOX_BOUND):
+        one.step(Local(Want(int(number == 0))))
+    one.now += 2.0
+    effects = one.step(Tick())
+    assert not effects.more
+    assert effects.wake_at is not None
+    assert effects.wake_at > one.now  # to send again, not for what is held back
+    assert len(one.state.outbox["server"]) == OUTBOX_BOUND
+    one.step(Receipted("server", taken=3))
+    assert len(one.state.outbox["server"]) == OUTBOX_BOUND - 3 + 2
+    assert one.state.wakes == {}

@@ -1,0 +1,62 @@
+"""The main job waits for agents that still stop, when its task has ended: not for ever, and it says for whom."""
+
+import io
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+from rich.console import Console
+
+from agent_runtime.io.run_files import heartbeat_file
+from companion.tools.system import SYSTEM
+from companion.tools.verbs import main_job
+from operate.cli.terminal.watch import Watch
+
+RESTS = {"ta": "idle", "ex": "idle"}
+
+
+@pytest.fixture
+def told() -> io.StringIO:
+    """What a person reads."""
+    return io.StringIO()
+
+
+def rested(run: Path, told: io.StringIO, alive: bool = True, within_s: float = 0.3) -> list[str]:
+    """Wait for them."""
+    watch = Watch(SYSTEM, run, "title", Console(file=told, width=200))
+    return main_job.at_rest(run, RESTS, watch, lambda: alive, within_s)
+
+
+def beats(run: Path, agent: str, state: str, later_s: float = 60.0) -> None:
+    """Write what it said last; `later_s` after now."""
+    said = {"agent": agent, "state": state, "at": time.time() + later_s}
+    heartbeat_file(run, agent).write_bytes(msgspec.json.encode(said))
+
+
+def test_who_rests_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:
+    """Whatever the bound."""
+    for agent in RESTS:
+        beats(tmp_path, agent, "idle")
+    assert rested(tmp_path, told, within_s=1e9) == []
+    assert "waiting" not in told.getvalue()
+
+
+def test_who_still_stops_is_named_once_and_given_up(tmp_path: Path, told: io.StringIO) -> None:
+    """In one line, though it is looked for again and again."""
+    beats(tmp_path, "ta", "idle")
+    beats(tmp_path, "ex", "stopping")
+    assert rested(tmp_path, told) == ["ex is stopping"]
+    assert told.getvalue().count("waiting until the robot is at rest: ex is stopping\n") == 1
+
+
+def test_what_was_said_before_is_not_believed(tmp_path: Path, told: io.StringIO) -> None:
+    """An agent that was idle before its act still says so until its next heartbeat; one may say nothing at all."""
+    beats(tmp_path, "ta", "idle", later_s=-1.0)
+    assert rested(tmp_path, told) == ["", ""]
+
+
+def test_a_fleet_that_is_gone_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:
+    """Its agents come to no rest any more."""
+    beats(tmp_path, "ta", "running")
+    assert rested(tmp_path, told, alive=False, within_s=1e9)

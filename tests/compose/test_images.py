@@ -1,0 +1,81 @@
+"""What an image's lock leaves out is not needed by what the image runs: nothing else can be imported in these tests."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
+ROOT = Path(__file__).resolve().parents[2]
+POUR = ROOT / "tests/histories/pour_seed_7"
+BLOCK = """
+import re, sys
+from importlib.metadata import packages_distributions
+name = lambda text: re.sub(r"[-_.]+", "-", text).lower()
+locked = {name(line.split("==")[0]) for line in open(sys.argv[1]) if "==" in line} | {"robot-companion", "pip"}
+for package, owners in packages_distributions().items():
+    if not locked & {name(owner) for owner in owners}:
+        sys.modules[package] = None
+"""
+TIMED = """
+import numpy as np
+from velma.kinematics import timing
+from velma.kinematics.robot import Robot
+import services.{0}
+print(timing.timed(Robot(), [np.zeros(15), np.full(15, 0.1)], tool_speed=0.3).duration)
+"""
+REPORTED = """
+from pathlib import Path
+from companion.tools.system import SYSTEM
+from operate.pictures.feed import feeding
+from operate.reports import make
+import services.monitor.__main__, operate.recording.recorder
+told = []
+say = lambda event, **fields: told.append((event, fields.get("file")))
+assert make.everything(Path(sys.argv[2]), SYSTEM, say), told
+assert feeding({"roco": Path(sys.argv[2])}, SYSTEM, say) == {}
+print(told)
+"""
+
+
+def run(image: str, code: str, *words: str, code_expected: int = 0) -> str:
+    """Run code with nothing to import but what an image's lock names."""
+    command = [sys.executable, "-c", BLOCK + code, str(ROOT / f"requirements/{image}.txt"), *words]
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+    done = subprocess.run(command, cwd=ROOT, env=kept, capture_output=True, text=True, timeout=110, check=False)
+    assert done.returncode == code_expected, done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("image", ["planner", "executor"])
+def test_a_motion_is_timed_without_matplotlib(image: str) -> None:
+    """toppra names it; Pillow, fonttools and others come only with it."""
+    lock = (ROOT / f"requirements/{image}.txt").read_text()
+    assert not re.findall(r"^(matplotlib|pillow|fonttools|kiwisolver|contourpy)==", lock, re.MULTILINE)
+    module = {"planner": "planner.search.search", "executor": "executor.skills.motions"}[image]
+    assert float(run(image, TIMED.format(module))) > 0.1
+
+
+def test_the_search_needs_scipy() -> None:
+    """toppra's splines are scipy's: an image without it could time nothing."""
+    without = "sys.modules['scipy'] = None\n" + TIMED.format("planner.search.search")
+    assert "ModuleNotFoundError: No module named 'scipy.interpolate'" in run("planner", without, code_expected=1)
+
+
+def test_a_recorder_without_pictures_makes_the_report(tmp_path: Path) -> None:
+    """report.json as ever; the page and the pictures are left out, and that is told."""
+    (tmp_path / "traffic.mcap").write_bytes((POUR / "traffic.mcap").read_bytes())
+    told = run("recorder", REPORTED, str(tmp_path))
+    assert "('left out', 'report.html')" in told
+    assert "('left out', 'run.rrd')" in told
+    assert (tmp_path / "report.json").stat().st_size > 1000
+    assert "('no pictures', None)" in told
+    assert not (tmp_path / "run.rrd").exists()
+
+
+def test_what_is_not_locked_cannot_be_imported() -> None:
+    """Else these tests would show nothing."""
+    assert "halted; None in sys.modules" in run("recorder", "import rerun", code_expected=1)

@@ -1,0 +1,227 @@
+"""The scheduler's rules, and the queue of co that comes of them."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+from partners_of_co import Scene
+
+from companion.languages import cmd
+from companion.languages.sw import WorkerState
+from fipa_codec.performatives import Performative as P
+from services.coordinator.memory import Job, Stage
+from services.coordinator.offers import queued
+from services.coordinator.scheduling import RULES, Offer, by_costs, by_deadline, first_come, in_order
+
+seconds = st.floats(0.0, 500.0)
+offers = st.builds(
+    Offer,
+    task=st.uuids().map(str),
+    arrived=seconds,
+    rest=st.floats(1.0, 100.0),
+    deadline=st.one_of(seconds, st.just(math.inf)),
+    urgency=st.integers(0, 2),
+    suspend=st.floats(0.0, 20.0),
+    resume=st.floats(0.0, 20.0),
+)
+rules = st.sampled_from(sorted(RULES)).map(RULES.get)
+several = st.lists(offers, max_size=5).map(tuple)
+
+
+@given(rules, st.none() | offers, several, st.floats(500.0, 1000.0))
+def test_a_decision_is_for_a_task_that_is_there_and_as_urgent_as_any(rule, running, waiting, now):
+    """Whatever the rule; a switch is for a task that waits, and told with a reason."""
+    decision = rule(running, waiting, now)
+    known = {one.task: one for one in (*waiting, *([running] if running else []))}
+    assert (decision is None) == (not known)
+    if decision is not None:
+        assert known[decision.task].urgency == max(one.urgency for one in known.values())
+        assert decision.switch == (running is not None and decision.task != running.task)
+        assert decision.why
+
+
+@given(rules, several, st.floats(500.0, 1000.0))
+def test_the_order_has_each_task_once_and_keeps_those_that_come_after_another(rule, waiting, now):
+    """Also where deadlines would have it otherwise; the more urgent one goes first all the same."""
+    chained = tuple(replace(one, after=tuple(two.task for two in waiting[:n])) for n, one in enumerate(waiting))
+    order = in_order(chained, now, rule)
+    assert sorted(order) == sorted(one.task for one in waiting)
+    by_urgency = sorted(waiting, key=lambda one: -one.urgency)  # a stable sort: in order of arrival otherwise
+    assert order == tuple(one.task for one in by_urgency)
+
+
+def test_a_switch_must_cost_less_than_nine_tenths_of_waiting():
+    """A second more of suspension decides; by hand: wait 40 + (40 + 10), switch (s + 10) + (s + 10 + 40)."""
+    running, short = Offer("pour", 100.0, rest=40.0), Offer("look", 100.0, rest=10.0)
+    for suspend, switch in ((10.0, True), (10.25, True), (10.75, False), (14.0, False)):
+        decision = by_costs(replace(running, suspend=suspend), (short,), 100.0)
+        assert decision.switch is switch
+        assert (decision.wait_cost, decision.switch_cost) == (90.0, 60.0 + 2 * suspend)
+        assert decision.task == ("look" if switch else "pour")
+
+
+def test_a_deadline_that_would_pass_is_worth_a_switch():
+    """Equally long tasks are not exchanged, unless the one that waits would be late."""
+    running = Offer("pour", 0.0, rest=30.0, suspend=5.0, resume=3.0)
+    waiting = Offer("take", 0.0, rest=30.0)
+    assert not by_costs(running, (waiting,), 0.0).switch
+    assert by_costs(running, (replace(waiting, deadline=40.0),), 0.0).switch
+    assert not by_costs(replace(running, deadline=30.0), (replace(waiting, deadline=40.0),), 0.0).switch
+
+
+def test_nobody_waits_for_ever_behind_short_tasks():
+    """New short tasks come without end; the long one is done all the same."""
+    long, now = Offer("long", 0.0, rest=60.0), 0.0
+    for number in range(1000):
+        decision = by_costs(None, (long, Offer(f"short {number}", now, rest=10.0)), now)
+        if decision.task == "long":
+            return
+        now += 10.0
+    raise AssertionError(f"the long task still waits after {now} s")
+
+
+def test_rules_differ_where_they_shall():
+    """The earliest deadline, the first that came, the least cost."""
+    early = Offer("early", 0.0, rest=50.0)
+    due = Offer("due", 10.0, rest=50.0, deadline=150.0)
+    short = Offer("short", 20.0, rest=5.0)
+    found = {rule: rule(None, (early, due, short), 30.0).task for rule in (first_come, by_deadline, by_costs)}
+    assert found == {first_come: "early", by_deadline: "due", by_costs: "short"}
+
+
+# --- the queue of co --------------------------------------------------------------------------------------------------
+
+commands = st.one_of(
+    st.builds(cmd.Take, st.sampled_from(("jar", "jar_1", "bowl", "box")), urgency=st.integers(0, 1)),
+    st.builds(cmd.PutDown, st.sampled_from(("jar", "bowl")), deadline=st.sampled_from((0.0, 50.0, 90.0))),
+    st.builds(cmd.LookAround, deadline=st.sampled_from((0.0, 60.0))),
+)
+
+
+@given(st.lists(commands, max_size=6), st.booleans())
+def test_a_queue_loses_nothing_and_interrupts_nothing(said, planning):
+    """What is under way stays first; of two about the same thing the later one waits, unless it is more urgent."""
+    jobs = ()
+    for n, command in enumerate(said):
+        stage = Stage.PLANNING if planning and not n else Stage.WAITING
+        jobs = queued((*jobs, Job(str(n), command, float(n), stage)), float(n))
+    names = [job.conversation for job in jobs]
+    assert sorted(names) == sorted(str(n) for n in range(len(said)))
+    if planning and said:
+        assert names[0] == "0"
+    for at, job in enumerate(jobs):
+        for before in jobs[:at]:
+            same = getattr(job.command, "object", 1) == getattr(before.command, "object", 2)
+            later = int(before.conversation) > int(job.conversation)
+            assert not (same and later and before.command.urgency <= job.command.urgency)
+
+
+def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
+    """co's own steps: the one under way goes on, the urgent one is the next, and hears how many come before it."""
+    scene = Scene()
+    tasks = [scene.command(one) for one in (cmd.Take("jar"), cmd.PutDown("jar"), cmd.LookAround(urgency=1))]
+    assert [type(job.command).__name__ for job in scene.memory.jobs] == ["Take", "LookAround", "PutDown"]
+    agreed = [next(said.text for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks]
+    assert agreed == ["it is the next one", "one task comes before it", "one task comes before it"]
+
+
+# --- a running task is left for a more urgent one ---------------------------------------------------------------------
+
+URGENT = cmd.LookAround(urgency=1)
+
+
+def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene):
+    """ta leaves it as after a cancel; the person hears where it stands; it is planned anew, and ends done."""
+    pour = scene.running()
+    urgent = scene.command(URGENT)
+    assert scene.acts("ta").count(P.CANCEL) == 1
+    scene.ta(WorkerState.TERMINATING)
+    scene.ta(WorkerState.PREEMPTED)
+    assert scene.said(pour)[-1] == "inform suspended"
+    scene.plan(5.0)
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(urgent)[-1] == "inform done"
+    scene.plan()
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(pour)[-1] == "inform done"
+    assert scene.acts("ta").count(P.REQUEST) == 3
+    assert scene.at_rest()
+
+
+def test_a_task_as_urgent_waits(scene):
+    """Nobody is asked to leave anything."""
+    scene.running(URGENT)
+    scene.command(URGENT)
+    assert P.CANCEL not in scene.acts("ta")
+
+
+def test_done_before_it_could_be_left(scene):
+    """The end crossed the word; the urgent one is next."""
+    pour, _ = scene.running(), scene.command(URGENT)
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(pour)[-1] == "inform done"
+    assert len(scene.memory.jobs) == 1
+
+
+def test_a_task_that_could_not_be_left_safely_fails_with_the_reason(scene):
+    """What the hand still holds is told; the urgent task comes all the same."""
+    pour, _ = scene.running(), scene.command(URGENT)
+    scene.ta(WorkerState.FAILED, reason="not everything could be put down (held: jar_1)")
+    assert (scene.said(pour)[-1], "jar_1" in scene.last_text(pour)) == ("failure failed", True)
+    assert scene.state == "compSP"
+
+
+@pytest.mark.parametrize("when", ["leaving", "aside"])
+def test_a_task_is_cancelled_while_it_is_left_or_put_aside(scene, when):
+    """One cancel to ta; the urgent task goes on."""
+    pour, urgent = scene.running(), scene.command(URGENT)
+    if when == "leaving":
+        scene.cancel(pour)
+    scene.ta(WorkerState.PREEMPTED)
+    if when == "aside":
+        scene.cancel(pour)
+    assert scene.said(pour)[-1] == "inform cancelled"
+    assert scene.acts("ta").count(P.CANCEL) == 1
+    scene.plan(5.0)
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(urgent)[-1] == "inform done"
+    assert scene.at_rest()
+
+
+def test_the_urgent_one_is_cancelled_meanwhile(scene):
+    """Then the first one goes on, with a new plan."""
+    pour, urgent = scene.running(), scene.command(URGENT)
+    scene.cancel(urgent)
+    assert scene.said(urgent)[-1] == "inform cancelled"
+    scene.ta(WorkerState.PREEMPTED)
+    scene.plan()
+    scene.ta(WorkerState.SUCCEEDED)
+    assert scene.said(pour)[-1] == "inform done"
+    assert scene.at_rest()
+
+
+def test_a_plan_is_not_begun_where_a_more_urgent_task_came_meanwhile(scene):
+    """It is planned again afterwards: the world is another one then."""
+    pour = scene.command()
+    urgent = scene.command(URGENT)
+    scene.plan()
+    assert P.REQUEST not in scene.acts("ta")
+    assert scene.said(pour)[-1] == "inform suspended"
+    scene.plan(5.0)
+    scene.ta(WorkerState.SUCCEEDED)
+    scene.plan()
+    scene.ta(WorkerState.SUCCEEDED)
+    assert [scene.said(task)[-1] for task in (pour, urgent)] == ["inform done"] * 2
+    assert scene.at_rest()
+
+
+def test_a_robot_that_does_not_leave_a_task_is_late(scene):
+    """The person hears it; no second cancel; the urgent task ends too when patience is over."""
+    pour, urgent = scene.running(), scene.command(URGENT)
+    scene.settle(241.0)
+    assert scene.said(pour)[-1] == "failure failed"
+    assert scene.acts("ta").count(P.CANCEL) == 1
+    scene.settle(61.0)
+    assert scene.said(urgent)[-1] == "failure failed"

@@ -1,0 +1,99 @@
+"""The pouring task with one death at one boundary of one message, and what is left of it in the end."""
+
+from collections import Counter
+from enum import StrEnum
+from typing import Any
+
+import msgspec
+from pretended_fleet import Fleet
+
+from agent_runtime.testing.wires import LATENCY_S
+from companion.languages import RC
+from fipa_codec.communicate import Communicate
+
+COMMAND = "pour the jar into the bowl"
+VICTIMS = ("hi", "co", "pl", "km", "ta", "ex")
+
+
+class Side(StrEnum):
+    """Whether the victim dies before the message is taken or right after."""
+
+    BEFORE = "before"
+    AFTER = "after"
+
+
+class Ending(msgspec.Struct, frozen=True):
+    """What a run ends with.
+
+    `world`: km's; `stands`: poses and grips as they are; `word`: hi's last; `acts`: kinds of act that ta commanded, in
+    their order; `doubled`: keys of acts that were commanded or begun more than once; `poured`: how often.
+    """
+
+    world: Any
+    stands: Any
+    word: str
+    acts: tuple[str, ...]
+    doubled: tuple[str, ...]
+    poured: int
+
+
+class Traffic(list[Communicate]):
+    """The traffic of wires; at message `number` (from 1) the victim is killed. Copies count."""
+
+    def __init__(self, fleet: Fleet, victim: str, number: int, side: Side) -> None:
+        super().__init__()
+        self._wires, self._victim, self._number, self._side = fleet.wires, victim, number, side
+        fleet.wires.traffic = self
+
+    def append(self, communicate: Communicate) -> None:
+        """It is sent; the wires put its arrival on the agenda right after this."""
+        super().append(communicate)
+        if len(self) == self._number:
+            wires = self._wires
+            kill = lambda: wires.kill(self._victim)  # noqa: E731
+            later = kill if self._side is Side.BEFORE else lambda: wires._at(wires.now, kill)
+            wires._at(wires.now + LATENCY_S, later)
+
+
+def run(victim: str = "", number: int = 0, side: Side = Side.BEFORE) -> Ending:
+    """Return the ending of a run with a death in it; without a victim of one without."""
+    fleet = Fleet()
+    try:
+        Traffic(fleet, victim, number, side)
+        fleet.say(COMMAND)
+        states = fleet.finish()
+        return ending(fleet, states)
+    finally:
+        fleet.close()
+
+
+def messages() -> int:
+    """Return how many messages a run without a death has."""
+    fleet = Fleet()
+    traffic = Traffic(fleet, "", 0, Side.BEFORE)
+    fleet.say(COMMAND)
+    fleet.finish()
+    fleet.close()
+    return len(traffic)
+
+
+def ending(fleet: Fleet, states: list[str]) -> Ending:
+    """Return what is left."""
+    scene = fleet.wires.memory("km").scene
+    things = {name: (one.model, one.pose, one.on, one.inside) for name, one in scene.things.items()}
+    requests = {
+        (one.sender, one.id): RC.decode(one.content)
+        for one in fleet.wires.traffic
+        if one.receiver == "ex" and str(one.performative) == "request"
+    }
+    commanded = Counter(content.key for content in requests.values())
+    begun = fleet.world.begun
+    starts = Counter(key for at, key in enumerate(begun) if at == 0 or begun[at - 1] != key)
+    return Ending(
+        world=(things, scene.hands, scene.joints, scene.contents, scene.reserved),
+        stands=dict(fleet.world.poses),
+        word=" ".join(states),
+        acts=tuple(type(content).__name__ for content in requests.values()),
+        doubled=tuple(sorted(key for count in (commanded, starts) for key, times in count.items() if times > 1)),
+        poured=fleet.world.poured,
+    )

@@ -1,0 +1,42 @@
+"""One agent loses its journal in the middle of a task: the task ends, a person hears why, and the fleet is at rest."""
+
+import pytest
+from pretended_fleet import FINAL, Fleet
+
+AT = (0.15, 0.4, 0.6, 0.75, 0.9)
+"""Parts of the steps that the victim makes in the story."""
+
+
+@pytest.fixture(scope="module")
+def counted() -> dict[str, int]:
+    """Steps of each agent in a pour without a fault."""
+    fleet = Fleet()
+    fleet.say("pour the jar into the bowl")
+    fleet.finish()
+    found = {name: node.steps for name, node in fleet.wires.nodes.items()}
+    fleet.close()
+    return found
+
+
+def lost(victim: str, step: int) -> Fleet:
+    """The story up to this step of the victim, whose journal is deleted then."""
+    fleet = Fleet(seed=step)
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(lambda: fleet.wires.nodes[victim].steps >= step or fleet.ended(), limit_s=3600.0)
+    fleet.wires.lose_journal(victim)
+    return fleet
+
+
+@pytest.mark.parametrize("part", AT)
+@pytest.mark.parametrize("victim", ["co", "pl", "ta", "ex", "km", "hi"])
+def test_a_task_ends_and_the_fleet_is_at_rest(victim: str, part: float, counted: dict[str, int]) -> None:
+    """Nobody waits for ever; of what a lost conversation ended, the person is told the reason."""
+    fleet = lost(victim, 1 + int(part * counted[victim]))
+    if victim != "hi":  # who forgets its tasks has none to end
+        fleet.wires.run(fleet.ended, limit_s=3600.0)
+        ends = [task for task in fleet.tasks if task.state in FINAL]
+        assert ends
+        why = "seen" if victim == "km" else "lost its memory"  # km forgets the world, not a conversation
+        assert all(task.state == "done" or why in task.text for task in ends), ends
+    fleet.wires.run(fleet.at_rest, limit_s=900.0)
+    fleet.close()

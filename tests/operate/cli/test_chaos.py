@@ -1,0 +1,166 @@
+"""`roco chaos`: a seed chooses the same cell each time, one that can be done; results are kept and gone on from."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from companion.tools.system import SYSTEM
+from operate.cli import lazy
+from operate.cli.__main__ import app
+from operate.cli.chaos import cells, table, verb
+from operate.cli.chaos.cells import Cell
+from operate.cli.chaos.trial import Result
+from operate.cli.errors import UsageError
+from operate.cli.faults import moments, verbs
+from operate.cli.faults.kinds import KINDS, VERBS
+from operate.cli.fleet import running_fleets
+from operate.cli.output import Format
+from operate.cli.runs import trials
+from operate.system import Job
+
+WITHOUT = msgspec.structs.replace(SYSTEM, job=Job())
+CELL = Cell(1, "kill", "pl", "planning", "told:plan 1 requested")
+
+
+def result(cell: Cell = CELL, *, success: bool = True, why: str = "", began: bool = True, **more: object) -> Result:
+    """A run."""
+    told = {"broken": (), "stuck": False, "orphans": (), **more}
+    whole = {"exit": 0, "bytes": 1, "wall_s": 1.0, "load": 0.1, "text": "back"}
+    return Result(cell=cell, began=began, success=success, why=why, **told, **whole)  # type: ignore[arg-type]
+
+
+@given(st.integers(0, 2**31), st.sampled_from([SYSTEM, WITHOUT]))
+def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: cells.System) -> None:
+    """Always the same; its kind's verb takes its words, its moment is one, its amount lies in the kind's span."""
+    cell = cells.choose(system, seed, (), ())
+    assert cell == cells.choose(system, seed, (), ())
+    row = KINDS[cell.kind]
+    assert cell.target in cells.targets_of(system, row)
+    moments.parse(cell.at, system.design, cell.target)
+    if row.amount is not None:
+        assert cell.amount is not None
+        assert row.amount.tried[0] <= cell.amount <= row.amount.tried[1]
+    kind, *words = cell.command
+    command = lazy.made(kind, getattr(verbs, kind.replace("-", "_")))
+    context = command.make_context(kind, list(words))
+    assert context.params["process"] == cell.target
+    assert context.params["at"] == cell.at
+    assert context.params.get("amount") == cell.amount
+
+
+@given(st.integers(0, 2**31), st.sets(st.sampled_from(VERBS), min_size=1))
+def test_only_what_was_asked_for_is_done(seed: int, kinds: set[str]) -> None:
+    """Kinds and processes."""
+    cell = cells.choose(SYSTEM, seed, tuple(sorted(kinds)), ("pl", "co"))
+    assert cell.kind in kinds
+    assert cell.target in ("pl", "co")
+
+
+def test_all_kinds_and_phases_come() -> None:
+    """Some seed has each."""
+    found = [cells.choose(SYSTEM, seed, (), ()) for seed in range(500)]
+    assert {one.kind for one in found} == {*VERBS}
+    assert {one.phase for one in found} == {*SYSTEM.job.phases}
+
+
+def test_a_kind_that_can_be_done_to_none_is_told() -> None:
+    """The loop has no wire."""
+    with pytest.raises(UsageError, match="cut can be done to none of loop"):
+        cells.choose(SYSTEM, 1, ("cut",), ("loop",))
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--kind", "explode"], "there is no kind of fault 'explode'; there are kill, "),
+        (["--on", "cow"], "there is no process 'cow'; there are router, "),
+        (["--resume"], "name its folder with --out"),
+    ],
+)
+def test_wrong_use_is_told(words: list[str], why: str) -> None:
+    """Before anything is started."""
+    done = CliRunner().invoke(app, ["chaos", *words])
+    assert done.exit_code == 2
+    assert why in done.output
+
+
+@pytest.mark.parametrize(
+    ("one", "held", "colour"),
+    [
+        (result(), True, table.DONE),
+        (result(success=False, why="no way"), True, table.EXPLAINED),
+        (result(success=False), False, table.BROKEN),
+        (result(broken=("lost",)), False, table.BROKEN),
+        (result(stuck=True), False, table.BROKEN),
+        (result(orphans=("python",)), False, table.BROKEN),
+        (result(began=False), True, table.NOTHING),
+    ],
+)
+def test_a_run_holds_where_it_is_done_or_explained_and_nothing_is_broken(one: Result, held: bool, colour: str) -> None:
+    """And its seed has the colour of that."""
+    assert (one.held, table.colour(one)) == (held, colour)
+
+
+@pytest.fixture
+def done(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
+    """In place of runs the seeds that were run; seed 2 is broken."""
+    seeds: list[int] = []
+
+    def run(out: Path, setting: trials.Setting, cell: Cell) -> Result:
+        seeds.append(cell.seed)
+        trials.folder(out, cell.seed).mkdir(parents=True, exist_ok=True)
+        return result(cell, broken=("it broke",) if cell.seed == 2 else ())
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verb, "done", run)
+    monkeypatch.setattr(verb, "here", lambda: SYSTEM)
+    return seeds
+
+
+def test_what_is_done_is_not_done_again(done: list[int], tmp_path: Path) -> None:
+    """With --resume more runs are added; a line that a kill cut off is repeated; folders stay only of broken runs."""
+    out = str(tmp_path / "c")
+    first = CliRunner().invoke(app, ["chaos", "--runs", "3", "--out", out])
+    assert (first.exit_code, done) == (1, [1, 2, 3])
+    assert "it broke" in first.output
+    assert [path.name for path in (tmp_path / "c/runs").iterdir()] == ["seed-2"]
+    file = tmp_path / "c" / verb.RESULTS_FILE
+    file.write_bytes(file.read_bytes()[:-20])
+    CliRunner().invoke(app, ["chaos", "--runs", "4", "--out", out, "--resume"])
+    assert done == [1, 2, 3, 3, 4]
+    assert [one.cell.seed for one in verb.results_in(tmp_path / "c")] == [1, 2, 3, 4]
+
+
+def test_a_budget_begins_no_more_runs(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """And says how to go on."""
+    clock = iter(range(0, 10_000, 100))
+    monkeypatch.setattr(verb.time, "monotonic", lambda: float(next(clock)))
+    told = CliRunner().invoke(app, ["chaos", "--runs", "9", "--budget", "4", "--seed", "3", "--out", "c"])
+    assert done == [3, 4]
+    assert "--out" in told.output
+    assert "--resume" in told.output
+
+
+def test_programs_get_a_line_for_each_run(done: list[int]) -> None:
+    """With the cell that repeats it."""
+    told = CliRunner().invoke(app, ["chaos", "--runs", "2", "--seed", "5", "--out", "c", "--format", Format.JSON])
+    found = [msgspec.json.decode(line, type=Result) for line in told.stdout.splitlines()]
+    assert [one.cell for one in found] == [cells.choose(SYSTEM, seed, (), ()) for seed in (5, 6)]
+
+
+def test_beside_a_fleet_it_is_refused(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The machine would be shared."""
+    living = running_fleets.Living(Path("runs/x"), trials_fleet(), ("router",))
+    monkeypatch.setattr(running_fleets, "here", lambda: [living])
+    told = CliRunner().invoke(app, ["chaos"])
+    assert (told.exit_code, done) == (1, [])
+    assert "a fleet runs here already" in told.output
+
+
+def trials_fleet() -> running_fleets.Fleet:
+    """A fleet that runs."""
+    return running_fleets.Fleet("roco", "tcp/127.0.0.1:1", 1, 1.0, ())

@@ -1,0 +1,158 @@
+"""Scenarios of faults: a seed chooses, always the same, within what the file says; what is wrong is named."""
+
+import tempfile
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from operate.cli import lazy
+from operate.cli.errors import UsageError
+from operate.cli.faults import scenario, verbs
+from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
+from operate.cli.faults.scenario import SIGNED, Entry, Scenario, choose, load, words
+from operate.cli.verbs import VERBS as VERBS_OF_ROCO
+
+numbers = st.floats(0, 100).map(lambda value: round(value, 3))
+spans = numbers | st.tuples(numbers, numbers).map(lambda pair: (min(pair), max(pair)))
+names = st.sampled_from(["mule", "ox", "desk"])
+
+
+def amounts(kind: str) -> st.SearchStrategy[Any]:
+    """What a kind may have: those that need one, and those that may have one."""
+    below = spans.map(lambda span: tuple(-one for one in reversed(span)) if isinstance(span, tuple) else -span)
+    return spans | below if kind in SIGNED else spans if kind in AMOUNTS else st.none() | spans
+
+
+@st.composite
+def entries(draw: st.DrawFn) -> Entry:
+    """Any entry that is right."""
+    kind = draw(st.sampled_from(VERBS))
+    return Entry(
+        kind,
+        draw(names | st.lists(names, min_size=1, max_size=3).map(tuple)),
+        draw(spans | st.sampled_from(["", "ox:idle", "3rd-message"])),
+        None if kind in UNTIMED else draw(st.none() | spans),
+        draw(amounts(kind)) if KINDS[kind].amount else None,
+        draw(st.none() | numbers),
+    )
+
+
+scenarios = st.lists(entries(), min_size=1, max_size=5).map(lambda some: Scenario(tuple(some)))
+
+
+def toml(entry: Entry) -> str:
+    """An entry as it is written."""
+
+    def value(what: Any) -> str:
+        if isinstance(what, tuple):
+            return f"[{', '.join(map(value, what))}]"
+        return f'"{what}"' if isinstance(what, str) else repr(what)
+
+    fields = {"kind": entry.kind, "target": entry.target, "at": entry.at, "for": entry.for_, "amount": entry.amount}
+    fields["within"] = entry.within
+    return "[[fault]]\n" + "".join(f"{name} = {value(one)}\n" for name, one in fields.items() if one is not None)
+
+
+def between(chosen: float | str | None, span: Any) -> bool:
+    """Whether what was chosen is what was written, or lies in its span."""
+    return span[0] - 0.001 <= chosen <= span[1] + 0.001 if isinstance(span, tuple) else chosen == span
+
+
+@given(scenarios, st.integers(0, 2**32))
+def test_a_seed_chooses_within_the_spans(some: Scenario, seed: int) -> None:
+    """The same each time."""
+    chosen = choose(some, seed)
+    assert chosen == choose(some, seed)
+    assert len(chosen) == len(some.fault)
+    for one, entry in zip(chosen, some.fault, strict=True):
+        assert one.kind == entry.kind
+        assert one.target in ((entry.target,) if isinstance(entry.target, str) else entry.target)
+        assert between(one.at, entry.at)
+        assert between(one.for_, entry.for_)
+        assert between(one.amount, entry.amount)
+        assert one.within == entry.within
+
+
+def test_another_seed_chooses_otherwise() -> None:
+    """Some do."""
+    some = Scenario((Entry("kill", ("mule", "ox"), (0.0, 10.0)),))
+    assert len({choose(some, seed) for seed in range(20)}) > 10
+
+
+@given(scenarios)
+def test_what_is_written_is_read(some: Scenario) -> None:
+    """Every right scenario."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "faults.toml"
+        file.write_text("\n".join(map(toml, some.fault)))
+        assert load(file) == some
+
+
+@given(scenarios, st.integers(0, 9))
+def test_words_are_of_the_verb(some: Scenario, seed: int) -> None:
+    """Kind and target first, then the amount; each option once, with its value."""
+    for one in choose(some, seed):
+        found = words(one, 1000.0)
+        assert found[:2] == [one.kind, one.target]
+        rest = found[3:] if one.amount is not None and one.kind in AMOUNTS else found[2:]
+        assert len(rest) % 2 == 0
+        options = dict(zip(rest[::2], rest[1::2], strict=True))
+        assert set(options) <= {"--at", "--for", "--within", "--per-second"}
+        if isinstance(one.at, float):
+            assert float(options["--at"].removeprefix("@")) == pytest.approx(1000.0 + one.at)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "missing required field `fault`"),
+        ("fault = []", "no \\[\\[fault\\]\\]"),
+        ("[[fault]]\nkind = 3", "fault\\[0\\].kind"),
+        ('[[fault]]\nkind = "explode"\ntarget = "ox"', "fault 1: there is no kind 'explode'; there are kill, "),
+        ('[[fault]]\nkind = "kill"\ntarget = []', "fault 1: target names no process"),
+        ('[[fault]]\nkind = "kill"\ntarget = "ox"\nwhen = 1', "unknown field `when`"),
+        ('[[fault]]\nkind = "delay"\ntarget = "ox"', "delay needs an amount"),
+        ('[[fault]]\nkind = "cut"\ntarget = "ox"\namount = 1', "cut has no amount"),
+        ('[[fault]]\nkind = "restart"\ntarget = "ox"\nfor = 1', "restart has no `for`"),
+        ('[[fault]]\nkind = "kill"\ntarget = "ox"\nat = [3.0, 1.0]', "at = \\[3, 1\\] is no span"),
+        ('[[fault]]\nkind = "kill"\ntarget = "ox"\nfor = -1.0', "for = -1 is below 0 or no number"),
+        ("[[fault", "faults.toml: "),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, why: str) -> None:
+    """With the file, and the number of the fault."""
+    file = tmp_path / "faults.toml"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=why) as caught:
+        load(file)
+    assert str(file) in str(caught.value)
+
+
+def test_the_example_is_right() -> None:
+    """That of the depot."""
+    assert len(scenario.load(Path(__file__).parents[3] / "examples/depot/faults.toml").fault) == 3
+
+
+def test_each_kind_is_a_verb_with_the_options_of_its_row() -> None:
+    """Its amount and its speaker where it has them, --for where it is healed after a time."""
+    table = VERBS_OF_ROCO["Faults, on purpose"]
+    for kind in VERBS:
+        module, name = table[f"fault {kind}"][0].split(":")
+        command = lazy.made(kind, getattr(import_module(module, lazy.ROOM), name))
+        row, found = KINDS[kind], {one.name for one in command.params}
+        assert ("amount" in found, "speaker" in found) == (row.amount is not None, row.speaker)
+        assert ("for_" in found) == (kind not in UNTIMED)
+        assert {"process", "at", "within", "target", "run_dir", "form"} <= found
+
+
+@pytest.mark.parametrize("words", [["ox", "-3600"], ["ox", "-0.5", "--for", "2"], ["--for", "2", "ox", "3600"]])
+def test_a_clock_goes_back_by_a_number_below_zero(words: list[str]) -> None:
+    """It is an argument, no option; an unknown option is still told."""
+    command = lazy.made("clock", verbs.clock)
+    assert command.make_context("clock", list(words)).params["amount"] == float(words[1 if words[0] == "ox" else 3])
+    with pytest.raises(lazy.WrongUse):
+        command.make_context("clock", [*words, "--fro", "2"])

@@ -1,0 +1,106 @@
+"""`roco protocol`: the tables of every protocol, as they are registered or as the design has them."""
+
+import json
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from companion.design import DESIGN
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.protocols import FIPA, PAPER
+from fipa_codec.tables import Protocol, Role, Row, Table, Way, known
+from operate.cli.__main__ import app
+
+NAMES = sorted({one.name for one in known()} | set(DESIGN.own_tables))
+
+
+def protocol(*words: str) -> Result:
+    """Call a verb of it."""
+    return CliRunner().invoke(app, ["protocol", *words], env={"COLUMNS": "200"})
+
+
+def of(name: str) -> Protocol:
+    """The protocol itself."""
+    return DESIGN.own_tables.get(name) or next(one for one in known() if one.name == name)
+
+
+def table(side: dict[str, Any]) -> Table:
+    """A table again, of what was printed of it."""
+    rows = [
+        Row(row["state"], Way(row["way"]), Performative(row["act"]), Kind(row["kind"]), row["to"])
+        for row in side["rows"]
+    ]
+    return Table(rows, ended=side["ended"], urgent=side["urgent"], resting=side["resting"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_json_is_the_whole_protocol(name: str) -> None:
+    """Made again of what is printed, it is the same."""
+    shown = json.loads(protocol("show", name, "--format", "json").stdout)
+    again = Protocol(
+        shown["about"]["name"],
+        initiator=table(shown["roles"][Role.INITIATOR]),
+        participant=table(shown["roles"][Role.PARTICIPANT]),
+        aliases=tuple(shown["about"]["aliases"]),
+        confirmed=map(Performative, shown["confirmed"]),
+        rounds=map(Performative, shown["rounds"]),
+    )
+    assert again.same_as(of(name))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_text_has_every_row_and_every_mark(name: str) -> None:
+    """Under the table of its role; a state stands in the first of its rows only."""
+    said = protocol("show", name).stdout
+    _, *halves = (half.splitlines() for half in said.replace("\nparticipant\n", "\ninitiator\n").split("\ninitiator\n"))
+    for lines, role in zip(halves, Role, strict=True):
+        found, state = set(), ""
+        for words in map(str.split, lines[2:]):  # below the head
+            state = words[0] if len(words) == 4 else state
+            if {"says", "hears"} & set(words[:2]):
+                found.add((state, *words[-3:]))
+        expected = of(name).tables[role]
+        verbs = {Way.SEND: "says", Way.RECEIVE: "hears"}
+        assert found == {(row.state, verbs[row.way], row.word, row.to) for row in expected}
+        for mark in ("ended", "urgent", "resting"):
+            states = ", ".join(sorted(getattr(expected, mark)))
+            assert [line for line in lines if line.startswith(f"{mark:<9}{states}: ")] or not states
+
+
+def test_the_list_names_each_once_with_whose_rules_it_has() -> None:
+    """What FIPA and the paper have in common is one protocol; the design's own are of the design."""
+    listed = json.loads(protocol("list", "--format", "json").stdout)
+    assert sorted(one["name"] for one in listed) == NAMES
+    origins = {one["name"]: one["origin"] for one in listed}
+    assert {name for name, origin in origins.items() if origin == "FIPA"} == {p.name for p in set(FIPA) - set(PAPER)}
+    assert {name for name, origin in origins.items() if origin == "the paper"} == {
+        p.name for p in set(PAPER) - set(FIPA)
+    }
+    assert {name for name, origin in origins.items() if "design" in origin} == set(DESIGN.own_tables)
+
+
+def test_an_alias_means_the_same() -> None:
+    """FIPA's token, where both profiles have one protocol."""
+    assert protocol("show", "fipa-contract-net").stdout == protocol("show", "cfp").stdout
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_drawing_is_an_svg_with_every_opening(name: str, tmp_path: Path) -> None:
+    """Its name above, the roles, and the acts that open it."""
+    file = tmp_path / "made" / "exchange.svg"
+    assert protocol("show", name, "--svg", str(file)).exit_code == 0
+    texts = " ".join(ElementTree.fromstring(file.read_text()).itertext()).split()
+    assert {name, "initiator", "participant", *of(name).openings} <= set(texts)
+
+
+def test_an_unknown_name_is_told_the_known_ones(tmp_path: Path) -> None:
+    """Exit code 2, as for any name that is not there; the same for a file that cannot be written."""
+    said = protocol("show", "auction")
+    assert (said.exit_code, said.stdout) == (2, "")
+    assert all(name in said.stderr for name in NAMES)
+    (tmp_path / "folder").mkdir()
+    assert protocol("show", "cfp", "--svg", str(tmp_path / "folder")).exit_code == 2

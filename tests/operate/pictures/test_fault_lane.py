@@ -1,0 +1,65 @@
+"""The lane of faults: the same live and afterwards, those that go on at the same time side by side."""
+
+import msgspec
+import pytest
+from noted import Noted, live
+
+from companion.tools.system import SYSTEM
+from operate.pictures.happenings import of_history
+from operate.pictures.lanes import FAULTS, REST
+from operate.pictures.stage import Stage
+from operate.recording import history
+from operate.recording.fault_file import KIND, OPERATOR
+from operate.recording.records import House, Record
+from operate.run_folder import Fault
+
+
+def lines(fault: Fault) -> list[House]:
+    """A fault as it was noted: waiting, begun, ended."""
+    waits = msgspec.structs.replace(fault, began=0.0, ended=None, t=fault.began - 1.0)
+    begun = msgspec.structs.replace(fault, ended=None, t=fault.began)
+    told = [waits, begun, *([fault] if fault.ended is not None else [])]
+    return [House(KIND, OPERATOR, one.target, one.t, msgspec.json.encode(one)) for one in told]
+
+
+@pytest.fixture
+def some(records: list[Record], past: history.History) -> list[Record]:
+    """The synthetic run with three faults, two of which overlap and one of which is not healed."""
+    at = past.begin
+    faults = [
+        Fault(id="a", kind="kill", target="pl", t=at + 4.0, began=at + 2.0, ended=at + 4.0, text="back"),
+        Fault(id="b", kind="hang", target="ta", t=at + 5.0, began=at + 3.0, ended=at + 5.0, at="ta:running"),
+        Fault(id="c", kind="pause", target="km", t=at + 6.0, began=at + 6.0),
+    ]
+    more = [line for fault in faults for line in lines(fault)]
+    return sorted([*records, *more], key=lambda one: one.received)
+
+
+def test_overlapping_faults_stand_side_by_side(some: list[Record], past: history.History) -> None:
+    """Live as afterwards; what waits for its moment is not there."""
+    expected = [
+        (2.0, "kill pl"),
+        (3.0, "kill pl, hang ta at ta:running"),
+        (4.0, "hang ta at ta:running"),
+        (5.0, REST),
+        (6.0, "pause km"),
+    ]
+    sheet = Noted(past.begin)
+    stage = Stage(sheet, SYSTEM)
+    for happening in of_history(history.merged(some, {}, SYSTEM)):
+        stage.take(happening)
+    for drawn in (sheet, live(some, past.begin, past.begin + 9.0)):
+        assert [(pytest.approx(at, abs=1e-6), state) for at, state in drawn.of(FAULTS)] == expected
+
+
+def test_a_run_without_faults_has_no_lane(sheet: Noted) -> None:
+    """Nor a static look of one."""
+    assert sheet.of(FAULTS) == []
+    assert FAULTS not in sheet.looks
+
+
+def test_the_history_has_each_fault_once(some: list[Record]) -> None:
+    """As its last line has it; the lines are no traffic."""
+    past = history.merged(some, {}, SYSTEM)
+    assert [(one.id, one.ended is None) for one in past.faults] == [("a", False), ("b", False), ("c", True)]
+    assert KIND not in past.houses

@@ -1,0 +1,185 @@
+"""One supervisor keeps a run folder; the next one ends what a dead one left. With real supervisors and routers."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from operate.cli.runs import folders
+from operate.run_folder import LOCK_FILE, ProcessState
+from operate.supervisor.keeping import KeptError, kept
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
+
+PATIENCE_S = 60.0  # of a busy machine
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Iterator[Path]:
+    """A run folder; whatever was started for it is killed at the end."""
+    folder = tmp_path / "runs" / "one"
+    yield folder
+    for pid in of_run(folder, ""):
+        os.kill(pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def start(run: Path) -> Iterator[Start]:
+    """Starts Python modules, with the run folder in their environment."""
+    started: list[subprocess.Popen[str]] = []
+
+    def begin(*words: str) -> "subprocess.Popen[str]":
+        pipe, settings = subprocess.PIPE, os.environ | {"ROCO_RUN_DIR": str(run)}
+        command = [sys.executable, "-m", *words]
+        started.append(subprocess.Popen(command, env=settings, stdout=pipe, stderr=pipe, text=True))
+        return started[-1]
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def supervise(start: Start) -> "subprocess.Popen[str]":
+    return start("services.supervisor", "--only", "router", "--insecure")
+
+
+def roco(start: Start, *words: str) -> tuple[int, str]:
+    """The exit code of `roco`, and what it said."""
+    process = start("operate.cli", *words)
+    said = "".join(process.communicate(timeout=PATIENCE_S))
+    return process.returncode, said
+
+
+def until(condition: Callable[[], object]) -> None:
+    """Wait for it, with a deadline."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def up(run: Path, supervisor: "subprocess.Popen[str]") -> None:
+    """Wait until this supervisor's router is ready."""
+
+    def ready() -> bool:
+        assert supervisor.poll() is None, supervisor.communicate()
+        told = folders.fleet(run)
+        keeps = told is not None and told.supervisor == supervisor.pid == folders.keeper(run)
+        return keeps and all(one.state is ProcessState.READY for one in told.processes)
+
+    until(ready)
+
+
+def of_run(run: Path, module: str = "services.router") -> list[int]:
+    """The living processes of this run folder that run a module."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            words, settings = ((place / name).read_bytes().split(b"\0") for name in ("cmdline", "environ"))
+        except OSError:
+            continue
+        if f"ROCO_RUN_DIR={run}".encode() in settings and (not module or module.encode() in words):
+            found.append(int(place.name))
+    return found
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_the_next_supervisor_ends_what_a_dead_one_left(run: Path, start: Start, frozen: bool) -> None:
+    """Never two routers of one run, also where the first one is frozen; nothing is left at the end."""
+    first = supervise(start)
+    up(run, first)
+    (old,) = of_run(run)
+    first.kill()
+    first.wait()
+    assert of_run(run) == [old]
+    assert folders.keeper(run) == 0
+    if frozen:
+        os.kill(old, signal.SIGSTOP)
+    second = supervise(start)
+    most = 0
+
+    def other() -> bool:
+        nonlocal most
+        most = max(most, len(of_run(run)))
+        return folders.keeper(run) == second.pid and old not in of_run(run) and len(of_run(run)) == 1
+
+    until(other)
+    assert most == 1
+    up(run, second)
+    second.terminate()
+    said, _ = second.communicate(timeout=PATIENCE_S)
+    assert "ending what a supervisor that died left: router" in said
+    assert of_run(run) == []
+
+
+def test_of_two_supervisors_one_is_refused_in_words(run: Path, start: Start) -> None:
+    """The other goes on as if nothing had been."""
+    first = supervise(start)
+    up(run, first)
+    routers = of_run(run)
+    second = supervise(start)
+    _, said = second.communicate(timeout=PATIENCE_S)
+    assert second.returncode == 1
+    assert f"runs already (supervisor {first.pid}); `roco down` ends it" in said
+    assert of_run(run) == routers
+    up(run, first)
+
+
+def test_of_two_up_at_once_one_wins_and_the_other_ends_nothing(run: Path, start: Start) -> None:
+    """Whichever: the one that is refused says so, and the fleet of the other is whole."""
+    words = ("operate.cli", "up", "--only", "router", "--insecure", "--out", str(run))
+    both = [start(*words), start(*words)]
+    said = ["".join(process.communicate(timeout=PATIENCE_S)) for process in both]
+    assert sorted(process.returncode for process in both) == [0, 1], said
+    refused = said[[process.returncode for process in both].index(1)]
+    assert "runs already" in refused
+    assert len(of_run(run)) == len(of_run(run, "operate.supervisor")) == 1
+    assert roco(start, "status", "--run-dir", str(run))[0] == 0
+    assert roco(start, "down", "--run-dir", str(run)) == (0, "ended router\n")
+    assert of_run(run, "") == []
+
+
+def test_a_look_at_the_lock_keeps_nobody_from_it(tmp_path: Path) -> None:
+    """It is free once its holder is gone; meanwhile the holder is named."""
+    with kept(tmp_path):
+        assert folders.keeper(tmp_path) == os.getpid()
+        with pytest.raises(KeptError, match=f"supervisor {os.getpid()}"), kept(tmp_path):
+            pass
+    assert folders.keeper(tmp_path) == 0
+    assert (tmp_path / LOCK_FILE).exists()
+    with kept(tmp_path):
+        assert folders.keeper(tmp_path) == os.getpid()
+
+
+@pytest.mark.parametrize("who", ["supervisor", "router"])
+def test_status_says_who_is_frozen_and_that_nobody_keeps_the_fleet(run: Path, start: Start, who: str) -> None:
+    """Exit code 0 only where all run and are looked after."""
+    supervisor = supervise(start)
+    up(run, supervisor)
+    (router,) = of_run(run)
+    status = ("status", "--run-dir", str(run))
+    assert roco(start, *status)[0] == 0
+    os.kill(supervisor.pid, signal.SIGSTOP)
+    if who == "router":
+        os.kill(router, signal.SIGSTOP)
+    code, said = roco(start, *status)
+    assert code == 1
+    assert f"the supervisor (pid {supervisor.pid}) is stuck, frozen by a signal" in said
+    assert ("frozen by a signal" in said.replace("stuck, frozen", "")) is (who == "router")
+    for pid in (router, supervisor.pid):
+        os.kill(pid, signal.SIGCONT)
+    until(lambda: roco(start, *status)[0] == 0)
+    supervisor.kill()
+    supervisor.wait()
+    code, said = roco(start, *status)
+    assert code == 1
+    assert "no supervisor: who dies now stays dead" in said
+    assert roco(start, "down", "--run-dir", str(run))[0] == 0
+    assert of_run(run, "") == []

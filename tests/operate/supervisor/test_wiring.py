@@ -1,0 +1,60 @@
+"""A fleet with wires: each agent has a port of its own, starts after the wires, and is told of no other address."""
+
+from pathlib import Path
+
+import pytest
+
+from agent_runtime.io.secured import ROUTERS
+from companion.tools.system import SYSTEM
+from operate.supervisor import core
+from operate.supervisor.__main__ import chosen
+from operate.supervisor.processes import linked
+from operate.supervisor.wiring import CONNECT, WIRES, wired
+from operate.wires import files
+
+AGENTS = tuple(SYSTEM.design.agents)
+
+
+@pytest.mark.parametrize("only", ["", "router,pl,km", "pl,ta"])
+def test_agents_start_after_their_wires(tmp_path: Path, only: str) -> None:
+    """In an order that the supervisor can start; all others are as they were."""
+    before = chosen(only, SYSTEM.processes)
+    processes, apart = wired(before, AGENTS, "tls/10.0.0.1:7447", tmp_path)
+    assert core.begin(processes, 0.0).known.keys() == {WIRES.name, *(one.name for one in before)}
+    agents = [one.name for one in before if one.name in AGENTS]
+    assert [one.name for one in processes if WIRES.name in one.after] == agents
+    assert [one for one in processes if one.name not in (*agents, WIRES.name)] == [
+        one for one in before if one.name not in agents
+    ]
+    told = files.told(tmp_path)
+    assert told is not None
+    assert (told.routers, set(told.ports)) == ({"router": ("10.0.0.1", 7447)}, set(agents))
+    assert {name: own[CONNECT] for name, own in apart.items()} == {
+        name: f"tls/127.0.0.1:{ports['router']}" for name, ports in told.ports.items()
+    }
+    assert len({ports["router"] for ports in told.ports.values()}) == len(agents)
+
+
+def test_of_two_routers_each_agent_has_a_wire_to_each(tmp_path: Path) -> None:
+    """All at ports of their own; the wires start after both routers, and agents reach both."""
+    processes, apart = wired(linked(SYSTEM.processes), AGENTS, "tls/10.0.0.1:7447,tls/10.0.0.2:7448", tmp_path)
+    assert next(one.after for one in processes if one.name == WIRES.name) == ROUTERS
+    told = files.told(tmp_path)
+    assert told is not None
+    assert told.routers == {"router": ("10.0.0.1", 7447), "router-2": ("10.0.0.2", 7448)}
+    assert all(tuple(ports) == ROUTERS for ports in told.ports.values())
+    assert len({port for ports in told.ports.values() for port in ports.values()}) == 2 * len(AGENTS)
+    for name, ports in told.ports.items():
+        assert apart[name][CONNECT] == ",".join(f"tls/127.0.0.1:{port}" for port in ports.values())
+
+
+def test_an_address_is_a_host_and_a_port() -> None:
+    """Of IPv6, too, whose brackets no socket wants; one without a port is refused by its name."""
+    assert files.routers("tls/[::1]:7447,tcp/robot.local:7448") == {
+        "router": ("::1", 7447),
+        "router-2": ("robot.local", 7448),
+    }
+    for wrong in ("tls/robot.local", "robot.local:7447", "tls/:7447", "tls/robot:port", ""):
+        with pytest.raises(ValueError, match="names no host and port") as told:
+            files.place(wrong)
+        assert repr(wrong) in str(told.value)

@@ -1,0 +1,227 @@
+"""The recorder, or the router, is killed amid the traffic of a fleet: every communicate is judged all the same.
+
+What was said meanwhile is in the step logs of the agents, also what somebody said who should not have.
+"""
+
+import json
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import cycle, islice
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import pytest
+import zenoh
+from toy_fleet import wait_for
+
+from agent_runtime.core.events import Arrived
+from agent_runtime.core.wiring import service_key
+from agent_runtime.io.steplog import read
+from agent_runtime.io.zenoh_wire import client_config
+from fipa_codec.communicate import Communicate, encode
+from fipa_codec.performatives import Performative
+from operate.cli.fleet.identity import tls
+from operate.cli.runs import folders
+from operate.recording import mcap_file
+from operate.recording.records import House, Resumed, Spoken
+from topdown.model.design import load
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
+pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(300)]
+ORDERS = [("receiving", "press"), ("store", "shipping"), ("press", "receiving")]
+KILLS = 2
+STOPPED_S, SAID = 1.0, 10
+FLOOD, BULKY = 400, b"x" * 60_000
+"""More than the sockets' buffers and the router's queue hold, at the priority of streams."""
+PRESSING = {"priority": zenoh.Priority.INTERACTIVE_HIGH, "congestion_control": zenoh.CongestionControl.BLOCK}
+R = TypeVar("R")
+WRONG = Communicate(
+    performative=Performative.INFORM,
+    sender="mule",
+    receiver="traffic",
+    protocol="passage",
+    language="WAY",
+    conversation="mule-9-9",
+    id="900",
+    in_reply_to="8",
+)
+"""mule leaves an aisle that it is not in; nobody answers the number, far ahead of its stream."""
+
+
+class Depot:
+    """The depot in a copy of its own, up."""
+
+    def __init__(self, folder: Path, orders: int) -> None:
+        self.folder, self.run, self.orders = folder / "depot", folder / "run", orders
+        shutil.copytree(EXAMPLE, self.folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
+        wanted = islice(cycle(ORDERS), orders)
+        lines = [f'[[order]]\nitem = "{a}"\nsource = "{a}"\ntarget = "{b}"\n' for a, b in wanted]
+        (self.folder / "orders.toml").write_text("\n".join(lines))
+        done = self.roco("up", "--out", str(self.run), "--scene", "orders.toml")
+        assert done.returncode == 0, done.stderr
+
+    def roco(self, *words: str) -> "subprocess.CompletedProcess[str]":
+        """Call a verb."""
+        command = [sys.executable, "-P", "-m", "operate.cli", *words]
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+        return subprocess.run(command, cwd=self.folder, env=kept, capture_output=True, text=True, timeout=100)
+
+    def pid(self, name: str) -> int:
+        """Of a process that is ready; 0 while it is not."""
+        ready = (self.run / f"{name}.ready").exists() and (self.run / f"{name}.pid").exists()
+        return int((self.run / f"{name}.pid").read_text()) if ready else 0
+
+    def kill(self, name: str) -> None:
+        """kill -9 as soon as it is ready."""
+        wait_for(lambda: self.pid(name), f"{name} is ready")
+        os.kill(self.pid(name), signal.SIGKILL)
+
+    def back(self, name: str, pid: int) -> None:
+        """Wait until another process has taken its place."""
+        wait_for(lambda: self.pid(name) not in (0, pid), f"{name} is back")
+
+    def arrived(self, agent: str) -> list[Communicate]:
+        """What reached an agent, by its step log."""
+        steps = [one for one in read(self.run / "steps" / f"{agent}.steps") if one.kind == Arrived.__name__]
+        return [msgspec.msgpack.decode(one.input, type=Arrived).communicate for one in steps]
+
+    def heard(self) -> int:
+        """How many communicates reached agents, by their step logs."""
+        return sum(len(self.arrived(path.stem)) for path in (self.run / "steps").glob("*.steps"))
+
+    def unheard(self, since: float = 0.0, until: float = math.inf) -> set[tuple[str, str, str]]:
+        """What was sent in this time [unix s] and reached agents, and the recorder has not."""
+        agents = [path.stem for path in (self.run / "steps").glob("*.steps")]
+        sent = [one for agent in agents for one in self.arrived(agent) if since <= one.sent <= until]
+        return {(one.sender, one.receiver, one.id) for one in sent} - {one.identity for one in self.records(Spoken)}
+
+    def records(self, kind: type[R]) -> list[R]:
+        """What is recorded of a kind."""
+        return [one for one in mcap_file.read(self.run / mcap_file.FILE).records if isinstance(one, kind)]
+
+    def ended(self) -> int:
+        """How many orders the desk knows to be carried out: two informs each, that it is assigned and delivered."""
+        informs = {one.id for one in self.arrived("desk") if (one.protocol, one.performative) == ("request", "inform")}
+        return len(informs) // 2
+
+    def judged(self) -> dict[str, Any]:
+        """What `roco traffic judge` says once all orders were carried out and the fleet is down."""
+        wait_for(lambda: self.ended() >= self.orders, "all orders are carried out", 120.0)
+        self.roco("down", "--run-dir", str(self.run))
+        found: dict[str, Any] = json.loads(self.roco("traffic", "judge", str(self.run), "--format", "json").stdout)
+        return found
+
+
+@pytest.fixture
+def depot(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Depot]:
+    """The depot at work, for as many orders as the test says."""
+    fleet = Depot(tmp_path, getattr(request, "param", len(ORDERS)))
+    yield fleet
+    fleet.roco("down", "--run-dir", str(fleet.run))
+
+
+def counts(found: dict[str, Any]) -> dict[str, int]:
+    """How often each verdict."""
+    told: dict[str, int] = {}
+    for row in found["channels"].values():
+        for verdict, count in row.items():
+            told[verdict] = told.get(verdict, 0) + count
+    return told
+
+
+@pytest.mark.parametrize("name", ["monitor", "router"])
+def test_a_hole_is_filled(depot: Depot, name: str) -> None:
+    """kill -9, again and again: nothing is unjudged, nobody is blamed."""
+    for _ in range(KILLS):
+        pid = depot.pid(name)
+        depot.kill(name)
+        depot.back(name, pid)
+    found = depot.judged()
+    records = mcap_file.read(depot.run / mcap_file.FILE).records
+    assert [one for one in records if isinstance(one, Resumed)], "there was a hole"
+    assert found["violations"] == []
+    assert counts(found).get("not judged", 0) == 0
+    assert found["filled"] == len(depot.unheard())
+
+
+@pytest.mark.parametrize("depot", [7], indirect=True)
+def test_what_a_slow_recorder_did_not_take_is_marked(depot: Depot) -> None:
+    """It is stopped for less than its lease while much is said: the router drops, and keeps its session.
+
+    Neither the verdicts of that time nor those of the filled recording blame anybody.
+    """
+    fleet = folders.fleet(depot.run)
+    assert fleet is not None
+    wait_for(lambda: depot.pid("monitor"), "the monitor is ready")
+    began, over, pid, key = 0.0, 0.0, depot.pid("monitor"), service_key(fleet.system, "state", "mule")
+    with zenoh.open(client_config(fleet.connect, tls(depot.run, fleet, "mule"))) as session:
+        while not depot.unheard(began, over) and depot.ended() < depot.orders:
+            began = time.time()
+            os.kill(pid, signal.SIGSTOP)
+            for _ in range(FLOOD):
+                session.put(key, BULKY, **PRESSING)
+            before = depot.heard()
+            while time.time() < began + STOPPED_S and depot.heard() < before + SAID:
+                session.put(key, BULKY, **PRESSING)
+            over = time.time()
+            os.kill(pid, signal.SIGCONT)
+            wait_for(lambda over=over: depot.records(House)[-1].received > over + 0.5, "it records again")  # type: ignore[misc]
+    wait_for(lambda: depot.records(House)[-1].received > over + 3.0, "all beat again, twice")
+    marks = [one for one in depot.records(Resumed) if one.sender]
+    marked = {one.sender for one in marks if one.since < over and one.received > began}
+    assert marked >= {sender for sender, _, _ in depot.unheard(began, over)} > set()
+    assert not [one for one in depot.records(Resumed) if not one.sender], "its session was kept"
+    found = depot.judged()
+    assert found["violations"] == []
+    assert counts(found).get("not judged", 0) == 0
+    assert found["filled"] == len(depot.unheard()) > 0
+    live = [json.loads(line) for line in (depot.run / "verdicts.jsonl").read_text().splitlines()]
+    assert [one for one in live if one.get("violation")] == []
+
+
+def test_what_was_wrong_while_nobody_recorded_is_found(depot: Depot) -> None:
+    """With a key of the fleet somebody speaks for mule as soon as the recorder is dead."""
+    fleet = folders.fleet(depot.run)
+    assert fleet is not None
+    session = zenoh.open(client_config(fleet.connect, tls(depot.run, fleet, "mule")))
+    pid = depot.pid("monitor")
+    os.kill(pid, signal.SIGKILL)
+    session.put(load(EXAMPLE / "depot" / "design.toml").key(fleet.system, WRONG), encode(WRONG))
+    wait_for(lambda: WRONG in depot.arrived("traffic"), "traffic hears it")
+    session.close()  # type: ignore[no-untyped-call]
+    depot.back("monitor", pid)
+    found = depot.judged()
+    assert [(one["id"], one["verdict"], one["log"]) for one in found["violations"]] == [
+        (WRONG.id, "wrong language", "traffic")
+    ]
+
+
+def test_a_dead_letter_is_kept(depot: Depot) -> None:
+    """What an agent turned away is listed while the fleet runs, and after the agent's death, of the folder."""
+    fleet = folders.fleet(depot.run)
+    assert fleet is not None
+    session = zenoh.open(client_config(fleet.connect, tls(depot.run, fleet, "mule")))
+    letter = msgspec.structs.replace(WRONG, id="first")
+    session.put(load(EXAMPLE / "depot" / "design.toml").key(fleet.system, letter), encode(letter))
+    wait_for(lambda: letter in depot.arrived("traffic"), "traffic hears it")
+    session.close()  # type: ignore[no-untyped-call]
+
+    def listed() -> list[tuple[str, ...]]:
+        words = ("traffic", "dead", "--run", str(depot.run), "--agent", "mule", "--format", "json")
+        letters = json.loads(depot.roco(*words).stdout)
+        return [tuple(one.get(name, "") for name in ("reason", "sender", "receiver", "id")) for one in letters]
+
+    expected = ("turned away", "mule", "traffic", "first")
+    wait_for(lambda: expected in listed(), "it is listed")
+    pid = depot.pid("traffic")
+    depot.kill("traffic")
+    depot.back("traffic", pid)
+    depot.roco("down", "--run-dir", str(depot.run))
+    assert listed().count(expected) == 1
