@@ -71,6 +71,37 @@ def test_a_deadline_that_would_pass_is_worth_a_switch():
     assert not by_costs(replace(running, deadline=30.0), (replace(waiting, deadline=40.0),), 0.0).switch
 
 
+def test_what_a_switch_costs_by_hand():
+    """Suspension and the other task first, then resumption and the rest; each second counts for both."""
+    running, short = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0), Offer("look", 100.0, rest=10.0)
+    decision = by_costs(running, (short,), 100.0)
+    assert decision.switch_cost == (4.0 + 10.0) + (4.0 + 10.0 + 6.0 + 100.0)
+    assert decision.wait_cost == 100.0 + (100.0 + 10.0)
+
+
+def test_a_second_costs_more_the_longer_a_task_has_waited():
+    """Twice as much after ten minutes; nothing less for a task whose arrival lies ahead by another clock."""
+    offer = Offer("pour", 0.0)
+    assert [offer.cost(now, now + 30.0) for now in (0.0, 600.0, 1200.0)] == [30.0, 60.0, 90.0]
+    assert replace(offer, arrived=50.0).cost(0.0, 30.0) == 30.0
+
+
+def test_the_deadline_that_comes_first_is_worth_a_switch_and_the_same_one_is_not():
+    """By rule `deadline`; a task that comes after the running one waits under every rule."""
+    running, due = Offer("pour", 0.0, deadline=90.0), Offer("take", 10.0, deadline=80.0)
+    assert by_deadline(running, (due,), 20.0).switch
+    assert by_deadline(running, (replace(due, deadline=90.0),), 20.0).task == "pour"
+    for rule in RULES.values():
+        assert rule(running, (replace(due, after=("pour",)),), 20.0).task == "pour"
+
+
+def test_the_reason_says_whether_there_was_a_choice():
+    """A person reads it."""
+    one, other = Offer("pour", 0.0, rest=5.0), Offer("take", 0.0, rest=9.0)
+    assert by_costs(None, (one,), 0.0).why == "it is the only one"
+    assert by_costs(None, (one, other), 0.0).why == "it costs least to do it first"
+
+
 def test_nobody_waits_for_ever_behind_short_tasks():
     """New short tasks come without end; the long one is done all the same."""
     long, now = Offer("long", 0.0, rest=60.0), 0.0
@@ -116,6 +147,21 @@ def test_a_queue_loses_nothing_and_interrupts_nothing(said, planning):
             same = getattr(job.command, "object", 1) == getattr(before.command, "object", 2)
             later = int(before.conversation) > int(job.conversation)
             assert not (same and later and before.command.urgency <= job.command.urgency)
+
+
+def order_of(*said):
+    """The queue's order of tasks that wait, as numbers."""
+    jobs = tuple(Job(str(n), command, float(n), Stage.WAITING) for n, command in enumerate(said))
+    return [int(job.conversation) for job in queued(jobs, 10.0)]
+
+
+def test_tasks_wait_in_order_of_their_deadlines_unless_they_are_about_the_same_thing():
+    """One without a deadline comes last; jar and jar_1 may be the same one; a look is about nothing in particular."""
+    take, put = cmd.Take("jar", deadline=90.0), cmd.PutDown("bowl", deadline=50.0)
+    assert order_of(cmd.LookAround(), take, put) == [2, 1, 0]
+    assert order_of(take, cmd.PutDown("jar_1", deadline=50.0)) == [0, 1]
+    assert order_of(cmd.LookAround(deadline=90.0), cmd.LookAround(deadline=50.0)) == [1, 0]
+    assert order_of(take, cmd.PutDown("jar_1", deadline=50.0, urgency=1)) == [1, 0]
 
 
 def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():

@@ -64,11 +64,9 @@ def _refused(fleet: RocoFleet) -> int:
 
 
 def test_tasks_are_done_one_after_the_other(fleet: RocoFleet) -> None:
-    """Said in one breath: each is done, none before the one in front of it has ended; an urgent one is next."""
-    take, put = fleet.say("take the jar"), fleet.say("put down the jar")
-    fleet.roco("say", "look around", "--first")
-    look = fleet.hi.tasks()[-1].task
-    lines = [fleet.ended(task) for task in (take, look, put)]
+    """Said in one breath: each is done, none before the one in front of it has ended."""
+    tasks = [fleet.say(text) for text in ("take the jar", "put down the jar", "look around")]
+    lines = [fleet.ended(task) for task in tasks]
     assert [line.state for line in lines] == ["done"] * 3, lines
     assert [line.since for line in lines] == sorted(line.since for line in lines)
     safely_down(fleet.truth())
