@@ -13,7 +13,7 @@ from companion.languages.sw import WorkerState
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Job, Stage
 from services.coordinator.offers import queued
-from services.coordinator.scheduling import RULES, Offer, by_costs, by_deadline, first_come, in_order
+from services.coordinator.scheduling import RULES, Decision, Offer, by_costs, by_deadline, first_come, in_order
 
 seconds = st.floats(0.0, 500.0)
 offers = st.builds(
@@ -77,6 +77,16 @@ def test_what_a_switch_costs_by_hand():
     decision = by_costs(running, (short,), 100.0)
     assert decision.switch_cost == (4.0 + 10.0) + (4.0 + 10.0 + 6.0 + 100.0)
     assert decision.wait_cost == 100.0 + (100.0 + 10.0)
+
+
+def test_what_is_not_said_of_an_offer_costs_nothing():
+    """Nor is it urgent; and a decision by urgency alone has no costs."""
+    running, waiting = Offer("pour", 0.0), Offer("take", 0.0)
+    assert by_costs(running, (waiting,), 0.0) == Decision("pour", "to wait costs 0, to switch 0: not below 0.9 of it")
+    urgent, other = replace(waiting, urgency=1), replace(waiting, urgency=0)
+    assert first_come(running, (urgent,), 0.0) == Decision("take", "it is more urgent", True, 0.0, 0.0)
+    assert first_come(running, (other,), 0.0) == Decision("pour", "it runs already", False, 0.0, 0.0)
+    assert first_come(replace(running, urgency=0), (waiting,), 0.0).task == "pour"
 
 
 def test_a_second_costs_more_the_longer_a_task_has_waited():
