@@ -170,11 +170,12 @@ def test_only_the_operator_can_give_orders(depot: Depot) -> None:
 
 def test_logs_follow_what_is_written(depot: Depot) -> None:
     """-f shows what comes after it was called, until Ctrl-C, which is an ordinary end."""
-    command = [sys.executable, "-P", "-m", "operate.cli", "logs", "-f", "desk", "--since", "1s", "--format", "json"]
+    command = [sys.executable, "-P", "-m", "operate.cli", "logs", "-f", "desk", "--since", "10m", "--format", "json"]
     with subprocess.Popen(command, cwd=depot.folder, env=depot.environment, stdout=subprocess.PIPE) as follows:
         assert follows.stdout is not None
+        lines = map(json.loads, follows.stdout)
+        assert next(lines)["fields"].get("order") != "log level warning"  # it has begun to follow
         depot.roco("agent", "log-level", "desk", "warning")
-        lines = (json.loads(line) for line in follows.stdout)
         assert any(line["fields"].get("order") == "log level warning" for line in lines)
         follows.send_signal(signal.SIGINT)
         assert follows.wait(20.0) == 0
