@@ -36,7 +36,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Name what passed at its second try only."""
+    """Name what passed at its second try only; of two workers and the process that started them, only that one does."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        return
     failed = {report.nodeid for kind in ("failed", "error") for report in terminalreporter.stats.get(kind, ())}
     again = [one.nodeid for one in terminalreporter.stats.get("rerun", ()) if one.nodeid not in failed]
     for name in again:
