@@ -22,6 +22,7 @@ MINE = f"roco/{SYSTEM}/C1/ta/co/coordinate/inform"
 DENIED = f"roco/{SYSTEM}/C1/co/ta/coordinate/request"
 """What hi, the thief's identity here, may not put."""
 LARGE, TIMES = 20_000_000, 5
+"""Bytes, more than LONGEST; and how often for each priority."""
 CONTAINER_MB = 256
 """The router's in deploy/compose.yaml."""
 ALL_PRIORITIES = (
@@ -91,7 +92,7 @@ def throw(thief: zenoh.Session, priority: Any) -> None:
 
 
 @pytest.mark.parametrize("priorities", [ALL_PRIORITIES[4:5], ALL_PRIORITIES], ids=["one", "all at once"])
-def test_large_messages_take_no_memory_and_hold_nobody_up(
+def test_large_messages_take_no_memory_and_cut_nobody_off(
     router: Fleet, pair: Pair, thief: zenoh.Session, priorities: tuple[Any, ...]
 ) -> None:
     """The router drops them, keeps at most LONGEST of each priority meanwhile, and what others say arrives in order.

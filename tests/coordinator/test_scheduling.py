@@ -11,7 +11,7 @@ from partners_of_co import Scene
 from companion.languages import cmd
 from companion.languages.sw import WorkerState
 from fipa_codec.performatives import Performative as P
-from services.coordinator.memory import Job, Stage
+from services.coordinator.memory import Choice, Job, Stage
 from services.coordinator.offers import queued
 from services.coordinator.scheduling import RULES, Decision, Offer, by_costs, by_deadline, first_come, in_order
 
@@ -265,6 +265,7 @@ def test_a_plan_is_not_begun_where_a_more_urgent_task_came_meanwhile(scene):
     scene.plan()
     assert P.REQUEST not in scene.acts("ta")
     assert scene.said(pour)[-1] == "inform suspended"
+    assert (scene.state, scene.memory.choice) == ("compSP", Choice.OPEN)
     scene.plan(5.0)
     scene.ta(WorkerState.SUCCEEDED)
     scene.plan()
