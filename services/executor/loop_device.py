@@ -96,10 +96,8 @@ class LoopDevice:
         while True:
             try:
                 link = self._reach()
-                report = link.told().report
-                if report.phase is Phase.RUNNING:
-                    self._command(link, Cancel(report.key))
-                    self._until(link, lambda told: told.report.phase is not Phase.RUNNING)
+                self._command(link, Cancel(None))  # also in the place of a motion that the loop has not taken yet
+                self._until(link, lambda told: told.report.phase is not Phase.RUNNING)
                 self._post(Stands(number, self._rest(link)))
                 return True
             except Gone:

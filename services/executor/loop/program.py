@@ -113,9 +113,9 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
 
 
 class Cancel(msgspec.Struct, frozen=True, tag=True):
-    """End the motion with this key smoothly; any other one goes on."""
+    """End the motion with this key smoothly; any other one goes on. None: end whichever runs."""
 
-    key: str
+    key: str | None
 
 
 class Release(msgspec.Struct, frozen=True, tag=True):

@@ -30,6 +30,8 @@ AGAIN_S = 60.0  # estimate: a day is left
 RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
 PORTS, TRIES = 10_000, 100
 """So many ports below those of outgoing connections are looked at, and so often (estimate: few of them are taken)."""
+_KEPT: list[socket.socket] = []
+"""UDP sockets that tell other fleets of this machine which TCP ports will be listened at."""
 
 
 class Keys:
@@ -147,13 +149,19 @@ class Keys:
 def free_port() -> int:
     """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side.
 
-    Who listens does so seconds later: it is none of those that the system may give to outgoing connections meanwhile.
+    Who listens does so seconds later: it is none of those that the system may give to outgoing connections meanwhile,
+    and no other fleet is given it while this process lives, since the UDP port of the same number is kept.
     """
     lowest = _lowest_given()
     for port in (*random.sample(range(lowest - PORTS, lowest), TRIES), 0):
+        kept = socket.socket(type=socket.SOCK_DGRAM)
         with socket.socket() as probe, suppress(OSError):
             probe.bind(("127.0.0.1", port))
-            return int(probe.getsockname()[1])
+            found = int(probe.getsockname()[1])
+            kept.bind(("127.0.0.1", found))
+            _KEPT.append(kept)
+            return found
+        kept.close()
     raise OSError("no TCP port of 127.0.0.1 is free; end what listens there (`ss -ltn`)")
 
 

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from services.executor import loop_device
 from services.executor.local import Brake, Do, Felt, Halt, Lost, Moved, Stands, Where
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import LoopProcess, Speed
-from services.executor.loop.program import Mode, Phase, motion
+from services.executor.loop.program import Mode, Phase, Release, motion
 from services.executor.loop.timing import Pacer
 from services.executor.loop_device import LoopDevice
 from services.executor.telemetry import robot_state
@@ -26,20 +27,24 @@ class Turned:
     """A loop that turns in a thread until it is ended."""
 
     def __init__(self, path: Path) -> None:
+        self.path = path
         backend = MockBackend()
         self.process = LoopProcess(
             LoopCore(backend), LoopLink(path), speed=Speed.MAX, truth=None, pacer=Pacer(backend.period_s)
         )
-        self._over = threading.Event()
+        self._over, self.awake = threading.Event(), threading.Event()
+        self.awake.set()
         self._thread = threading.Thread(target=self._turn, daemon=True)
         self._thread.start()
 
     def _turn(self) -> None:
         while not self._over.is_set():
+            self.awake.wait()
             self.process.turn()
 
     def end(self) -> None:
         self._over.set()
+        self.awake.set()
         self._thread.join()
 
 
@@ -194,6 +199,37 @@ def test_halt_stops_what_moves(turned: Turned, reach: LoopDevice, heard: Heard, 
     word = heard.next()
     assert isinstance(word, Stands)
     assert AgentLink(slots).told().report.phase != "running"
+
+
+def test_a_motion_that_was_lost_before_the_loop_took_it_never_begins(
+    turned: Turned, reach: LoopDevice, heard: Heard, slots: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The loop stands still when it is sent; when it goes on, the robot stays, and the next motion is done."""
+    monkeypatch.setattr(loop_device, "TAKEN_WITHIN_S", 0.1)
+    felt = where(reach, heard)
+    turned.awake.clear()
+    until(lambda: not _turns(turned))
+    reach.tell(Do(1, motion("lost", path(felt, 0.5))))
+    assert isinstance(heard.next(), Lost)
+    slot = AgentLink(slots).file.slots["command"]
+    lost = slot.number
+    reach.tell(Halt(1))
+    until(lambda: slot.number > lost)
+    turned.awake.set()
+    assert isinstance(heard.next(), Stands)
+    reach.tell(Do(2, motion("next", path(felt, 0.5, to=-0.3))))
+    word = heard.next()
+    assert isinstance(word, Moved), word
+    assert word.felt.ended == "done", word.felt.reason
+    assert word.felt.setpoint()[7] == pytest.approx(felt.setpoint()[7] - 0.3, abs=1e-6)
+
+
+def _turns(turned: Turned) -> bool:
+    """Whether the loop still takes commands."""
+    link = AgentLink(turned.path)
+    number = link.send(Release())
+    threading.Event().wait(0.02)
+    return link.told().taken == number
 
 
 def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
