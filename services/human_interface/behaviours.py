@@ -110,7 +110,7 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
         problem = _nothing_to_cancel(memory, word.task)
         turn.tell(Answer(word.ticket, line) if line else Answer(word.ticket, problem=problem, status=404))
         return memory
-    found = outcome(word.meaning, memory.context)
+    found = _timed(outcome(word.meaning, memory.context), word, turn.now)
     memory = memory.with_context(options=found.options if isinstance(found, Ask) else ())
     match found:
         case Act(tasks=tasks):
@@ -138,6 +138,23 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
             return memory
 
 
+def _timed(found: Act | Ask | Tell, word: Said, now: float) -> Act | Ask | Tell:
+    """Return what is done with a sentence, its tasks as urgent as was said, those of a question's answers, too."""
+    if isinstance(found, Act):
+        return Act(tuple(_wanted(task, word, now) for task in found.tasks))
+    if isinstance(found, Ask):
+        answers = (replace(one, tasks=tuple(_wanted(task, word, now) for task in one.tasks)) for one in found.options)
+        return replace(found, options=tuple(answers))
+    return found
+
+
+def _wanted(task: cmd.Task, word: Said, now: float) -> cmd.Task:
+    """The task with the urgency and the deadline of what was said, where something was said of them."""
+    if word.urgency:
+        task = replace(task, urgency=word.urgency)
+    return replace(task, deadline=now + word.within_s) if word.within_s else task
+
+
 def _told(memory: Memory, turn: Turn, word: Said, state: str, text: str) -> Memory:
     """Answer that no task came of the sentence, and why."""
     turn.tell(Answer(word.ticket, TaskLine("", state, text, word.text, turn.now)))
@@ -157,7 +174,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) ->
         memory = memory.following(name, names[-1]) if names else memory
         names.append(name)
     turn.tell(Shown(memory.tasks, memory.told))  # before the answer, whose reader may look at once
-    text = say(word.meaning.language, "i_will", in_words(tasks, word.meaning.language))
+    text = _i_will(tasks, word.meaning.language, turn.now)
     line = TaskLine(names[0], TaskState.WAITING, text, word.text, turn.now, tuple(names[1:]))
     turn.tell(Answer(word.ticket, line))
     return memory
@@ -165,15 +182,25 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) ->
 
 def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Memory, str]:
     """Request a task. Return the memory and the name of the task."""
-    task = replace(task, urgency=word.urgency)
-    name = words.ask(turn, replace(task, deadline=turn.now + word.within_s) if word.within_s else task)
+    name = words.ask(turn, task)
     turn.wake(name, turn.now + ANSWER_WITHIN_S)
-    text = say(word.meaning.language, "i_will", in_words((task,), word.meaning.language))
+    text = _i_will((task,), word.meaning.language, turn.now)
     memory = memory.with_task(TaskLine(name, TaskState.WAITING, text, word.text, turn.now))
     memory = memory.with_context(mentioned=with_mentioned(memory.context.mentioned, *things_of(task)))
     if isinstance(task, cmd.LookAround):
         memory = replace(memory, looks=(*memory.looks, name))
     return memory.with_news(News(AgentName.HI, "asked", text, name)), name
+
+
+def _i_will(tasks: tuple[cmd.Task, ...], language: str, now: float) -> str:
+    """What will be done, in which order and until when."""
+    text = in_words(tasks, language)
+    if any(task.urgency for task in tasks):
+        text = say(language, "urgent", text)
+    if deadline := max(task.deadline for task in tasks):
+        left_s = deadline - now
+        text = say(language, "within", text, f"{left_s:.0f} s" if left_s < 120.0 else f"{left_s / 60.0:.0f} min")
+    return say(language, "i_will", text)
 
 
 def _cancel_all(memory: Memory, turn: Turn, word: Said) -> Memory:

@@ -31,12 +31,24 @@ class WishRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pl: tuple[str, ...]
 
 
+class TimeRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A row [time]: regular expressions of words that say when something is wanted."""
+
+    urgent: str
+    within: str
+    by: str
+
+
 class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The whole file."""
 
     anywhere: dict[str, str]
     opening: dict[str, str]
     joining: dict[str, str]
+    time: dict[str, TimeRow]
+    number: dict[str, dict[str, float]]
+    unit: dict[str, dict[str, float]]
+    clock: dict[str, dict[str, int]]
     side: dict[str, dict[str, str]]
     thing: tuple[KindOfThing, ...]
     rule: dict[str, dict[str, str]]

@@ -12,7 +12,9 @@ from typing import Any
 from lark import Lark, Token, Tree
 from lark.exceptions import LarkError
 from lark.lexer import Lexer
+from msgspec.structs import replace
 
+from services.human_interface import times
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, bare, phrases
 from services.human_interface.meaning import Clause, Meaning, Thing
 
@@ -25,7 +27,7 @@ NEAR = 0.75  # similarity from which an unknown word may be a typing error (as d
 SHORT = 3  # letters below which no word is taken for another one (estimate; a guess is only ever asked)
 
 _TASK = re.compile(r"hi-\d+-\d+")
-_WORDS = re.compile(r"hi-\d+-\d+|[^\W_]+|[,.;:!?]")
+_WORDS = re.compile(r"hi-\d+-\d+|\d{1,2}:\d\d|[^\W_]+|[,.;:!?]")
 _PART = re.compile(r"[()|\[\]]|[^\W\d]+")
 
 
@@ -152,6 +154,12 @@ def understand(sentence: str) -> Meaning:
     words = _split(sentence)
     if len(words) > MOST_WORDS:
         return Meaning(why="long")
+    words, when = times.taken(words)
+    return replace(_read(words), when=when)
+
+
+def _read(words: tuple[str, ...]) -> Meaning:
+    """The meaning of words without those that say when."""
     polite, plain = _polite(words), tuple(_commas(words))
     separators = sum(word == "," or word in _JOINING for word in polite)
     if separators > MOST_SEPARATORS:

@@ -28,10 +28,22 @@ class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
     task: str = ""
 
 
+class When(msgspec.Struct, frozen=True, omit_defaults=True):
+    """When the wishes of a sentence are wanted. `urgent`: before all else; `within_s`: seconds until they are done.
+
+    `by`: times of day in minutes, the next of which is meant (three o'clock is by night and by day).
+    """
+
+    urgent: bool = False
+    within_s: float = 0.0
+    by: tuple[int, ...] = ()
+
+
 class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
     """A sentence: its clauses in order, none where it is not understood, and then why, in the catalogue's terms.
 
-    `guessed`: words were taken for others that are written alike. `strange`: the first word that nobody knows.
+    `when` they are wanted. `guessed`: words were taken for others that are written alike. `strange`: the first word
+    that nobody knows.
     """
 
     language: str = "en"
@@ -39,3 +51,4 @@ class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
     guessed: bool = False
     why: str = ""
     strange: str = ""
+    when: When = When()

@@ -25,7 +25,7 @@ from agent_runtime.io.devices import Post
 from companion.run_files import HELD, HI_FILE, LET_GO, RELEASED, STOPPED, Cancel, HiAddress, Problem, Say, TaskLine
 from companion.stop_words import stop_words
 from fipa_codec.communicate import number_of
-from services.human_interface import doorstep
+from services.human_interface import doorstep, times
 from services.human_interface.board import Board
 from services.human_interface.grammar import understand
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, StopRobot
@@ -179,7 +179,9 @@ class _Request(http.server.BaseHTTPRequestHandler):
         with self._room():
             meaning = understand(text)
             ticket = self.server.board.ticket()
-            self.server.post(Said(ticket, text, meaning, self.server.robot.held, said.urgency, said.within_s))
+            urgency = max(said.urgency, int(meaning.when.urgent))
+            within_s = said.within_s or times.seconds_left(meaning.when, _minute_of_day())
+            self.server.post(Said(ticket, text, meaning, self.server.robot.held, urgency, within_s))
             return self._answer(ticket)
 
     def _stop(self) -> msgspec.Struct:
@@ -294,6 +296,12 @@ _ROUTES = {
     "/tasks": ("GET", _Request._tasks),
     "/events": ("GET", _Request._events),
 }
+
+
+def _minute_of_day() -> float:
+    """The minutes since midnight on the clock of this machine."""
+    now = time.localtime()
+    return now.tm_hour * 60 + now.tm_min + now.tm_sec / 60.0
 
 
 def _write_secret(path: Path, data: bytes) -> None:

@@ -351,6 +351,16 @@ def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
     assert msgspec.json.encode(last) == b'{"type":"LookAround"}'
 
 
+def test_what_was_urgent_is_urgent_when_a_question_was_answered(scene):
+    """The options of the question keep it, and the answer of hi says it."""
+    asked = scene.ask(Said("t", "take the container", read("take the container"), False, 1, 600.0))
+    assert asked.line.state == "question"
+    line = scene.say("the jar").line
+    assert line.text == "I will take the jar, before anything else, within 10 min."
+    (sent,) = [one.content for one in scene.heard if isinstance(one.content, cmd.Command)]
+    assert (sent.urgency, round(sent.deadline - scene.wires.now)) == (1, 600)
+
+
 # --- stopped ----------------------------------------------------------------------------------------------------------
 
 

@@ -165,11 +165,11 @@ def test_acts_are_about_known_things_alone(words):
     ],
 )
 def test_the_worst_sentence_is_read_in_bounded_time(sentence):
-    """At most a fifth of a second of the processor; the longest that was found takes under 0.1 s (measured)."""
+    """Within a second of the processor; the longest that was found takes under 0.1 s on a quiet machine (measured)."""
     for cut in (MOST_CHARACTERS, len(sentence)):
         begun = time.process_time()
         said(sentence[:cut])
-        assert time.process_time() - begun < 0.2
+        assert time.process_time() - begun < 1.0
     assert understand("take " * (MOST_WORDS + 1)).why == "long"
 
 

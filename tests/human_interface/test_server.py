@@ -33,6 +33,23 @@ def test_say_and_cancel_reach_the_agent_and_bring_its_answer(client):
     assert [type(word) for word in client.words] == [Said, CancelWanted]
 
 
+@pytest.mark.parametrize(
+    ("words", "urgency", "within_s"),
+    [
+        ("look around first, within ten minutes", 1, 600.0),
+        ("look around by 15:30", 0, 1770.0),
+        ("look around by half past three", 0, 1770.0),
+        ("look around", 0, 0.0),
+    ],
+)
+def test_when_a_sentence_is_wanted_goes_to_the_agent_as_seconds(client, monkeypatch, words, urgency, within_s):
+    """A time of day by the clock of this machine: it is 15:00:30."""
+    monkeypatch.setattr(server, "_minute_of_day", lambda: 900.5)
+    client.ask("POST", "/say", msgspec.json.encode({"text": words}))
+    said = client.words[-1]
+    assert (said.urgency, round(said.within_s, 6)) == (urgency, within_s)
+
+
 def test_what_the_agent_refuses_keeps_its_status(client):
     """503 and 404 with its words."""
     assert client.refused("POST", "/say", b'{"text": "status"}') == (503, "no coordinator yet")

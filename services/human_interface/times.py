@@ -1,0 +1,91 @@
+"""When something is wanted, as people say it: "first", "within ten minutes", "before noon", "by half past three".
+
+Such words are taken out of a sentence before the grammar reads the rest; words about time that are not understood stay,
+so that the grammar refuses the sentence. By the catalogue. Must not know: tasks, clocks.
+"""
+
+import re
+
+from msgspec.structs import replace
+
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES
+from services.human_interface.meaning import When
+
+HALF_DAY, DAY = 12 * 60, 24 * 60
+
+
+def _choice(words: object) -> str:
+    return "|".join(sorted(words, key=len, reverse=True))  # type: ignore[call-overload]
+
+
+def _expression(text: str, language: str) -> re.Pattern[str]:
+    """Return a row of the catalogue as an expression over words with a blank between them."""
+    numbers, units = _choice(CATALOGUE.number[language]), _choice(CATALOGUE.unit[language])
+    hour = rf"\d{{1,2}}|{numbers}"
+    spoken = rf"half past (?:{hour})|quarter (?:past|to) (?:{hour})|(?:{hour}) o clock|godziny (?:{hour})"
+    clock = rf"\d{{1,2}}:\d\d(?: [ap]m)?|\d{{1,2}} ?[ap]m|{spoken}|{_choice(CATALOGUE.clock[language])}"
+    text = text.replace("\n", "").replace("CLOCK", f"({clock})")
+    text = re.sub(r"\bN\b", rf"(\\d{{1,4}}|{numbers})", text).replace("UNIT", f"({units})")
+    return re.compile(rf"(?:^| )(?:{text})(?= |$)")
+
+
+_URGENT, _WITHIN, _BY = (
+    {language: _expression(getattr(CATALOGUE.time[language], kind), language) for language in LANGUAGES}
+    for kind in ("urgent", "within", "by")
+)
+
+
+def taken(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
+    """Return the words without those that say when, and what these say; all of them where nothing else is left."""
+    text, when = " ".join(words), When()
+    for language in LANGUAGES:
+        if found := _URGENT[language].search(text):
+            text, when = _without(text, found), replace(when, urgent=True)
+        if found := _WITHIN[language].search(text):
+            text, when = _without(text, found), replace(when, within_s=_seconds(found, language))
+        if (found := _BY[language].search(text)) and (by := _clocks(found.group(1), language)):
+            text, when = _without(text, found), replace(when, by=by)
+    rest = tuple(text.split())
+    return (rest, when) if any(word != "," for word in rest) else (words, When())
+
+
+def _without(text: str, found: re.Match[str]) -> str:
+    return text[: found.start()] + text[found.end() :]
+
+
+def _seconds(found: re.Match[str], language: str) -> float:
+    *number, unit = (one for one in found.groups() if one)
+    return (_number(number[0], language) if number else 1.0) * CATALOGUE.unit[language][unit]
+
+
+def _number(word: str, language: str) -> float:
+    return float(word) if word.isdecimal() else CATALOGUE.number[language][word]
+
+
+def _clocks(said: str, language: str) -> tuple[int, ...]:
+    """The times of day that are meant, in minutes."""
+    if said in CATALOGUE.clock[language]:
+        return (CATALOGUE.clock[language][said],)
+    if found := re.fullmatch(r"(\d+):(\d+)(?: ([ap]m))?", said):
+        return _of_day(int(found[1]), int(found[2]), found[3] or "")
+    if found := re.fullmatch(r"(\d+) ?([ap]m)", said):
+        return _of_day(int(found[1]), 0, found[2])
+    hour = int(_number(re.sub(r"half past |quarter past |quarter to | o clock|godziny ", "", said), language))
+    past = {"half": 30, "quarter": 15}.get(said.partition(" ")[0], 0)
+    return _of_day(hour, -past if said.startswith("quarter to") else past, "")
+
+
+def _of_day(hour: int, minute: int, half: str) -> tuple[int, ...]:
+    """The times of day of a clock's time; none for one that no clock shows."""
+    if hour > 24 or minute > 59 or (half and not 1 <= hour <= 12):
+        return ()
+    at = 60 * hour + minute
+    if half:
+        return ((at % HALF_DAY + (HALF_DAY if half == "pm" else 0)) % DAY,)
+    return (at % HALF_DAY, at % HALF_DAY + HALF_DAY) if 1 <= hour <= 12 else (at % DAY,)
+
+
+def seconds_left(when: When, minute_of_day: float) -> float:
+    """Return the seconds until it is wanted, from a time of day in minutes; 0 where nothing was said."""
+    ahead = [(at - minute_of_day) % DAY * 60.0 for at in when.by]
+    return min([when.within_s] * (when.within_s > 0.0) + ahead, default=0.0)

@@ -1,0 +1,109 @@
+"""When something is wanted: words about time are taken out of a sentence, and say the same in each of their forms."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.human_interface import times
+from services.human_interface.catalogue import CATALOGUE
+from services.human_interface.grammar import VOCABULARY, understand
+from services.human_interface.meaning import When
+
+URGENT, PLAIN = When(urgent=True), When()
+WORDS = sorted(VOCABULARY | {",", "first", "within", "by", "noon", "10", "15:30"})
+HALF_PAST_THREE = When(by=(3 * 60 + 30, 15 * 60 + 30))
+
+
+@pytest.mark.parametrize(
+    ("words", "when"),
+    [
+        ("first", URGENT),
+        ("first, please", URGENT),
+        ("before anything else", URGENT),
+        ("urgently", URGENT),
+        ("within ten minutes", When(within_s=600.0)),
+        ("within 10 minutes", When(within_s=600.0)),
+        ("within a minute", When(within_s=60.0)),
+        ("within half an hour", When(within_s=1800.0)),
+        ("within a quarter of an hour", When(within_s=900.0)),
+        ("in less than 90 seconds", When(within_s=90.0)),
+        ("before noon", When(by=(720,))),
+        ("by half past three", HALF_PAST_THREE),
+        ("by 3:30", HALF_PAST_THREE),
+        ("by 3:30 am", When(by=(210,))),
+        ("by 15:30", When(by=(930,))),
+        ("by 12 pm", When(by=(720,))),
+        ("by 12 am", When(by=(0,))),
+        ("by quarter to four", When(by=(225, 945))),
+        ("by three o'clock", When(by=(180, 900))),
+        ("najpierw", URGENT),
+        ("jak najszybciej", URGENT),
+        ("w ciągu dziesięciu minut", When(within_s=600.0)),
+        ("w ciągu godziny", When(within_s=3600.0)),
+        ("przed południem", When(by=(720,))),
+        ("do godziny 15", When(by=(900,))),
+    ],
+)
+def test_words_about_time_leave_the_wish_as_it_is(words, when):
+    """Behind the wish, and with a comma; the wish is the same as without them."""
+    wish = (
+        "weź słoik" if not words.isascii() or words in ("najpierw", "jak najszybciej", "do godziny 15") else "take it"
+    )
+    plain = understand(wish)
+    assert plain.clauses
+    for sentence in (f"{wish} {words}", f"{wish}, {words}."):
+        found = understand(sentence)
+        assert (found.clauses, found.when) == (plain.clauses, when), sentence
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    ["take the jar in ten minutes", "at noon take the jar", "take the jar before the bowl", "take the jar by 25:10",
+     "take the jar by 13 pm", "take the jar within ten", "take the jar before you pour", "first"],
+)  # fmt: skip
+def test_what_is_not_understood_of_time_is_not_left_out(sentence):
+    """Nothing is done of such a sentence, rather than something at another time."""
+    assert understand(sentence).clauses == ()
+
+
+def test_first_of_two_wishes_is_their_order():
+    """At the beginning it parts the wishes of a sentence, as before; "the first" is a thing."""
+    assert understand("first take the jar, then put it down").when == PLAIN
+    assert understand("take the first").when == PLAIN
+
+
+@given(
+    st.lists(st.sampled_from(sorted(VOCABULARY | {",", "first", "within", "by", "noon", "10", "15:30"})), max_size=12)
+)
+def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
+    """Nothing is added, and a sentence never becomes empty."""
+    rest, when = times.taken(tuple(words))
+    left = iter(words)
+    assert all(word in left for word in rest)
+    assert rest or not words
+    assert when != PLAIN or rest == tuple(words)
+
+
+@given(st.integers(0, 23), st.integers(0, 59), st.floats(0.0, 1439.9))
+def test_a_deadline_is_the_next_such_time_of_the_clock(hour, minute, now):
+    """At most a day ahead, and then the clock shows it."""
+    (at, *others) = understand(f"take the jar by {hour}:{minute:02}").when.by
+    left_s = times.seconds_left(When(by=(at, *others)), now)
+    assert 0.0 <= left_s <= 86400.0
+    shown = (now + left_s / 60.0) % 1440.0
+    meant = [60 * hour + minute + 720 * half for half in (-1, 0, 1)]
+    assert min(min(abs(shown - one), 1440.0 - abs(shown - one)) for one in meant) < 0.01
+
+
+def test_the_sooner_of_two_limits_counts():
+    """Within an hour and by noon."""
+    when = When(within_s=3600.0, by=(720,))
+    assert times.seconds_left(when, 700.0) == 1200.0
+    assert times.seconds_left(when, 600.0) == 3600.0
+    assert times.seconds_left(PLAIN, 600.0) == 0.0
+
+
+def test_each_language_has_all_rows_about_time():
+    """Else a person would be understood by half."""
+    for rows in (CATALOGUE.time, CATALOGUE.number, CATALOGUE.unit, CATALOGUE.clock):
+        assert set(rows) == {"en", "pl"}
