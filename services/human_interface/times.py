@@ -39,12 +39,12 @@ def taken(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
     """Return the words without those that say when, and what these say; all of them where nothing else is left."""
     text, when = " ".join(words), When()
     for language in LANGUAGES:
-        if found := _URGENT[language].search(text):
-            text, when = _without(text, found), replace(when, urgent=True)
         if found := _WITHIN[language].search(text):
             text, when = _without(text, found), replace(when, within_s=_seconds(found, language))
         if (found := _BY[language].search(text)) and (by := _clocks(found.group(1), language)):
             text, when = _without(text, found), replace(when, by=by)
+        if found := _URGENT[language].search(text):  # behind the others: "first" is the last word of what is left
+            text, when = _without(text, found), replace(when, urgent=True)
     rest = tuple(text.split())
     return (rest, when) if any(word != "," for word in rest) else (words, When())
 
