@@ -166,6 +166,26 @@ NAIVE: dict[str, tuple[Callable[[], Design], int, str]] = {
         STUCK,
     ),
     "co drops a failure of pl": (lambda: in_place("co", "generate_plan failure", say=()), 0, "no row"),
+    "co forgets a task that it put aside": (
+        lambda: with_rows("co", lambda rows: tuple(replace(row, waits=()) for row in rows)),
+        0,
+        "no row",  # a cancel comes for what nobody remembers
+    ),
+    "co answers no cancel of a task that waits": (
+        lambda: with_rows(
+            "co",
+            lambda rows: tuple(
+                row for row in rows if (row.on, row.when) != ("execute_command cancel", ("execute_command waiting",))
+            ),
+        ),
+        0,
+        "no row",
+    ),
+    "co counts a task as waiting that ta has not left yet": (
+        lambda: in_place("co", "own overtaken", waits=("execute_command",)),
+        0,
+        "no row",
+    ),
     "a command is taken though one is under way": (
         lambda: in_place("ta", "execute_plan cancel", to="idle"),
         0,

@@ -22,6 +22,8 @@ from topdown.model.own_tables import act_word
 NONE = "none"
 """Word for a conversation that is not open, in a row's `when`."""
 SETTLED, UNSETTLED = "settled", "unsettled"
+WAITING = "waiting"
+"""Word for a conversation that waits for its turn, as a row's `waits` said."""
 
 
 class Cause(StrEnum):
@@ -78,6 +80,7 @@ class Row(NamedTuple):
     drop: tuple[str, ...]
     when: tuple[Guard, ...]
     owes: tuple[str, ...]
+    waits: tuple[str, ...]
     moves: str
     to: str
     several: bool
@@ -197,6 +200,8 @@ class _Reader:
             self._among("volatile protocol to drop", use, self.volatile)
         for use in row.owes:
             self._among("latest protocol with a subscriber", use, self.observed)
+        for use in row.waits:
+            self._among("protocol", use, self.machine.uses)
         if row.moves:
             self._among("protocol", row.moves, self.machine.uses)
         return Row(
@@ -208,6 +213,7 @@ class _Reader:
             row.drop,
             tuple(map(self.guard, (*row.when, *onward.when))),
             row.owes,
+            row.waits,
             row.moves,
             to,
             row.several,
@@ -235,7 +241,7 @@ class _Reader:
         use, _, words = text.partition(" ")
         self._among("protocol", use, self.machine.uses)
         table = self.machine.uses[use].protocol.tables[self.machine.uses[use].role]
-        known = {*map(str, table.states), NONE, SETTLED, UNSETTLED}
+        known = {*map(str, table.states), NONE, SETTLED, UNSETTLED, WAITING}
         for word in words.split("|"):
             self._among(f"state of {use}", word, known)
         return Guard(use, frozenset(words.split("|")))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role
-from topdown.model.machines import NONE, SETTLED, UNSETTLED, Cause, Event, Guard, Machine, Row, Said, Use
+from topdown.model.machines import NONE, SETTLED, UNSETTLED, WAITING, Cause, Event, Guard, Machine, Row, Said, Use
 
 DIES = "dies and comes back"
 GONE = "gone"
@@ -23,7 +23,8 @@ class Stray(str):
 
 class Local(NamedTuple):
     """`talks`: state of the conversation of each use, "" where none is open; `owed`, `begun`: uses in which an
-    observation is due, an act was begun; `news`: peers that came back and were not taken note of.
+    observation is due, an act was begun; `news`: peers that came back and were not taken note of; `waiting`: uses whose
+    conversation waits for its turn.
     """
 
     state: str
@@ -31,6 +32,7 @@ class Local(NamedTuple):
     owed: frozenset[str] = frozenset()
     begun: frozenset[str] = frozenset()
     news: frozenset[str] = frozenset()
+    waiting: frozenset[str] = frozenset()
 
 
 class Effect(NamedTuple):
@@ -194,6 +196,8 @@ class Agent:
                 effects.append(Effect("owe", name))
             if not all(self._holds(local, guard) for guard in row.when):
                 continue
+            called = {guard.use for guard in row.when if WAITING in guard.words}
+            local = local._replace(waiting=local.waiting - called)
             for name in row.drop:
                 if self.talk(local, name):
                     local = self.with_talk(local, name, "")
@@ -207,6 +211,7 @@ class Agent:
                 local = local._replace(begun=local.begun | {row.moves})
             if row.to:
                 local = local._replace(state=row.to)
+            local = local._replace(waiting=local.waiting.union(row.waits))
             ended, closing = self._forget_ended(local)
             if ended is not None:
                 yield Outcome(ended, (*effects, *said, *closing), self.label(row), row.number, again)
@@ -214,7 +219,7 @@ class Agent:
     def _holds(self, local: Local, guard: Guard) -> bool:
         talk = self.talk(local, guard.use) or NONE
         due = UNSETTLED if guard.use in local.owed else SETTLED
-        return talk in guard.words or due in guard.words
+        return talk in guard.words or due in guard.words or (WAITING in guard.words and guard.use in local.waiting)
 
     def _spoken(self, local: Local, words: tuple[Said, ...]) -> "tuple[Local, list[Effect]] | None":
         """The local state after these words, and what they do outside; None where a table forbids one."""
@@ -240,7 +245,8 @@ class Agent:
             if talk and talk in table.urgent:
                 return None, []
             if talk and talk in table.ended:
-                local = self.with_talk(local, use.name, "")._replace(begun=local.begun - {use.name})
+                local = self.with_talk(local, use.name, "")
+                local = local._replace(begun=local.begun - {use.name}, waiting=local.waiting - {use.name})
                 if not use.durable:
                     effects.append(Effect("close", use.name))
         return local, effects

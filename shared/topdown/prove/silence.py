@@ -80,7 +80,7 @@ def _is_silent(machine: Machine, said: Said, silent: set[Said]) -> bool:
 
 
 def _changes_nothing(row: Row, silent: set[Said]) -> bool:
-    stays = not row.to and not row.owes and not row.drop and not row.moves
+    stays = not row.to and not row.owes and not row.waits and not row.drop and not row.moves
     return stays and all(said in silent for said in row.say)
 
 

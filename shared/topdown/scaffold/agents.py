@@ -178,6 +178,7 @@ def _row(row: elements.Row) -> str:
     parts += [f"say {', '.join(row.say)}"] if row.say else []
     parts += [f"may say {', '.join(row.may)}"] if row.may else []
     parts += [f"owe {', '.join(row.owes)}"] if row.owes else []
+    parts += [f"let wait {', '.join(row.waits)}"] if row.waits else []
     parts += [f"drop {', '.join(row.drop)}"] if row.drop else []
     parts += [f"go on by choice {row.then}"] if row.then else []
     parts += [f"then {row.to}"] if row.to else []
