@@ -10,7 +10,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
 from pathlib import Path
 
@@ -45,6 +45,8 @@ NAME = "monitor"
 FLUSH_S = 0.1
 MOST_PASSED_S = 2 * FLUSH_S
 """Between two looks at an empty queue; estimate: each takes FLUSH_S."""
+SIGNAL_S = 0.5
+"""Between two looks of the thread that runs signals' handlers at whether one came (estimate)."""
 NICENESS = 10
 """The fleet comes first (benchmarks/README.md). In the class SCHED_IDLE the tap reads so late on a busy machine that
 the router closes its session; at 19 it was slower there than at 10.
@@ -278,7 +280,10 @@ def serve(options: Options, system: System) -> int:
     recorders, ready = Recorders(where, system, log.write), run / f"{NAME}.ready"
     try:
         with ThreadPoolExecutor(1, initializer=_give_way) as pool:  # the reports have the priority of this thread again
-            pool.submit(_tap, options, recorders, waiting, ready, log.write).result()
+            recording = pool.submit(_tap, options, recorders, waiting, ready, log.write)
+            while not recording.done():  # a signal may reach another thread than this, which alone runs its handler
+                wait((recording,), SIGNAL_S)
+            recording.result()
     except OSError as error:
         ready.unlink(missing_ok=True)
         log.write("recording broke off", level="error", why=worded(error.filename or run, error))

@@ -109,3 +109,13 @@ def test_a_recorder_tells_when_it_heard_nothing(processes: Processes, pouring: R
     session.put(said[0].key, said[0].data)
     wait_for(lambda: recorded(processes.run, Spoken) == 1, "it hears again")
     session.close()
+
+
+@pytest.mark.parametrize("attempt", range(3))
+def test_a_recorder_that_is_frozen_ends_when_it_goes_on(processes: Processes, attempt: int) -> None:
+    """It is told to end meanwhile; the system may hand the signal to a thread that runs no handlers."""
+    monitor = processes.start("services.monitor", "monitor")
+    for number in (signal.SIGSTOP, signal.SIGTERM, signal.SIGCONT):
+        monitor.send_signal(number)
+    assert monitor.wait(DEADLINE_S) == 0, (processes.run / "monitor.log").read_text()
+    assert (processes.run / "report.json").exists()
