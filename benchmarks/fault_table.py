@@ -80,7 +80,10 @@ def main(
 
 
 def printed(lines: list[dict[str, Any]]) -> str:
-    """Return a table for each fault: a row for each process, a column for each phase; below it what did not pour."""
+    """Return a table for each fault: a row for each process, a column for each phase; below it what did not pour.
+
+    The newest line of a cell counts: one that failed is tried again when the reason was mended, and both lines stay.
+    """
     found = {(line["fault"], line["victim"], line["phase"]): line for line in lines}
     parts = []
     for fault in FAULTS:
@@ -94,13 +97,21 @@ def printed(lines: list[dict[str, Any]]) -> str:
             marks = ["" if one is None else "✓" if one["poured"] else "✗" for one in cells]
             parts.append(f"| {victim} | {' | '.join(marks)} | {sum(one['poured'] for one in ran)} of {len(ran)} |")
         wrong = [one for one in lines if one["fault"] == fault and not one["poured"]]
-        parts += ["", *(f"- {one['victim']}, {one['phase']}: {one['why']}" for one in wrong)]
+        parts += ["", *(_wrong(one, found) for one in wrong)]
     doubled, stuck = (sum(int(line.get(what) or 0) for line in lines) for what in ("doubled", "stuck"))
-    poured, left = sum(line["poured"] for line in lines), sum(len(line.get("orphans", ())) for line in lines)
-    total = f"{poured} of {len(lines)} poured, {stuck} stuck, {doubled} acts begun twice, {left} processes left over"
+    poured, left = sum(one["poured"] for one in found.values()), sum(len(one.get("orphans", ())) for one in lines)
+    total = f"{poured} of {len(found)} poured, {stuck} stuck, {doubled} acts begun twice, {left} processes left over"
     loads = [line["load"] for line in lines]
     total += f" (load {min(loads):.0f} to {max(loads):.0f})." if loads else "."
     return "\n".join((total, *parts)).rstrip() + "\n"
+
+
+def _wrong(line: dict[str, Any], found: dict[tuple[str, str, str], dict[str, Any]]) -> str:
+    """A run that did not pour, and whether the same cell has poured since."""
+    since = found[line["fault"], line["victim"], line["phase"]]["poured"]
+    return (
+        f"- {line['victim']}, {line['phase']}: {line['why']}{' **It poured when this was mended.**' if since else ''}"
+    )
 
 
 if __name__ == "__main__":
