@@ -39,6 +39,7 @@ def test_every_field_of_a_row_is_kept() -> None:
             '{ in = ["idle", "lit"], on = "own done", say = ["switch agree", "switch inform"],'
             ' may = ["switch failure"],'
             ' drop = ["ask"], when = ["switch asked|agreed", "watch settled"], owes = ["watch"], moves = "switch",'
+            ' waits = ["switch"],'
             ' to = "busy", several = true }'
         ],
         "switch",
@@ -50,6 +51,7 @@ def test_every_field_of_a_row_is_kept() -> None:
     assert row.say == (Said("switch", P.AGREE, Kind.PLAIN), Said("switch", P.INFORM, Kind.PLAIN))
     assert row.may == (Said("switch", P.FAILURE, Kind.PLAIN),)
     assert row.when == (Guard("switch", frozenset({"asked", "agreed"})), Guard("watch", frozenset({"settled"})))
+    assert row.waits == ("switch",)
     assert (row.drop, row.owes, row.moves, row.to, row.several) == (("ask",), ("watch",), "switch", "busy", True)
     assert str(row) == "row 1 (on own done say switch agree, switch inform, to busy)"
 
@@ -95,6 +97,7 @@ def test_a_choice_makes_a_row_of_each_of_its_ways() -> None:
         ('{ in = ["idle"], on = "restart", owes = ["switch"] }', "no latest protocol", "there are none"),
         ('{ in = ["idle"], on = "restart", owes = ["watch"] }', "no latest protocol", "there are none"),
         ('{ in = ["idle"], on = "restart", moves = "lift" }', "no protocol 'lift'", "switch"),
+        ('{ in = ["idle"], on = "restart", waits = ["lift"] }', "no protocol 'lift'", "switch"),
         ('{ in = ["idle"], on = "restart", when = ["swich none"] }', "no protocol 'swich'", "switch"),
         ('{ in = ["idle"], on = "restart", when = ["switch asked|gone"] }', "no state of switch 'gone'", "cancelling"),
         ('{ in = ["idle"], on = "restart", when = ["switch"] }', "no state of switch ''", "settled"),
