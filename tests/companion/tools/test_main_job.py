@@ -1,7 +1,13 @@
 """The main job waits for agents that still stop, when its task has ended: not for ever, and it says for whom."""
 
 import io
+import os
+import signal
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
@@ -12,6 +18,8 @@ from agent_runtime.io.run_files import heartbeat_file
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import main_job
 from operate.cli.terminal.watch import Watch
+from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
+from operate.supervisor import keeping
 
 RESTS = {"ta": "idle", "ex": "idle"}
 
@@ -34,6 +42,15 @@ def beats(run: Path, agent: str, state: str, later_s: float = 60.0) -> None:
     heartbeat_file(run, agent).write_bytes(msgspec.json.encode(said))
 
 
+@contextmanager
+def runs(run: Path, process: ProcessStatus) -> Iterator[None]:
+    """Be the supervisor of a fleet of one process."""
+    with keeping.kept(run):
+        told = Fleet("roco", "", os.getpid(), time.time(), (process,))
+        (run / FLEET_FILE).write_bytes(msgspec.json.encode(told))
+        yield
+
+
 def test_who_rests_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:
     """Whatever the bound."""
     for agent in RESTS:
@@ -54,6 +71,29 @@ def test_what_was_said_before_is_not_believed(tmp_path: Path, told: io.StringIO)
     """An agent that was idle before its act still says so until its next heartbeat; one may say nothing at all."""
     beats(tmp_path, "ta", "idle", later_s=-1.0)
     assert rested(tmp_path, told) == ["", ""]
+
+
+@pytest.mark.process
+def test_a_process_that_is_frozen_is_waited_for(tmp_path: Path, told: io.StringIO) -> None:
+    """A monitor that sleeps through the end of the task has not recorded it; the supervisor starts another one."""
+    for agent in RESTS:
+        beats(tmp_path, agent, "idle")
+    with subprocess.Popen([sys.executable, "-c", "import signal; signal.pause()"]) as frozen:
+        frozen.send_signal(signal.SIGSTOP)
+        os.waitpid(frozen.pid, os.WUNTRACED)
+        with runs(tmp_path, ProcessStatus("monitor", ProcessState.READY, frozen.pid)):
+            assert rested(tmp_path, told) == ["monitor is frozen by a signal"]
+        frozen.kill()
+
+
+@pytest.mark.parametrize("state", ProcessState)
+def test_a_process_that_will_be_ready_is_waited_for(tmp_path: Path, told: io.StringIO, state: ProcessState) -> None:
+    """One that was given up, or ended on purpose, is not."""
+    for agent in RESTS:
+        beats(tmp_path, agent, "idle")
+    coming = state in {"waiting", "starting", "backing-off"}
+    with runs(tmp_path, ProcessStatus("monitor", state)):
+        assert rested(tmp_path, told) == ([f"monitor is {state}"] if coming else [])
 
 
 def test_a_fleet_that_is_gone_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:

@@ -60,7 +60,23 @@ def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) 
 def test_without_the_truth_there_is_no_success(pouring: Run) -> None:
     """Nothing is assumed."""
     past = synthetic.with_truth(_past(pouring), ())
-    assert verdict.failure(past) == "the true state of the simulation was not recorded"
+    assert verdict.failure(past) == "the true state of the simulation was not recorded at the end of the task"
+
+
+@pytest.mark.parametrize("before_s", [0.9, 1.1])
+def test_a_truth_from_before_the_end_of_the_task_is_none(pouring: Run, before_s: float) -> None:
+    """A monitor that slept while it was poured has seen a jar that was full."""
+    past = _past(pouring)
+    command = plans.task_command(past)
+    end = command and plans.task_end(past, command)
+    assert end
+    past = synthetic.with_truth(past, ((end.received - before_s, truth(past)[-1][1]),))
+    assert verdict.failure(past) == (
+        None
+        if before_s < 1.0
+        else "the true state of the simulation was not recorded at the end of the task, only before it"
+    )
+    assert (verdict.poured(past).fraction is None) == (before_s > 1.0)
 
 
 def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) -> None:

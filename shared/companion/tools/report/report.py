@@ -206,7 +206,11 @@ def _us(told: Lateness) -> Us:
 def _missing(report: Report, history: History) -> tuple[str, ...]:
     """A sentence for each figure that is null."""
     no_telemetry = "the robot's telemetry was not recorded" if not robot(history) else "the task did not come so far"
-    no_truth = "the truth was not recorded" if not truth(history) else "the scene has no such thing"
+    no_truth = (
+        "the truth was not recorded at the end"
+        if verdict.last_truth(history) is None
+        else "the scene has no such thing"
+    )
     reasons = {
         "poured_fraction": no_truth,
         "bowl_tilt_deg": no_truth,

@@ -1,7 +1,7 @@
 """Whether a run did the main job, and if not, why: poured, jar in the left hand, bowl level on the table, plans ended.
 
 From the truth of the simulation (newest record) and from what the agents said about plans; nothing is assumed. A
-missing record is a failure that says so.
+missing record is a failure that says so, and so is one from before the end of the task.
 """
 
 from collections.abc import Iterator
@@ -23,6 +23,8 @@ LEAST_LINKS = 2
 """Finger or palm links of a hand that touch what it holds; one alone only leans on it."""
 ON_TABLE_M = 0.02
 """Between a vessel's base and the table's top; estimate: contacts are soft, table poses may be observed ones (4 mm)."""
+STALE_S = 1.0
+"""A true state from longer before the end of the task shows another world; they come 20 times a second."""
 OWN_OUTCOMES = (sw.WorkerState.SUCCEEDED, sw.WorkerState.REPLAN)
 TABLE = "table"
 
@@ -39,9 +41,9 @@ class Poured(msgspec.Struct, frozen=True):
 
 def poured(history: History) -> Poured:
     """The true state at the end of the recording."""
-    if not truth(history):
+    now = last_truth(history)
+    if now is None:
         return Poured()
-    now = truth(history)[-1][1]
     jar, bowl = _vessel(now, "jar"), _vessel(now, "bowl")
     return Poured(
         fraction=now.grains_in.get(bowl, 0) / now.grains if bowl and now.grains else None,
@@ -52,6 +54,15 @@ def poured(history: History) -> Poured:
     )
 
 
+def last_truth(history: History) -> TrueState | None:
+    """Return the newest true state; None where none was recorded, or none at the end of the task."""
+    recorded, command = truth(history), task_command(history)
+    end = task_end(history, command) if command is not None else None
+    if not recorded or (end is not None and recorded[-1][0] < end.received - STALE_S):
+        return None
+    return recorded[-1][1]
+
+
 def failure(history: History) -> str | None:
     """Return why the run did not do the main job, in words; None: it did."""
     command = task_command(history)
@@ -60,7 +71,7 @@ def failure(history: History) -> str | None:
     if command is None:
         return "; ".join(_not_whole(history)) or "no command of a person was heard"
     # What plans say comes first: where one failed, an empty bowl follows from that and needs no words.
-    reasons = list(_of_plans(history, command)) or list(_of_truth(poured(history), bool(truth(history))))
+    reasons = list(_of_plans(history, command)) or list(_of_truth(history))
     return "; ".join((*_not_whole(history), *reasons)) if reasons else None
 
 
@@ -95,10 +106,12 @@ def _of_plans(history: History, command: Spoken) -> Iterator[str]:
         yield "the last plan wanted another one"
 
 
-def _of_truth(state: Poured, recorded: bool) -> Iterator[str]:
-    if not recorded:
-        yield "the true state of the simulation was not recorded"
+def _of_truth(history: History) -> Iterator[str]:
+    if last_truth(history) is None:
+        until = ", only before it" if truth(history) else ""
+        yield f"the true state of the simulation was not recorded at the end of the task{until}"
         return
+    state = poured(history)
     if state.fraction is None:
         yield "it was not recorded how much is in the bowl"
     elif state.fraction < LEAST_POURED:

@@ -18,10 +18,11 @@ from operate.cli import interrupts
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
+from operate.cli.fleet.process_status import Look, stuck
 from operate.cli.fleet.tasks import ENDED
 from operate.cli.runs import folders
 from operate.cli.terminal.watch import Watch
-from operate.run_folder import REPORT_FILE
+from operate.run_folder import REPORT_FILE, ProcessState
 
 SENTENCE = "pour the content of the jar into the bowl"
 PICTURES = "run.rrd"
@@ -32,6 +33,9 @@ AWAY_S = 60.0  # estimate: a killed hi is back in seconds, a hung one in ten
 LAST_LOOKS = 5  # estimate: five times what the recorder holds back
 REST_S = 90.0
 """Estimate: ta waits 20 s for the end of an act that it stopped (services.task.acts), then makes safe what is held."""
+
+
+COMING = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF)
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -122,13 +126,13 @@ def follow(hi: Callable[[], Hi], sentence: str, watch: Watch, alive: Callable[[]
 def at_rest(
     run: Path, rests: Mapping[str, str], watch: Watch, alive: Callable[[], bool], within_s: float = REST_S
 ) -> list[str]:
-    """Wait until each agent says that it is in its state of rest, but not for ever; return who is not, in words.
+    """Wait until each agent says that it is in its state of rest and every process gets on, but not for ever.
 
-    A task that failed or was cancelled may have ended for its person while ta and ex still stop. What an agent said
-    before this wait counts for nothing.
+    Return who is not at rest, in words. A task that failed or was cancelled may have ended for its person while ta and
+    ex still stop. What an agent said before this wait counts for nothing. A monitor that hangs has not seen the end.
     """
-    began, end = time.time(), time.monotonic() + within_s
-    while (busy := [*_busy(run, rests, began)]) and alive() and time.monotonic() < end:
+    began, end, fleet = time.time(), time.monotonic() + within_s, Local(run)
+    while (busy := [*_busy(run, rests, began), *_not_up(fleet.look())]) and alive() and time.monotonic() < end:
         said = [words for words in busy if words]
         if said:
             watch.waits(f"until the robot is at rest: {', '.join(said)}")
@@ -145,6 +149,15 @@ def _busy(run: Path, rests: Mapping[str, str], since: float) -> Iterator[str]:
             yield ""
         elif beat.state != rest:
             yield f"{agent} is {beat.state}"
+
+
+def _not_up(look: Look) -> Iterator[str]:
+    """Yield the processes that hang, which a supervisor ends, and those on their way to be ready."""
+    for one in look.seen:
+        if one.status.state in COMING:
+            yield f"{one.name} is {one.status.state}"
+        elif words := stuck(one):
+            yield f"{one.name} {words}" if words.startswith("hangs") else f"{one.name} is {words}"
 
 
 def _found(tasks: tuple[TaskLine, ...], task: TaskLine, sentence: str) -> TaskLine | None:
