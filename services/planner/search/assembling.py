@@ -25,9 +25,10 @@ def plan(
     """
     holding = dict(held)
     states: list[hfsm.State] = []
-    for number, step in enumerate(steps, start=1):
+    names = _names(steps)
+    for number, (name, step) in enumerate(zip(names, steps, strict=True), start=1):
         _note_held(holding, step)
-        states.append(_machine(request, number, step, _safe(request, number, holding)))
+        states.append(_machine(request, number, name, step, _safe(request, number, holding)))
         _note_released(holding, step)
     if sought:
         states.append(_localized(sought))
@@ -43,20 +44,29 @@ def plan(
     )
 
 
+def _names(steps: list[Step]) -> list[str]:
+    """Return a name for each step, none twice, since arcs lead to names: "right arm home", "right arm home 2"."""
+    names: list[str] = []
+    for step in steps:
+        times = sum(step.name == other.name for other in steps[: len(names)]) + 1
+        names.append(step.name if times == 1 else f"{step.name} {times}")
+    return names
+
+
 def _then(state: hfsm.State, following: str, on: tuple[hfsm.Outcome, ...] = (hfsm.Outcome.SUCCEEDED,)) -> hfsm.State:
     if isinstance(state, hfsm.EndState):
         return state
     return msgspec.structs.replace(state, arcs=tuple(hfsm.Arc(outcome, following) for outcome in on))
 
 
-def _machine(request: str, number: int, step: Step, safe: hfsm.Machine | None) -> hfsm.Machine:
+def _machine(request: str, number: int, name: str, step: Step, safe: hfsm.Machine | None) -> hfsm.Machine:
     """Return one step as a machine; its states are the commands, each with its key."""
     leaves: list[hfsm.State] = [
         hfsm.ActState(_verb(command), msgspec.structs.replace(command, key=f"{request}/{number}.{index}"))
         for index, command in enumerate(step.commands, start=1)
     ]
     chained = tuple(_then(state, following.name) for state, following in pairwise(leaves))
-    return hfsm.Machine(name=step.name, initial=leaves[0].name, states=(*chained, leaves[-1]), safe=safe)
+    return hfsm.Machine(name=name, initial=leaves[0].name, states=(*chained, leaves[-1]), safe=safe)
 
 
 def _verb(command: rc.Act) -> str:

@@ -76,6 +76,8 @@ class Search:
         self._bind(TaskName.POUR, *both(methods.pour_into_standing), *both(methods.pour_taking_both))
         self._bind(TaskName.TAKE, methods.take_nothing, methods.take_over, *both(methods.take_with))
         self._bind(TaskName.PUT_DOWN, methods.put_down)
+        for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN):
+            self._bind(task, self._after_arms_home(task))
         self._bind("localize", methods.localize)
         self._bind(TaskName.LOOK_AROUND, methods.look_around)
 
@@ -114,6 +116,14 @@ class Search:
                 return None
 
         return answered
+
+    def _after_arms_home(self, task: str) -> Callable[..., Subtasks | None]:
+        """Return the last method of a task: it is tried where none of the others gave a plan."""
+
+        def after_arms_home(km: str, *arguments: str) -> Subtasks | None:
+            return self.methods.after_arms_home(km, task, arguments)
+
+        return after_arms_home
 
     def _with(self, method: Callable[..., Subtasks | None]) -> list[Callable[..., Subtasks | None]]:
         """Return the method for each hand, the preferred one first, each with its own name."""

@@ -1,8 +1,13 @@
 """The facts that methods of the domain need of a state at km: what is held, what stands where, what was seen."""
 
+import numpy as np
+
 from companion.languages import wm
 from companion.languages.values import Side
 from services.planner.search.asking import Asking
+from velma import names
+
+HOME_WITHIN = 0.1  # [rad] of each joint (estimate: more than the impedance control leaves)
 
 
 class Facts:
@@ -18,6 +23,11 @@ class Facts:
     def in_hand(self, state: str, side: Side) -> str:
         """Return the thing in this hand, "" if empty."""
         return self._ask(wm.GraspAtSide(state=state, side=side), wm.GraspOf).object
+
+    def at_home(self, state: str, side: Side) -> bool:
+        """Whether the arm is in its start posture, wherever the torso is turned."""
+        arm = self._ask(wm.ArmConfiguration(state=state, side=side), wm.Configuration).q
+        return bool(np.abs(np.array(arm) - names.START[names.ARM[side]]).max() < HOME_WITHIN)
 
     def support(self, state: str, name: str) -> str:
         """Return the thing that this one stands on, "" if none is known."""

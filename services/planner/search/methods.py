@@ -91,6 +91,11 @@ class Methods:
             return None
         return [("a_place", side), ("a_home", side)]
 
+    def after_arms_home(self, km: str, task: str, arguments: tuple[str, ...]) -> Subtasks | None:
+        """Bring empty arms home, then do the task: after an interrupted act one may be in the way, in a cabinet say."""
+        away = [side for side in Side if not self.facts.in_hand(km, side) and not self.facts.at_home(km, side)]
+        return [*(("a_home", side) for side in away), (task, *arguments)] if away else None
+
     def localize(self, km: str, name: str) -> Subtasks | None:
         """Look at it; the rest needs a new plan."""
         return [("a_look", name), ("a_replan", name)]
