@@ -126,6 +126,7 @@ fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.not-understood>R2 p.inform>R
 fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3 p.inform>R3
 b fipa-request: i.request/R1 p.agree>R1 i.cancel p.failure[cancel] p.inform>R1
 b fipa-request: i.request/R1 p.agree>R1 i.cancel p.failure[cancel] i.cancel p.inform[cancel]
+!b fipa-request: i.request/R1 p.agree>R1 i.cancel p.not-understood p.inform>R1
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.agree>R1
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1 p.inform>R1
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.failure>R2

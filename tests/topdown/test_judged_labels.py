@@ -37,7 +37,13 @@ LEGAL: list[tuple[Protocol, tuple[Line, ...]]] = [
     (protocols.SUBSCRIBE, (*LIVE, line(INITIATOR, P.CANCEL), line(PARTICIPANT, P.INFORM))),
     (
         protocols.FIPA_REQUEST,
-        (REQUESTED, CANCELLED, line(PARTICIPANT, P.FAILURE), CANCELLED, line(PARTICIPANT, P.INFORM)),
+        (
+            line(INITIATOR, P.REQUEST, "R1"),
+            CANCELLED,
+            line(PARTICIPANT, P.FAILURE),
+            CANCELLED,
+            line(PARTICIPANT, P.INFORM),
+        ),
     ),
     (protocols.FIPA_REQUEST, (REQUESTED, CANCELLED, line(PARTICIPANT, P.INFORM), line(PARTICIPANT, P.FAILURE))),
 ]
