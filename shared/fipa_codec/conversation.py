@@ -37,10 +37,11 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     `deadline`: reply-by of the last message that waits for an answer, of either side [unix s], or None. It applies to
     the next message only: after an agree there is none unless a message sets one (SC00061G). The deadline of a cancel
-    applies until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the pending cancel, or "".
-    `unconfirmed`: m_w and kind of the messages not yet confirmed, oldest first. `past`: m_w of earlier rounds, and of
-    cancels that failed without ending the conversation; a message with one of these is a copy. `heard`: m_w of the
-    peer's other messages, oldest first, at most MOST_HEARD: each may be answered (SC00061G).
+    applies until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the pending cancel, "" if there
+    is none or it has none. `unconfirmed`: m_w and kind of the messages not yet confirmed, oldest first. `past`: m_w of
+    earlier rounds, and of cancels that failed without ending the conversation, but for that of the opening; a message
+    with one of these is a copy. `heard`: m_w of the peer's other messages, oldest first, at most MOST_HEARD: each may
+    be answered (SC00061G).
     """
 
     id: str
@@ -229,6 +230,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         if reply_to and reply_to == self.cancel and (kind is _OF_CANCEL or not self._means_the_opening(performative)):
             return _OF_CANCEL
         if kind is _OF_CANCEL:
+            if reply_to == self.cancel:  # a cancel without a label, or none: the tables know
+                return _OF_CANCEL
             raise LocalProtocolError("in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}")
         return kind if performative is _INFORM else _PLAIN
 
@@ -267,7 +270,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                 raise LocalProtocolError(
                     "reply_with", f"{self._here}: repeated with {reply_with!r}, not {self.asked!r}"
                 )
-        elif not is_label(reply_with) and not (need is _NEW and not reply_with):
+        elif not is_label(reply_with) and (reply_with or need is _ANY):
             what = f"a {performative} needs one that matches {LABEL}, so that it can be answered"
             raise LocalProtocolError("reply_with", f"{self._here}: {what}")
         elif need is not _ANY and reply_with and reply_with in (*self.past, self.asked if need is _NEW else ""):
@@ -348,7 +351,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         if opens:
             return (*self.past, *filter(None, (self.asked,)), *self.heard)
         over = self.cancel if self._cancel_after(row) != self.cancel else ""
-        return (*self.past, over) if over else self.past
+        return (*self.past, over) if over and over != self.asked else self.past
 
     def _next_deadline(self, row: Row) -> float | None:
         """Return the deadline after a message without reply-by.

@@ -18,7 +18,7 @@ class Needs(StrEnum):
     NOTHING = "nothing"
     """It may have one (SC00061G: the parameter is optional)."""
     OWN = "own"
-    """It needs one that no earlier round and no failed cancel had: its answer must be told from other messages."""
+    """It may have one, but none of an earlier round or of a failed cancel, whose copy it would be."""
     SAME = "same"
     """Said again, it has that of the first time: it is the same question."""
     ANY = "any"
@@ -31,8 +31,8 @@ class Needs(StrEnum):
 def needs(protocol: Protocol, performative: Performative) -> Needs:
     """Return what a message of this protocol needs; looked up once for each act, since it is asked of every message.
 
-    A cancel may carry the label of the opening it cancels (JADE 4.6.5 sends a subscription's own again), and a cfp none
-    at all: FIPA requires no reply-with of any act (SC00061G).
+    FIPA requires a reply-with of no act (SC00061G): a cfp may have none. So may a cancel, or it has that of the opening
+    it cancels: JADE's SubscriptionInitiator sends both kinds.
     """
     if performative is Performative.CANCEL:
         return Needs.OWN

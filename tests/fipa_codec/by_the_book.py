@@ -1,6 +1,7 @@
 """Conversations written from the text of FIPA's specifications, one a line, and how a line is read.
 
-`i.request/R1` the initiator says request with reply-with R1; `p.agree>R1` the participant says agree in reply to R1.
+`i.request/R1` the initiator says request with reply-with R1; `p.agree>R1` the participant says agree in reply to R1;
+`p.inform[cancel]` answers a cancel that has no reply-with.
 The last message of a line that begins with `!` is illegal, all others are legal. `a` or `b` before the protocol: only
 our initiator, or only our participant, is tried, since the other side does what ours never does (labels on every
 message). Request, query and subscribe are there in both profiles; `both` are the lines in which they agree.
@@ -8,17 +9,19 @@ message). Request, query and subscribe are there in both profiles; `both` are th
 
 from typing import NamedTuple
 
+from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
 
 class Message(NamedTuple):
-    """A message: who says it, the act, its reply-with and its in-reply-to."""
+    """A message: who says it, the act, its reply-with and its in-reply-to; `kind`: what its sender means by it."""
 
     role: Role
     act: Performative
     label: str
     answers: str
+    kind: Kind
 
 
 class Line(NamedTuple):
@@ -47,7 +50,8 @@ def message(word: str) -> Message:
     said, _, answers = word.partition(">")
     said, _, label = said.partition("/")
     role, _, act = said.partition(".")
-    return Message(ROLES[role], Performative(act), label, answers)
+    act, _, kind = act.removesuffix("]").partition("[")
+    return Message(ROLES[role], Performative(act), label, answers, Kind(kind))
 
 
 def both(page: str, protocol: str) -> str:
@@ -98,7 +102,11 @@ request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R1 p.failure>R2
 !request: i.request/R1 p.agree>R1 i.agree
 !request: i.request/R1 p.cancel/C1
 !request: i.request/R1 p.agree>R1 p.cancel/C1
-!request: i.request/R1 i.cancel
+b request: i.request/R1 i.cancel p.inform[cancel]
+b request: i.request/R1 p.agree>R1 i.cancel p.failure[cancel]
+b request: i.request/R1 p.agree>R1 i.cancel p.inform>R1 p.failure[cancel]
+b request: i.request p.agree i.cancel p.inform[cancel]
+!request: i.request/R1 p.agree>R1 i.cancel p.agree[cancel]
 !request: i.request/R1 i.cancel/R2 i.cancel/R3
 !request: i.request/R1 i.cancel/R2 p.inform>R9
 !request: i.request/R1 i.cancel/R2 p.inform>R2 p.inform>R1
@@ -116,9 +124,13 @@ fipa-request: i.request/R1 i.cancel/R2 p.failure>R2 p.agree>R1 p.inform>R1
 fipa-request: i.request/R1 i.cancel/R2 p.failure>R2 p.refuse>R1
 fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.not-understood>R2 p.inform>R1
 fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3 p.inform>R3
+b fipa-request: i.request/R1 p.agree>R1 i.cancel p.failure[cancel] p.inform>R1
+b fipa-request: i.request/R1 p.agree>R1 i.cancel p.failure[cancel] i.cancel p.inform[cancel]
+!b fipa-request: i.request/R1 p.agree>R1 i.cancel p.not-understood p.inform>R1
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.agree>R1
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1 p.inform>R1
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.failure>R2
+!fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R2
 """
 """SC00026H: a failed cancel leaves the request running."""
 
@@ -184,7 +196,7 @@ fipa-query: i.query-ref/R1 i.cancel/R2 p.refuse>R1 p.failure>R2
 !fipa-query: i.query-ref/R1 p.inform>R1 p.inform>R1
 !fipa-query: i.query-ref/R1 p.refuse>R1 p.inform>R1
 !fipa-query: i.query-ref/R1 p.agree>R1 p.cancel/C1
-!fipa-query: i.query-ref/R1 i.cancel
+b fipa-query: i.query-ref/R1 i.cancel p.inform[cancel]
 !fipa-query: i.query-ref/R1 p.agree>R1 i.query-ref/R2
 """
 """SC00027H: agree and cancel; inform-ref is a macro act, which is not sent (SC00037J)."""
@@ -239,7 +251,8 @@ a cfp: i.cfp/R1 p.propose/P1>R1 i.reject-proposal>P1
 !cfp: i.cfp/R1 p.refuse>R1 p.propose>R1
 !cfp: i.cfp/R1 p.refuse>R1 i.accept-proposal
 !cfp: i.cfp/R1 p.cancel/C1
-!cfp: i.cfp/R1 i.cancel
+b cfp: i.cfp/R1 i.cancel p.inform[cancel]
+b cfp: i.cfp/R1 i.cancel p.failure[cancel] p.propose>R1 i.reject-proposal
 """
 """SC00029H; JADE's labels on accept-proposal."""
 
@@ -303,7 +316,7 @@ a subscribe: i.subscribe/R1 p.agree>R1 p.inform/P1>R1 p.inform/P2>R1 i.cancel/R2
 !subscribe: i.subscribe/R1 p.agree>R1 p.inform>R9
 !subscribe: i.subscribe/R1 p.agree>R1 i.inform
 !subscribe: i.subscribe/R1 p.cancel/C1
-!subscribe: i.subscribe/R1 p.agree>R1 i.cancel
+b subscribe: i.subscribe/R1 p.agree>R1 i.cancel p.inform[cancel]
 !subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.inform>R2 p.inform>R1
 !subscribe: i.subscribe/R1 p.agree>R1 i.subscribe/R2
 """
@@ -312,6 +325,7 @@ a subscribe: i.subscribe/R1 p.agree>R1 p.inform/P1>R1 p.inform/P2>R1 i.cancel/R2
 SUBSCRIBE_OF_THE_BOOK = """
 fipa-subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1
 fipa-subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3 p.inform>R3
+b fipa-subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R1 p.failure>R1 p.inform>R1 i.cancel/R1 p.inform>R1
 fipa-subscribe: i.subscribe/R1 i.cancel/R2 p.failure>R2 p.agree>R1 p.inform>R1
 fipa-subscribe: i.subscribe/R1 p.agree>R1 p.inform>R1 i.cancel/R2 p.not-understood>R2 p.inform>R1
 !fipa-subscribe: i.subscribe/R1 p.inform>R1 p.agree>R1

@@ -299,6 +299,19 @@ def test_answers_go_to_the_reply_to():
         reply_names(msgspec.structs.replace(call, reply_to=(one, other)))
 
 
+def test_answers_go_to_the_addresses_of_the_sender():
+    """As JADE's go; a known peer has those that we were told. Nobody: nothing is added."""
+    there, known = (
+        Aid(name="b@there", addresses=("http://there/acc",)),
+        Aid(name="b@there", addresses=("http://proxy",)),
+    )
+    call = AclMessage(performative=P.CFP, sender=there)
+    answer = Communicate(performative=P.PROPOSE, sender="me", receiver=from_acl(call, RECEIVED).sender)
+    assert to_acl(answer, names=reply_names(call)).receiver == (there,)
+    assert reply_names(call, {"b": known}) == {"b": known}
+    assert reply_names(AclMessage(performative=P.CFP), {"b": known}) == {"b": known}
+
+
 FOREIGN_TEXTS = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=20) | ESCAPED.filter(bool)
 
 

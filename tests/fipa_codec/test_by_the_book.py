@@ -7,7 +7,6 @@ from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind
-from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named
 from fipa_codec.tables import Role
 from topdown.judge.follow import Followed
@@ -51,7 +50,7 @@ class Play:
         """Of an answer: that of the cancel where its label says so, as agents that know what they answer say it."""
         side = self.sides.get(said.role)
         cancelled = side is not None and said.answers != "" and said.answers == side.cancel
-        return Kind.CANCEL if cancelled else Kind.PLAIN
+        return Kind.CANCEL if cancelled else said.kind
 
     def _sent(self, said: Message) -> bool:
         side, label = self.sides[said.role], said.label or "X1"
@@ -60,8 +59,6 @@ class Play:
             after, message = side.send(said.act, id=label, now=1.0, **words)
         except FipaError:
             return False
-        if said.act is Performative.CANCEL and not said.label:
-            return False  # ours always has one
         assert not said.label or message.reply_with == said.label
         self.sides[said.role] = after
         return True

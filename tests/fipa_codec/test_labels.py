@@ -96,6 +96,30 @@ def test_a_second_cancel_with_the_same_label_is_a_copy() -> None:
         side.receive(foreign("cfp", P.CANCEL, "R5"))
 
 
+@pytest.mark.parametrize("label", ["R1", ""])
+def test_a_cancel_without_a_label_is_answered_without_one(label: str) -> None:
+    """As SubscriptionInitiator says it where it ignores the answer; no answer of the opening is taken for it."""
+    side, _ = opened("fipa-subscribe", P.SUBSCRIBE, label).send(P.AGREE, id="1", now=1.0)
+    with pytest.raises(LocalProtocolError, match=r"cannot send inform\[cancel\]"):
+        side.send(P.INFORM, id="2", now=2.0, kind=Kind.CANCEL)
+    side = side.receive(foreign("fipa-subscribe", P.CANCEL))
+    told, message = side.send(P.INFORM, id="2", now=2.0)
+    assert (told.state, message.in_reply_to) == ("stopping", label)
+    ended, answer = told.send(P.INFORM, id="3", now=3.0, kind=Kind.CANCEL)
+    assert (ended.state, answer.in_reply_to) == ("cancelled", "")
+
+
+def test_a_late_cancel_without_a_label_is_answered() -> None:
+    """After the end, and of a conversation that nobody remembers."""
+    ended, _ = opened("fipa-request", P.REQUEST, "R1").send(P.INFORM, id="1", now=1.0)
+    forgotten = Conversation.answering(foreign("fipa-request", P.CANCEL), ME)
+    for side in (ended, forgotten):
+        owing = side.receive(foreign("fipa-request", P.CANCEL))
+        assert owing.owes
+        settled, answer = owing.send(P.FAILURE, id="2", now=2.0, kind=Kind.CANCEL)
+        assert (settled.state, answer.in_reply_to) == ("settled", "")
+
+
 @given(st.lists(st.integers(0, 99), max_size=3 * MOST_HEARD))
 def test_labels_of_a_long_subscription_are_bounded(numbers: list[int]) -> None:
     """The newest ones can be answered; memory does not grow with the subscription."""

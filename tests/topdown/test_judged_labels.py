@@ -19,6 +19,7 @@ def line(role: Role, act: P, label: str = "", answers: str = "", kind: Kind = Ki
 
 CALLED = (line(INITIATOR, P.CFP, "R1"), line(PARTICIPANT, P.PROPOSE, "", "R1"))
 LIVE = (line(INITIATOR, P.SUBSCRIBE, "R1"), line(PARTICIPANT, P.AGREE, "", "R1"), line(PARTICIPANT, P.INFORM, "", "R1"))
+REQUESTED, CANCELLED = line(INITIATOR, P.REQUEST), line(INITIATOR, P.CANCEL)
 LEGAL: list[tuple[Protocol, tuple[Line, ...]]] = [
     (protocols.CFP, (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2"), line(PARTICIPANT, P.INFORM, "", "R2"))),
     (protocols.CFP, (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2"), line(PARTICIPANT, P.INFORM, "", "R1"))),
@@ -33,16 +34,32 @@ LEGAL: list[tuple[Protocol, tuple[Line, ...]]] = [
     (protocols.ICFP, (*CALLED, line(INITIATOR, P.CFP, "R2"), line(PARTICIPANT, P.PROPOSE, "", "R2"))),
     (protocols.SUBSCRIBE, (*LIVE, line(INITIATOR, P.CANCEL, "R1"), line(PARTICIPANT, P.INFORM, "", "R1", Kind.CANCEL))),
     (protocols.SUBSCRIBE, (*LIVE, line(INITIATOR, P.CANCEL, "R2"), line(PARTICIPANT, P.INFORM, "", "R2"))),
+    (protocols.SUBSCRIBE, (*LIVE, line(INITIATOR, P.CANCEL), line(PARTICIPANT, P.INFORM))),
+    (
+        protocols.FIPA_REQUEST,
+        (
+            line(INITIATOR, P.REQUEST, "R1"),
+            CANCELLED,
+            line(PARTICIPANT, P.FAILURE),
+            CANCELLED,
+            line(PARTICIPANT, P.INFORM),
+        ),
+    ),
+    (protocols.FIPA_REQUEST, (REQUESTED, CANCELLED, line(PARTICIPANT, P.INFORM), line(PARTICIPANT, P.FAILURE))),
 ]
 ILLEGAL: list[tuple[Protocol, tuple[Line, ...], Line]] = [
     (protocols.CFP, (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2")), line(PARTICIPANT, P.INFORM, "", "R9")),
     (protocols.ICFP, (*CALLED, line(INITIATOR, P.CFP, "R2")), line(PARTICIPANT, P.PROPOSE, "", "R1")),
     (protocols.ICFP, CALLED, line(INITIATOR, P.CFP, "R1")),
-    (protocols.SUBSCRIBE, LIVE, line(INITIATOR, P.CANCEL)),
     (
         protocols.CFP,
         (CALLED[0], line(INITIATOR, P.CANCEL, "R2"), line(PARTICIPANT, P.FAILURE, "", "R2")),
         line(INITIATOR, P.CANCEL, "R2"),
+    ),
+    (
+        protocols.FIPA_REQUEST,
+        (REQUESTED, CANCELLED, line(PARTICIPANT, P.INFORM), line(PARTICIPANT, P.FAILURE)),
+        line(PARTICIPANT, P.FAILURE),
     ),
 ]
 
@@ -66,13 +83,13 @@ def play(protocol: Protocol, lines: tuple[Line, ...]) -> Followed:
 
 @pytest.mark.parametrize(("protocol", "lines"), LEGAL)
 def test_what_fipa_and_jade_say_is_in_sequence(protocol: Protocol, lines: tuple[Line, ...]) -> None:
-    """Any label of the other side may be answered; a cancel may carry its subscription's; a cfp needs none."""
+    """Any label of the other side may be answered; a cancel may carry its subscription's; none needs one."""
     play(protocol, lines)
 
 
 @pytest.mark.parametrize(("protocol", "lines", "wrong"), ILLEGAL)
 def test_a_wrong_label_is_out_of_sequence(protocol: Protocol, lines: tuple[Line, ...], wrong: Line) -> None:
-    """Nobody's label, one of an earlier round, a copy, a cancel without one."""
+    """Nobody's label, one of an earlier round, a copy; one answer more than was asked for."""
     assert not taken(play(protocol, lines), wrong)
 
 

@@ -111,14 +111,17 @@ def from_acl(
 def reply_names(message: AclMessage, names: Mapping[str, Aid] = _NOBODY) -> dict[str, Aid]:
     """Return `names` for the answers to a message, so that `to_acl` addresses them to its reply-to (SC00061G).
 
-    Raise MalformedError if there are several: the answers of a conversation go to one agent.
+    Without one they go to the sender, with the addresses it gives, unless `names` has it. Raise MalformedError if there
+    are several: the answers of a conversation go to one agent.
     """
-    if message.sender is None or not message.reply_to:
+    if message.sender is None:
         return dict(names)
     if len(message.reply_to) > 1:
         raise MalformedError("reply-to", f"has {len(message.reply_to)} agents, must name one (SC00061G)")
-    ours = {aid.name: name for name, aid in names.items()}
-    return {**names, _name(message.sender, ours): message.reply_to[0]}
+    peer = _name(message.sender, {aid.name: name for name, aid in names.items()})
+    if message.reply_to:
+        return {**names, peer: message.reply_to[0]}
+    return {peer: message.sender, **names}
 
 
 def _user(communicate: Communicate, profile: Profile) -> dict[str, str]:

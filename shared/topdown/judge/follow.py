@@ -213,13 +213,13 @@ class Followed:
         asked = self._labels[role.other]
         uses = asked.get(answers, {})
         if act is Performative.NOT_UNDERSTOOD:
-            kinds = (Kind.CANCEL,) if Performative.CANCEL in uses else (Kind.PLAIN,)
+            kinds = (Kind.CANCEL,) if answers and Performative.CANCEL in uses else (Kind.PLAIN,)
             return Said(act, kinds, label, "", self.durable)
         if answers and not uses:
             return f"it answers {answers!r}, which was not asked here; asked were {', '.join(asked) or 'none'}"
         if uses.keys() & self.protocol.rounds and answers not in self._rounds:
             return f"it answers {answers!r} of an earlier round; this round is {_words(self._rounds)}"
-        if not label and needs(self.protocol, act) in (Needs.OWN, Needs.ANY):
+        if not label and needs(self.protocol, act) is Needs.ANY:
             return f"a {act} needs a reply-with, for its answer"
         if act is Performative.CONFIRM:
             confirmed = next((uses[one] for one in self.protocol.confirmed if one in uses), None)
@@ -228,8 +228,8 @@ class Followed:
             kinds = confirmed
         else:
             kinds = kinds if act is Performative.INFORM else (Kind.PLAIN,)
-            if Performative.CANCEL in uses:  # the label of the cancel, and perhaps of what it cancels
-                kinds = (Kind.CANCEL,) if len(uses) == 1 else (*kinds, Kind.CANCEL)
+            if Performative.CANCEL in uses:  # the label of the cancel, and perhaps of what it cancels; or it had none
+                kinds = (Kind.CANCEL,) if answers and len(uses) == 1 else (*kinds, Kind.CANCEL)
         return Said(act, kinds, label, answers, self.durable)
 
     def mislabelled(self, role: Role, act: Performative, label: str) -> str:
@@ -240,7 +240,7 @@ class Followed:
         need, uses = needs(self.protocol, act), self._labels[role].get(label, {})
         if need is Needs.SAME and self._rounds and label not in self._rounds:
             return f"asked again with reply-with {label!r}; it was {_words(self._rounds)}"
-        other = bool(uses) and (label not in self._rounds or act in uses)
+        other = label != "" and bool(uses) and label not in self._rounds
         if (need is Needs.NEW and act in uses) or (need is Needs.OWN and other):
             return f"{act} with reply-with {label!r} again; that was used before"
         return ""
@@ -268,7 +268,7 @@ class Followed:
             self.sides[role.other].hear(said._replace(sure=False))
 
     def _pass_on(self, role: Role, said: Said) -> None:
-        if said.label:
+        if said.label or said.performative is Performative.CANCEL:
             self._labels[role].setdefault(said.label, {}).setdefault(said.performative, said.kinds)
         self.sides[role.other].hear(said)
 
