@@ -79,12 +79,20 @@ def test_what_a_switch_costs_by_hand():
     assert decision.wait_cost == 100.0 + (100.0 + 10.0)
 
 
+def test_hands_that_a_task_leaves_full_are_emptied_before_the_other_goes_on():
+    """So what is taken meanwhile makes a switch dearer by that time, once: the other one alone waits for it."""
+    running, short = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0), Offer("take", 100.0, rest=10.0)
+    costs = [by_costs(running, (replace(short, clear=clear),), 100.0).switch_cost for clear in (0.0, 15.0)]
+    assert costs[1] - costs[0] == 15.0
+
+
 def test_what_is_not_said_of_an_offer_costs_nothing():
     """Nor is it urgent; and a decision by urgency alone has no costs."""
     running, waiting = Offer("pour", 0.0), Offer("take", 0.0)
-    assert by_costs(running, (waiting,), 0.0) == Decision("pour", "to wait costs 0, to switch 0: not below 0.9 of it")
+    text = "to wait costs 0, to switch 0: not below 0.9 of it"
+    assert by_costs(running, (waiting,), 0.0) == Decision("pour", text, rival="take")
     urgent, other = replace(waiting, urgency=1), replace(waiting, urgency=0)
-    assert first_come(running, (urgent,), 0.0) == Decision("take", "it is more urgent", True, 0.0, 0.0)
+    assert first_come(running, (urgent,), 0.0) == Decision("take", "it is more urgent", True, 0.0, 0.0, "pour")
     assert first_come(running, (other,), 0.0) == Decision("pour", "it runs already", False, 0.0, 0.0)
     assert first_come(replace(running, urgency=0), (waiting,), 0.0).task == "pour"
 

@@ -4,15 +4,19 @@ Objects are named by the person's words ("jar"); which thing of the world that i
 """
 
 from enum import StrEnum
+from typing import get_args
 
 import msgspec
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """A command of a person. `urgency`: more urgent ones come first; `deadline`: unix time [s], 0 for none."""
+    """A command of a person. `urgency`: more urgent ones come first; `deadline`, `start`: until when it is to be done,
+    and when it may begin, unix time [s], 0 for none.
+    """
 
     urgency: int = 0
     deadline: float = 0.0
+    start: float = 0.0
 
 
 class PourInto(Command, frozen=True):
@@ -59,4 +63,6 @@ class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=Tr
 
 
 Task = PourInto | Take | PutDown | LookAround
+TASKS = get_args(Task)
+"""The classes of commands."""
 Content = Task | TaskReport
