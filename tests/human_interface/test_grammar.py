@@ -69,7 +69,13 @@ def _rows(table):
         if not line.startswith("#"):
             want, before, sentence = line.split("\t")
             context = Context(mentioned=tuple(re.findall(r"\w+", before)))
-            yield want, "stop" if stop_words(sentence) else short(said(sentence, context)), sentence
+            yield want, "stop" if stop_words(sentence) else later(sentence) + short(said(sentence, context)), sentence
+
+
+def later(sentence):
+    """A word before what is not done at once."""
+    when = understand(sentence).when
+    return "later " if when.later_s or when.at else ""
 
 
 def acts(found):
