@@ -198,9 +198,14 @@ def parameters_wanted(memory: Memory) -> Job | None:
 
 
 def bound(jobs: tuple[Job, ...], at: int) -> bool:
-    """Whether a task names the same thing as one before it in the queue, so that it comes after it."""
-    things = things_of(jobs[at].command)
-    return any(things & things_of(job.command) for job in jobs[:at])
+    """Whether a task comes after one before it in the queue."""
+    return any(comes_after(jobs[at], job) for job in jobs[:at])
+
+
+def comes_after(job: Job, earlier: Job) -> bool:
+    """Whether a task comes after one that was said earlier: both name the same thing, or the sentence has this order."""
+    command = job.command
+    return command.after == earlier.conversation or bool(things_of(command) & things_of(earlier.command))
 
 
 def things_of(command: cmd.Task) -> frozenset[str]:

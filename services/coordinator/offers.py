@@ -4,7 +4,7 @@ import math
 
 from msgspec.structs import replace
 
-from services.coordinator.memory import Job, Memory, Stage, bound, things_of
+from services.coordinator.memory import Job, Memory, Stage, bound, comes_after
 from services.coordinator.scheduling import Decision, Offer, Rule, by_costs, by_deadline, in_order
 
 PLAN_S = 6.0  # [s] of wall time to make a plan, on two cores (measured)
@@ -15,7 +15,7 @@ def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: floa
     """Return the tasks in the order in which they are done: what has begun, then by the rule [now: unix s], then those
     whose time to start has not come.
 
-    Two that name the same thing keep their order of arrival, unless the later one is more urgent. Costs are compared
+    Two that name the same thing, or were said in one sentence, keep their order, unless the later one is more urgent. Costs are compared
     where those of all that wait are known; until then the deadlines are.
     """
     begun = tuple(job for job in jobs if job.begun)
@@ -30,8 +30,7 @@ def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: floa
 def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:
     """Return what a task offers, in seconds of wall time; one that waits is planned first."""
     earlier = tuple(one for one in jobs[: jobs.index(job)] if one.stage is not Stage.EARLY)
-    things = things_of(job.command)
-    after = tuple(one.conversation for one in earlier if things & things_of(one.command))
+    after = tuple(one.conversation for one in earlier if comes_after(job, one))
     known, planning = job.parameters, PLAN_S if job.stage is Stage.WAITING else 0.0
     return Offer(
         job.conversation,

@@ -30,6 +30,10 @@ def ground_task(command: cmd.Task) -> hfsm.Task:
             return hfsm.Task(hfsm.TaskName.POUR, (source, destination))
         case cmd.Take(object=thing, side=side):
             return hfsm.Task(hfsm.TaskName.TAKE, (thing, side))
+        case cmd.Bring(object=thing, side=side):
+            return hfsm.Task(hfsm.TaskName.BRING, (thing, side))
+        case cmd.SwapHands(object=thing):
+            return hfsm.Task(hfsm.TaskName.SWAP_HANDS, (thing,))
         case cmd.PutDown(object=thing):
             return hfsm.Task(hfsm.TaskName.PUT_DOWN, (thing,))
         case cmd.LookAround():

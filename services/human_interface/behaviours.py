@@ -172,7 +172,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) ->
         return memory
     names: list[str] = []
     for task in tasks:
-        memory, name = _request(memory, turn, word, task)
+        memory, name = _request(memory, turn, word, replace(task, after=names[-1]) if names else task)
         memory = memory.following(name, names[-1]) if names else memory
         names.append(name)
     turn.tell(Shown(memory.tasks, memory.told))  # before the answer, whose reader may look at once

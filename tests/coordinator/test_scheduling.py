@@ -182,6 +182,12 @@ def test_tasks_wait_in_order_of_their_deadlines_unless_they_are_about_the_same_t
     assert order_of(take, cmd.PutDown("jar_1", deadline=50.0, urgency=1)) == [1, 0]
 
 
+def test_tasks_of_one_sentence_keep_their_order():
+    """Whatever they are about and whenever they are due."""
+    assert order_of(cmd.Take("jar"), cmd.LookAround(after="0", deadline=20.0)) == [0, 1]
+    assert order_of(cmd.Take("jar"), cmd.LookAround(deadline=20.0)) == [1, 0]
+
+
 def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     """co's own steps: the one under way goes on, the urgent one is the next, and hears how many come before it."""
     scene = Scene()

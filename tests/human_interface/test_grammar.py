@@ -29,6 +29,8 @@ tasks = st.one_of(
     st.builds(cmd.PourInto, names, names).filter(lambda task: task.source != task.destination),
     st.builds(cmd.Take, names, st.sampled_from(("", "left", "right"))),
     st.builds(cmd.PutDown, names),
+    st.builds(cmd.Bring, names, st.sampled_from(("", "left", "right"))),
+    st.builds(cmd.SwapHands, st.one_of(st.just(""), names)),
     st.just(cmd.LookAround()),
 )
 
@@ -53,6 +55,10 @@ def _task(task):
             return f"pour {source} {destination}"
         case cmd.Take(object=thing, side=side):
             return f"take {thing} {side}".strip()
+        case cmd.Bring(object=thing, side=side):
+            return f"bring {thing} {side}".strip()
+        case cmd.SwapHands(object=thing):
+            return f"swap {thing}".strip()
         case cmd.PutDown(object=thing):
             return f"put {thing}"
     return "look"
@@ -80,7 +86,7 @@ def later(sentence):
 
 def acts(found):
     """Whether the robot would move."""
-    return found.split()[0] in ("pour", "take", "put", "look")
+    return found.split()[0] in ("pour", "take", "bring", "swap", "put", "look")
 
 
 @pytest.mark.parametrize(("table", "least"), [("tuned.tsv", 150), ("held_out.tsv", 75)])

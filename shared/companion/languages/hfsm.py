@@ -28,6 +28,8 @@ class TaskName(StrEnum):
 
     POUR = "pour"
     TAKE = "take"
+    BRING = "bring"
+    SWAP_HANDS = "swap_hands"
     PUT_DOWN = "put_down"
     LOOK_AROUND = "look_around"
 
