@@ -203,7 +203,7 @@ def bound(jobs: tuple[Job, ...], at: int) -> bool:
 
 
 def comes_after(job: Job, earlier: Job) -> bool:
-    """Whether a task comes after one that was said earlier: both name the same thing, or the sentence has this order."""
+    """Whether a task comes after one said earlier: both name the same thing, or the sentence has this order."""
     command = job.command
     return command.after == earlier.conversation or bool(things_of(command) & things_of(earlier.command))
 

@@ -15,8 +15,8 @@ def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: floa
     """Return the tasks in the order in which they are done: what has begun, then by the rule [now: unix s], then those
     whose time to start has not come.
 
-    Two that name the same thing, or were said in one sentence, keep their order, unless the later one is more urgent. Costs are compared
-    where those of all that wait are known; until then the deadlines are.
+    Two that name the same thing, or were said in one sentence, keep their order, unless the later one is more urgent.
+    Costs are compared where those of all that wait are known; until then the deadlines are.
     """
     begun = tuple(job for job in jobs if job.begun)
     early = sorted((job for job in jobs if job.stage is Stage.EARLY), key=lambda job: job.command.start)

@@ -145,7 +145,7 @@ def test_hands_are_not_swapped_where_nothing_or_too_much_is_held(km, beginning: 
 
 
 def test_a_plan_says_what_it_costs_to_leave_it_and_to_go_on(first, second) -> None:
-    """Less and less is left; leaving costs more with two things in the hands than with one, and nothing is forgotten."""
+    """Less and less is left; leaving costs more with two things in the hands than with one; no step is forgotten."""
     for _, plan in (first, second):
         rests = [one.rest for one in plan.schedule]
         assert rests == sorted(rests, reverse=True)
