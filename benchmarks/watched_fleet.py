@@ -1,7 +1,7 @@
 """A whole fleet in a folder of its own whose world is watched: what the vessels did, and how long things took.
 
-Agents cannot see the truth; it is read where the loop writes it. A thing counts as dropped where it is below the
-tables, or lies; how it stands in the end is judged by `unsafe`.
+Agents cannot see the truth; it is read where the loop writes it. A thing counts as dropped where no
+hand touches it and it is below the tables, or lies; how it stands in the end is judged by `unsafe`.
 """
 
 import subprocess
@@ -129,10 +129,11 @@ class WatchedFleet:
 def dropped(truth: Truth) -> str:
     """Return what is falling or lies; "" for nothing."""
     for name, (_, _, z) in truth.at.items():
+        if any(truth.fingers_on[name].values()):
+            continue
         if z < LOWEST_M.get(name, 0.0):
             return f"{name} is at a height of {z:.2f} m at {truth.time_s:.0f} s"
-        free = not any(truth.fingers_on[name].values())
-        if free and truth.tilt_deg[name] > TILTED_DEG:
+        if truth.tilt_deg[name] > TILTED_DEG:
             return f"{name} lies, tilted by {truth.tilt_deg[name]:.0f} deg, at {truth.time_s:.0f} s"
     return ""
 

@@ -93,7 +93,7 @@ class Methods:
         return [(TaskName.TAKE, name, hand), ("a_offer", hand)]
 
     def swap_hands(self, km: str, name: str) -> Subtasks | None:
-        """Put down what is held, look at it, take it with the other hand."""
+        """Put down what is held, look at it, take it with the other hand to where that one could put it down."""
         held = {side: thing for side in OTHER if (thing := self.facts.in_hand(km, side)) and name in ("", thing)}
         if len(held) != 1:
             self.failed(f"no hand holds {name or 'anything'}" if not held else "both hands are full: say which thing")
@@ -102,7 +102,7 @@ class Methods:
         if other := self.facts.in_hand(km, OTHER[side]):
             self.failed(f"the {OTHER[side]} hand holds {other}")
             return None
-        return [(TaskName.PUT_DOWN, thing), ("a_look", thing), ("a_take", thing, OTHER[side])]
+        return [(TaskName.PUT_DOWN, thing), ("a_look", thing), ("a_take", thing, OTHER[side]), ("a_offer", OTHER[side])]
 
     def put_down(self, km: str, name: str) -> Subtasks | None:
         """Put it down and bring the hand home."""

@@ -125,7 +125,7 @@ def test_what_is_held_already_is_only_held_out(km, named, jar_carried: Scene) ->
 def test_hands_are_swapped_over_the_table(km, named, jar_carried: Scene, thing: str) -> None:
     """Put down, looked at, taken with the other hand; without a name the only thing that is held."""
     plan = km(jar_carried).plan("swap_hands", thing)
-    assert named(plan) == ["place jar_1", "left arm home", "look at jar_1", "take jar_1"]
+    assert named(plan) == ["place jar_1", "left arm home", "look at jar_1", "take jar_1", "offer jar_1"]
     assert plan.holds == {Side.RIGHT: "jar_1"}
 
 
