@@ -6,6 +6,7 @@ Both waiting states take messages in the same way (incoming.py). Must not know: 
 
 from functools import partial
 
+import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
@@ -15,9 +16,10 @@ from companion.design import AgentName
 from companion.languages.cmd import TaskState
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
-from services.coordinator.incoming import not_answering, suspend, take
-from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, overtaken, plan_wanted
-from services.coordinator.offers import queued
+from services.coordinator.incoming import RULE, not_answering, requeued, suspend, take
+from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, parameters_wanted, turn_come
+from services.coordinator.offers import decided, offer
+from services.coordinator.scheduling import RULES
 
 
 def await_trigger(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
@@ -34,8 +36,12 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
         if why_not:
             turn.say(job.conversation, P.REFUSE, words.report(TaskState.FAILED, why_not))
             continue
-        memory = replace(memory, jobs=queued((*memory.jobs, job), turn.now))
-        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, words.place(memory.jobs.index(job))))
+        if job.command.start > turn.now:
+            job = replace(job, stage=Stage.EARLY)
+            turn.wake(job.conversation, job.command.start)
+        memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
+        place = words.place(memory.jobs.index(job), job.command.start - turn.now)
+        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, place))
     return replace(memory, arrived=())
 
 
@@ -48,42 +54,76 @@ def _why_not(memory: Memory, turn: Turn, limits: Limits) -> str:
 
 
 def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """State compSP: request the plan of the first task; its duration is in the plan."""
+    """State compSP: request the plan of the first task, or those of the others for their schedule parameters.
+
+    A question about parameters is called off when the plan of the first task is wanted: the world is another one then.
+    """
     if turn.event is not None:
         return take(memory, turn, limits)
+    if (job := parameters_wanted(memory)) is not None:
+        talk = turn.open(AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s)
+        return memory.with_job(replace(job, talk=talk, asked=True))
     job = memory.first
-    if job is None or not plan_wanted(memory):
+    if job is None or not turn_come(memory):
         return memory
+    if (asked := next((one for one in memory.jobs if one.stage is Stage.WAITING and one.talk), None)) is not None:
+        turn.say(asked.talk, P.CANCEL, reply_by_s=limits.cancel_planning_s)
+        return memory.with_job(replace(asked, recalled=True))
+    return _planned(memory, turn, job, limits)
+
+
+def _planned(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
+    """Request the plan of the task whose turn it is."""
+    chosen = _chosen(memory, turn, job, limits) if not job.begun else ""
     job = replace(job, plans=job.plans + 1, aside=False)
     talk = turn.open(AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s)
     if job.looks < 2 or job.at != words.LOOKS:
-        words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {job.at}" if job.at else ""))
-    return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at=""))
+        why = job.at or chosen
+        words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {why}" if why else ""))
+    return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at="", weighed=False))
 
 
-def schedule(memory: Memory, turn: Turn) -> Memory:
-    """State schedule: continue with the running plan, or switch to the one that is ready, or from a less urgent one."""
-    return replace(memory, choice=Choice.SWITCH if overtaken(memory) else decide(memory.jobs))
+def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> str:
+    """Why this task is the next one, where it passes one that came before it; noted with the rule."""
+    waiting = [one for one in memory.jobs if one.waits]
+    if job.arrived <= min(one.arrived for one in waiting):
+        return ""
+    name = turn.parameter(RULE, str)
+    offers = tuple(offer(one, memory.jobs, limits.speed) for one in waiting)
+    if name == "costs" and not all(one.schedule for one in waiting):
+        name = "deadline"
+    decision = RULES[name](None, offers, turn.now)
+    if decision is None or decision.task != job.conversation:
+        return ""
+    turn.log("next", conversation=job.conversation, rule=name, why=decision.why, of=len(waiting))
+    return decision.why
 
 
-def decide(jobs: tuple[Job, ...]) -> Choice:
-    """In order of the queue: switch when the first task has its plan and nothing runs.
-
-    Costs and suspension (TaskER) are not considered yet.
-    """
-    running = any(job.stage is Stage.RUNNING for job in jobs)
-    ready = bool(jobs) and jobs[0].stage is Stage.PLANNED
-    return Choice.SWITCH if ready and not running else Choice.CONTINUE
+def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
+    """State schedule: continue with the running plan, or switch to the one that is ready, or to a task that waits."""
+    running = memory.first
+    if running is None or not running.leavable:
+        return replace(memory, choice=Choice.CONTINUE)
+    memory = decided(memory, turn.now, RULES[turn.parameter(RULE, str)], limits.speed)
+    decision = memory.decision
+    if decision is not None:
+        turn.log("decision", **msgspec.structs.asdict(decision))
+        if not decision.switch and (rival := memory.of_hi(decision.rival)) is not None:
+            words.progress(turn, rival, TaskState.WAITING, f"{words.called(running)} goes on: {decision.why}")
+    ready = running.stage is Stage.PLANNED or (decision is not None and decision.switch)
+    return replace(memory, choice=Choice.SWITCH if ready else Choice.CONTINUE)
 
 
 def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     """State switch: request ta to run the plan, with its reply-by; first to leave the running one, if there is one."""
-    if (running := overtaken(memory)) is not None:
-        return replace(suspend(memory, turn, running, limits), choice=Choice.OPEN)
     job = memory.first
-    if job is None or job.plan is None:
+    if job is None or not job.leavable:
         return memory
+    if memory.decision is not None and memory.decision.switch:
+        return replace(suspend(memory, turn, job, limits), choice=Choice.OPEN)
     plan = job.plan
+    if plan is None:
+        return memory
     talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan))
     words.progress(turn, job, TaskState.RUNNING, f"plan {job.plans} takes about {plan.duration:.0f} s")
     job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False)
@@ -97,7 +137,7 @@ def agent(limits: Limits | None = None) -> Agent[Memory]:
         "await_trigger": partial(await_trigger, limits=kept),
         "process_request": partial(process_request, limits=kept),
         "compute_schedule_parameters": partial(compute_schedule_parameters, limits=kept),
-        "schedule": schedule,
+        "schedule": partial(schedule, limits=kept),
         "switch_plan": partial(switch_plan, limits=kept),
     }
     return bind(AgentName.CO, Memory(), behaviours, CONDITIONS)

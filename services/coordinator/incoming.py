@@ -18,13 +18,16 @@ from companion.languages.sw import WorkerState
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
 from services.coordinator.memory import Job, Limits, Memory, Stage
-from services.coordinator.offers import queued
+from services.coordinator.offers import first_in, queued
+from services.coordinator.scheduling import RULES
 
 PATIENCE = "patience"
+RULE = "rule"
+"""Parameter of the design: the rule of scheduling.py by which the next task is chosen."""
 WHO = {AgentName.PL: "the planner", AgentName.TA: "the robot"}
 _LEFT = (WorkerState.PREEMPTED, WorkerState.REPLAN)
 """Final states of a plan that ta was asked to leave: it left it, or it wanted a new one when the word came."""
-NOT_A_COMMAND = "this is not a command; send PourInto, Take, PutDown or LookAround of language CMD"
+NOT_A_COMMAND = f"this is not a command; send {', '.join(sorted(one.__name__ for one in cmd.TASKS))} of language CMD"
 
 
 def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
@@ -38,7 +41,15 @@ def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
             memory = _on_broken(memory, turn, name, why, limits)
         case Woken(name=name) if name == PATIENCE:
             memory = _out_of_patience(memory, turn)
+        case Woken(name=name) if (job := memory.of_hi(name)) is not None and job.stage is Stage.EARLY:
+            memory = requeued(memory.with_job(replace(job, stage=Stage.WAITING)), turn, limits)
     return _tied_up(memory, turn)
+
+
+def requeued(memory: Memory, turn: Turn, limits: Limits) -> Memory:
+    """Return the memory with its tasks in the order in which they are done."""
+    rule = RULES[turn.parameter(RULE, str)]
+    return replace(memory, jobs=queued(memory.jobs, turn.now, rule, limits.speed))
 
 
 def _tied_up(memory: Memory, turn: Turn) -> Memory:
@@ -67,14 +78,15 @@ def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
 
 
 def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Cancel a task of hi: a waiting one ends at once, another one when pl or ta says so."""
-    if job.stage not in (Stage.PLANNING, Stage.RUNNING):
+    """Cancel a task of hi: one that nobody works on ends at once, another one when pl or ta says so."""
+    if not job.talk:
+        turn.unwake(job.conversation)
         words.cancelled(turn, job, "it was put aside" if job.suspended else "it had not begun")
         return memory.without_job(job)
-    if not (job.cancelling or job.suspending):
-        patience_s = limits.cancel_planning_s if job.stage is Stage.PLANNING else limits.cancel_acting_s / limits.speed
+    if not (job.cancelling or job.suspending or job.recalled):
+        patience_s = limits.cancel_acting_s / limits.speed if job.stage is Stage.RUNNING else limits.cancel_planning_s
         turn.say(job.talk, P.CANCEL, reply_by_s=patience_s)
-    return memory.with_job(replace(job, cancelling=True))
+    return memory.with_job(replace(job, cancelling=True, recalled=job.stage is Stage.WAITING))
 
 
 def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
@@ -82,11 +94,17 @@ def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     waits at once.
     """
     if job.stage is Stage.PLANNED:
-        return _suspended(memory, turn, job)
+        return _suspended(memory, turn, job, limits)
     turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_acting_s / limits.speed)
-    turn.log("suspend", conversation=job.conversation, rival=memory.jobs[1].conversation)
-    words.progress(turn, job, TaskState.RUNNING, "left for a more urgent task; what is held is put down first")
+    words.progress(turn, job, TaskState.RUNNING, f"left for {_rival(memory)}; what is held is put down first")
     return memory.with_job(replace(job, suspending=True))
+
+
+def _rival(memory: Memory) -> str:
+    """The task for which another one is left, and why."""
+    decision = memory.decision
+    rival = memory.of_hi(decision.task) if decision is not None else None
+    return "another task" if rival is None or decision is None else f"{words.called(rival)}: {decision.why}"
 
 
 # --- pl ---------------------------------------------------------------------------------------------------------------
@@ -98,12 +116,28 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory
     if job.cancelling:
         return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, "while the plan was made")
+    if job.stage is Stage.WAITING:
+        return memory if turn.holds(job.talk) else _informed(memory, turn, job, received.content, limits)
     if isinstance(received.content, hfsm.HierarchicalPlan):
-        return memory.with_job(replace(job, stage=Stage.PLANNED, talk="", plan=received.content))
+        return memory.with_job(
+            replace(_with_schedule(job, received.content), stage=Stage.PLANNED, plan=received.content)
+        )
     if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
         return _not_yet(memory, job)
     why = words.reason(received.content) or f"the planner said {received.communicate.performative} and no reason"
     return _failed(memory, turn, job, why)
+
+
+def _with_schedule(job: Job, plan: hfsm.HierarchicalPlan) -> Job:
+    """The task with the schedule parameters of a plan, whose conversation is over."""
+    return replace(job, talk="", schedule=plan.schedule, holds=len(plan.holds), weighed=False)
+
+
+def _informed(memory: Memory, turn: Turn, job: Job, content: object, limits: Limits) -> Memory:
+    """Take schedule parameters, or go on without: what cannot be planned now may be when its turn comes."""
+    if isinstance(content, hfsm.HierarchicalPlan) and not job.recalled:
+        job = _with_schedule(job, content)
+    return requeued(memory.with_job(replace(job, talk="", recalled=False)), turn, limits)
 
 
 def _not_yet(memory: Memory, job: Job) -> Memory:
@@ -130,7 +164,7 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if job.cancelling:
         return _cancelled(memory, turn, job, words.reason(said))
     if isinstance(said, sw.Report) and said.state in _LEFT and job.suspending:
-        return _suspended(memory, turn, job)
+        return _suspended(memory, turn, job, limits)
     if isinstance(said, sw.Report) and said.state is WorkerState.REPLAN:
         return _on_replan(memory, turn, job, said, limits)
     return _failed(memory, turn, job, words.reason(said) or _without_reason(received))
@@ -157,15 +191,21 @@ def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Li
     if job.plans - job.suspended > limits.replans:
         return _failed(memory, turn, job, f"given up after {job.plans} plans; the last one: {why}")
     turn.log("replan", conversation=job.conversation, plans=job.plans, why=why)
-    return memory.with_job(replace(job, stage=Stage.WAITING, talk="", at=why))
+    return memory.changed().with_job(replace(job, stage=Stage.WAITING, talk="", at=why))
 
 
-def _suspended(memory: Memory, turn: Turn, job: Job) -> Memory:
-    """Put a task aside that ta has left; it waits like others, for a plan made of what the world is then."""
-    words.progress(turn, job, TaskState.SUSPENDED, "a more urgent task comes first")
-    job = replace(job, stage=Stage.WAITING, talk="", plan=None, at="", suspending=False, aside=True)
-    memory = memory.with_job(replace(job, suspended=job.suspended + 1))
-    return replace(memory, jobs=queued(memory.jobs, turn.now))
+def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
+    """Put a task aside that ta has left; it waits like others, for a plan made of what the world is then.
+
+    Its schedule parameters until then: the rest where it was left, and the time to be there again.
+    """
+    words.progress(turn, job, TaskState.SUSPENDED, f"{_rival(memory)}; it comes first")
+    here = job.parameters
+    left = () if here is None else (hfsm.ScheduleParameters("", here.rest + here.resume),)
+    job = replace(job, stage=Stage.WAITING, talk="", plan=None, at="", suspending=False, aside=True, schedule=left)
+    memory = memory.changed().with_job(replace(job, suspended=job.suspended + 1, asked=False, weighed=False))
+    memory = requeued(memory, turn, limits)
+    return replace(memory, jobs=first_in(memory.jobs, memory.decision))
 
 
 # --- ends -------------------------------------------------------------------------------------------------------------
@@ -182,10 +222,16 @@ def _failed(memory: Memory, turn: Turn, job: Job, text: str) -> Memory:
 
 
 def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Row T: tell hi, cancel at the peer (if not done yet), and keep the conversation as loose."""
+    """Row T: tell hi, cancel at the peer (if not done yet), and keep the conversation as loose.
+
+    A question about schedule parameters is called off first; the task ends only where that is not answered, either.
+    """
     who = WHO[AgentName(turn.conversation(job.talk).peer)]
     turn.log("late", level="warning", conversation=job.talk, task=job.conversation)
-    if not (job.cancelling or job.suspending):
+    if job.stage is Stage.WAITING and not job.recalled:
+        turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_planning_s)
+        return memory.with_job(replace(job, recalled=True))
+    if not (job.cancelling or job.suspending or job.recalled):
         turn.say(job.talk, P.CANCEL)
     words.failed(turn, job, f"{who} did not answer in time")
     turn.wake(PATIENCE, turn.now + limits.patience_s)
@@ -205,10 +251,10 @@ def _on_broken(memory: Memory, turn: Turn, name: str, why: str, limits: Limits) 
 
 
 def _out_of_patience(memory: Memory, turn: Turn) -> Memory:
-    """End the waiting tasks, since the late peer does not answer."""
+    """End the tasks that wait, since the late peer does not answer; one that runs does not need the planner."""
     if not memory.loose:
         return memory
-    for job in memory.jobs:
+    for job in [job for job in memory.jobs if job.stage is not Stage.RUNNING]:
         memory = _failed(memory, turn, job, f"{not_answering(memory, turn)}; say it again when it is back")
     return memory
 

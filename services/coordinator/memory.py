@@ -1,6 +1,7 @@
 """Memory of co between two steps: tasks in the order in which they are done, conversations that outlive their task.
 
-One task at a time: the first job is planned and run, the others wait. Must not know: messages, clocks.
+The first job is planned and run, the others wait; while it runs, pl is asked for their schedule parameters. Must not
+know: messages, clocks.
 """
 
 from collections.abc import Iterator
@@ -9,6 +10,7 @@ from enum import StrEnum
 import msgspec
 
 from companion.languages import cmd, hfsm
+from services.coordinator.scheduling import Decision
 
 
 class Limits(msgspec.Struct, frozen=True):
@@ -47,8 +49,9 @@ def _leaves(machine: hfsm.Machine) -> Iterator[hfsm.State]:
 
 
 class Stage(StrEnum):
-    """The stage of a task."""
+    """The stage of a task. `early`: its time to start has not come."""
 
+    EARLY = "early"
     WAITING = "waiting"
     PLANNING = "planning"
     PLANNED = "planned"
@@ -64,11 +67,14 @@ class Choice(StrEnum):
 
 
 class Job(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING) or ta (RUNNING).
+    """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING; WAITING: about its
+    schedule parameters only) or ta (RUNNING).
 
     `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
-    `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for a more urgent
-    one; `suspended`: how often that was done, and `aside`: it waits for its turn since.
+    `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for another one;
+    `suspended`: how often that was done, and `aside`: it waits for its turn since. `schedule`: parameters of its newest
+    plan, () while unknown; `holds`: number of hands that are full when it is done; `asked`: pl was asked for them since
+    the world changed, `recalled`: that question was called off. `weighed`: a decision was made with them.
     """
 
     conversation: str
@@ -84,16 +90,38 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     suspending: bool = False
     suspended: int = 0
     aside: bool = False
+    schedule: tuple[hfsm.ScheduleParameters, ...] = ()
+    holds: int = 0
+    asked: bool = False
+    recalled: bool = False
+    weighed: bool = False
 
     @property
     def begun(self) -> bool:
         """Whether it is under way: planned, or asked to be, since it came or was put aside."""
-        return not self.aside and (self.stage is not Stage.WAITING or self.plans > 0 or self.looks > 0)
+        under_way = self.stage not in (Stage.WAITING, Stage.EARLY)
+        return not self.aside and (under_way or self.plans > 0 or self.looks > 0)
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for its turn, and may be weighed against the one that runs."""
+        return self.stage is Stage.WAITING and not self.cancelling
+
+    @property
+    def leavable(self) -> bool:
+        """Whether it may be left for another one: it runs or could, and nobody has asked ta to leave it."""
+        return self.stage in (Stage.PLANNED, Stage.RUNNING) and not (self.cancelling or self.suspending)
+
+    @property
+    def parameters(self) -> hfsm.ScheduleParameters | None:
+        """Its schedule parameters now: those of the state of the plan that hi was told last; None while unknown."""
+        here = self.at.partition("/")[0]
+        return next((one for one in self.schedule if one.at == here), next(iter(self.schedule), None))
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     """`arrived`: commands that are not queued yet; `over`: a task has just ended; `loose`: conversations with pl or ta
-    whose reply-by has passed (hi was told) and whose last message is still to come.
+    whose reply-by has passed (hi was told) and whose last message is still to come; `decision`: the last one.
     """
 
     arrived: tuple[Job, ...] = ()
@@ -101,6 +129,7 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     choice: Choice = Choice.OPEN
     over: bool = False
     loose: tuple[str, ...] = ()
+    decision: Decision | None = None
 
     @property
     def first(self) -> Job | None:
@@ -123,7 +152,12 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     def without_job(self, job: Job) -> "Memory":
         """Return the memory without a task that has ended."""
         jobs = tuple(one for one in self.jobs if one.conversation != job.conversation)
-        return msgspec.structs.replace(self, jobs=jobs, over=True, choice=Choice.OPEN)
+        return msgspec.structs.replace(self, jobs=jobs, over=True, choice=Choice.OPEN).changed()
+
+    def changed(self) -> "Memory":
+        """Return the memory after the world may have changed: schedule parameters are to be asked for again."""
+        jobs = tuple(msgspec.structs.replace(job, asked=False) for job in self.jobs)
+        return msgspec.structs.replace(self, jobs=jobs)
 
 
 # --- the conditions of design.toml ------------------------------------------------------------------------------------
@@ -135,24 +169,72 @@ def command_arrived(memory: Memory) -> bool:
 
 
 def plan_wanted(memory: Memory) -> bool:
-    """Whether the first task needs a plan, and pl and ta are not late."""
-    return memory.first is not None and memory.first.stage is Stage.WAITING and not memory.loose
+    """Whether the first task needs a plan or a waiting one its schedule parameters, and pl and ta are not late."""
+    return turn_come(memory) or parameters_wanted(memory) is not None
+
+
+def turn_come(memory: Memory) -> bool:
+    """Whether the first task needs a plan, which waits until pl has answered the recall of a question."""
+    first = memory.first is not None and memory.first.stage is Stage.WAITING and not memory.first.cancelling
+    return first and not memory.loose and not any(job.recalled for job in memory.jobs)
+
+
+def parameters_wanted(memory: Memory) -> Job | None:
+    """Return the next task to ask pl about while another one runs, unless its answer could change nothing.
+
+    One that is to be done after another one would only be planned for a world that is not there yet.
+    """
+    running = memory.first
+    if running is None or running.stage is not Stage.RUNNING or not running.leavable:
+        return None
+    if (
+        memory.loose
+        or overtaken(memory) is not None
+        or any(job.stage is Stage.WAITING and job.talk for job in memory.jobs)
+    ):
+        return None
+    free = (job for at, job in enumerate(memory.jobs) if job.waits and not job.asked and not bound(memory.jobs, at))
+    return next((job for job in free if job.command.urgency == running.command.urgency), None)
+
+
+def bound(jobs: tuple[Job, ...], at: int) -> bool:
+    """Whether a task comes after one before it in the queue."""
+    return any(comes_after(jobs[at], job) for job in jobs[:at])
+
+
+def comes_after(job: Job, earlier: Job) -> bool:
+    """Whether a task comes after one said earlier: both name the same thing, or the sentence has this order."""
+    command = job.command
+    return command.after == earlier.conversation or bool(things_of(command) & things_of(earlier.command))
+
+
+def things_of(command: cmd.Task) -> frozenset[str]:
+    """Return the kinds of things that a command names: jar and jar_1 may be the same one."""
+    named = (getattr(command, field, "") for field in ("source", "destination", "object"))
+    return frozenset(name.partition("_")[0] for name in named if name)
 
 
 def choice_open(memory: Memory) -> bool:
-    """Whether there is a plan or a more urgent task, and no decision on it."""
+    """Whether there is a plan, a more urgent task or one with new schedule parameters, and no decision on it."""
     planned = memory.first is not None and memory.first.stage is Stage.PLANNED
-    return memory.choice is Choice.OPEN and (planned or overtaken(memory) is not None)
+    return memory.choice is Choice.OPEN and (planned or overtaken(memory) is not None or bool(unweighed(memory)))
 
 
 def overtaken(memory: Memory) -> Job | None:
     """Return the task that runs or could, where a more urgent one waits, and nobody has asked ta to leave it."""
     job = memory.first
-    if job is None or job.stage not in (Stage.PLANNED, Stage.RUNNING) or job.cancelling or job.suspending:
+    if job is None or not job.leavable:
         return None
-    if len(memory.jobs) < 2:
-        return None
-    return job if memory.jobs[1].command.urgency > job.command.urgency else None
+    waiting = [one.command.urgency for one in memory.jobs[1:] if one.waits]
+    return job if max(waiting, default=job.command.urgency) > job.command.urgency else None
+
+
+def unweighed(memory: Memory) -> tuple[Job, ...]:
+    """Return the waiting tasks with new schedule parameters, while another task runs."""
+    running = memory.first
+    if running is None or running.stage is not Stage.RUNNING or not running.leavable or not running.schedule:
+        return ()
+    return tuple(job for job in memory.jobs[1:] if job.waits and job.schedule and not job.weighed)
 
 
 def triggered(memory: Memory) -> bool:
@@ -189,7 +271,7 @@ def switched(memory: Memory) -> bool:
 def switch_failed(memory: Memory) -> bool:
     """Whether there is no plan to switch to."""
     planned = memory.first is not None and memory.first.stage is Stage.PLANNED
-    return switch(memory) and not planned and overtaken(memory) is None
+    return switch(memory) and not planned and (memory.first is None or not memory.first.leavable)
 
 
 CONDITIONS = {

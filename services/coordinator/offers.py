@@ -1,32 +1,78 @@
-"""What the tasks of co offer to its scheduler, and the queue that comes of it. Must not know: messages."""
+"""What the tasks of co offer to its scheduler, the queue that comes of it, its decisions. Must not know: messages."""
 
 import math
 
-from companion.languages import cmd
-from services.coordinator.memory import Job
-from services.coordinator.scheduling import Offer, by_deadline, in_order
+from msgspec.structs import replace
+
+from services.coordinator.memory import Job, Memory, Stage, bound, comes_after
+from services.coordinator.scheduling import Decision, Offer, Rule, by_costs, by_deadline, in_order
+
+PLAN_S = 6.0  # [s] of wall time to make a plan, on two cores (measured)
+DOWN_S = 15.0  # [s, simulated] to put down what a task leaves in a hand, as cancels took (measured)
 
 
-def queued(jobs: tuple[Job, ...], now: float) -> tuple[Job, ...]:
-    """Return the tasks in the order in which they are done: what has begun, then by urgency and deadline [now: unix s].
+def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: float = 1.0) -> tuple[Job, ...]:
+    """Return the tasks in the order in which they are done: what has begun, then by the rule [now: unix s], then those
+    whose time to start has not come.
 
-    Two that name the same thing keep their order of arrival, unless the later one is more urgent.
+    Two that name the same thing, or were said in one sentence, keep their order, unless the later one is more urgent.
+    Costs are compared where those of all that wait are known; until then the deadlines are.
     """
     begun = tuple(job for job in jobs if job.begun)
-    waiting = {job.conversation: job for job in jobs if not job.begun}
-    order = in_order(tuple(_offer(job, jobs) for job in waiting.values()), now, by_deadline)
-    return (*begun, *(waiting[name] for name in order))
+    early = sorted((job for job in jobs if job.stage is Stage.EARLY), key=lambda job: job.command.start)
+    waiting = {job.conversation: job for job in jobs if not job.begun and job.stage is not Stage.EARLY}
+    if rule is by_costs and not all(job.schedule for job in waiting.values()):
+        rule = by_deadline
+    order = in_order(tuple(offer(job, jobs, speed) for job in waiting.values()), now, rule)
+    return (*begun, *(waiting[name] for name in order), *early)
 
 
-def _offer(job: Job, jobs: tuple[Job, ...]) -> Offer:
-    earlier = jobs[: jobs.index(job)]
-    things = _things(job.command)
-    after = tuple(one.conversation for one in earlier if things & _things(one.command))
-    deadline = job.command.deadline or math.inf
-    return Offer(job.conversation, job.arrived, deadline=deadline, urgency=job.command.urgency, after=after)
+def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:
+    """Return what a task offers, in seconds of wall time; one that waits is planned first."""
+    earlier = tuple(one for one in jobs[: jobs.index(job)] if one.stage is not Stage.EARLY)
+    after = tuple(one.conversation for one in earlier if comes_after(job, one))
+    known, planning = job.parameters, PLAN_S if job.stage is Stage.WAITING else 0.0
+    return Offer(
+        job.conversation,
+        job.arrived,
+        rest=planning + (known.rest / speed if known else 0.0),
+        deadline=job.command.deadline or math.inf,
+        urgency=job.command.urgency,
+        after=after,
+        suspend=known.suspend / speed if known else 0.0,
+        resume=PLAN_S + (known.resume / speed if known else 0.0),
+        clear=DOWN_S * job.holds / speed,
+    )
 
 
-def _things(command: cmd.Task) -> frozenset[str]:
-    """The kinds of things that a command names: jar and jar_1 may be the same one."""
-    named = (getattr(command, field, "") for field in ("source", "destination", "object"))
-    return frozenset(name.partition("_")[0] for name in named if name)
+def decided(memory: Memory, now: float, rule: Rule, speed: float) -> Memory:
+    """Return the memory with the decision between the task that runs, or could, and those that wait.
+
+    One whose parameters are not known is weighed only where it is more urgent.
+    """
+    running = memory.first
+    assert running is not None
+    rivals = tuple(
+        (at, job)
+        for at, job in enumerate(memory.jobs)
+        if job.waits
+        and (job.command.urgency > running.command.urgency or (job.schedule and not bound(memory.jobs, at)))
+    )
+    if running.stage is Stage.PLANNED:
+        rivals = tuple(pair for pair in rivals if pair[1].command.urgency > running.command.urgency)
+    offers = tuple(offer(job, memory.jobs, speed) for _, job in rivals)
+    decision = rule(offer(running, memory.jobs, speed), offers, now)
+    jobs = tuple(replace(job, weighed=job.weighed or (job.waits and bool(job.schedule))) for job in memory.jobs)
+    return replace(memory, jobs=jobs, decision=decision if rivals else None)
+
+
+def first_in(jobs: tuple[Job, ...], decision: Decision | None) -> tuple[Job, ...]:
+    """Return the queue with the task first for which another one was left, unless a more urgent one waits meanwhile."""
+    rival = next((job for job in jobs if decision is not None and job.conversation == decision.task), None)
+    if (
+        rival is None
+        or not rival.waits
+        or rival.command.urgency < max(job.command.urgency for job in jobs if job.waits)
+    ):
+        return jobs
+    return (rival, *(job for job in jobs if job is not rival))

@@ -22,7 +22,8 @@ class Offer(msgspec.Struct, frozen=True):
     """Schedule parameters of a task (TaskER: ScheduleParams). `arrived`, `deadline`: unix time [s], inf for none.
 
     In seconds of robot time: `rest` until it is done, `suspend` until it is safely left, `resume` until it is taken up
-    again where it was left. `after`: tasks that end before it, as long as it is no more urgent.
+    again where it was left, `clear` until the hands are empty that it leaves full. `after`: tasks that end before it,
+    as long as it is no more urgent.
     """
 
     task: str
@@ -33,6 +34,7 @@ class Offer(msgspec.Struct, frozen=True):
     after: tuple[str, ...] = ()
     suspend: float = 0.0
     resume: float = 0.0
+    clear: float = 0.0
 
     def cost(self, now: float, ended: float) -> float:
         """Return the cost of the time from now until its end, both unix time [s]."""
@@ -41,13 +43,17 @@ class Offer(msgspec.Struct, frozen=True):
 
 
 class Decision(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The task that goes on, and whether the running one is left for it; `switch_cost`, `wait_cost`: where compared."""
+    """The task that goes on, and whether the running one is left for it; `rival`: the other one, where there were two.
+
+    `switch_cost`, `wait_cost`: where they were compared.
+    """
 
     task: str
     why: str
     switch: bool = False
     switch_cost: float = 0.0
     wait_cost: float = 0.0
+    rival: str = ""
 
 
 Rule = Callable[[Offer | None, tuple[Offer, ...], float], Decision | None]
@@ -63,12 +69,14 @@ def by_costs(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> D
     if running is None:
         return Decision(first.task, "it costs least to do it first" if len(settled) > 1 else "it is the only one")
     left = now + running.suspend + first.rest
-    switch = first.cost(now, left) + running.cost(now, left + running.resume + running.rest)
+    switch = first.cost(now, left) + running.cost(now, left + first.clear + running.resume + running.rest)
     wait = running.cost(now, now + running.rest) + first.cost(now, now + running.rest + first.rest)
     if switch < BELOW * wait:
-        return Decision(first.task, f"to switch costs {switch:.0f}, to wait {wait:.0f}", True, switch, wait)
+        return Decision(
+            first.task, f"to switch costs {switch:.0f}, to wait {wait:.0f}", True, switch, wait, running.task
+        )
     text = f"to wait costs {wait:.0f}, to switch {switch:.0f}: not below {BELOW:g} of it"
-    return Decision(running.task, text, False, switch, wait)
+    return Decision(running.task, text, False, switch, wait, first.task)
 
 
 def by_deadline(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> Decision | None:
@@ -78,10 +86,11 @@ def by_deadline(running: Offer | None, waiting: tuple[Offer, ...], now: float) -
         return settled
     first = min(settled, key=lambda one: (one.deadline, one.arrived))
     if running is not None and running.deadline <= first.deadline:
-        return Decision(running.task, "nothing that waits has an earlier deadline")
+        return Decision(running.task, "nothing that waits has an earlier deadline", rival=first.task)
     if math.isinf(first.deadline):
         return Decision(first.task, "it came first")
-    return Decision(first.task, f"its deadline is the earliest, in {first.deadline - now:.0f} s", running is not None)
+    text, rival = f"its deadline is the earliest, in {first.deadline - now:.0f} s", running.task if running else ""
+    return Decision(first.task, text, running is not None, rival=rival)
 
 
 def first_come(running: Offer | None, waiting: tuple[Offer, ...], now: float) -> Decision | None:
@@ -120,7 +129,7 @@ def _by_urgency(running: Offer | None, waiting: tuple[Offer, ...]) -> Decision |
     if running.urgency > most:
         return Decision(running.task, "what waits is less urgent")
     first = min(urgent, key=lambda one: (one.deadline, one.arrived))
-    return Decision(first.task, "it is more urgent", True)
+    return Decision(first.task, "it is more urgent", True, rival=running.task)
 
 
 def _cost_first(first: Offer, offers: Iterable[Offer], now: float) -> float:

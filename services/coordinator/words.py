@@ -30,6 +30,10 @@ def ground_task(command: cmd.Task) -> hfsm.Task:
             return hfsm.Task(hfsm.TaskName.POUR, (source, destination))
         case cmd.Take(object=thing, side=side):
             return hfsm.Task(hfsm.TaskName.TAKE, (thing, side))
+        case cmd.Bring(object=thing, side=side):
+            return hfsm.Task(hfsm.TaskName.BRING, (thing, side))
+        case cmd.SwapHands(object=thing):
+            return hfsm.Task(hfsm.TaskName.SWAP_HANDS, (thing,))
         case cmd.PutDown(object=thing):
             return hfsm.Task(hfsm.TaskName.PUT_DOWN, (thing,))
         case cmd.LookAround():
@@ -41,8 +45,16 @@ def report(state: TaskState, text: str) -> TaskReport:
     return TaskReport(state, cut(text))
 
 
-def place(ahead: int) -> str:
-    """Return the place of a task in the queue, in words."""
+def called(job: Job) -> str:
+    """Return a task in words: its name, and what it is."""
+    task = ground_task(job.command)
+    return f"{job.conversation} ({' '.join(word for word in (task.name.replace('_', ' '), *task.arguments) if word)})"
+
+
+def place(ahead: int, early_s: float = 0.0) -> str:
+    """Return the place of a task in the queue, in words; `early_s`: until it may start [s]."""
+    if early_s > 0.0:
+        return f"it begins in {early_s:.0f} s" if early_s < 120.0 else f"it begins in {early_s / 60.0:.0f} min"
     if not ahead:
         return "it is the next one"
     return "one task comes before it" if ahead == 1 else f"{ahead} tasks come before it"

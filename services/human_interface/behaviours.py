@@ -149,9 +149,11 @@ def _timed(found: Act | Ask | Tell, word: Said, now: float) -> Act | Ask | Tell:
 
 
 def _wanted(task: cmd.Task, word: Said, now: float) -> cmd.Task:
-    """The task with the urgency and the deadline of what was said, where something was said of them."""
+    """The task with urgency, deadline and time to begin of what was said, where something was said of them."""
     if word.urgency:
         task = replace(task, urgency=word.urgency)
+    if word.later_s:
+        task = replace(task, start=now + word.later_s)
     return replace(task, deadline=now + word.within_s) if word.within_s else task
 
 
@@ -170,7 +172,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) ->
         return memory
     names: list[str] = []
     for task in tasks:
-        memory, name = _request(memory, turn, word, task)
+        memory, name = _request(memory, turn, word, replace(task, after=names[-1]) if names else task)
         memory = memory.following(name, names[-1]) if names else memory
         names.append(name)
     turn.tell(Shown(memory.tasks, memory.told))  # before the answer, whose reader may look at once
@@ -193,14 +195,19 @@ def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Me
 
 
 def _i_will(tasks: tuple[cmd.Task, ...], language: str, now: float) -> str:
-    """What will be done, in which order and until when."""
+    """What will be done, in which order, from when on and until when."""
     text = in_words(tasks, language)
     if any(task.urgency for task in tasks):
         text = say(language, "urgent", text)
+    if start := max(task.start for task in tasks):
+        text = say(language, "later", text, _span(start - now))
     if deadline := max(task.deadline for task in tasks):
-        left_s = deadline - now
-        text = say(language, "within", text, f"{left_s:.0f} s" if left_s < 120.0 else f"{left_s / 60.0:.0f} min")
+        text = say(language, "within", text, _span(deadline - now))
     return say(language, "i_will", text)
+
+
+def _span(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
 
 
 def _cancel_all(memory: Memory, turn: Turn, word: Said) -> Memory:

@@ -37,6 +37,8 @@ class TimeRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     urgent: str
     within: str
     by: str
+    later: str
+    at: str
 
 
 class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

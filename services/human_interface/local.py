@@ -13,7 +13,7 @@ class _Message(msgspec.Struct, frozen=True, tag=True):
 class Said(_Message, frozen=True, omit_defaults=True):
     """A person said a sentence, which was read already; the answer goes to `ticket`. `held`: the robot is stopped.
 
-    `urgency`, `within_s`: of the tasks that it becomes, 0 for none.
+    `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none.
     """
 
     ticket: str
@@ -22,6 +22,7 @@ class Said(_Message, frozen=True, omit_defaults=True):
     held: bool = False
     urgency: int = 0
     within_s: float = 0.0
+    later_s: float = 0.0
 
 
 class CancelWanted(_Message, frozen=True):

@@ -29,14 +29,17 @@ class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class When(msgspec.Struct, frozen=True, omit_defaults=True):
-    """When the wishes of a sentence are wanted. `urgent`: before all else; `within_s`: seconds until they are done.
+    """When the wishes of a sentence are wanted. `urgent`: before all else; `within_s`: seconds until they are done,
+    `later_s`: until they may begin.
 
-    `by`: times of day in minutes, the next of which is meant (three o'clock is by night and by day).
+    `by`, `at`: the same as times of day in minutes, the next of which is meant (three o'clock is by night and by day).
     """
 
     urgent: bool = False
     within_s: float = 0.0
     by: tuple[int, ...] = ()
+    later_s: float = 0.0
+    at: tuple[int, ...] = ()
 
 
 class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):

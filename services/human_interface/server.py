@@ -181,7 +181,8 @@ class _Request(http.server.BaseHTTPRequestHandler):
             ticket = self.server.board.ticket()
             urgency = max(said.urgency, int(meaning.when.urgent))
             within_s = said.within_s or times.seconds_left(meaning.when, _minute_of_day())
-            self.server.post(Said(ticket, text, meaning, self.server.robot.held, urgency, within_s))
+            later_s = said.later_s or times.seconds_until(meaning.when, _minute_of_day())
+            self.server.post(Said(ticket, text, meaning, self.server.robot.held, urgency, within_s, later_s))
             return self._answer(ticket)
 
     def _stop(self) -> msgspec.Struct:

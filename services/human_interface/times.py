@@ -1,4 +1,4 @@
-"""When something is wanted, as people say it: "first", "within ten minutes", "before noon", "by half past three".
+"""When something is wanted, as people say it: "first", "within ten minutes", "before noon", "in ten minutes".
 
 Such words are taken out of a sentence before the grammar reads the rest; words about time that are not understood stay,
 so that the grammar refuses the sentence. By the catalogue. Must not know: tasks, clocks.
@@ -29,9 +29,9 @@ def _expression(text: str, language: str) -> re.Pattern[str]:
     return re.compile(rf"(?:^| )(?:{text})(?= |$)")
 
 
-_URGENT, _WITHIN, _BY = (
+_URGENT, _WITHIN, _BY, _LATER, _AT = (
     {language: _expression(getattr(CATALOGUE.time[language], kind), language) for language in LANGUAGES}
-    for kind in ("urgent", "within", "by")
+    for kind in ("urgent", "within", "by", "later", "at")
 )
 
 
@@ -43,6 +43,10 @@ def taken(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
             text, when = _without(text, found), replace(when, within_s=_seconds(found, language))
         if (found := _BY[language].search(text)) and (by := _clocks(found.group(1), language)):
             text, when = _without(text, found), replace(when, by=by)
+        if found := _LATER[language].search(text):
+            text, when = _without(text, found), replace(when, later_s=_seconds(found, language))
+        if (found := _AT[language].search(text)) and (at := _clocks(found.group(1), language)):
+            text, when = _without(text, found), replace(when, at=at)
         if found := _URGENT[language].search(text):  # behind the others: "first" is the last word of what is left
             text, when = _without(text, found), replace(when, urgent=True)
     rest = tuple(text.split())
@@ -86,6 +90,15 @@ def _of_day(hour: int, minute: int, half: str) -> tuple[int, ...]:
 
 
 def seconds_left(when: When, minute_of_day: float) -> float:
-    """Return the seconds until it is wanted, from a time of day in minutes; 0 where nothing was said."""
-    ahead = [(at - minute_of_day) % DAY * 60.0 for at in when.by]
-    return min([when.within_s] * (when.within_s > 0.0) + ahead, default=0.0)
+    """Return the seconds until it is to be done, from a time of day in minutes; 0 where nothing was said."""
+    return _sooner(when.within_s, when.by, minute_of_day)
+
+
+def seconds_until(when: When, minute_of_day: float) -> float:
+    """Return the seconds until it may begin, from a time of day in minutes; 0 where nothing was said."""
+    return _sooner(when.later_s, when.at, minute_of_day)
+
+
+def _sooner(after_s: float, clocks: tuple[int, ...], minute_of_day: float) -> float:
+    ahead = [(at - minute_of_day) % DAY * 60.0 for at in clocks]
+    return min([after_s] * (after_s > 0.0) + ahead, default=0.0)

@@ -17,8 +17,8 @@ EXAMPLE = {
     "en": {"pour": "pour the jar into the bowl", "take": "take the jar", "put": "put down the jar"},
     "pl": {"pour": "wlej zawartość słoika do miski", "take": "weź słoik", "put": "odłóż słoik"},
 }
-USE = {"pour": "pour", "fill": "pour", "take": "take", "put": "take"}
-"""What a thing must be good for (catalogue: can), by wish."""
+USE = {"pour": "pour", "fill": "pour"}
+"""What a thing must be good for (catalogue: can), by wish; else it is taken."""
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
 
@@ -223,6 +223,8 @@ MAKE: dict[str, Callable[[Clause, tuple[str, ...], str], cmd.Task]] = {
     "pour": _pour,
     "fill": _pour,
     "take": lambda clause, names, language: cmd.Take(names[0], clause.side),
+    "bring": lambda clause, names, language: cmd.Bring(names[0], clause.side),
+    "swap": lambda clause, names, language: cmd.SwapHands(*names),
     "put": lambda clause, names, language: cmd.PutDown(names[0]),
     "look": lambda clause, names, language: cmd.LookAround(),
 }
@@ -246,12 +248,23 @@ def _task_in_words(task: cmd.Task, language: str) -> str:
         case cmd.Take(object=thing, side=""):
             return say(language, "take", _called(thing, language, 2))
         case cmd.Take(object=thing, side=side):
-            hand = {"left": "lewą", "right": "prawą"}[side] if language == "pl" else side
-            return say(language, "take_side", _called(thing, language, 2), hand)
+            return say(language, "take_side", _called(thing, language, 2), _hand(side, language))
+        case cmd.Bring(object=thing, side=""):
+            return say(language, "bring", _called(thing, language, 2))
+        case cmd.Bring(object=thing, side=side):
+            return say(language, "bring_side", _called(thing, language, 2), _hand(side, language))
+        case cmd.SwapHands(object=""):
+            return say(language, "swap")
+        case cmd.SwapHands(object=thing):
+            return say(language, "swap_thing", _called(thing, language, 2))
         case cmd.PutDown(object=thing):
             return say(language, "put", _called(thing, language, 2))
         case cmd.LookAround():
             return say(language, "look")
+
+
+def _hand(side: str, language: str) -> str:
+    return {"left": "lewą", "right": "prawą"}[side] if language == "pl" else side
 
 
 def _called(name: str, language: str, case: int = 0) -> str:

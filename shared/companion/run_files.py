@@ -17,7 +17,7 @@ STOPPED, RELEASED = "stopped", "released"
 HELD = "stopped: the loop holds the robot until `roco release`"
 LET_GO = "released: the loop leaves the stop by its own rules"
 LONGEST_WITHIN_S = 86_400.0
-"""Until the deadline of a task; estimate: who says more means no deadline."""
+"""Until the deadline of a task, or its time to begin; estimate: who says more means neither."""
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
 
 
@@ -29,11 +29,14 @@ class HiAddress(msgspec.Struct, frozen=True):
 
 
 class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """POST /say: a sentence. `urgency`: higher comes first; `within_s`: seconds until it should be done, 0 for none."""
+    """POST /say: a sentence. `urgency`: higher comes first; `within_s`, `later_s`: seconds until it should be done, and
+    until it may begin, 0 for none.
+    """
 
     text: str
     urgency: Annotated[int, msgspec.Meta(ge=0, le=9)] = 0
     within_s: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_WITHIN_S)] = 0.0
+    later_s: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_WITHIN_S)] = 0.0
 
 
 class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -86,9 +86,9 @@ class Scene:
         """Pl says something in its last conversation."""
         self.do("pl", lambda turn: turn.say(self.asked("pl"), performative, content, **more))
 
-    def plan(self, duration=100.0):
+    def plan(self, duration=100.0, suspend=0.0, resume=0.0):
         """Pl has a plan."""
-        self.pl(P.INFORM, a_plan(duration))
+        self.pl(P.INFORM, a_plan(duration, suspend, resume))
 
     def ta(self, state, **more):
         """Ta reports."""
@@ -156,10 +156,11 @@ def unchecked(wired):
     return Wiring(wired.system, wired.agent, links, wired.languages)
 
 
-def a_plan(duration=100.0):
-    """A small plan."""
+def a_plan(duration=100.0, suspend=0.0, resume=0.0):
+    """A small plan, its schedule parameters those of its only state."""
     state = hfsm.EndState("end", hfsm.Outcome.SUCCEEDED)
-    return hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "end", (state,)), duration, 1)
+    schedule = (hfsm.ScheduleParameters("end", duration, suspend, resume),)
+    return hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "end", (state,)), duration, 1, schedule)
 
 
 def no_plan(reason="the jar is out of reach"):

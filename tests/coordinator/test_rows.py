@@ -36,6 +36,8 @@ def test_a_command_is_agreed_planned_run_and_done(scene):
     [
         (cmd.PourInto("jar", "bowl"), hfsm.Task("pour", ("jar", "bowl"))),
         (cmd.Take("jar", "left"), hfsm.Task("take", ("jar", "left"))),
+        (cmd.Bring("jar", "right"), hfsm.Task("bring", ("jar", "right"))),
+        (cmd.SwapHands(), hfsm.Task("swap_hands", ("",))),
         (cmd.PutDown("bowl"), hfsm.Task("put_down", ("bowl",))),
         (cmd.LookAround(), hfsm.Task("look_around", ())),
     ],

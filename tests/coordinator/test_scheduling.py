@@ -79,12 +79,20 @@ def test_what_a_switch_costs_by_hand():
     assert decision.wait_cost == 100.0 + (100.0 + 10.0)
 
 
+def test_hands_that_a_task_leaves_full_are_emptied_before_the_other_goes_on():
+    """So what is taken meanwhile makes a switch dearer by that time, once: the other one alone waits for it."""
+    running, short = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0), Offer("take", 100.0, rest=10.0)
+    costs = [by_costs(running, (replace(short, clear=clear),), 100.0).switch_cost for clear in (0.0, 15.0)]
+    assert costs[1] - costs[0] == 15.0
+
+
 def test_what_is_not_said_of_an_offer_costs_nothing():
     """Nor is it urgent; and a decision by urgency alone has no costs."""
     running, waiting = Offer("pour", 0.0), Offer("take", 0.0)
-    assert by_costs(running, (waiting,), 0.0) == Decision("pour", "to wait costs 0, to switch 0: not below 0.9 of it")
+    text = "to wait costs 0, to switch 0: not below 0.9 of it"
+    assert by_costs(running, (waiting,), 0.0) == Decision("pour", text, rival="take")
     urgent, other = replace(waiting, urgency=1), replace(waiting, urgency=0)
-    assert first_come(running, (urgent,), 0.0) == Decision("take", "it is more urgent", True, 0.0, 0.0)
+    assert first_come(running, (urgent,), 0.0) == Decision("take", "it is more urgent", True, 0.0, 0.0, "pour")
     assert first_come(running, (other,), 0.0) == Decision("pour", "it runs already", False, 0.0, 0.0)
     assert first_come(replace(running, urgency=0), (waiting,), 0.0).task == "pour"
 
@@ -172,6 +180,12 @@ def test_tasks_wait_in_order_of_their_deadlines_unless_they_are_about_the_same_t
     assert order_of(take, cmd.PutDown("jar_1", deadline=50.0)) == [0, 1]
     assert order_of(cmd.LookAround(deadline=90.0), cmd.LookAround(deadline=50.0)) == [1, 0]
     assert order_of(take, cmd.PutDown("jar_1", deadline=50.0, urgency=1)) == [1, 0]
+
+
+def test_tasks_of_one_sentence_keep_their_order():
+    """Whatever they are about and whenever they are due."""
+    assert order_of(cmd.Take("jar"), cmd.LookAround(after="0", deadline=20.0)) == [0, 1]
+    assert order_of(cmd.Take("jar"), cmd.LookAround(deadline=20.0)) == [1, 0]
 
 
 def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():

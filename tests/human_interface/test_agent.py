@@ -396,7 +396,10 @@ def test_a_stopped_robot_takes_no_task(scene):
 def test_two_wishes_become_two_tasks_in_their_order(scene):
     """The answer names both; co gets them one after the other."""
     line = scene.say("take the jar and pour it into the bowl").line
-    assert [one.content for one in scene.heard] == [cmd.Take("jar"), cmd.PourInto("jar", "bowl")]
+    assert [one.content for one in scene.heard] == [
+        cmd.Take("jar"),
+        cmd.PourInto("jar", "bowl", after=line.task),
+    ]
     assert [one.conversation for one in scene.heard] == [line.task, *line.then]
     assert line.text == "I will take the jar, then pour the content of the jar into the bowl."
 

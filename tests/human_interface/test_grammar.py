@@ -29,6 +29,8 @@ tasks = st.one_of(
     st.builds(cmd.PourInto, names, names).filter(lambda task: task.source != task.destination),
     st.builds(cmd.Take, names, st.sampled_from(("", "left", "right"))),
     st.builds(cmd.PutDown, names),
+    st.builds(cmd.Bring, names, st.sampled_from(("", "left", "right"))),
+    st.builds(cmd.SwapHands, st.one_of(st.just(""), names)),
     st.just(cmd.LookAround()),
 )
 
@@ -53,6 +55,10 @@ def _task(task):
             return f"pour {source} {destination}"
         case cmd.Take(object=thing, side=side):
             return f"take {thing} {side}".strip()
+        case cmd.Bring(object=thing, side=side):
+            return f"bring {thing} {side}".strip()
+        case cmd.SwapHands(object=thing):
+            return f"swap {thing}".strip()
         case cmd.PutDown(object=thing):
             return f"put {thing}"
     return "look"
@@ -69,12 +75,18 @@ def _rows(table):
         if not line.startswith("#"):
             want, before, sentence = line.split("\t")
             context = Context(mentioned=tuple(re.findall(r"\w+", before)))
-            yield want, "stop" if stop_words(sentence) else short(said(sentence, context)), sentence
+            yield want, "stop" if stop_words(sentence) else later(sentence) + short(said(sentence, context)), sentence
+
+
+def later(sentence):
+    """A word before what is not done at once."""
+    when = understand(sentence).when
+    return "later " if when.later_s or when.at else ""
 
 
 def acts(found):
     """Whether the robot would move."""
-    return found.split()[0] in ("pour", "take", "put", "look")
+    return found.split()[0] in ("pour", "take", "bring", "swap", "put", "look")
 
 
 @pytest.mark.parametrize(("table", "least"), [("tuned.tsv", 150), ("held_out.tsv", 75)])

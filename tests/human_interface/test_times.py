@@ -9,6 +9,7 @@ from services.human_interface.catalogue import CATALOGUE
 from services.human_interface.grammar import VOCABULARY, understand
 from services.human_interface.meaning import When
 
+POLISH = ("najpierw", "jak najszybciej", "do godziny 15", "o 15:30")
 URGENT, PLAIN = When(urgent=True), When()
 WORDS = sorted(VOCABULARY | {",", "first", "within", "by", "noon", "10", "15:30"})
 HALF_PAST_THREE = When(by=(3 * 60 + 30, 15 * 60 + 30))
@@ -42,13 +43,21 @@ HALF_PAST_THREE = When(by=(3 * 60 + 30, 15 * 60 + 30))
         ("w ciągu godziny", When(within_s=3600.0)),
         ("przed południem", When(by=(720,))),
         ("do godziny 15", When(by=(900,))),
+        ("in ten minutes", When(later_s=600.0)),
+        ("in half an hour", When(later_s=1800.0)),
+        ("five minutes from now", When(later_s=300.0)),
+        ("at noon", When(at=(720,))),
+        ("not before 15:30", When(at=(930,))),
+        ("after half past three", When(at=(210, 930))),
+        ("at noon, within 90 seconds", When(within_s=90.0, at=(720,))),
+        ("za dziesięć minut", When(later_s=600.0)),
+        ("za godzinę", When(later_s=3600.0)),
+        ("o 15:30", When(at=(930,))),
     ],
 )
 def test_words_about_time_leave_the_wish_as_it_is(words, when):
     """Behind the wish, and with a comma; the wish is the same as without them."""
-    wish = (
-        "weź słoik" if not words.isascii() or words in ("najpierw", "jak najszybciej", "do godziny 15") else "take it"
-    )
+    wish = "weź słoik" if not words.isascii() or words in POLISH else "take it"
     plain = understand(wish)
     assert plain.clauses
     for sentence in (f"{wish} {words}", f"{wish}, {words}."):
@@ -58,7 +67,7 @@ def test_words_about_time_leave_the_wish_as_it_is(words, when):
 
 @pytest.mark.parametrize(
     "sentence",
-    ["take the jar in ten minutes", "at noon take the jar", "take the jar before the bowl", "take the jar by 25:10",
+    ["take the jar in ten", "take the jar at 25:10", "take the jar before the bowl", "take the jar by 25:10",
      "take the jar by 13 pm", "take the jar within ten", "take the jar before you pour", "first"],
 )  # fmt: skip
 def test_what_is_not_understood_of_time_is_not_left_out(sentence):
@@ -101,6 +110,13 @@ def test_the_sooner_of_two_limits_counts():
     assert times.seconds_left(when, 700.0) == 1200.0
     assert times.seconds_left(when, 600.0) == 3600.0
     assert times.seconds_left(PLAIN, 600.0) == 0.0
+
+
+def test_a_time_to_begin_is_no_deadline():
+    """The sooner of two counts, as for deadlines."""
+    when = When(later_s=3600.0, at=(720,))
+    assert (times.seconds_until(when, 700.0), times.seconds_left(when, 700.0)) == (1200.0, 0.0)
+    assert times.seconds_until(When(within_s=60.0, by=(720,)), 700.0) == 0.0
 
 
 def test_each_language_has_all_rows_about_time():

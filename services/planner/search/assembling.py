@@ -12,6 +12,9 @@ from services.planner.search.steps import Step, approach_points
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.placing import backwards
 
+STOP_S, DOWN_S = 1.0, 15.0  # [s] to stop an act, and to put one thing down and retreat: what cancels took (measured)
+TAKE_S = 12.0  # [s] to take again what stands on a table (estimate)
+AGAIN_S = 30.0  # [s] of the plan that follows one that ends with a look: a pour with its plan (estimate)
 WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
 
 
@@ -26,8 +29,10 @@ def plan(
     holding = dict(held)
     states: list[hfsm.State] = []
     names = _names(steps)
+    in_hand: list[dict[Side, str]] = []
     for number, (name, step) in enumerate(zip(names, steps, strict=True), start=1):
         _note_held(holding, step)
+        in_hand.append({side: release.object for side, release in holding.items()})
         states.append(_machine(request, number, name, step, _safe(request, number, holding)))
         _note_released(holding, step)
     if sought:
@@ -40,7 +45,13 @@ def plan(
         name=task, initial=states[0].name, states=(*chained, states[-1]), safe=_safe(request, 0, holding)
     )
     return hfsm.HierarchicalPlan(
-        id=request, task=task, root=root, duration=sum(s.duration for s in steps), queries=queries
+        id=request,
+        task=task,
+        root=root,
+        duration=sum(s.duration for s in steps),
+        queries=queries,
+        schedule=schedule(names, steps, in_hand, again=bool(sought)),
+        holds={side: release.object for side, release in holding.items()},
     )
 
 
@@ -51,6 +62,23 @@ def _names(steps: list[Step]) -> list[str]:
         times = sum(step.name == other.name for other in steps[: len(names)]) + 1
         names.append(step.name if times == 1 else f"{step.name} {times}")
     return names
+
+
+def schedule(
+    names: list[str], steps: list[Step], in_hand: list[dict[Side, str]], *, again: bool
+) -> tuple[hfsm.ScheduleParameters, ...]:
+    """Return the schedule parameters at each step; `in_hand`: what is held in it; `again`: another plan follows.
+
+    What is held is put down when the task is left, and taken again when it goes on: that takes as long as taking it
+    does, or TAKE_S where it was held before.
+    """
+    taking = {c.object: step.duration for step in steps for c in step.commands if isinstance(c, rc.Grasp)}
+    found, rest = [], AGAIN_S if again else 0.0
+    for name, step, held in zip(reversed(names), reversed(steps), reversed(in_hand), strict=True):
+        rest += step.duration
+        resume = sum(taking.get(thing, TAKE_S) for thing in held.values())
+        found.append(hfsm.ScheduleParameters(name, rest, STOP_S + DOWN_S * len(held), resume))
+    return tuple(reversed(found))
 
 
 def _then(state: hfsm.State, following: str, on: tuple[hfsm.Outcome, ...] = (hfsm.Outcome.SUCCEEDED,)) -> hfsm.State:

@@ -18,14 +18,21 @@ from services.planner.search.facts import Facts
 from services.planner.search.looking import look, look_around
 from services.planner.search.methods import Methods, Subtasks
 from services.planner.search.pouring import pour
-from services.planner.search.putting import home, place
+from services.planner.search.putting import home, offer, place
 from services.planner.search.steps import Geometry, Step
 from services.planner.search.taking import carry, take
 
 os.environ.setdefault("GTPYHOP_QUIET", "true")  # else it prints a greeting when imported
 import gtpyhop
 
-TASKS: dict[str, int] = {TaskName.POUR: 2, TaskName.TAKE: 2, TaskName.PUT_DOWN: 1, TaskName.LOOK_AROUND: 0}
+TASKS: dict[str, int] = {
+    TaskName.POUR: 2,
+    TaskName.TAKE: 2,
+    TaskName.BRING: 2,
+    TaskName.SWAP_HANDS: 1,
+    TaskName.PUT_DOWN: 1,
+    TaskName.LOOK_AROUND: 0,
+}
 """Tasks that can be asked for, with the number of their arguments."""
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
@@ -64,6 +71,7 @@ class Search:
             self._action("a_take", lambda s, n, side: take(self.geometry, s.km, n, Side(side))),
             self._action("a_carry", lambda s, side: carry(self.geometry, s.km, Side(side))),
             self._action("a_place", lambda s, side: place(self.geometry, s.km, Side(side))),
+            self._action("a_offer", lambda s, side: offer(self.geometry, s.km, Side(side))),
             self._action("a_home", lambda s, side: home(self.geometry, s.km, Side(side))),
             self._action("a_look", lambda s, n: look(self.geometry, s.km, n)),
             self._action("a_look_around", lambda s: look_around()),
@@ -75,6 +83,8 @@ class Search:
         self._bind(TaskName.POUR, methods.pour_held, methods.pour_into_held, methods.pour_into_unseen)
         self._bind(TaskName.POUR, *both(methods.pour_into_standing), *both(methods.pour_taking_both))
         self._bind(TaskName.TAKE, methods.take_nothing, methods.take_over, *both(methods.take_with))
+        self._bind(TaskName.BRING, *both(methods.bring_with))
+        self._bind(TaskName.SWAP_HANDS, methods.swap_hands)
         self._bind(TaskName.PUT_DOWN, methods.put_down)
         for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN):
             self._bind(task, self._after_arms_home(task))

@@ -83,6 +83,27 @@ class Methods:
             return None
         return [("a_take", name, hand)]
 
+    def bring_with(self, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
+        """Take it with this hand, if it is wanted and no other one holds it, and hold it over a place on a table."""
+        if side not in ("", hand):
+            return None
+        holder = self.facts.holder(km, name)
+        if holder is not None and holder is not hand:
+            return [(TaskName.TAKE, name, hand)] if side else None
+        return [(TaskName.TAKE, name, hand), ("a_offer", hand)]
+
+    def swap_hands(self, km: str, name: str) -> Subtasks | None:
+        """Put down what is held, look at it, take it with the other hand to where that one could put it down."""
+        held = {side: thing for side in OTHER if (thing := self.facts.in_hand(km, side)) and name in ("", thing)}
+        if len(held) != 1:
+            self.failed(f"no hand holds {name or 'anything'}" if not held else "both hands are full: say which thing")
+            return None
+        ((side, thing),) = held.items()
+        if other := self.facts.in_hand(km, OTHER[side]):
+            self.failed(f"the {OTHER[side]} hand holds {other}")
+            return None
+        return [(TaskName.PUT_DOWN, thing), ("a_look", thing), ("a_take", thing, OTHER[side]), ("a_offer", OTHER[side])]
+
     def put_down(self, km: str, name: str) -> Subtasks | None:
         """Put it down and bring the hand home."""
         side = self.facts.holder(km, name)

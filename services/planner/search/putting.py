@@ -40,6 +40,25 @@ def place(geometry: Geometry, state: str, side: Side) -> Step | None:
     here = geometry.at(state)
     held = here.held[side]
     retreat = retreating(geometry, state, held.object, held.grasp)
+    found = _above(geometry, here, side, retreat)
+    return None if found is None else _placing(geometry, held, found[0], retreat, side, found[1])
+
+
+def offer(geometry: Geometry, state: str, side: Side) -> Step | None:
+    """Return the step that holds the object over a place where it can be put down."""
+    here = geometry.at(state)
+    held = here.held[side]
+    found = _above(geometry, here, side, retreating(geometry, state, held.object, held.grasp))
+    if found is None:
+        return None
+    path = found[1]
+    duration = geometry.duration(path, LOADED_SPEED)
+    return Step(f"offer {held.object}", (move(side, path, LOADED_SPEED),), configured(side, path[-1]), duration)
+
+
+def _above(geometry: Geometry, here: Situation, side: Side, retreat: Retreat) -> tuple[Placing, Path] | None:
+    """Return a place for the held object and the path to above it; None, with the reason noted, if there is none."""
+    held, state = here.held[side], here.state
     model = geometry.model(state, held.object)
     some_spots = spots(geometry, state, side, model.base_radius, held.object)
     tried = 0
@@ -50,8 +69,7 @@ def place(geometry: Geometry, state: str, side: Side) -> Step | None:
             goals = [placing.above for placing in some]
             reached = geometry.free_motion(here, side, goals, largest_tilt=largest_tilt, efforts=efforts)
             if reached is not None:
-                index, path = reached
-                return _placing(geometry, held, some[index], retreat, side, path)
+                return some[reached[0]], reached[1]
     where = "finds no way to put down" if tried else "has no free place within reach for"
     geometry.failed(f"the {side} arm {where} {held.object}")
     return None

@@ -12,8 +12,8 @@ def _kind_of_report(content: object) -> Kind:
 
 
 def _kind_of_task(content: object) -> Kind:
-    """In request an inform tells progress or the result; the task's state tells which (an agree says `waiting`)."""
-    going_on = (cmd.TaskState.PLANNING, cmd.TaskState.RUNNING, cmd.TaskState.SUSPENDED)
+    """In request an inform tells progress or the result; the task's state tells which."""
+    going_on = (cmd.TaskState.WAITING, cmd.TaskState.PLANNING, cmd.TaskState.RUNNING, cmd.TaskState.SUSPENDED)
     return Kind.PROGRESS if isinstance(content, cmd.TaskReport) and content.state in going_on else Kind.PLAIN
 
 

@@ -4,15 +4,20 @@ Objects are named by the person's words ("jar"); which thing of the world that i
 """
 
 from enum import StrEnum
+from typing import get_args
 
 import msgspec
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """A command of a person. `urgency`: more urgent ones come first; `deadline`: unix time [s], 0 for none."""
+    """A command of a person. `urgency`: more urgent ones come first; `deadline`, `start`: until when it is to be done,
+    and when it may begin, unix time [s], 0 for none. `after`: the task said before it in the same sentence.
+    """
 
     urgency: int = 0
     deadline: float = 0.0
+    start: float = 0.0
+    after: str = ""
 
 
 class PourInto(Command, frozen=True):
@@ -27,6 +32,19 @@ class Take(Command, frozen=True):
 
     object: str
     side: str = ""
+
+
+class Bring(Command, frozen=True):
+    """Take an object and hold it over a free place of a table, until it is to be put down there."""
+
+    object: str
+    side: str = ""
+
+
+class SwapHands(Command, frozen=True):
+    """Take a held object with the other hand; without a name the only one that is held."""
+
+    object: str = ""
 
 
 class PutDown(Command, frozen=True):
@@ -58,5 +76,7 @@ class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=Tr
     text: str = ""
 
 
-Task = PourInto | Take | PutDown | LookAround
+Task = PourInto | Take | Bring | SwapHands | PutDown | LookAround
+TASKS = get_args(Task)
+"""The classes of commands."""
 Content = Task | TaskReport

@@ -10,6 +10,7 @@ from enum import StrEnum
 import msgspec
 
 from companion.languages.rc import Act as RobotCommand
+from companion.languages.values import Side
 from companion.languages.wm import AnyQuery
 
 
@@ -27,6 +28,8 @@ class TaskName(StrEnum):
 
     POUR = "pour"
     TAKE = "take"
+    BRING = "bring"
+    SWAP_HANDS = "swap_hands"
     PUT_DOWN = "put_down"
     LOOK_AROUND = "look_around"
 
@@ -95,14 +98,31 @@ class Machine(msgspec.Struct, frozen=True, tag=True):
 State = ActState | AskState | EndState | Machine
 
 
-class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """A plan. `duration`: expected time of all its acts [s, simulated]; `queries`: how many km answered for it."""
+class ScheduleParameters(msgspec.Struct, frozen=True, array_like=True):
+    """Costs of a plan while its state `at` is active, in simulated seconds (TaskER: ScheduleParams).
+
+    `rest`: until the task is done. `suspend`: until it is safely left. `resume`: until it is back where it was left.
+    """
+
+    at: str
+    rest: float
+    suspend: float = 0.0
+    resume: float = 0.0
+
+
+class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A plan. `duration`: expected time of all its acts [s, simulated]; `queries`: how many km answered for it.
+
+    `schedule`: for each state of its root, in their order. `holds`: what the hands hold when the task is done.
+    """
 
     id: str
     task: str
     root: Machine
     duration: float
     queries: int
+    schedule: tuple[ScheduleParameters, ...] = ()
+    holds: dict[Side, str] = {}
 
 
 class NoPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):

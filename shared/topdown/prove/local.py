@@ -10,7 +10,20 @@ from typing import NamedTuple
 
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role
-from topdown.model.machines import NONE, SETTLED, UNSETTLED, WAITING, Cause, Event, Guard, Machine, Row, Said, Use
+from topdown.model.machines import (
+    CALLED,
+    NONE,
+    SETTLED,
+    UNSETTLED,
+    WAITING,
+    Cause,
+    Event,
+    Guard,
+    Machine,
+    Row,
+    Said,
+    Use,
+)
 
 DIES = "dies and comes back"
 GONE = "gone"
@@ -219,7 +232,8 @@ class Agent:
     def _holds(self, local: Local, guard: Guard) -> bool:
         talk = self.talk(local, guard.use) or NONE
         due = UNSETTLED if guard.use in local.owed else SETTLED
-        return talk in guard.words or due in guard.words or (WAITING in guard.words and guard.use in local.waiting)
+        turn = WAITING if guard.use in local.waiting else CALLED
+        return not guard.words.isdisjoint((talk, due, turn))
 
     def _spoken(self, local: Local, words: tuple[Said, ...]) -> "tuple[Local, list[Effect]] | None":
         """The local state after these words, and what they do outside; None where a table forbids one."""

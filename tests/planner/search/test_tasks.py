@@ -100,6 +100,65 @@ def test_a_full_hand_takes_nothing(km, jar_carried: Scene) -> None:
     assert plan.reason == "the left hand holds jar_1"
 
 
+# --- bring, swap hands ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", ["right", ""])
+def test_a_thing_that_is_brought_is_held_over_a_place_where_it_could_be_put_down(km, named, beginning, side) -> None:
+    """By the wanted hand, upright, and that hand still holds it when the task is done."""
+    plan = km(beginning).plan("bring", "jar", side)
+    assert named(plan) == ["take jar_1", "offer jar_1"]
+    (hand,) = plan.holds
+    assert (plan.holds[hand], side in ("", hand)) == ("jar_1", True)
+    assert ends(plan) is hfsm.Outcome.SUCCEEDED
+
+
+def test_what_is_held_already_is_only_held_out(km, named, jar_carried: Scene) -> None:
+    """By the hand that has it; the other one takes it over, if that is wanted."""
+    assert named(km(jar_carried).plan("bring", "jar", "")) == ["offer jar_1"]
+    plan = km(jar_carried).plan("bring", "jar", "right")
+    assert named(plan)[:3] == ["place jar_1", "left arm home", "look at jar_1"]
+    assert ends(plan) is hfsm.Outcome.REPLAN
+
+
+@pytest.mark.parametrize("thing", ["jar", ""])
+def test_hands_are_swapped_over_the_table(km, named, jar_carried: Scene, thing: str) -> None:
+    """Put down, looked at, taken with the other hand; without a name the only thing that is held."""
+    plan = km(jar_carried).plan("swap_hands", thing)
+    assert named(plan) == ["place jar_1", "left arm home", "look at jar_1", "take jar_1", "offer jar_1"]
+    assert plan.holds == {Side.RIGHT: "jar_1"}
+
+
+def test_hands_are_not_swapped_where_nothing_or_too_much_is_held(km, beginning: Scene, bowl_out: Scene) -> None:
+    """The reasons say so."""
+    reasons = [
+        km(scene).plan("swap_hands", thing).reason
+        for scene, thing in ((beginning, ""), (beginning, "jar"), (bowl_out, ""), (bowl_out, "bowl"))
+    ]
+    assert reasons == [
+        "no hand holds anything", "no hand holds jar_1", "both hands are full: say which thing",
+        "the left hand holds jar_1",
+    ]  # fmt: skip
+
+
+# --- schedule parameters ----------------------------------------------------------------------------------------------
+
+
+def test_a_plan_says_what_it_costs_to_leave_it_and_to_go_on(first, second) -> None:
+    """Less and less is left; leaving costs more with two things in the hands than with one; no step is forgotten."""
+    for _, plan in (first, second):
+        rests = [one.rest for one in plan.schedule]
+        assert rests == sorted(rests, reverse=True)
+        assert [one.at for one in plan.schedule] == [
+            state.name for state in plan.root.states if isinstance(state, hfsm.Machine)
+        ]
+    costs = {one.at: one for one in first[1].schedule}
+    assert costs["take bowl_1"].suspend > costs["carry jar_1"].suspend > 0.0
+    assert costs["take bowl_1"].resume > costs["carry jar_1"].resume > 0.0
+    assert first[1].schedule[0].rest > first[1].duration
+    assert second[1].schedule[0].rest == pytest.approx(second[1].duration)
+
+
 # --- put down ---------------------------------------------------------------------------------------------------------
 
 

@@ -31,9 +31,9 @@ class Hi:
     def __init__(self, address: HiAddress) -> None:
         self.address = address
 
-    def say(self, text: str, urgency: int = 0, within_s: float = 0.0) -> TaskLine:
+    def say(self, text: str, urgency: int = 0, within_s: float = 0.0, later_s: float = 0.0) -> TaskLine:
         """Say a sentence; the task it became, or its refusal."""
-        return self._ask("POST", "/say", TaskLine, Say(text, urgency, within_s))
+        return self._ask("POST", "/say", TaskLine, Say(text, urgency, within_s, later_s))
 
     def cancel(self, task: str = "") -> TaskLine:
         """Cancel this task, or the oldest that has not ended."""

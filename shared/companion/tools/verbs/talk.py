@@ -4,6 +4,7 @@ import http
 import sys
 import time
 from collections.abc import Callable
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +16,7 @@ from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSE
 from companion.stop_words import stop_words
 from companion.tools.verbs.hi import Hi, HiError, address
 from companion.tools.verbs.human_interface_start import starting
-from operate.cli.errors import NO, ConsoleError, FleetError
+from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
 from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.targets import Target
@@ -46,6 +47,10 @@ def say(
         float,
         typer.Option(help="Seconds until it should be done: earlier ones come first.", min=0.0, max=LONGEST_WITHIN_S),
     ] = 0.0,
+    later: Annotated[
+        float, typer.Option("--in", help="Seconds until it may begin.", min=0.0, max=LONGEST_WITHIN_S)
+    ] = 0.0,
+    at: Annotated[str, typer.Option(help="Time of day when it may begin, such as 15:30: the next one.")] = "",
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -59,23 +64,36 @@ def say(
     is waited for, at most 90 s.
 
     What waits is done in the order it was said, unless --within says otherwise. With --first the robot leaves the task
-    under way: what it holds is put down, and the task is done again from there afterwards.
+    under way: what it holds is put down, and the task is done again from there afterwards. What begins
+    later (--in, --at) keeps nothing waiting until then.
 
     Examples:
       roco say "pour the content of the jar into the bowl"
       roco say "take the jar" --format json
       roco say "take the jar and put it down" --wait
       roco say "look around" --first
+      roco say "take the jar" --at 15:30
       roco say status
     """
     with problems(form):
-        wish = Say(text, int(first), within)
+        wish = Say(text, int(first), within, later or seconds_until(at, datetime.now()))
         task = _stopped(text, target, run_dir) if stop_words(text) else _said_when_started(wish, target, run_dir, form)
         if task.task:
             task = followed(lambda: Hi(address(targets.find(target, run_dir))), task, wait, form)
         tell_task(task, form)
         if task.state in (REFUSED, QUESTION, TaskState.FAILED) or (wait and task.state == TaskState.CANCELLED):
             raise typer.Exit(NO)
+
+
+def seconds_until(clock: str, now: datetime) -> float:
+    """Return the seconds until the next such time of day, HH:MM; 0 for "". Raise UsageError for anything else."""
+    if not clock:
+        return 0.0
+    try:
+        wanted = datetime.strptime(clock, "%H:%M")
+    except ValueError as error:
+        raise UsageError(f"--at {clock!r} is not a time of day; write it as 15:30") from error
+    return ((wanted - now.replace(year=1900, month=1, day=1)) % timedelta(days=1)).total_seconds()
 
 
 def followed(hi: Callable[[], Hi], said: TaskLine, wait: bool, form: Format) -> TaskLine:
@@ -162,7 +180,7 @@ def _said(wish: Say, target: str, run_dir: Path | None) -> TaskLine | ConsoleErr
     except ConsoleError as nobody:
         return nobody
     try:
-        return hi.say(wish.text, wish.urgency, wish.within_s)
+        return hi.say(wish.text, wish.urgency, wish.within_s, wish.later_s)
     except HiError as error:
         if not _without_coordinator(error):
             raise

@@ -1,0 +1,149 @@
+"""A scripted afternoon: twelve commands with four interruptions and two switches, one fleet per seed, --speed max.
+
+Every command has a verdict by the true world: what hangs in which hand, what stands, what was poured. Nothing may be
+dropped meanwhile. Appends a line per seed to a results file and skips seeds that stand there.
+
+    python benchmarks/afternoon.py --seeds 1-10 --out benchmarks/results/afternoon.jsonl
+"""
+
+import os
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import tables
+import typer
+from watched_fleet import NotSeenError, WatchedFleet, held, unsafe
+
+from operate.cli.errors import ConsoleError
+from velma.sim.truth import Truth
+
+Verdict = Callable[[Truth], str]
+STOOD_S, RELEASE_S = 0.5, 60.0  # [s] wall, that a stopped robot is left alone (estimate); until it can be commanded
+
+
+class Command(msgspec.Struct, frozen=True):
+    """A sentence, how its last task ends, and what is so then. `at`, `then`: where it is interrupted, and how.
+
+    `then`: cancel, stop (and release), or another sentence, which is said as a more urgent one.
+    """
+
+    say: str
+    verdict: Verdict
+    ends: tuple[str, ...] = ("done",)
+    at: str = ""
+    then: str = ""
+
+
+def _free(truth: Truth) -> str:
+    """Everything stands upright, in no hand."""
+    return unsafe(truth)
+
+
+def _hangs(name: str) -> Verdict:
+    return lambda truth: "" if name in held(truth) and truth.tilt_deg[name] < 20.0 else f"{name} is not held upright"
+
+
+def _poured(truth: Truth) -> str:
+    share = truth.grains_in["bowl_1"] / truth.grains
+    return "" if share >= 0.9 else f"{100 * share:.0f} % is in the bowl"
+
+
+def _any(truth: Truth) -> str:
+    return ""
+
+
+SCRIPT = (
+    Command("look around", _free),
+    Command("pour the jar into the bowl", _free, ("cancelled",), "carry jar_1", "cancel"),  # interruption 1
+    Command("bring me the jar", _hangs("jar_1")),
+    Command("swap hands", _hangs("jar_1")),
+    Command("put it down", _free),
+    Command("take the bowl", _hangs("bowl_1"), ("done",), "take bowl_1", "look around"),  # switch 1
+    Command("put down the bowl", _free, ("cancelled", "done"), "/release", "cancel"),  # interruption 2
+    Command("bring me the jar", _any, ("failed",), "take jar_1", "stop"),  # interruption 3
+    Command("look around", _any),
+    Command("pour the jar into the bowl", _free, ("cancelled",), "/move-joint", "cancel"),  # interruption 4
+    Command("pour the jar into the bowl", _poured, ("done",), "/move-joint", "look around"),  # switch 2
+    Command("put down the jar", _free),
+)
+
+
+def measured(seed: int, folder: Path) -> dict[str, Any]:
+    """Return one afternoon, as a line of the results file."""
+    line: dict[str, Any] = {"seed": seed, "load": round(os.getloadavg()[0], 1), "commands": []}
+    began = time.monotonic()
+    try:
+        with WatchedFleet(folder, seed) as fleet:
+            for command in SCRIPT:
+                found = _done(fleet, command)
+                line["commands"].append(found)
+                if found["wrong"]:
+                    break
+            line |= {"dropped": fleet.dropped, "sim_s": round(fleet.truth().time_s)}
+    except (NotSeenError, ConsoleError, OSError, subprocess.SubprocessError) as error:
+        line["failure"] = str(error)[:300]
+    line["wall_s"] = round(time.monotonic() - began, 1)
+    whole = len(line["commands"]) == len(SCRIPT) and not any(one["wrong"] for one in line["commands"])
+    return line | {"good": whole and not line.get("failure") and not line.get("dropped")}
+
+
+def _done(fleet: WatchedFleet, command: Command) -> dict[str, Any]:
+    """Carry out one command of the script; `wrong`: why it is not as wanted."""
+    began = time.monotonic()
+    task = fleet.say(command.say).task
+    found: dict[str, Any] = {"say": command.say, "then": command.then}
+    if command.at and fleet.reach(task, lambda state, text, truth: command.at in text):
+        found["interrupted"] = True
+        found |= _interrupted(fleet, task, command.then)
+    line = fleet.ended(task)
+    wrong = command.verdict(fleet.truth())
+    if line.state not in command.ends:
+        wrong = f"{line.state}: {line.text}"
+    if command.at and not found.get("interrupted"):
+        wrong = f"it ended before {command.at}: {line.state}"
+    wrong = wrong or found.pop("other", "")
+    return found | {"state": line.state, "wrong": wrong, "wall_s": round(time.monotonic() - began, 1)}
+
+
+def _interrupted(fleet: WatchedFleet, task: str, how: str) -> dict[str, Any]:
+    if how == "cancel":
+        fleet.hi.cancel(task)
+        return {}
+    if how == "stop":
+        fleet.hi.stop()
+        fleet.ended(task)
+        time.sleep(STOOD_S)
+        fleet.wait(lambda: fleet.hi.release().state == "released", "the release", RELEASE_S)
+        return {}
+    other = fleet.say(how, urgency=1).task
+    line = fleet.ended(other)
+    return {"other": "" if line.state == "done" else f"{how}: {line.state}: {line.text}"}
+
+
+def main(
+    seeds: Annotated[str, typer.Option(help="first-last")] = "1-10",
+    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("afternoon.jsonl"),
+) -> None:
+    """Run the seeds that do not stand in the results file yet."""
+    first, last = (int(x) for x in seeds.split("-"))
+    known = {line["seed"] for line in tables.read(out)}
+    base = Path(tempfile.mkdtemp(prefix="afternoon-"))
+    for seed in range(first, last + 1):
+        if seed in known:
+            continue
+        line = measured(seed, base / f"seed-{seed}")
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with out.open("ab") as file:
+            file.write(msgspec.json.encode(line) + b"\n")
+        wrong = [f"{one['say']}: {one['wrong']}" for one in line["commands"] if one["wrong"]]
+        told = "good" if line["good"] else f"FAILED: {wrong or line.get('failure') or line.get('dropped')}"
+        typer.echo(f"seed {seed}: {told}, {len(line['commands'])} commands, {line['wall_s']} s, load {line['load']}")
+
+
+if __name__ == "__main__":
+    typer.run(main)
