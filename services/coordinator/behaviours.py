@@ -55,7 +55,9 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     if job is None or not plan_wanted(memory):
         return memory
     job = replace(job, plans=job.plans + 1, aside=False)
-    talk = turn.open(AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s)
+    talk = turn.open(
+        AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s, parent=job.conversation
+    )
     if job.looks < 2 or job.at != words.LOOKS:
         words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {job.at}" if job.at else ""))
     return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at=""))
@@ -84,7 +86,8 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     if job is None or job.plan is None:
         return memory
     plan = job.plan
-    talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan))
+    patience_s = limits.acting_s(plan)
+    talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=patience_s, parent=job.conversation)
     words.progress(turn, job, TaskState.RUNNING, f"plan {job.plans} takes about {plan.duration:.0f} s")
     job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False)
     return replace(memory.with_job(job), choice=Choice.OPEN)

@@ -106,7 +106,8 @@ def _drop(memory: Memory, turn: Turn) -> Memory:
 
 
 def _ask(memory: Memory, turn: Turn, query: wm.AnyQuery) -> Memory:
-    return replace(memory, soft=replace(memory.soft, question=words.ask(turn, query)))
+    assert memory.problem is not None
+    return replace(memory, soft=replace(memory.soft, question=words.ask(turn, memory.problem, query)))
 
 
 def _unanswered(memory: Memory, turn: Turn) -> Memory:
@@ -183,5 +184,5 @@ def answer_problem(memory: Memory, turn: Turn) -> Memory:
     if turn.holds(problem.conversation) and memory.result is not None:
         words.tell(turn, problem, memory.result)
     if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):  # later: no state was made, and km is busy
-        words.ask(turn, words.drop(problem), words.DROP_WITHIN_S)
+        words.ask(turn, problem, words.drop(problem), words.DROP_WITHIN_S)
     return Memory(seed=memory.seed, waiting=memory.waiting, attempt=memory.attempt)
