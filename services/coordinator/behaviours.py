@@ -17,7 +17,7 @@ from fipa_codec.performatives import Performative as P
 from services.coordinator import words
 from services.coordinator.incoming import not_answering, suspend, take
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, overtaken, plan_wanted
-from services.coordinator.offers import queued
+from services.coordinator.offers import place, queued
 
 
 def await_trigger(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
@@ -35,7 +35,7 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
             turn.say(job.conversation, P.REFUSE, words.report(TaskState.FAILED, why_not))
             continue
         memory = replace(memory, jobs=queued((*memory.jobs, job), turn.now))
-        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, words.place(memory.jobs.index(job))))
+        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, place(memory.jobs, job)))
     return replace(memory, arrived=())
 
 

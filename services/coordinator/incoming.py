@@ -18,7 +18,7 @@ from companion.languages.sw import WorkerState
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
 from services.coordinator.memory import Job, Limits, Memory, Stage
-from services.coordinator.offers import queued
+from services.coordinator.offers import overtaking, queued
 
 PATIENCE = "patience"
 WHO = {AgentName.PL: "the planner", AgentName.TA: "the robot"}
@@ -81,11 +81,13 @@ def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     """Have ta leave a task safely, as for a cancel; it is planned again when its turn comes. One that is only planned
     waits at once.
     """
+    decision = overtaking(memory.jobs, turn.now)
+    job = job if decision is None else replace(job, left=f"{decision.task} comes first: {decision.why}")
     if job.stage is Stage.PLANNED:
         return _suspended(memory, turn, job)
     turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_acting_s / limits.speed)
     turn.log("suspend", conversation=job.conversation, rival=memory.jobs[1].conversation)
-    words.progress(turn, job, TaskState.RUNNING, "left for a more urgent task; what is held is put down first")
+    words.progress(turn, job, TaskState.RUNNING, f"{job.left}; what is held is put down")
     return memory.with_job(replace(job, suspending=True))
 
 
@@ -99,7 +101,8 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if job.cancelling:
         return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, "while the plan was made")
     if isinstance(received.content, hfsm.HierarchicalPlan):
-        return memory.with_job(replace(job, stage=Stage.PLANNED, talk="", plan=received.content))
+        plan = replace(received.content, rejected=())
+        return memory.with_job(replace(job, stage=Stage.PLANNED, talk="", plan=plan))
     if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
         return _not_yet(memory, job)
     why = words.reason(received.content) or f"the planner said {received.communicate.performative} and no reason"
@@ -162,8 +165,8 @@ def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Li
 
 def _suspended(memory: Memory, turn: Turn, job: Job) -> Memory:
     """Put a task aside that ta has left; it waits like others, for a plan made of what the world is then."""
-    words.progress(turn, job, TaskState.SUSPENDED, "a more urgent task comes first")
-    job = replace(job, stage=Stage.WAITING, talk="", plan=None, at="", suspending=False, aside=True)
+    words.progress(turn, job, TaskState.SUSPENDED, job.left)
+    job = replace(job, stage=Stage.WAITING, talk="", plan=None, at="", left="", suspending=False, aside=True)
     memory = memory.with_job(replace(job, suspended=job.suspended + 1))
     return replace(memory, jobs=queued(memory.jobs, turn.now))
 

@@ -68,7 +68,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
     `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for a more urgent
-    one; `suspended`: how often that was done, and `aside`: it waits for its turn since.
+    one, `left`: for which and why; `suspended`: how often that was done, and `aside`: it waits for its turn since.
     """
 
     conversation: str
@@ -82,6 +82,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     at: str = ""
     cancelling: bool = False
     suspending: bool = False
+    left: str = ""
     suspended: int = 0
     aside: bool = False
 

@@ -120,7 +120,7 @@ def _by_urgency(running: Offer | None, waiting: tuple[Offer, ...]) -> Decision |
     if running.urgency > most:
         return Decision(running.task, "what waits is less urgent")
     first = min(urgent, key=lambda one: (one.deadline, one.arrived))
-    return Decision(first.task, "it is more urgent", True)
+    return Decision(first.task, f"it is more urgent, {first.urgency} above {running.urgency}", True)
 
 
 def _cost_first(first: Offer, offers: Iterable[Offer], now: float) -> float:

@@ -41,13 +41,6 @@ def report(state: TaskState, text: str) -> TaskReport:
     return TaskReport(state, cut(text))
 
 
-def place(ahead: int) -> str:
-    """Return the place of a task in the queue, in words."""
-    if not ahead:
-        return "it is the next one"
-    return "one task comes before it" if ahead == 1 else f"{ahead} tasks come before it"
-
-
 def cut(text: str, longest: int = LONGEST_TEXT) -> str:
     """Return the text, cut to at most `longest` bytes of UTF-8."""
     data = text.encode(errors="replace")

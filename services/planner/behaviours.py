@@ -121,9 +121,9 @@ def _unanswered(memory: Memory, turn: Turn) -> Memory:
             return memory
 
 
-def _no_plan(memory: Memory, reason: str, *, later: bool = False) -> Memory:
+def _no_plan(memory: Memory, reason: str, *, later: bool = False, rejected: tuple[hfsm.Rejected, ...] = ()) -> Memory:
     assert memory.problem is not None
-    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, reason, later))
+    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, reason, later, rejected))
 
 
 # --- search -----------------------------------------------------------------------------------------------------------
@@ -143,8 +143,8 @@ def search_plan(memory: Memory, turn: Turn) -> Memory:
             return _answered(memory, turn, content)
         case Local(content=Found(attempt=attempt, plan=plan)) if attempt == memory.attempt:
             return replace(memory, result=plan)
-        case Local(content=NotFound(attempt=attempt, reason=reason)) if attempt == memory.attempt:
-            return _no_plan(memory, reason)
+        case Local(content=NotFound(attempt=attempt, reason=reason) as ended) if attempt == memory.attempt:
+            return _no_plan(memory, reason, rejected=ended.rejected)
         case Local(content=Died(code=code)):
             return _no_plan(memory, f"the search ended unexpectedly (exit status {code})")
         case Started():

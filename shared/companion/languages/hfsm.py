@@ -95,22 +95,38 @@ class Machine(msgspec.Struct, frozen=True, tag=True):
 State = ActState | AskState | EndState | Machine
 
 
-class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """A plan. `duration`: expected time of all its acts [s, simulated]; `queries`: how many km answered for it."""
+class Rejected(msgspec.Struct, frozen=True, array_like=True):
+    """A method or step that the search tried and left, with its arguments, and why."""
+
+    method: str
+    arguments: tuple[str, ...]
+    why: str
+
+
+class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A plan. `duration`: expected time of all its acts [s, simulated]; `queries`: how many km answered for it.
+
+    `rejected`: what the search tried before, the first of them; co does not pass it on.
+    """
 
     id: str
     task: str
     root: Machine
     duration: float
     queries: int
+    rejected: tuple[Rejected, ...] = ()
 
 
 class NoPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The answer without a plan, and why, in words. `later`: ask again, the world is still being looked at."""
+    """The answer without a plan, and why, in words. `later`: ask again, the world is still being looked at.
+
+    `rejected`: as in a plan.
+    """
 
     id: str
     reason: str
     later: bool = False
+    rejected: tuple[Rejected, ...] = ()
 
 
 class Taken(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

@@ -15,6 +15,8 @@ from operate.tracing.trace import Identity, Known, Message, Span, Step
 
 OWN = ("Started", "PeerChanged", "Ordered", "LinkChanged")
 """Events of an agent's own; what it opens then is for nobody's sake."""
+SETTLED = "Settled"
+"""The event by which an agent says what had to wait for receipts: it had taken the cause before."""
 RESTING = "subscribe"
 """A protocol whose conversations stay open while nothing is done for them."""
 
@@ -82,7 +84,7 @@ class _Linking:
 
     def _caused(self, said: Message) -> Message:
         step = self._step_of.get(said.identity)
-        if step is None:
+        if step is None or step.event.startswith(SETTLED):
             before = self._by_time_alone.get(said.identity)
             return said if before is None else replace(said, cause=before, known=Known.TIME)
         known = "" if step.took is None else Known.STEP if step.certain else Known.TIME
