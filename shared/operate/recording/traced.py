@@ -24,6 +24,8 @@ from operate.system import System
 from operate.tracing.linking import Talk, spans
 from operate.tracing.trace import Away, Identity, Message, Step, Trace
 
+LONGEST_S = 60.0
+"""From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a minute."""
 REASONS = ("reason", "why", "text")
 """Fields of a content that hold words for people."""
 
@@ -204,6 +206,6 @@ def _away(records: tuple[Any, ...], faults: tuple[Fault, ...]) -> Iterator[Away]
 
 
 def _fault(back: Token, faults: tuple[Fault, ...]) -> str:
-    """Return the kind of the newest fault that was done to an agent before it came back, within a minute."""
-    done = [one for one in faults if one.target == back.agent and 0.0 <= back.received - one.t <= 60.0]
+    """Return the kind of the newest fault that was done to an agent before it came back, within LONGEST_S."""
+    done = [one for one in faults if one.target == back.agent and 0.0 <= back.received - one.began <= LONGEST_S]
     return done[-1].kind if done else ""

@@ -6,17 +6,17 @@ or there is no log, the parent is the newest open conversation that others have 
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 from msgspec.structs import replace
 
-from operate.tracing.trace import Identity, Known, Message, Span, Step
+from operate.tracing.trace import SETTLED, Identity, Known, Message, Span, Step
 
 OWN = ("Started", "PeerChanged", "Ordered", "LinkChanged")
 """Events of an agent's own; what it opens then is for nobody's sake."""
-SETTLED = "Settled"
-"""The event by which an agent says what had to wait for receipts: it had taken the cause before."""
+OUTSIDE = ("Local", "Woken")
+"""Events of a step that ends what was asked of the agent, after work of its own."""
 RESTING = "subscribe"
 """A protocol whose conversations stay open while nothing is done for them."""
 
@@ -42,9 +42,9 @@ class _Linking:
     def __init__(self, talks: Sequence[Talk], steps: Sequence[Step]) -> None:
         self._step_of = {said: step for step in steps for said in step.said}
         ordered = sorted((one for talk in talks for one in talk.messages), key=lambda one: one.sent)
-        self._by_time_alone = by_time(ordered)
+        self._before = by_time(ordered)
         self._told = {(step.agent, opened): parent for step in steps for opened, parent in step.parents}
-        self._talks = [replace(one, messages=tuple(map(self._caused, one.messages))) for one in talks]
+        self._talks = [replace(one, messages=tuple(self._all_caused(one))) for one in talks]
         self._talks.sort(key=lambda one: one.messages[0].sent)
         several = defaultdict(set)
         for one in self._talks:
@@ -54,6 +54,7 @@ class _Linking:
             for one in self._talks
         ]
         self._where = {said.identity: n for n, one in enumerate(self._talks) for said in one.messages}
+        self._with = {(one.conversation, one.participant): n for n, one in enumerate(self._talks)}
         self._parents: list[tuple[int | None, str]] = []
 
     def spans(self) -> tuple[Span, ...]:
@@ -82,20 +83,30 @@ class _Linking:
             beside=tuple(beside.get(n, ())),
         )
 
+    def _all_caused(self, talk: Talk) -> Iterator[Message]:
+        asked: Message | None = None
+        for one in talk.messages:
+            said = self._caused(one)
+            if one.sender == talk.initiator:
+                asked = one
+            elif said.cause is None and asked is not None and said.event.partition(" ")[0] in OUTSIDE:
+                said = replace(said, cause=asked.identity, known=Known.REPLY)
+            yield said
+
     def _caused(self, said: Message) -> Message:
         step = self._step_of.get(said.identity)
         if step is None or step.event.startswith(SETTLED):
-            before = self._by_time_alone.get(said.identity)
-            return said if before is None else replace(said, cause=before, known=Known.TIME)
+            before, event = self._before.get(said.identity), "" if step is None else step.event
+            return said if before is None else replace(said, cause=before, event=event, known=Known.TIME)
         known = "" if step.took is None else Known.STEP if step.certain else Known.TIME
         return replace(said, cause=step.took, event=step.event, known=known)
 
     def _parent(self, talk: Talk) -> tuple[int | None, str]:
         """Return the index of the talk above, None for none, and how it is known."""
         opening = talk.messages[0]
-        told = self._told.get((talk.initiator, talk.conversation))
-        if told is not None and (found := self._served(told, talk.initiator)) is not None:
-            return found, Known.STEP
+        told = self._with.get((self._told.get((talk.initiator, talk.conversation), ""), talk.initiator))
+        if told is not None and told < len(self._parents):
+            return told, Known.STEP
         if opening.sender != talk.initiator:
             return self._by_time(talk)  # the opening was not recorded
         n = self._where.get(opening.cause) if opening.cause is not None and opening.known == Known.STEP else None
@@ -106,25 +117,14 @@ class _Linking:
             return None, ""
         return self._by_time(talk)
 
-    def _served(self, conversation: str, agent: str) -> int | None:
-        return next(
-            (
-                n
-                for n, one in enumerate(self._talks[: len(self._parents)])
-                if one.conversation == conversation and one.participant == agent
-            ),
-            None,
-        )
-
     def _by_time(self, talk: Talk) -> tuple[int | None, str]:
-        opening, found = talk.messages[0], None
-        for n, one in enumerate(self._talks[: len(self._parents)]):
-            open_then = one.messages[0].sent <= opening.sent and (
-                not one.ended or opening.sent <= one.messages[-1].sent
-            )
+        at = talk.messages[0].sent
+        for n in reversed(range(len(self._parents))):
+            one = self._talks[n]
+            open_then = not one.ended or at <= one.messages[-1].sent
             if one.participant == talk.initiator and one.protocol != RESTING and open_then:
-                found = n
-        return (None, "") if found is None else (found, Known.TIME)
+                return n, Known.TIME
+        return None, ""
 
     def _beside(self) -> dict[int, list[Message]]:
         """Messages to talks of another trace, by the talk in which their cause was said."""

@@ -8,13 +8,15 @@ from collections.abc import Iterator
 
 import msgspec
 
-from operate.tracing.trace import BAD, Identity, Known, Message, Span, Trace
+from operate.tracing.trace import BAD, SETTLED, Identity, Known, Message, Span, Trace
 
 MOST = 12
 """Facts of a chain, newest ones; estimate: what people read."""
+HEAD = 20
+"""Characters by which a reason is found in words that may be cut."""
 CANCEL = "cancel"
 EVENTS = {
-    "Local": "{agent} heard so from its own side: a person, or a device or process of its own",
+    "Local": "{agent} was told from outside the agents: by a person, a device or a process of its own",
     "Late": "{agent} had waited for an answer until its time was over ({about})",
     "Broken": "{agent} saw the conversation break ({about})",
     "Woken": "a time had come that {agent} had set itself",
@@ -63,20 +65,16 @@ def told(one: Message) -> Fact:
 
 
 def words(one: Message) -> str:
-    """Return the content of a communicate in a few words, and the reason that it gives."""
-    if one.reason in one.text:
+    """Return the content of a communicate in a few words, with the whole reason where it gives one."""
+    if not one.reason:
         return one.text
-    short = one.text.removesuffix("…")
-    return (
-        one.reason
-        if not short or one.reason.startswith(short)
-        else f"{short.partition(one.reason[:20])[0]}{one.reason}"
-    )
+    at = one.text.find(one.reason[:HEAD])
+    return one.reason if at < 1 else f"{one.text[:at].rstrip()}: {one.reason}"
 
 
 def ending(trace: Trace, span: Span) -> Passage:
     """Return what led to the end of a conversation, or to its newest message: the end first, then its causes."""
-    chain = list(_chain(trace.messages(), span.last, span.messages[0].identity))
+    chain = list(_chain(trace.messages, span.last, span.messages[0].identity))
     shown = [one for n, one in enumerate(chain) if n < 2 or notable(one) or n == len(chain) - 1]
     facts = [_because(told(one), one, chain, n) for n, one in enumerate(shown[:MOST])]
     first = chain[-1]
@@ -103,16 +101,18 @@ def _because(fact: Fact, one: Message, chain: list[Message], n: int) -> Fact:
 def _chain(said: dict[Identity, Message], last: Message, opening: Identity) -> Iterator[Message]:
     """Yield a message, its cause, the cause of that, ..., to the opening of the task or to where only time tells more.
 
-    A link by time is the last one.
+    A link by time is the last one, but for what an agent said when its observations had been received.
     """
     seen: set[Identity] = set()
     at: Message | None = last
     while at is not None and at.identity not in seen:
         yield at
         seen.add(at.identity)
-        if at.identity == opening or (at.known == Known.TIME and len(seen) > 1):
+        before = said.get(at.cause) if at.cause is not None and at.identity != opening else None
+        if before is not None and at.known == Known.TIME and not at.event.startswith(SETTLED):
+            yield before
             return
-        at = said.get(at.cause) if at.cause is not None else None
+        at = before
 
 
 def absent(trace: Trace, span: Span) -> Passage | None:

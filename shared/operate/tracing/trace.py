@@ -3,8 +3,10 @@
 A span is one conversation of two agents. It stands below the conversation for whose sake it was opened. Pure.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator
 from enum import StrEnum
+from functools import cached_property
 
 import msgspec
 
@@ -14,11 +16,15 @@ Identity = tuple[str, str, str]
 BAD = frozenset({"failure", "refuse", "not-understood", "reject-proposal"})
 """Performatives by which an agent says no."""
 
+SETTLED = "Settled"
+"""The event of a step that says what had to wait for receipts of observations: the cause had been taken before."""
+
 
 class Known(StrEnum):
-    """Where a link is from: the step log of the agent, or only the order in time."""
+    """Where a link is from: the step log, the protocol (an answer to what was asked), or only the order in time."""
 
     STEP = "step"
+    REPLY = "reply"
     TIME = "time"
 
 
@@ -40,8 +46,8 @@ class Step(msgspec.Struct, frozen=True):
 class Message(msgspec.Struct, frozen=True, omit_defaults=True):
     """A communicate; times in unix seconds. `text`: its content in a few words, `reason`: the one it gives.
 
-    `cause`: the communicate that its sender took in the step in which it said this, `known` how that is known ("":
-    there is none). `event`: what happened in that step otherwise.
+    `cause`: the communicate that its sender took in the step in which it said this, else what it answers; `known`: how
+    that is known ("": there is none). `event`: what happened in that step otherwise.
     """
 
     sender: str
@@ -108,7 +114,7 @@ class Away(msgspec.Struct, frozen=True, omit_defaults=True):
     fault: str = ""
 
 
-class Trace(msgspec.Struct, frozen=True, omit_defaults=True):
+class Trace(msgspec.Struct, frozen=True, omit_defaults=True, dict=True):
     """All of a run. `begin`: the first communicate [unix s]."""
 
     system: str
@@ -121,9 +127,16 @@ class Trace(msgspec.Struct, frozen=True, omit_defaults=True):
         """Spans that no other one caused, oldest first."""
         return tuple(span for span in self.spans if not span.parent)
 
+    @cached_property
+    def _children(self) -> dict[str, list[Span]]:
+        found: defaultdict[str, list[Span]] = defaultdict(list)
+        for span in self.spans:
+            found[span.parent].append(span)
+        return dict(found)
+
     def children(self, span: Span) -> tuple[Span, ...]:
         """Spans right below one, oldest first."""
-        return tuple(one for one in self.spans if one.parent == span.id)
+        return tuple(self._children.get(span.id, ()))
 
     def below(self, span: Span, depth: int = 0) -> Iterator[tuple[int, Span]]:
         """A span and all below it, depth first, each with its depth."""
@@ -131,6 +144,7 @@ class Trace(msgspec.Struct, frozen=True, omit_defaults=True):
         for one in self.children(span):
             yield from self.below(one, depth + 1)
 
+    @cached_property
     def messages(self) -> dict[Identity, Message]:
         """All messages by identity."""
         return {one.identity: one for span in self.spans for one in span.messages}

@@ -85,7 +85,7 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
     at = run.trace.begin + since
     said = [one for one in run.history.said if one.receiver == KM and abs(one.received - at) < 0.001]
     about = [one for one in said if _tells(one, thing) and isinstance(one.content, wm.SeenContent) is content] or said
-    message = run.trace.messages().get(about[-1].identity) if about else None
+    message = run.trace.messages.get(about[-1].identity) if about else None
     words = "; ".join(texts)
     if message is None:
         return [Fact(at, words)]
@@ -94,7 +94,7 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
 
 def _source(trace: Trace, told: Message) -> str:
     """Return by whom an observation was told, and in which act it was made, as far as a step log says."""
-    seen = trace.messages().get(told.cause) if told.cause is not None else None
+    seen = trace.messages.get(told.cause) if told.cause is not None else None
     text = f"{told.sender} told {told.receiver} so ({told.id.partition('@')[0]})"
     act = next((one for one in trace.spans if seen is not None and seen in one.messages), None)
     if seen is None or act is None:
@@ -114,5 +114,5 @@ def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
     said = [one for one in run.history.said if one.receiver == KM and one.received <= until and _tells(one, thing)]
     if not said:
         return []
-    last = run.trace.messages()[said[-1].identity]
+    last = run.trace.messages[said[-1].identity]
     return [Fact(last.sent, f"{last.sender} told {last.receiver} of it last: {last.text}", record(last))]

@@ -41,8 +41,9 @@ def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
         report = one.content
         if report.state is cmd.TaskState.WAITING:
             yield Fact(one.sent, f"co took it: {plain(report.text)}", _record(one))
+        elif report.state is cmd.TaskState.RUNNING and (left := _left(history, one, runs)) is not None:
+            yield Fact(left.sent, f"co asked ta to leave the plan: {plain(report.text)}", _record(left))
         elif report.state is cmd.TaskState.SUSPENDED:
-            yield from _left(history, one, runs)
             yield Fact(one.sent, f"co put it aside: {plain(report.text)}", _record(one))
             aside = True
         elif aside and report.state is cmd.TaskState.PLANNING:
@@ -56,13 +57,11 @@ def _reports(history: History, task: Span) -> Iterator[Spoken]:
             yield one
 
 
-def _left(history: History, suspended: Spoken, runs: list[Ran]) -> Iterator[Fact]:
-    """Yield when co asked ta to leave the plan that ran before."""
-    running = [one for one in runs if one.start <= suspended.sent]
-    for one in history.said if running else ():
-        of_plan = one.conversation == running[-1].conversation and one.received <= suspended.received
-        if of_plan and one.performative == Performative.CANCEL:
-            yield Fact(one.sent, "co asked ta to leave the plan, and to put down what is held", _record(one))
+def _left(history: History, report: Spoken, runs: list[Ran]) -> Spoken | None:
+    """Return the cancel of a plan that co said in the step of a report, so that the report gives the reason."""
+    plans = {one.conversation for one in runs}
+    of_step = (one for one in history.said if one.conversation in plans and one.sent == report.sent)
+    return next((one for one in of_step if one.performative == Performative.CANCEL), None)
 
 
 # --- plans ------------------------------------------------------------------------------------------------------------
@@ -78,7 +77,7 @@ def _planned(history: History, plan: Made) -> Iterator[Fact]:
         return
     record, content = _record(answer), answer.content
     for one in content.rejected:
-        what = plain(" ".join((one.method.replace("_", " "), *one.arguments)))
+        what = plain(f"{one.method.replace('_', ' ')} ({', '.join(one.arguments)})")
         yield Fact(answer.sent, f"pl rejected “{what}”: {plain(one.why) or 'it does not apply'}", record)
     if isinstance(content, hfsm.NoPlan):
         yield Fact(answer.sent, f"pl found no {name}: {plain(content.reason)}", record)

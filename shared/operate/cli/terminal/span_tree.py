@@ -14,6 +14,8 @@ BAR = 24
 """Columns of the bars."""
 ALIKE = 4
 """So many conversations of the same kind in a row become one line (estimate: fewer are read one by one)."""
+RESTING = "subscribe"
+"""A protocol that is told of by its contents alone."""
 CALM, WRONG, OPEN = "green", "red", "cyan"
 NOTE = "~ by time: no step log says what caused it"
 
@@ -51,12 +53,12 @@ def drawn(trace: Trace, root: Span, width: int, *, every: bool = False) -> Table
     return table
 
 
-def listed(trace: Trace) -> Table:
+def listed(trace: Trace, width: int) -> Table:
     """Return all that can be traced, oldest first."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim", width=width)
     for name, justify in (("task", "left"), ("between", "left"), ("at", "right"), ("took", "right"), ("said", "right")):
         table.add_column(name, no_wrap=True, justify=justify)  # type: ignore[arg-type]
-    table.add_column("what", no_wrap=True, overflow="ellipsis")
+    table.add_column("what", no_wrap=True, overflow="ellipsis", ratio=1)
     for root in trace.roots:
         below = [span for _, span in trace.below(root)]
         took = seconds(max(span.end for span in below) - root.start)
@@ -130,7 +132,8 @@ def _many(alike: tuple[Span, ...], branch: str) -> Line:
 
 def _beside(said: tuple[Message, ...], branch: str) -> Line:
     more = f" and {len(said) - 1} more" if len(said) > 1 else ""
-    what = f"+ {said[0].text or said[0].performative}{more}"
+    where = f"{said[0].conversation}: " if said[0].protocol != RESTING else ""
+    what = f"+ {where}{said[0].text or said[0].performative}{more}"
     guessed = any(one.known == Known.TIME for one in said)
     return Line(branch, what, f"{said[0].sender} > {said[0].receiver}", said[0].sent, None, "dim", guessed)
 

@@ -105,7 +105,8 @@ def _list(found: Trace, form: As) -> None:
     if form is As.JSON:
         tell_json([_task(found, span) for span in found.roots])
         return
-    Console().print(span_tree.listed(found))
+    console = Console()
+    console.print(span_tree.listed(found, console.width))
 
 
 def _task(found: Trace, span: Span) -> Task:
