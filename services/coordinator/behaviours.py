@@ -18,7 +18,7 @@ from fipa_codec.performatives import Performative as P
 from services.coordinator import words
 from services.coordinator.incoming import RULE, not_answering, requeued, suspend, take
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, parameters_wanted, turn_come
-from services.coordinator.offers import decided, offer
+from services.coordinator.offers import decided, offer, place
 from services.coordinator.scheduling import RULES
 
 
@@ -40,8 +40,7 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
             job = replace(job, stage=Stage.EARLY)
             turn.wake(job.conversation, job.command.start)
         memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
-        place = words.place(memory.jobs.index(job), job.command.start - turn.now)
-        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, place))
+        turn.say(job.conversation, P.AGREE, words.report(TaskState.WAITING, place(memory.jobs, job, turn.now)))
     return replace(memory, arrived=())
 
 
@@ -61,7 +60,7 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     if turn.event is not None:
         return take(memory, turn, limits)
     if (job := parameters_wanted(memory)) is not None:
-        talk = turn.open(AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s)
+        talk = _asked(turn, job, limits)
         return memory.with_job(replace(job, talk=talk, asked=True))
     job = memory.first
     if job is None or not turn_come(memory):
@@ -76,11 +75,17 @@ def _planned(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     """Request the plan of the task whose turn it is."""
     chosen = _chosen(memory, turn, job, limits) if not job.begun else ""
     job = replace(job, plans=job.plans + 1, aside=False)
-    talk = turn.open(AgentName.PL, "request", P.REQUEST, words.network(job), reply_by_s=limits.planning_s)
+    talk = _asked(turn, job, limits)
     if job.looks < 2 or job.at != words.LOOKS:
         why = job.at or chosen
         words.progress(turn, job, TaskState.PLANNING, f"plan {job.plans}" + (f": {why}" if why else ""))
     return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at="", weighed=False))
+
+
+def _asked(turn: Turn, job: Job, limits: Limits) -> str:
+    """Return the conversation in which pl is asked for the plan of a task."""
+    network, patience_s = words.network(job), limits.planning_s
+    return turn.open(AgentName.PL, "request", P.REQUEST, network, reply_by_s=patience_s, parent=job.conversation)
 
 
 def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> str:
@@ -124,7 +129,9 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     plan = job.plan
     if plan is None:
         return memory
-    talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan))
+    talk = turn.open(
+        AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan), parent=job.conversation
+    )
     words.progress(turn, job, TaskState.RUNNING, f"plan {job.plans} takes about {plan.duration:.0f} s")
     job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False)
     return replace(memory.with_job(job), choice=Choice.OPEN)

@@ -119,9 +119,8 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if job.stage is Stage.WAITING:
         return memory if turn.holds(job.talk) else _informed(memory, turn, job, received.content, limits)
     if isinstance(received.content, hfsm.HierarchicalPlan):
-        return memory.with_job(
-            replace(_with_schedule(job, received.content), stage=Stage.PLANNED, plan=received.content)
-        )
+        plan = replace(received.content, rejected=())
+        return memory.with_job(replace(_with_schedule(job, plan), stage=Stage.PLANNED, plan=plan))
     if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
         return _not_yet(memory, job)
     why = words.reason(received.content) or f"the planner said {received.communicate.performative} and no reason"

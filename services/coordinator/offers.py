@@ -27,6 +27,28 @@ def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: floa
     return (*begun, *(waiting[name] for name in order), *early)
 
 
+def place(jobs: tuple[Job, ...], job: Job, now: float) -> str:
+    """Return the place of a task in the queue, in words, and why each one before it comes first [now: unix s]."""
+    early_s, before = job.command.start - now, jobs[: jobs.index(job)]
+    if early_s > 0.0:
+        return f"it begins in {early_s:.0f} s" if early_s < 120.0 else f"it begins in {early_s / 60.0:.0f} min"
+    if not before:
+        return "it is the next one"
+    count = "one task comes" if len(before) == 1 else f"{len(before)} tasks come"
+    return f"{count} before it: {', '.join(f'{one.conversation} ({_first_as(one, job)})' for one in before)}"
+
+
+def _first_as(one: Job, job: Job) -> str:
+    """Return why a task comes before another one."""
+    if one.begun:
+        return "under way"
+    if one.command.urgency > job.command.urgency:
+        return f"more urgent, {one.command.urgency} above {job.command.urgency}"
+    if one.command.deadline and one.command.deadline < (job.command.deadline or math.inf):
+        return "due earlier"
+    return "said before" if one.arrived <= job.arrived else "costs less first"
+
+
 def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:
     """Return what a task offers, in seconds of wall time; one that waits is planned first."""
     earlier = tuple(one for one in jobs[: jobs.index(job)] if one.stage is not Stage.EARLY)

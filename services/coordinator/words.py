@@ -51,15 +51,6 @@ def called(job: Job) -> str:
     return f"{job.conversation} ({' '.join(word for word in (task.name.replace('_', ' '), *task.arguments) if word)})"
 
 
-def place(ahead: int, early_s: float = 0.0) -> str:
-    """Return the place of a task in the queue, in words; `early_s`: until it may start [s]."""
-    if early_s > 0.0:
-        return f"it begins in {early_s:.0f} s" if early_s < 120.0 else f"it begins in {early_s / 60.0:.0f} min"
-    if not ahead:
-        return "it is the next one"
-    return "one task comes before it" if ahead == 1 else f"{ahead} tasks come before it"
-
-
 def cut(text: str, longest: int = LONGEST_TEXT) -> str:
     """Return the text, cut to at most `longest` bytes of UTF-8."""
     data = text.encode(errors="replace")

@@ -106,7 +106,8 @@ def _drop(memory: Memory, turn: Turn) -> Memory:
 
 
 def _ask(memory: Memory, turn: Turn, query: wm.AnyQuery) -> Memory:
-    return replace(memory, soft=replace(memory.soft, question=words.ask(turn, query)))
+    assert memory.problem is not None
+    return replace(memory, soft=replace(memory.soft, question=words.ask(turn, memory.problem, query)))
 
 
 def _unanswered(memory: Memory, turn: Turn) -> Memory:
@@ -120,9 +121,9 @@ def _unanswered(memory: Memory, turn: Turn) -> Memory:
             return memory
 
 
-def _no_plan(memory: Memory, reason: str, *, later: bool = False) -> Memory:
+def _no_plan(memory: Memory, reason: str, *, later: bool = False, rejected: tuple[hfsm.Rejected, ...] = ()) -> Memory:
     assert memory.problem is not None
-    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, reason, later))
+    return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, reason, later, rejected))
 
 
 # --- search -----------------------------------------------------------------------------------------------------------
@@ -142,8 +143,8 @@ def search_plan(memory: Memory, turn: Turn) -> Memory:
             return _answered(memory, turn, content)
         case Local(content=Found(attempt=attempt, plan=plan)) if attempt == memory.attempt:
             return replace(memory, result=plan)
-        case Local(content=NotFound(attempt=attempt, reason=reason)) if attempt == memory.attempt:
-            return _no_plan(memory, reason)
+        case Local(content=NotFound(attempt=attempt, reason=reason) as ended) if attempt == memory.attempt:
+            return _no_plan(memory, reason, rejected=ended.rejected)
         case Local(content=Died(code=code)):
             return _no_plan(memory, f"the search ended unexpectedly (exit status {code})")
         case Started():
@@ -183,5 +184,5 @@ def answer_problem(memory: Memory, turn: Turn) -> Memory:
     if turn.holds(problem.conversation) and memory.result is not None:
         words.tell(turn, problem, memory.result)
     if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):  # later: no state was made, and km is busy
-        words.ask(turn, words.drop(problem), words.DROP_WITHIN_S)
+        words.ask(turn, problem, words.drop(problem), words.DROP_WITHIN_S)
     return Memory(seed=memory.seed, waiting=memory.waiting, attempt=memory.attempt)

@@ -43,10 +43,11 @@ class Found(Message, frozen=True):
     plan: hfsm.HierarchicalPlan
 
 
-class NotFound(Message, frozen=True):
-    """No plan was found, and why."""
+class NotFound(Message, frozen=True, omit_defaults=True):
+    """No plan was found, and why; `rejected`: what was tried."""
 
     reason: str
+    rejected: tuple[hfsm.Rejected, ...] = ()
 
 
 class Died(msgspec.Struct, frozen=True, tag=True):

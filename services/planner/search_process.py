@@ -31,4 +31,6 @@ def serve(link: Link) -> None:
 
 
 def _result(attempt: int, found: hfsm.HierarchicalPlan | hfsm.NoPlan) -> Found | NotFound:
-    return Found(attempt, found) if isinstance(found, hfsm.HierarchicalPlan) else NotFound(attempt, found.reason)
+    if isinstance(found, hfsm.HierarchicalPlan):
+        return Found(attempt, found)
+    return NotFound(attempt, found.reason, found.rejected)

@@ -33,9 +33,10 @@ def cancelled(turn: Turn, conversation: str, network: str) -> None:
 # --- to km ------------------------------------------------------------------------------------------------------------
 
 
-def ask(turn: Turn, query: wm.AnyQuery, within_s: float = ANSWER_WITHIN_S) -> str:
-    """Ask km; return the conversation in which the answer comes, if it does within `within_s` [s]."""
-    return turn.open(AgentName.KM, "query", Performative.QUERY_REF, query, reply_by_s=within_s)
+def ask(turn: Turn, problem: Problem, query: wm.AnyQuery, within_s: float = ANSWER_WITHIN_S) -> str:
+    """Ask km for a problem; return the conversation in which the answer comes, if it does within `within_s` [s]."""
+    asked = Performative.QUERY_REF
+    return turn.open(AgentName.KM, "query", asked, query, reply_by_s=within_s, parent=problem.conversation)
 
 
 def drop(problem: Problem) -> wm.DropStates:

@@ -26,7 +26,8 @@ Outcome = rc.Done | rc.NotDone
 
 def begin(memory: Memory, turn: Turn, command: rc.Act) -> Memory:
     """Request an act of ex."""
-    name = turn.open(AgentName.EX, "request", Performative.REQUEST, command, reply_by_s=AGREE_WITHIN_S)
+    for_plan = memory.conversation
+    name = turn.open(AgentName.EX, "request", Performative.REQUEST, command, reply_by_s=AGREE_WITHIN_S, parent=for_plan)
     return replace(memory, act=Act(name, command))
 
 

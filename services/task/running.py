@@ -184,7 +184,8 @@ def _seen(memory: Memory, outcome: rc.Done) -> str:
 
 
 def _ask(memory: Memory, turn: Turn, leaf: hfsm.AskState) -> Memory:
-    name = turn.open(acts.OBSERVER, "query", Performative.QUERY_REF, leaf.query, reply_by_s=ASK_WITHIN_S)
+    query, plan = Performative.QUERY_REF, memory.conversation
+    name = turn.open(acts.OBSERVER, "query", query, leaf.query, reply_by_s=ASK_WITHIN_S, parent=plan)
     return replace(memory, soft=Soft(name))
 
 

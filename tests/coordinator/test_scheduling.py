@@ -194,7 +194,12 @@ def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     tasks = [scene.command(one) for one in (cmd.Take("jar"), cmd.PutDown("jar"), cmd.LookAround(urgency=1))]
     assert [type(job.command).__name__ for job in scene.memory.jobs] == ["Take", "LookAround", "PutDown"]
     agreed = [next(said.text for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks]
-    assert agreed == ["it is the next one", "one task comes before it", "one task comes before it"]
+    first, _, urgent = tasks
+    waits = f"one task comes before it: {first} (under way)"
+    assert agreed == ["it is the next one", waits, waits]
+    last = scene.command(cmd.PutDown("jar"))
+    told = next(said.text for act, said in scene.heard("hi", last) if act is P.AGREE)
+    assert f"{urgent} (more urgent, 1 above 0), {tasks[1]} (said before)" in told
 
 
 # --- a running task is left for a more urgent one ---------------------------------------------------------------------
@@ -210,6 +215,7 @@ def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene)
     scene.ta(WorkerState.TERMINATING)
     scene.ta(WorkerState.PREEMPTED)
     assert scene.said(pour)[-1] == "inform suspended"
+    assert scene.last_text(pour) == f"{urgent} (look around): it is more urgent; it comes first"
     scene.plan(5.0)
     scene.ta(WorkerState.SUCCEEDED)
     assert scene.said(urgent)[-1] == "inform done"

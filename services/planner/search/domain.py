@@ -11,7 +11,7 @@ from contextlib import redirect_stdout
 from functools import wraps
 from io import StringIO
 
-from companion.languages.hfsm import TaskName
+from companion.languages.hfsm import Rejected, TaskName
 from companion.languages.values import Side
 from services.planner.search.asking import Unanswered
 from services.planner.search.facts import Facts
@@ -34,6 +34,7 @@ TASKS: dict[str, int] = {
     TaskName.LOOK_AROUND: 0,
 }
 """Tasks that can be asked for, with the number of their arguments."""
+MOST_REJECTED, LONGEST_WHY = 24, 100  # of a search, the first ones; characters of a reason: 4 kB hold them (estimates)
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 
@@ -50,6 +51,7 @@ class Search:
     def __init__(self, geometry: Geometry) -> None:
         self.geometry, self.methods = geometry, Methods(Facts(geometry.ask), geometry.failed)
         self.domain = gtpyhop.Domain("robot_companion")
+        self._rejected: dict[Rejected, None] = {}
         self._end: _State | None = None
 
     def run(self, todo: Subtasks, state: str) -> tuple[list[Step], str] | None:
@@ -99,11 +101,13 @@ class Search:
         def action(state: _State, *arguments: str) -> _State | bool:
             try:
                 step = compute(state, *arguments)
-                if step is None:
-                    return False
-                state.km = self.geometry.ask.suppose(state.km, step.changes)
+                if step is not None:
+                    state.km = self.geometry.ask.suppose(state.km, step.changes)
             except Unanswered as unanswered:
                 self.geometry.failed(unanswered.reason)
+                step = None
+            if step is None:
+                self._reject(name.removeprefix("a_"), arguments, self.geometry.why[-1])
                 return False
             state.steps = (*state.steps, step)
             return state
@@ -119,11 +123,16 @@ class Search:
 
         @wraps(method)
         def answered(state: _State, *arguments: str) -> Subtasks | None:
+            self.methods.unfit, failed = "", len(self.geometry.why)
             try:
-                return method(state.km, *arguments)
+                found = method(state.km, *arguments)
             except Unanswered as unanswered:
                 self.geometry.failed(unanswered.reason)
-                return None
+                found = None
+            if found is None:
+                why = self.geometry.why[-1] if len(self.geometry.why) > failed else self.methods.unfit
+                self._reject(method.__name__, arguments, why)
+            return found
 
         return answered
 
@@ -134,6 +143,16 @@ class Search:
             return self.methods.after_arms_home(km, task, arguments)
 
         return after_arms_home
+
+    def _reject(self, method: str, arguments: tuple[str, ...], why: str) -> None:
+        """Note what was tried and left; the same thing for the same reason once."""
+        if len(self._rejected) < MOST_REJECTED:
+            self._rejected.setdefault(Rejected(method, tuple(filter(None, arguments)), why[:LONGEST_WHY]))
+
+    @property
+    def rejected(self) -> tuple[Rejected, ...]:
+        """What was tried and left, in this order."""
+        return tuple(self._rejected)
 
     def _with(self, method: Callable[..., Subtasks | None]) -> list[Callable[..., Subtasks | None]]:
         """Return the method for each hand, the preferred one first, each with its own name."""

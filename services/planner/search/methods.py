@@ -18,38 +18,55 @@ Subtasks = list[tuple[Any, ...]]
 
 
 class Methods:
-    """Methods over the facts of km; `failed` notes a reason why a task cannot be done at all."""
+    """Methods over the facts of km; `failed` notes a reason why a task cannot be done at all.
+
+    `unfit`: why the method that was tried last does not apply.
+    """
 
     def __init__(self, facts: Facts, failed: Callable[[str], None]) -> None:
-        self.facts, self.failed = facts, failed
+        self.facts, self.failed, self.unfit = facts, failed, ""
+
+    def _not(self, why: str) -> Subtasks | None:
+        self.unfit = why
+        return None
 
     def pour_held(self, km: str, source: str, destination: str) -> Subtasks | None:
         """Return the source is held, the pose of the destination known, nothing around it: tilt."""
         side = self.facts.holder(km, source)
-        return [("a_pour", source, destination, side)] if side and self._open(km, destination) else None
+        if not side:
+            return self._not(f"no hand holds {source}")
+        return [("a_pour", source, destination, side)] if self._open(km, destination) else None
 
     def pour_into_standing(self, km: str, side: Side, source: str, destination: str) -> Subtasks | None:
         """Return the pose of the destination is known, nothing around it: take the source and tilt it."""
-        if self.facts.holder(km, source) or not self._open(km, destination):
+        if holder := self.facts.holder(km, source):
+            return self._not(f"the {holder} hand holds {source} already")
+        if not self._open(km, destination):
             return None
         return [(TaskName.TAKE, source, side), ("a_pour", source, destination, side)]
 
     def pour_into_held(self, km: str, source: str, destination: str) -> Subtasks | None:
         """Return the destination is held: put it down, look at it, plan again."""
-        held = self.facts.holder(km, destination) is not None
-        return [(TaskName.PUT_DOWN, destination), ("localize", destination)] if held else None
+        if self.facts.holder(km, destination) is None:
+            return self._not(f"no hand holds {destination}")
+        return [(TaskName.PUT_DOWN, destination), ("localize", destination)]
 
     def pour_into_unseen(self, km: str, source: str, destination: str) -> Subtasks | None:
         """Return the destination was put down and not seen since: look at it, plan again."""
-        held = self.facts.holder(km, destination) is not None
-        return None if held or self.facts.exact(km, destination) else [("localize", destination)]
+        if holder := self.facts.holder(km, destination):
+            return self._not(f"the {holder} hand holds {destination}")
+        if self.facts.exact(km, destination):
+            return self._not(f"{destination} was seen where it stands")
+        return [("localize", destination)]
 
     def pour_taking_both(self, km: str, first: Side, source: str, destination: str) -> Subtasks | None:
         """Take the source with one hand and the destination with the other, then put the destination down."""
-        if self.facts.holder(km, destination) or not self.facts.inside(km, destination):
-            return None
-        if self.facts.holder(km, source) not in (None, first):
-            return None
+        if holder := self.facts.holder(km, destination):
+            return self._not(f"the {holder} hand holds {destination}")
+        if not self.facts.inside(km, destination):
+            return self._not(f"{destination} stands free")
+        if (holder := self.facts.holder(km, source)) not in (None, first):
+            return self._not(f"the {holder} hand holds {source}")
         return [
             (TaskName.TAKE, source, first),
             ("a_carry", first),
@@ -60,24 +77,38 @@ class Methods:
 
     def _open(self, km: str, name: str) -> bool:
         """Whether the thing was seen where it stands, and is not inside another one."""
-        if self.facts.holder(km, name) or self.facts.inside(km, name):
-            return False
-        return self.facts.exact(km, name)
+        if holder := self.facts.holder(km, name):
+            self._not(f"the {holder} hand holds {name}")
+        elif self.facts.inside(km, name):
+            self._not(f"{name} is inside another thing")
+        elif not self.facts.exact(km, name):
+            self._not(f"{name} was put down and not seen since")
+        else:
+            return True
+        return False
 
     def take_nothing(self, km: str, name: str, side: str) -> Subtasks | None:
         """Return the wanted hand holds it already."""
         holder = self.facts.holder(km, name)
-        return [] if holder is not None and side in ("", holder) else None
+        if holder is None:
+            return self._not(f"no hand holds {name}")
+        return [] if side in ("", holder) else self._not(f"the {holder} hand holds {name}, not the {side} one")
 
     def take_over(self, km: str, name: str, side: str) -> Subtasks | None:
         """Return the other hand holds it: put it down, look at it, plan again."""
         holder = self.facts.holder(km, name)
-        return None if holder is None or side in ("", holder) else [(TaskName.PUT_DOWN, name), ("localize", name)]
+        if holder is None:
+            return self._not(f"no hand holds {name}")
+        if side in ("", holder):
+            return self._not(f"the {holder} hand holds {name} already")
+        return [(TaskName.PUT_DOWN, name), ("localize", name)]
 
     def take_with(self, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
         """Take it with this hand, if it is empty and wanted."""
-        if side not in ("", hand) or self.facts.holder(km, name):
-            return None
+        if side not in ("", hand):
+            return self._not(f"the {side} hand is wanted")
+        if holder := self.facts.holder(km, name):
+            return self._not(f"the {holder} hand holds {name}")
         if held := self.facts.in_hand(km, hand):
             self.failed(f"the {hand} hand holds {held}")
             return None

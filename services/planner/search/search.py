@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+from msgspec.structs import replace
+
 from companion.languages import hfsm, wm
 from services.planner.search import assembling
 from services.planner.search.asking import Asking, Unanswered
@@ -29,15 +31,17 @@ def search(
     try:
         todo = [_ground(asking, task) for task in network.tasks]
         start = asking.suppose("", ())
-        found = Search(geometry).run(todo, start)
+        searching = Search(geometry)
+        found = searching.run(todo, start)
     except (Unanswered, NotATask) as why:
         return hfsm.NoPlan(network.id, why.reason)
     if found is None:
-        return hfsm.NoPlan(network.id, _reason(geometry.why))
+        return hfsm.NoPlan(network.id, _reason(geometry.why), rejected=searching.rejected)
     steps, sought = found
     held = assembling.held_at(asking, start)
     name = "; ".join(" ".join(task) for task in todo)
-    return assembling.plan(network.id, name, steps, sought, asking.queries, held)
+    plan = assembling.plan(network.id, name, steps, sought, asking.queries, held)
+    return replace(plan, rejected=searching.rejected)
 
 
 def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ class Effects(msgspec.Struct, frozen=True):
     """Effects of a step. `record` None: nothing durable happened. `more`: a waiting message can be taken by Next().
 
     `wake_at`: unix seconds at which a Tick is wanted (None: never). `handled`: the event the behaviour saw, None if
-    none.
+    none. `parents`: (conversation opened, conversation for whose sake), where the behaviour said so.
     """
 
     record: bytes | None = None
@@ -71,6 +71,7 @@ class Effects(msgspec.Struct, frozen=True):
     wake_at: float | None = None
     handled: Any = None
     deed: Deed | None = None
+    parents: tuple[tuple[str, str], ...] = ()
 
 
 class Out(msgspec.Struct, eq=False):
@@ -84,6 +85,7 @@ class Out(msgspec.Struct, eq=False):
     logs: list[LogLine] = []
     handled: Any = None
     said: list[Act] = []
+    parents: list[tuple[str, str]] = []
     took: Act | None = None
     about: str = ""
 
@@ -96,6 +98,7 @@ class Out(msgspec.Struct, eq=False):
             tells=[*self.tells],
             logs=[*self.logs],
             said=[*self.said],
+            parents=[*self.parents],
         )
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
@@ -121,4 +124,5 @@ class Out(msgspec.Struct, eq=False):
             wake_at,
             self.handled,
             deed,
+            tuple(self.parents),
         )

@@ -53,14 +53,15 @@ class Turn(msgspec.Struct, eq=False):
         content: Any = None,
         *,
         reply_by_s: float | None = None,
+        parent: str = "",
     ) -> str:
         """Open a conversation with `to` as its initiator; return its id.
 
         `reply_by_s`: seconds from now after which Late comes, unless the conversation has ended. A durable one then
         stays open until the peer's last word; a volatile question is given up. LocalProtocolError where the design has
-        no such link.
+        no such link. `parent`: the conversation for whose sake it is opened; only the step log has it (`roco trace`).
         """
-        return self._open(self._state.name(), to, protocol, performative, content, reply_by_s, several=False).id
+        return self._open(self._state.name(), to, protocol, performative, content, reply_by_s, parent).id
 
     def open_all(
         self,
@@ -70,6 +71,7 @@ class Turn(msgspec.Struct, eq=False):
         content: Any = None,
         *,
         reply_by_s: float | None = None,
+        parent: str = "",
     ) -> Multicast:
         """Open one conversation-id with several participants, each with a state machine; the Multicast tracks them.
 
@@ -82,7 +84,7 @@ class Turn(msgspec.Struct, eq=False):
             if self._wiring.required(peer, protocol).delivery is not _DURABLE:
                 raise LocalProtocolError("protocol", f"{protocol} with {peer!r} is not durable; open it with one peer")
         return Multicast.opened(
-            [self._open(name, peer, protocol, performative, content, reply_by_s, several=True) for peer in to]
+            [self._open(name, peer, protocol, performative, content, reply_by_s, parent, several=True) for peer in to]
         )
 
     def join(self, talk: Conversation) -> None:
@@ -248,9 +250,12 @@ class Turn(msgspec.Struct, eq=False):
         performative: Performative,
         content: Any,
         reply_by_s: float | None,
+        parent: str,
         *,
-        several: bool,
+        several: bool = False,
     ) -> Conversation:
+        if parent:
+            self._out.parents.append((name, parent))
         link = self._wiring.required(to, protocol)
         talk = Conversation.open(protocol, _INITIATOR, id=name, me=self._state.agent, peer=to)
         reply_by = None if reply_by_s is None else self.now + reply_by_s

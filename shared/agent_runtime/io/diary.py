@@ -91,7 +91,9 @@ class Diary:
         lines = [line for one in done for line in self._lines(one)]
         if lines:
             self._log.write_all(lines)
-        self._steps.write(noted(one.incarnation, one.step, one.at, one.event, one.effects) for one in done)
+        self._steps.write(
+            noted(one.incarnation, one.step, one.at, one.event, one.effects, one.received) for one in done
+        )
 
     def _lines(self, one: _Done) -> Iterator[tuple[float, str, str, dict[str, Any]]]:
         if one.received is not None:

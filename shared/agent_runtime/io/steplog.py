@@ -39,7 +39,9 @@ class Step(msgspec.Struct, frozen=True, array_like=True):
     """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8 bytes of hash.
 
     `deed`: what was done, in the words of the design; None where no event reached the behaviour. `apart`: bytes of the
-    content that stand behind the line instead of in `input`; 0 in what `read` gives.
+    content that stand behind the line instead of in `input`; 0 in what `read` gives. `took`: sender and id of the
+    communicate that the behaviour saw, which may have come in an earlier step; "" for none, and in logs of older
+    versions. `parents`: as in Effects. What a step said has its time as `sent`.
     """
 
     incarnation: int
@@ -50,6 +52,8 @@ class Step(msgspec.Struct, frozen=True, array_like=True):
     output: bytes = b""
     deed: Deed | None = None
     apart: Annotated[int, msgspec.Meta(ge=0)] = 0
+    took: str = ""
+    parents: tuple[tuple[str, str], ...] = ()
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=repr)
@@ -69,14 +73,20 @@ def fingerprint(effects: Effects) -> bytes:
     return hashlib.blake2b(data, digest_size=8).digest()
 
 
-def noted(incarnation: int, step: int, at: float, event: events.AnyEvent, effects: Effects) -> tuple[Step, msgspec.Raw]:
-    """One step of the core as it is written, and the content that stands behind it."""
-    content = NOTHING
+def noted(
+    incarnation: int, step: int, at: float, event: events.AnyEvent, effects: Effects, seen: Communicate | None = None
+) -> tuple[Step, msgspec.Raw]:
+    """One step of the core as it is written, and the content that stands behind it.
+
+    `seen`: the communicate that the behaviour saw.
+    """
+    content, took = NOTHING, "" if seen is None else f"{seen.sender} {seen.id}"
     if isinstance(event, events.Arrived):
         bare, content = _parted(event.communicate)
         event = msgspec.structs.replace(event, communicate=bare)
     kind, data = type(event).__name__, _encoder.encode(event)
-    return Step(incarnation, step, at, kind, data, fingerprint(effects), effects.deed, len(content)), content
+    hashed = fingerprint(effects)
+    return Step(incarnation, step, at, kind, data, hashed, effects.deed, len(content), took, effects.parents), content
 
 
 def _parted(communicate: Communicate) -> tuple[Communicate, msgspec.Raw]:

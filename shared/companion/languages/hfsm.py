@@ -110,10 +110,19 @@ class ScheduleParameters(msgspec.Struct, frozen=True, array_like=True):
     resume: float = 0.0
 
 
+class Rejected(msgspec.Struct, frozen=True, array_like=True):
+    """A method or step that the search tried and left, with its arguments, and why."""
+
+    method: str
+    arguments: tuple[str, ...]
+    why: str
+
+
 class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
     """A plan. `duration`: expected time of all its acts [s, simulated]; `queries`: how many km answered for it.
 
     `schedule`: for each state of its root, in their order. `holds`: what the hands hold when the task is done.
+    `rejected`: what the search tried before, the first of them; co does not pass it on.
     """
 
     id: str
@@ -123,14 +132,19 @@ class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fie
     queries: int
     schedule: tuple[ScheduleParameters, ...] = ()
     holds: dict[Side, str] = {}
+    rejected: tuple[Rejected, ...] = ()
 
 
 class NoPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The answer without a plan, and why, in words. `later`: ask again, the world is still being looked at."""
+    """The answer without a plan, and why, in words. `later`: ask again, the world is still being looked at.
+
+    `rejected`: as in a plan.
+    """
 
     id: str
     reason: str
     later: bool = False
+    rejected: tuple[Rejected, ...] = ()
 
 
 class Taken(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

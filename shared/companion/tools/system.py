@@ -83,6 +83,8 @@ SYSTEM = System(
         tasks="companion.tools.verbs.hi:tasks",
         checks="companion.tools.verbs.checkup:CHECKS",
         promises="companion.tools.promises:broken",
+        why="companion.tools.why.plans:passages",
+        believed="companion.tools.why.beliefs:believed",
         untouchable="companion.tools.verbs.real_robot:untouchable",
     ),
     job=JOB,

@@ -81,6 +81,11 @@ VERBS: Table = {
         "conversation": (GROUP, "The conversations of a run."),
         "conversation list": (".traffic.conversation:list_", "List conversations, oldest first."),
         "conversation show": (".traffic.conversation:show", "Show a conversation as a sequence diagram."),
+        "trace": (
+            ".traffic.trace:trace",
+            "Show which communicate of a task caused which, across all agents, as a tree with times.",
+        ),
+        "why": (".traffic.why:why", "Say why a task went as it did, from what is recorded."),
         "send": (
             ".traffic.send:send",
             "Be an agent: say one communicate to the running fleet, and print what comes back.",

@@ -81,6 +81,29 @@ def dead(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=Tr
         sys.stdout.buffer.write(msgspec.json.encode(letter) + b"\n")
 
 
+def trace(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
+    """Print the trace of a run in JSON: conversations, and which was opened for the sake of which."""
+    from operate.recording import traced
+
+    sys.stdout.buffer.write(msgspec.json.encode(traced.of(file, of_run(file)).trace))
+
+
+def why(
+    file: Annotated[Path, typer.Argument(help="A run folder or a recording.")],
+    about: Annotated[str, typer.Argument(help="A task, or a thing of the system; else the newest task.")] = "",
+    at: Annotated[float | None, typer.Option("--at", help="As it was then [s after the first communicate].")] = None,
+) -> None:
+    """Print the reasons that are recorded, in JSON. Exits with 2 where nothing is known of what was asked about."""
+    from operate.recording import reasons
+
+    try:
+        found = reasons.of(file, of_run(file), about, at)
+    except reasons.NothingKnown as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from error
+    sys.stdout.buffer.write(msgspec.json.encode(found))
+
+
 def info(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
     """Print what is in a recording: topics, keys, counts, times, versions. Exits with 2 where there is none."""
     from operate.recording import contents, samples
@@ -129,6 +152,8 @@ VERBS: dict[str, Callable[..., None]] = {
     "said": said,
     "dead": dead,
     "info": info,
+    "trace": trace,
+    "why": why,
     "record": record,
     "replayed": replayed,
     "again": again,

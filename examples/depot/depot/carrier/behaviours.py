@@ -67,7 +67,8 @@ def _set_out(memory: Memory, turn: Turn) -> Memory:
     goal = memory.trips[0]
     if not crosses(memory.here, goal):
         return _go(memory, turn)
-    return replace(memory, way=turn.open("traffic", "passage", P.REQUEST, Enter(goal)))
+    job = memory.job.conversation if memory.job else ""
+    return replace(memory, way=turn.open("traffic", "passage", P.REQUEST, Enter(goal), parent=job))
 
 
 def _go(memory: Memory, turn: Turn) -> Memory:

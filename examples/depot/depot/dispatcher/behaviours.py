@@ -48,7 +48,7 @@ def call_robots(memory: Memory, turn: Turn) -> Memory:
     called = tuple(robot for robot in ROBOTS if robot not in calls)
     for robot in called:
         job = Call(order.item, order.source, order.target)
-        calls[robot] = turn.open(robot, "cfp", P.CFP, job, reply_by_s=REPLY_BY_S)
+        calls[robot] = turn.open(robot, "cfp", P.CFP, job, reply_by_s=REPLY_BY_S, parent=order.conversation)
     return replace(memory, calls=calls, pending=called, rounds=memory.rounds + 1, waited=False)
 
 

@@ -2,7 +2,6 @@
 
 import sys
 from enum import StrEnum
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -12,9 +11,9 @@ from companion.asking import Question, Refused, Rows, Term, Verdict
 from companion.tools import asking
 from operate.cli.errors import NO, UsageError
 from operate.cli.fleet import targets
-from operate.cli.fleet.local import Local
 from operate.cli.output import Format, RunDir, problems
 from operate.cli.traffic.filter_options import Recorded
+from operate.cli.traffic.recordings import recording_of
 
 
 class As(StrEnum):
@@ -50,7 +49,7 @@ def ask(
       roco ask 'SELECT ?p ?o WHERE { thing:jar_1 ?p ?o }' --format csv
     """
     with problems(Format.JSON if form is As.JSON else Format.TEXT):
-        known = asking.known(_file(run, target, run_dir), at)
+        known = asking.known(recording_of(run, target, run_dir), at)
         text = sys.stdin.read() if question == "-" else question
         told = asking.answered(Question(text, known.heard, known.begin, seconds, rows))
         if isinstance(told, Refused):
@@ -60,16 +59,6 @@ def ask(
         print(f"roco: only the first {rows} rows are shown; --rows gives more", file=sys.stderr)
     if told == Verdict(False):
         raise typer.Exit(NO)
-
-
-def _file(run: Path | None, target: str, run_dir: Path | None) -> Path:
-    """The run folder or recording that is meant."""
-    if run is not None:
-        return run
-    found = targets.find(target, run_dir)
-    if not isinstance(found, Local):
-        raise UsageError(f"{found.where} runs in containers; `roco record FILE` records it, then --run FILE")
-    return found.run
 
 
 def _show(told: Rows | Verdict, form: As, known: asking.Known) -> None:

@@ -1,0 +1,127 @@
+"""Why these plans, and how they went: plans of a task with what was rejected, reasons for new ones, suspensions."""
+
+from collections.abc import Iterator
+
+from companion.languages import cmd, hfsm, rc, sw
+from companion.tools.report.plans import Act, Made, Ran, acts, made, ran
+from companion.wording import plain, spaced
+from fipa_codec.performatives import Performative
+from operate.recording.history import History
+from operate.recording.records import Spoken
+from operate.recording.traced import Run
+from operate.tracing.reasons import Fact, Passage
+from operate.tracing.trace import Span
+
+FOUND, CANCELLED = "found", "cancelled"
+
+
+def passages(run: Run, task: Span) -> tuple[Passage, ...]:
+    """Return how a task of a person waited and was switched, its plans, and how they went."""
+    history, mark = run.history, f"{task.conversation}-plan"
+    plans = [one for one in made(history) if one.network.startswith(mark)]
+    runs = [one for one in ran(history) if one.plan.startswith(mark)]
+    return (
+        Passage("waiting and switching", tuple(_waiting(history, task, runs))),
+        Passage("why these plans", tuple(fact for one in plans for fact in _planned(history, one))),
+        Passage("how they went", tuple(fact for one in runs for fact in _went(history, one))),
+    )
+
+
+def _record(one: Spoken) -> str:
+    return f"{one.channel} {one.sender} > {one.receiver} {one.performative}, id {one.id}"
+
+
+# --- waiting and switching --------------------------------------------------------------------------------------------
+
+
+def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
+    """Yield what co told of the task's place in its queue, and why it was left and taken up."""
+    aside = False
+    for one in _reports(history, task):
+        report = one.content
+        if report.state is cmd.TaskState.WAITING:
+            yield Fact(one.sent, f"co took it: {plain(report.text)}", _record(one))
+        elif report.state is cmd.TaskState.RUNNING and (left := _left(history, one, runs)) is not None:
+            yield Fact(left.sent, f"co asked ta to leave the plan: {plain(report.text)}", _record(left))
+        elif report.state is cmd.TaskState.SUSPENDED:
+            yield Fact(one.sent, f"co put it aside: {plain(report.text)}", _record(one))
+            aside = True
+        elif aside and report.state is cmd.TaskState.PLANNING:
+            yield Fact(one.sent, f"co took it up again: {plain(report.text)}", _record(one))
+            aside = False
+
+
+def _reports(history: History, task: Span) -> Iterator[Spoken]:
+    for one in history.said:
+        if one.conversation == task.conversation and isinstance(one.content, cmd.TaskReport):
+            yield one
+
+
+def _left(history: History, report: Spoken, runs: list[Ran]) -> Spoken | None:
+    """Return the cancel of a plan that co said in the step of a report, so that the report gives the reason."""
+    plans = {one.conversation for one in runs}
+    of_step = (one for one in history.said if one.conversation in plans and one.sent == report.sent)
+    return next((one for one in of_step if one.performative == Performative.CANCEL), None)
+
+
+# --- plans ------------------------------------------------------------------------------------------------------------
+
+
+def _planned(history: History, plan: Made) -> Iterator[Fact]:
+    name = plan.network.rpartition("-")[2].replace("plan", "plan ")
+    said = [one for one in history.said if one.conversation == plan.conversation]
+    asked = next(one for one in said if isinstance(one.content, hfsm.GroundTaskNetwork))
+    yield Fact(asked.sent, f"co asked pl for {name}: {plain(plan.task)}", _record(asked))
+    answer = next((one for one in said if isinstance(one.content, hfsm.HierarchicalPlan | hfsm.NoPlan)), None)
+    if answer is None:
+        return
+    record, content = _record(answer), answer.content
+    for one in content.rejected:
+        what = plain(f"{one.method.replace('_', ' ')} ({', '.join(one.arguments)})")
+        yield Fact(answer.sent, f"pl rejected “{what}”: {plain(one.why) or 'it does not apply'}", record)
+    if isinstance(content, hfsm.NoPlan):
+        yield Fact(answer.sent, f"pl found no {name}: {plain(content.reason)}", record)
+        return
+    steps = ", ".join(plain(state.name) for state in content.root.states)
+    asks = f"with {content.queries} answers of km, to take {content.duration:.0f} s"
+    yield Fact(answer.sent, f"pl found {name} {asks}: {steps}", record)
+    yield from (Fact(answer.sent, text, record) for text in _ends(content.root))
+
+
+def _ends(machine: hfsm.Machine) -> Iterator[str]:
+    """Yield why a plan is to end with another one, where it says so."""
+    for state in machine.states:
+        if isinstance(state, hfsm.EndState):
+            why = f": {plain(state.reason)}" if state.reason else ""
+            yield f"the plan is to end with {state.outcome} at “{plain(state.name)}”{why}"
+        elif isinstance(state, hfsm.Machine):
+            yield from _ends(state)
+
+
+def _went(history: History, plan: Ran) -> Iterator[Fact]:
+    name = plan.plan.rpartition("-")[2].replace("plan", "plan ")
+    mine = [one for one in acts(history) if one.command.key.startswith(f"{plan.plan}/")]
+    yield from (_failed(one) for one in mine if one.end is not None and not one.done)
+    reports = [one for one in history.said if one.conversation == plan.conversation]
+    last = next((one for one in reversed(reports) if _final(one)), None)
+    if last is None:
+        return
+    done = sum(one.done for one in mine)
+    at = next(
+        (one.content.at for one in reversed(reports) if isinstance(one.content, sw.Report) and one.content.at), ""
+    )
+    reason = last.content.reason or (f"at “{at}”" if at else "")
+    after = f" after {done} act{'s' * (done != 1)}" if mine else ""
+    words = f"ta ended {name} with {last.content.state}{after}" + (f": {plain(reason)}" if reason else "")
+    yield Fact(last.sent, words, _record(last))
+
+
+def _final(one: Spoken) -> bool:
+    return isinstance(one.content, sw.Report) and one.content.state in sw.FINAL
+
+
+def _failed(act: Act) -> Fact:
+    command: rc.Command = act.command
+    what = " ".join(filter(None, (spaced(type(command).__name__), getattr(command, "object", ""))))
+    assert act.end is not None
+    return Fact(act.end, f"ex did not do “{plain(what)}”: {plain(act.reason)}", f"act {command.key}")

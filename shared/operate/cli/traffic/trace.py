@@ -1,0 +1,124 @@
+"""`roco trace`: one task across all agents, as a tree of conversations with times, or as spans of OpenTelemetry."""
+
+from enum import StrEnum
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+
+from operate.cli.analysis import analysed
+from operate.cli.errors import ConsoleError, UsageError
+from operate.cli.fleet import targets
+from operate.cli.output import Format, RunDir, problems, tell_json
+from operate.cli.terminal import span_tree
+from operate.cli.traffic.conversation import names
+from operate.cli.traffic.filter_options import Recorded
+from operate.cli.traffic.recordings import recording_of
+from operate.tracing import otlp
+from operate.tracing.trace import Span, Trace
+
+
+class As(StrEnum):
+    """Format of a trace."""
+
+    TEXT = "text"
+    JSON = "json"
+    OTLP = "otlp"
+
+
+class Task(msgspec.Struct, frozen=True):
+    """One line of `roco trace --format json` without a task."""
+
+    task: str
+    initiator: str
+    participant: str
+    protocol: str
+    text: str
+    start: float
+    end: float
+    ended: bool
+    communicates: int
+
+
+def trace(
+    task: Annotated[
+        str,
+        typer.Argument(
+            help="A task: the conversation that opened it. Without one, all that can be traced are listed.",
+            autocompletion=names,
+        ),
+    ] = "",
+    every: Annotated[
+        bool, typer.Option("--all", help="A line for each conversation, also where many alike follow each other.")
+    ] = False,
+    run: Recorded = None,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Annotated[
+        As, typer.Option("--format", help="text for people, json for programs, otlp for tools of OpenTelemetry.")
+    ] = As.TEXT,
+) -> None:
+    """Show which communicate of a task caused which, across all agents, as a tree with times.
+
+    A line is a conversation, below the one for whose sake it was opened; the bar says when it was open. What an answer
+    caused elsewhere is a line with `+`. Links are those of the agents' step logs; where a log does not have one, the
+    line is marked with ~ and stands where the order in time puts it. A recording without step logs has only such lines.
+
+    `--format otlp` prints an OTLP file in JSON, as Jaeger and the OpenTelemetry collector read it: agents are
+    services, each conversation is a client and a server span.
+
+    Examples:
+      roco trace
+      roco trace TASK
+      roco trace TASK --run runs/latest --all
+      roco trace TASK --format otlp > trace.json
+    """
+    with problems(Format.TEXT if form is As.TEXT else Format.JSON):
+        file = recording_of(run, target, run_dir)
+        found = msgspec.json.decode(analysed("trace", str(file), about=file), type=Trace)
+        if not found.spans:
+            raise UsageError(f"{file} has no communicate; give the folder of a run, or a recording")
+        if not task and form is not As.OTLP:
+            _list(found, form)
+            return
+        roots = (span_of(found, task),) if task else found.roots
+        if form is As.OTLP:
+            tell_json(otlp.exported(found, roots))
+        elif form is As.JSON:
+            tell_json(msgspec.structs.replace(found, spans=tuple(one for _, one in found.below(roots[0]))))
+        else:
+            console = Console()
+            console.print(span_tree.drawn(found, roots[0], console.width, every=every))
+
+
+def span_of(found: Trace, task: str) -> Span:
+    """Return the span of a conversation. Raise UsageError with those that there are."""
+    for span in found.spans:
+        if task in (span.id, span.conversation):
+            return span
+    near = ", ".join(span.id for span in found.roots[-8:]) or "none"
+    raise ConsoleError(f"no conversation {task!r} in this run; `roco trace` lists what can be traced, such as {near}")
+
+
+def _list(found: Trace, form: As) -> None:
+    if form is As.JSON:
+        tell_json([_task(found, span) for span in found.roots])
+        return
+    console = Console()
+    console.print(span_tree.listed(found, console.width))
+
+
+def _task(found: Trace, span: Span) -> Task:
+    below = [one for _, one in found.below(span)]
+    return Task(
+        task=span.id,
+        initiator=span.initiator,
+        participant=span.participant,
+        protocol=span.protocol,
+        text=span.text,
+        start=span.start,
+        end=max(one.end for one in below),
+        ended=span.ended,
+        communicates=sum(len(one.messages) for one in below),
+    )

@@ -1,0 +1,78 @@
+"""`roco why`: the recorded reasons of a task, or of what is believed of a thing."""
+
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from operate.cli.analysis import analysed
+from operate.cli.fleet import targets
+from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.traffic.conversation import names
+from operate.cli.traffic.filter_options import Recorded
+from operate.cli.traffic.recordings import recording_of
+from operate.tracing.reasons import Fact, Why
+
+TIME = 9
+"""Columns of the time."""
+
+
+def why(
+    about: Annotated[
+        str,
+        typer.Argument(help="A task, or a thing that the system knows; else the newest task.", autocompletion=names),
+    ] = "",
+    run: Recorded = None,
+    at: Annotated[
+        float | None,
+        typer.Option("--at", min=0.0, help="Of a thing: as it was believed then [s after the first communicate]."),
+    ] = None,
+    records: Annotated[
+        bool, typer.Option("--records", help="Also the communicate or step that each sentence is from.")
+    ] = False,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Say why a task went as it did, from what is recorded.
+
+    It says how it ended and what led to that, why it waited, which plans were made and what was rejected, and who was
+    away. Of a thing it says what is believed, since when, and by which observation. Each sentence repeats something
+    that was said or done and recorded; what is not recorded is not told. Seconds count from the first communicate.
+
+    Examples:
+      roco why
+      roco why TASK --run runs/latest
+      roco why THING --at 30
+      roco why TASK --records
+    """
+    with problems(form):
+        file = recording_of(run, target, run_dir)
+        words = [str(file), *([about] if about else []), *(["--at", str(at)] if at is not None else [])]
+        with waiting("reading the recording …", form):
+            found = msgspec.json.decode(analysed("why", *words, about=file), type=Why)
+        if form is Format.JSON:
+            tell_json(found)
+        else:
+            _show(found, Console(), records=records)
+
+
+def _show(found: Why, console: Console, *, records: bool) -> None:
+    console.print(Text.assemble((found.about, "bold"), "  ", found.text), soft_wrap=False)
+    for passage in found.passages:
+        console.print(Text(f"\n{passage.title}", "bold"))
+        for n, fact in enumerate(passage.facts):
+            same = n > 0 and f"{fact.at:.2f}" == f"{passage.facts[n - 1].at:.2f}"
+            _tell(fact, found.begin, console, repeated=same)
+            if records and fact.record:
+                console.print(Text(f"{'':{TIME + 2}}[{fact.record}]", "dim"), soft_wrap=True)
+
+
+def _tell(fact: Fact, begin: float, console: Console, *, repeated: bool) -> None:
+    """Print a sentence beside its time; the lines below it are indented likewise."""
+    when = "" if repeated else f"{fact.at - begin:.2f} s"
+    lines = Text(fact.text).wrap(console, max(20, console.width - TIME - 2))
+    for n, line in enumerate(lines):
+        console.print(Text.assemble((f"{when if not n else '':>{TIME}}  ", "dim"), line), soft_wrap=True)

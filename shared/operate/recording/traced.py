@@ -1,0 +1,211 @@
+"""The trace of a run: messages from its recording, causes from the step logs of its agents.
+
+What a step said has the step's time as `sent`, so that a log tells of each communicate by which step it was said.
+Must not know: how a trace is shown.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agent_runtime.core.effects import Deed
+from agent_runtime.core.errors import StepLogError
+from agent_runtime.core.events import Arrived
+from agent_runtime.io import steplog
+from fipa_codec.communicate import UNREADABLE, Communicate
+from fipa_codec.tables import NOT_UNDERSTOOD, Role
+from operate.recording import filled, history, mcap_file
+from operate.recording.records import Spoken, Token
+from operate.run_folder import Fault, Judged
+from operate.system import System
+from operate.tracing.linking import Talk, spans
+from operate.tracing.trace import Away, Identity, Message, Step, Trace
+
+LONGEST_S = 60.0
+"""From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a minute."""
+REASONS = ("reason", "why", "text")
+"""Fields of a content that hold words for people."""
+
+
+class Run(msgspec.Struct, frozen=True):
+    """A run to be explained: its history, and its trace."""
+
+    history: history.History
+    trace: Trace
+
+
+def of(file: Path, system: System) -> Run:
+    """Return the trace of a run folder or a recording; of a recording alone all links are by time."""
+    folder = file.is_dir()
+    found = filled.of_run(file, system) if folder else _recorded(file, system)
+    past = history.load(file, system) if folder else history.of_filled(found, system)
+    logs = sorted((file / filled.STEPS).glob(f"*.{filled.STEPS}")) if folder else []
+    said = [_message(one, system) for one in past.said]
+    steps = [step for log in logs for step in _steps(log, said, system)]
+    traced = Trace(
+        system=system.name,
+        begin=past.begin,
+        spans=spans(list(_talks(said, past.judged, system)), steps),
+        away=tuple(_away(found.records, past.faults)),
+    )
+    return Run(past, traced)
+
+
+def _recorded(file: Path, system: System) -> filled.Filled:
+    read = mcap_file.read(file, system)
+    return filled.filled(read.records, {}, system, whole=read.whole)
+
+
+def _message(one: Spoken, system: System) -> Message:
+    return Message(
+        sender=one.sender,
+        receiver=one.receiver,
+        id=one.id,
+        performative=one.performative,
+        protocol=one.protocol,
+        channel=one.channel,
+        conversation=one.conversation,
+        sent=one.sent,
+        heard=one.received,
+        text=system.words(one.content),
+        reason=system.plain(reason(one.content)),
+    )
+
+
+def reason(content: Any) -> str:
+    """Return the words for people in a content; "" for none."""
+    found = (getattr(content, name, "") for name in REASONS)
+    return next((one for one in found if one and isinstance(one, str)), "")
+
+
+# --- conversations ----------------------------------------------------------------------------------------------------
+
+
+def _talks(said: list[Message], judged: tuple[Judged, ...], system: System) -> Iterator[Talk]:
+    """Yield what was said as conversations of two agents each."""
+    sides = {
+        (use.follows, frozenset((use.initiator, use.participant))): (use.initiator, use.participant)
+        for use in system.design.file.protocol
+    }
+    states = {_pair(one.conversation, one.protocol, one.sender, one.receiver): one for one in judged if one.initiator}
+    grouped: defaultdict[tuple[str, str, frozenset[str]], list[Message]] = defaultdict(list)
+    for one in said:
+        grouped[_pair(one.conversation, one.protocol, one.sender, one.receiver)].append(one)
+    for key, messages in grouped.items():
+        messages.sort(key=lambda one: one.sent)
+        first = messages[0]
+        both_ways = (first.protocol, frozenset((first.sender, first.receiver)))
+        initiator, participant = sides.get(both_ways, (first.sender, first.receiver))
+        ended = key in states and _ended(states[key], system)
+        yield Talk(first.conversation, first.protocol, first.channel, initiator, participant, ended, tuple(messages))
+
+
+def _pair(conversation: str, protocol: str, one: str, other: str) -> tuple[str, str, frozenset[str]]:
+    return conversation, protocol, frozenset((one, other))
+
+
+def _ended(last: Judged, system: System) -> bool:
+    """Whether both roles stand at an end of their tables."""
+    tables = system.design.tables.get(last.protocol)
+    if tables is None:
+        return False
+    both = ((Role.INITIATOR, last.initiator), (Role.PARTICIPANT, last.participant))
+    return all(set(states.split("|")) <= tables.tables[role].ended | {NOT_UNDERSTOOD} for role, states in both)
+
+
+# --- steps ------------------------------------------------------------------------------------------------------------
+
+
+def _steps(log: Path, said: list[Message], system: System) -> Iterator[Step]:
+    """Yield the steps of an agent that said something."""
+    agent, mine = log.stem, defaultdict[float, list[Identity]](list)
+    for one in said:
+        if one.sender == agent:
+            mine[one.sent].append(one.identity)
+    waiting: list[Communicate] = []
+    for step in _read(log):
+        came = _came(step, waiting)
+        took, certain = _took(step, agent, came, waiting, system)
+        if said_now := mine.pop(step.at, []):
+            event = "" if step.deed is None else step.deed.event
+            yield Step(agent, step.at, event, took, tuple(said_now), step.parents, certain)
+
+
+def _read(log: Path) -> Iterator[steplog.Step]:
+    try:
+        yield from steplog.read(log)
+    except (*UNREADABLE, StepLogError, OSError):
+        return
+
+
+def _came(step: steplog.Step, waiting: list[Communicate]) -> Communicate | None:
+    """Return the communicate that came into a step; it waits to be taken from then on."""
+    if step.kind != Arrived.__name__:
+        return None
+    try:
+        came = msgspec.msgpack.decode(step.input, type=Arrived).communicate
+    except UNREADABLE:
+        return None
+    if all(_identity(one) != _identity(came) for one in waiting):  # else a copy
+        waiting.append(came)
+    return next(one for one in waiting if _identity(one) == _identity(came))
+
+
+def _took(
+    step: steplog.Step, agent: str, came: Communicate | None, waiting: list[Communicate], system: System
+) -> tuple[Identity | None, bool]:
+    """Return the communicate that a step took, and whether the log names it; older ones have its use and act alone."""
+    if step.took:
+        sender, _, name = step.took.partition(" ")
+        return (sender, agent, name), True
+    if step.deed is None or step.deed.took is None:
+        answered = came if step.deed is None else None  # the runtime itself answers what no behaviour sees
+        return (None if answered is None else _identity(answered)), True
+    found = next((one for one in waiting if _fits(one, step.deed, system)), None)
+    if found is None:
+        return None, False
+    waiting.remove(found)
+    return _identity(found), found is came
+
+
+def _fits(one: Communicate, deed: Deed, system: System) -> bool:
+    assert deed.took is not None
+    use, act, _ = deed.took
+    try:
+        return one.performative == act and str(system.design.rule(one).use) == use
+    except LookupError:
+        return False
+
+
+def _identity(one: Communicate) -> Identity:
+    return one.sender, one.receiver, one.id
+
+
+# --- who was away -----------------------------------------------------------------------------------------------------
+
+
+def _away(records: tuple[Any, ...], faults: tuple[Fault, ...]) -> Iterator[Away]:
+    """Yield the times in which an agent was gone, by the tokens of its lives."""
+    gone: dict[str, float] = {}
+    lives: dict[str, int] = {}
+    for one in records:
+        if not isinstance(one, Token):
+            continue
+        if not one.alive:
+            gone.setdefault(one.agent, one.received)
+        elif lives.get(one.agent, one.incarnation) != one.incarnation:
+            yield Away(one.agent, gone.pop(one.agent, one.received), one.received, _fault(one, faults))
+        else:
+            gone.pop(one.agent, None)
+        if one.alive:
+            lives[one.agent] = one.incarnation
+    yield from (Away(agent, at) for agent, at in gone.items())
+
+
+def _fault(back: Token, faults: tuple[Fault, ...]) -> str:
+    """Return the kind of the newest fault that was done to an agent before it came back, within LONGEST_S."""
+    done = [one for one in faults if one.target == back.agent and 0.0 <= back.received - one.began <= LONGEST_S]
+    return done[-1].kind if done else ""
