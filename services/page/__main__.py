@@ -25,6 +25,8 @@ NAME = "page"
 USAGE_ERROR = 2  # a wrong option or environment: no supervisor tries again
 LOOK_S = 0.2
 """Between two looks at the stop flag, which `roco stop` sets, too."""
+SENT_BYTES = 131_072
+"""That may wait in the system for one browser: some pictures; what is older than that, nobody wants (estimate)."""
 GRACE_S = 2
 """Longest for requests in hand at the end."""
 PAIRED_FILE = "page.paired"
@@ -76,6 +78,7 @@ def _listener(host: str, port: int, before: PageAddress | None) -> socket.socket
 def _bound(host: str, port: int) -> socket.socket:
     listener = socket.socket()
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
     try:
         listener.bind((host, port))
     except OSError:

@@ -52,10 +52,10 @@ T = TypeVar("T")
 
 
 class Refused(Exception):
-    """A request that is answered by a status and a sentence."""
+    """A request that is answered by a status and a sentence. `whole`: it was read; else its connection ends."""
 
-    def __init__(self, status: int, text: str) -> None:
-        self.status = status
+    def __init__(self, status: int, text: str, *, whole: bool = True) -> None:
+        self.status, self.headers = status, {} if whole else {"connection": "close"}
         super().__init__(text)
 
 
@@ -206,7 +206,7 @@ def _answering(act: Callable[[dict[str, str], str], Awaitable[Response]]) -> Cal
         try:
             answer = await act(await _form(request), language)
         except Refused as refused:
-            return JSONResponse({"error": str(refused)}, refused.status)
+            return JSONResponse({"error": str(refused)}, refused.status, refused.headers)
         if "application/json" in request.headers.get("accept", ""):
             return answer
         back = RedirectResponse("/", 303)
@@ -224,9 +224,9 @@ async def _form(request: Request) -> dict[str, str]:
             async for chunk in request.stream():
                 data += chunk
                 if len(data) > LONGEST_BODY:
-                    raise Refused(413, f"a form has at most {LONGEST_BODY} bytes")
+                    raise Refused(413, f"a form has at most {LONGEST_BODY} bytes", whole=False)
     except TimeoutError:
-        raise Refused(408, f"a form must be whole within {BODY_S:g} s") from None
+        raise Refused(408, f"a form must be whole within {BODY_S:g} s", whole=False) from None
     try:
         fields = parse_qs(data.decode(), keep_blank_values=True, max_num_fields=8)
     except (UnicodeDecodeError, ValueError) as error:

@@ -30,16 +30,14 @@ class Following:
         self._over.set()
 
     def _serve(self) -> None:
-        since = 0
+        since, wait_s = 0, 0.0
         while not self._over.is_set():
             try:
-                events = self._hi.events(since, WAIT_S if since else 0.0)
-                # A hi without its journal counts from 1 again.
-                since = events.next if events.next >= since else 0
+                events = self._hi.events(since, wait_s)
                 self._news = (*self._news, *events.events)[-MOST_NEWS:]
                 self._told(self._hi.tasks(), self._news)
-                if not since:
-                    self._over.wait(AGAIN_S)
+                since, wait_s = events.next, WAIT_S
             except HiError:
                 self._told(None, self._news)
                 self._over.wait(AGAIN_S)
+                wait_s = 0.0  # to tell at once that it is back

@@ -16,10 +16,10 @@ from services.page.pairing import Bucket, Pairs
 
 OPEN_TO_ALL = ("/", "/pair", "/code", "/static/page.css", "/static/pair.js", "/static/icon.svg")
 """The door: it shows nothing of the robot. /code wants the token of page.json instead of a cookie."""
-UNBOUNDED = ("/stop",)
 BURST, PER_S = 12.0, 2.0
-"""Requests of a browser beyond streams and files: at once, then a second (estimate: a person clicks less)."""
+"""What a browser asks for: at once, then a second (estimate: a person clicks less). A stop is never one too many."""
 PAIR_BURST, PAIR_PER_S = 6.0, 0.5
+"""Tries of codes, of all who are not paired together."""
 HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "media-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'",
@@ -80,7 +80,8 @@ class Guard:
         return self._too_often(scope["method"], path, cookie if scope["paired"] else "")
 
     def _too_often(self, method: str, path: str, cookie: str) -> tuple[int, str] | None:
-        if path in UNBOUNDED or (method != "POST" and path != "/speech"):
+        bounded = path == "/speech" if method != "POST" else path != "/stop"
+        if not bounded or path == "/code":
             return None
         usual = Bucket(BURST, PER_S) if cookie else Bucket(PAIR_BURST, PAIR_PER_S)
         if self._buckets.setdefault(cookie, usual).take(self._clock()):
