@@ -3,6 +3,7 @@
 import http.client
 import time
 import webbrowser
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -11,8 +12,10 @@ import typer
 from companion.run_files import PAGE_FILE, PageAddress, Pairing
 from operate.cli.errors import NOTHING_RUNS, ConsoleError
 from operate.cli.fleet import targets
+from operate.cli.fleet.local import Local
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.runs import folders
 
 PAGE = "page"
 ANSWER_S = 5.0  # estimate: the page answers in milliseconds
@@ -75,16 +78,18 @@ def door(fleet: Target) -> Door:
     return Door(f"http://127.0.0.1:{address.port}/pair#{code.code}", code.within_s)
 
 
-def door_when_there(fleet: Target, within_s: float = STARTING_S) -> Door | None:
-    """Return a new pairing address, as soon as the page listens; None where it does not in time."""
+def door_when_there(run: Path, within_s: float = STARTING_S) -> Door | None:
+    """Return a new pairing address of a run, as soon as its page listens; None where it has none, or not in time."""
+    fleet, told = Local(run), folders.fleet(run)
     until = time.monotonic() + within_s
-    while True:
+    while told is not None and any(one.name == PAGE for one in told.processes):
         try:
             return door(fleet)
         except PageError:
             if time.monotonic() > until:
                 return None
         time.sleep(PERIOD_S)
+    return None
 
 
 def _asked(address: PageAddress) -> tuple[int, bytes]:
