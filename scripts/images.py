@@ -13,12 +13,19 @@ from containers import ROOT, Docker, Failed, works
 PUBLIC_BASE = "python:3.11-slim-bookworm"
 OWN_BASE = "robot-companion/base:bookworm"
 WHEELHOUSE = ROOT / "deploy/wheelhouse"
-TARGETS = {"agent": "router", "knowledge": "km", "planner": "pl", "executor": "ex", "monitor": "monitor"}
+TARGETS = {
+    "agent": "router",
+    "knowledge": "km",
+    "planner": "pl",
+    "executor": "ex",
+    "monitor": "monitor",
+    "page": "page",
+}
 """Image -> a service that is built from it."""
 RECORDER = "recorder"
 """The image that takes the monitor's place where ROCO_MONITOR names it."""
 IMAGES = (*TARGETS, RECORDER)
-MOST_MB = {"agent": 150.0, "knowledge": 150.0, "planner": 550.0, RECORDER: 250.0}
+MOST_MB = {"agent": 150.0, "knowledge": 150.0, "page": 150.0, "planner": 550.0, RECORDER: 250.0}
 """Over the base."""
 ALONE = {"mujoco": "executor", "rerun": "monitor", "matplotlib": "monitor", "PIL": "monitor"}
 """Library -> the only image that has it."""

@@ -132,7 +132,8 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     talk = turn.open(
         AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan), parent=job.conversation
     )
-    words.progress(turn, job, TaskState.RUNNING, f"plan {job.plans} takes about {plan.duration:.0f} s")
+    text = f"plan {job.plans} takes about {plan.duration:.0f} s"
+    words.progress(turn, job, TaskState.RUNNING, text, words.steps(plan))
     job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False)
     return replace(memory.with_job(job), choice=Choice.OPEN)
 

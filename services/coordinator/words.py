@@ -15,6 +15,8 @@ from services.coordinator.memory import Job
 
 LONGEST_TEXT = 280
 """Bytes of the text of a report: a budget of 500, less at most 200 for the envelope, less the frame of the report."""
+LONGEST_STEPS = 200
+"""Bytes of the steps of a plan, which the shortest of texts goes with; estimate: a pour has 80."""
 LOOKS = "the robot looks around first"
 
 
@@ -51,6 +53,14 @@ def called(job: Job) -> str:
     return f"{job.conversation} ({' '.join(word for word in (task.name.replace('_', ' '), *task.arguments) if word)})"
 
 
+def steps(plan: hfsm.HierarchicalPlan) -> tuple[str, ...]:
+    """Return what a plan does one after the other, as a person follows it: the parts with acts; cut to the budget."""
+    names = [state.name for state in plan.root.states if isinstance(state, hfsm.Machine)]
+    while sum(len(name.encode()) + 3 for name in names) > LONGEST_STEPS:
+        names.pop()
+    return tuple(names)
+
+
 def cut(text: str, longest: int = LONGEST_TEXT) -> str:
     """Return the text, cut to at most `longest` bytes of UTF-8."""
     data = text.encode(errors="replace")
@@ -69,10 +79,10 @@ def reason(content: Any) -> str:
 # --- to hi ------------------------------------------------------------------------------------------------------------
 
 
-def progress(turn: Turn, job: Job, state: TaskState, text: str) -> None:
+def progress(turn: Turn, job: Job, state: TaskState, text: str, steps: tuple[str, ...] = ()) -> None:
     """Tell hi the progress of its task; not while hi is away, since a full outbox would stop co."""
     if AgentName.HI in turn.peers and turn.holds(job.conversation):
-        turn.say(job.conversation, Performative.INFORM, report(state, text))
+        turn.say(job.conversation, Performative.INFORM, TaskReport(state, cut(text), steps))
 
 
 def done(turn: Turn, job: Job, text: str) -> None:

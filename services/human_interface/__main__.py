@@ -2,26 +2,34 @@
 
 import os
 import sys
+from pathlib import Path
 
 from agent_runtime.io import cli, shell
 from agent_runtime.io.options import Options
+from agent_runtime.io.run_files import listen_at
 from companion.binding import wiring
 from companion.design import AgentName
 from services.human_interface.behaviours import agent
-from services.human_interface.server import HttpDevice, listen_at
+from services.human_interface.server import HttpDevice
 
 USAGE_ERROR = 2  # a wrong option or environment: no supervisor tries again
 
 
 def serve(options: Options) -> int:
-    """Run until a signal; return the exit code. ROCO_HTTP says where people reach it (default: loopback)."""
+    """Run until a signal; return the exit code. ROCO_HTTP says where people reach it (default: loopback).
+
+    ROCO_HI_DIR: a folder for the address beside the run folder's, which the person's page reads in another container.
+    """
+    lent = os.environ.get("ROCO_HI_DIR", "")
     try:
         listen = listen_at(os.environ.get("ROCO_HTTP", ""))
     except ValueError as error:
         print(f"ROCO_HTTP: {error}", file=sys.stderr)
         return USAGE_ERROR
     wired = wiring(AgentName.HI, options.system)
-    return shell.run(agent(), wired, options, lambda post: HttpDevice(post, options.run_dir, listen))
+    return shell.run(
+        agent(), wired, options, lambda post: HttpDevice(post, options.run_dir, listen, Path(lent) if lent else None)
+    )
 
 
 if __name__ == "__main__":

@@ -14,9 +14,9 @@ from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import cmd
 from companion.languages.cmd import TaskState
-from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, TaskLine
+from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, InWords, TaskLine
 from fipa_codec.performatives import Performative as P
-from services.human_interface import answers, local, words
+from services.human_interface import answers, local, offers, words
 from services.human_interface.catalogue import say
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
@@ -47,7 +47,7 @@ def listen(memory: Memory, turn: Turn) -> Memory:
         case Woken(name=task) if turn.holds(task) and not memory.away:
             return _unanswered(memory, task)
         case Started():
-            turn.tell(Shown(memory.tasks, memory.told))
+            turn.tell(_shown(memory))
         case PeerChanged(agent=AgentName.CO, incarnation=incarnation):
             return _presence(memory, away=incarnation is None)
     return memory
@@ -116,7 +116,9 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
         case Act(tasks=tasks):
             return _ask(memory, turn, word, tasks)
         case Ask(text=text, options=options):
-            return _told(memory, turn, word, QUESTION if options else REFUSED, text)
+            return _told(
+                memory, turn, word, QUESTION if options else REFUSED, text, offers.replies(found, word.meaning)
+            )
         case Tell(does="stop"):
             turn.tell(StopRobot(word.ticket, word.text))
             return memory
@@ -157,9 +159,9 @@ def _wanted(task: cmd.Task, word: Said, now: float) -> cmd.Task:
     return replace(task, deadline=now + word.within_s) if word.within_s else task
 
 
-def _told(memory: Memory, turn: Turn, word: Said, state: str, text: str) -> Memory:
-    """Answer that no task came of the sentence, and why."""
-    turn.tell(Answer(word.ticket, TaskLine("", state, text, word.text, turn.now)))
+def _told(memory: Memory, turn: Turn, word: Said, state: str, text: str, replies: tuple[str, ...] = ()) -> Memory:
+    """Answer that no task came of the sentence, and why; `replies`: sentences that answer the question back."""
+    turn.tell(Answer(word.ticket, TaskLine("", state, text, word.text, turn.now, replies=replies)))
     return memory.with_news(News(AgentName.HI, state, text))
 
 
@@ -171,11 +173,14 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) ->
         turn.tell(Answer(word.ticket, problem=NO_CO, status=503))
         return memory
     names: list[str] = []
+    if word.instead:  # before the new one: the coordinator has room for it then
+        _, memory = _cancel(memory, turn, word.instead)
     for task in tasks:
         memory, name = _request(memory, turn, word, replace(task, after=names[-1]) if names else task)
         memory = memory.following(name, names[-1]) if names else memory
         names.append(name)
-    turn.tell(Shown(memory.tasks, memory.told))  # before the answer, whose reader may look at once
+    memory = memory.replacing(word.instead, names[-1])
+    turn.tell(_shown(memory))  # before the answer, whose reader may look at once
     text = _i_will(tasks, word.meaning.language, turn.now)
     line = TaskLine(names[0], TaskState.WAITING, text, word.text, turn.now, tuple(names[1:]))
     turn.tell(Answer(word.ticket, line))
@@ -187,7 +192,9 @@ def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Me
     name = words.ask(turn, task)
     turn.wake(name, turn.now + ANSWER_WITHIN_S)
     text = _i_will((task,), word.meaning.language, turn.now)
-    memory = memory.with_task(TaskLine(name, TaskState.WAITING, text, word.text, turn.now))
+    wish = InWords(in_words((task,)), in_words((task,), "pl"))
+    line = TaskLine(name, TaskState.WAITING, text, word.text, turn.now, wish=wish)
+    memory = memory.with_task(replace(line, urgency=task.urgency, deadline=task.deadline))
     memory = memory.with_context(mentioned=with_mentioned(memory.context.mentioned, *things_of(task)))
     if isinstance(task, cmd.LookAround):
         memory = replace(memory, looks=(*memory.looks, name))
@@ -262,13 +269,22 @@ def tell(memory: Memory, turn: Turn) -> Memory:
         if line is not None and news.state:
             since = turn.now if line.state != news.state else line.since
             text = news.text if news.text or news.state in FINAL else line.text
-            memory = memory.with_task(
-                replace(line, state=news.state, text=text, since=since, accepted=line.accepted or _taken(news))
-            )
+            line = replace(line, state=news.state, text=text, since=since, steps=_steps(line, news))
+            memory = memory.with_task(replace(line, accepted=line.accepted or _taken(news)))
         memory = replace(memory, told=memory.told + 1)
         turn.tell(Told(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))
-    turn.tell(Shown(memory.tasks, memory.told))
+    turn.tell(_shown(memory))
     return replace(memory, news=())
+
+
+def _shown(memory: Memory) -> Shown:
+    """All that people may see between two events."""
+    return Shown(memory.tasks, memory.told, offers.wishes(memory.context))
+
+
+def _steps(line: TaskLine, news: News) -> tuple[str, ...]:
+    """The steps of the plan that is under way: those of a new one, none once the task has left its plan."""
+    return news.steps or (line.steps if news.state == TaskState.RUNNING else ())
 
 
 def _taken(news: News) -> bool:

@@ -9,7 +9,7 @@ import time
 from collections import deque
 from typing import Any
 
-from companion.run_files import Events, HiEvent, TaskLine, Tasks
+from companion.run_files import Events, HiEvent, Tasks
 from services.human_interface.local import Answer, Shown, Told
 
 KEPT_EVENTS = 1000
@@ -23,7 +23,7 @@ class Board:
         self._numbers = itertools.count(1)
         self._answers: dict[str, Answer | None] = {}
         self._events: deque[HiEvent] = deque(maxlen=KEPT_EVENTS)
-        self._tasks: tuple[TaskLine, ...] = ()
+        self._tasks = Tasks(())
         self._told = 0
         self._closed = False
 
@@ -36,8 +36,8 @@ class Board:
                 case Told(event=event):
                     self._events.append(event)
                     self._told = event.n
-                case Shown(tasks=tasks, events=events):
-                    self._tasks, self._told = tasks, max(self._told, events)
+                case Shown(tasks=tasks, events=events, wishes=wishes):
+                    self._tasks, self._told = Tasks(tasks, wishes=wishes), max(self._told, events)
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -60,9 +60,9 @@ class Board:
             return self._answers.pop(ticket)
 
     def tasks(self) -> Tasks:
-        """Return all tasks, oldest first."""
+        """Return all tasks, oldest first, and what could be said."""
         with self._changed:
-            return Tasks(self._tasks)
+            return self._tasks
 
     def events(self, since: int, wait_s: float) -> Events:
         """Return the events after number `since`; wait up to `wait_s` [s] for one."""

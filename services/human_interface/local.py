@@ -2,7 +2,7 @@
 
 import msgspec
 
-from companion.run_files import HiEvent, TaskLine
+from companion.run_files import HiEvent, TaskLine, Wish
 from services.human_interface.meaning import Meaning
 
 
@@ -13,7 +13,7 @@ class _Message(msgspec.Struct, frozen=True, tag=True):
 class Said(_Message, frozen=True, omit_defaults=True):
     """A person said a sentence, which was read already; the answer goes to `ticket`. `held`: the robot is stopped.
 
-    `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none.
+    `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none; `instead`: a task that they replace.
     """
 
     ticket: str
@@ -23,6 +23,7 @@ class Said(_Message, frozen=True, omit_defaults=True):
     urgency: int = 0
     within_s: float = 0.0
     later_s: float = 0.0
+    instead: str = ""
 
 
 class CancelWanted(_Message, frozen=True):
@@ -63,10 +64,11 @@ class Told(_Message, frozen=True):
 
 
 class Shown(_Message, frozen=True):
-    """All tasks as they are now, for /tasks; `events`: how many were told so far."""
+    """All tasks as they are now, for /tasks, and what could be said; `events`: how many were told so far."""
 
     tasks: tuple[TaskLine, ...]
     events: int
+    wishes: tuple[Wish, ...] = ()
 
 
 Local = Said | CancelWanted | Halted

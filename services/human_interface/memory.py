@@ -17,13 +17,17 @@ FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
 
 
 class News(msgspec.Struct, frozen=True):
-    """News of a task ("": of none). `name`: a task state or an event of hi; `state` "": no change."""
+    """News of a task ("": of none). `name`: a task state or an event of hi; `state` "": no change.
+
+    `steps`: of a new plan.
+    """
 
     agent: str
     name: str
     text: str
     task: str = ""
     state: str = ""
+    steps: tuple[str, ...] = ()
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -66,6 +70,14 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     def following(self, task: str, before: str) -> "Memory":
         """Return the memory with a task that needs the one before it."""
         return msgspec.structs.replace(self, follows=(*self.follows, (task, before)))
+
+    def replacing(self, task: str, new: str) -> "Memory":
+        """Return the memory in which a new task has taken the place of one that is to be cancelled.
+
+        What was to come after the old one comes after the new one, which itself waits for nothing.
+        """
+        pairs = tuple((one, new if before == task else before) for one, before in self.follows if one != task)
+        return msgspec.structs.replace(self, follows=pairs)
 
     def with_news(self, *news: News) -> "Memory":
         """Return the memory with more news."""

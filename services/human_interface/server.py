@@ -8,7 +8,6 @@ A sentence is read here, too: the agent's step gets its meaning. Must not know: 
 import contextlib
 import hmac
 import http.server
-import os
 import secrets
 import socket
 import threading
@@ -22,6 +21,7 @@ from urllib.parse import parse_qs, urlsplit
 import msgspec
 
 from agent_runtime.io.devices import Post
+from agent_runtime.io.run_files import LOOPBACK, write_secret
 from companion.run_files import HELD, HI_FILE, LET_GO, RELEASED, STOPPED, Cancel, HiAddress, Problem, Say, TaskLine
 from companion.stop_words import stop_words
 from fipa_codec.communicate import number_of
@@ -37,7 +37,6 @@ ANSWER_S = 5.0  # the agent answers in a step, some ms; estimate for a busy mach
 LONGEST_WAIT_S = 10.0
 WRITTEN_S = 15.0  # longest until an answer is taken (estimate; a client of this machine takes it at once)
 AT_ONCE = 32  # requests served at the same time (estimate: some consoles and pages)
-LOOPBACK = ("127.0.0.1", 0)  # a free port
 
 
 class Refused(Exception):
@@ -48,29 +47,20 @@ class Refused(Exception):
         super().__init__(text)
 
 
-def listen_at(text: str) -> tuple[str, int]:
-    """Return host and port of host:port; LOOPBACK for "". Raises ValueError for anything else."""
-    if not text:
-        return LOOPBACK
-    host, colon, port = text.rpartition(":")
-    if not (host and colon and port.isascii() and port.isdecimal() and int(port) < 65536):
-        raise ValueError(f"{text!r} is not an address to listen at, expected host:port, such as 127.0.0.1:8350")
-    return host, int(port)
-
-
 class HttpDevice:
     """The device of hi: listens at once, and writes its address into the run folder."""
 
     busy = False
 
-    def __init__(self, post: Post, run_dir: Path, listen: tuple[str, int] = LOOPBACK) -> None:
-        """Listen at host and port, 0 for a free one. Raises OSError if that fails."""
+    def __init__(self, post: Post, run_dir: Path, listen: tuple[str, int] = LOOPBACK, lent: Path | None = None) -> None:
+        """Listen at host and port, 0 for a free one. `lent`: a folder that gets the address, too. Raise OSError."""
         self._board = Board()
         self.address = HiAddress(0, secrets.token_urlsafe(24))
         self._server = _Server(self._board, post, self.address.token, listen, Robot(run_dir))
         self.address = HiAddress(self._server.server_port, self.address.token)
-        self._file = run_dir / HI_FILE
-        _write_secret(self._file, msgspec.json.encode(self.address))
+        self._files = [folder / HI_FILE for folder in (run_dir, lent) if folder is not None]
+        for file in self._files:
+            write_secret(file, msgspec.json.encode(self.address))
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), name="http", daemon=True)
         self._thread.start()
 
@@ -92,7 +82,8 @@ class HttpDevice:
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
-        self._file.unlink(missing_ok=True)
+        for file in self._files:
+            file.unlink(missing_ok=True)
 
 
 class _Server(http.server.ThreadingHTTPServer):
@@ -182,7 +173,8 @@ class _Request(http.server.BaseHTTPRequestHandler):
             urgency = max(said.urgency, int(meaning.when.urgent))
             within_s = said.within_s or times.seconds_left(meaning.when, _minute_of_day())
             later_s = said.later_s or times.seconds_until(meaning.when, _minute_of_day())
-            self.server.post(Said(ticket, text, meaning, self.server.robot.held, urgency, within_s, later_s))
+            when = (urgency, within_s, later_s)
+            self.server.post(Said(ticket, text, meaning, self.server.robot.held, *when, said.instead))
             return self._answer(ticket)
 
     def _stop(self) -> msgspec.Struct:
@@ -207,7 +199,7 @@ class _Request(http.server.BaseHTTPRequestHandler):
             return self._answer(ticket)
 
     def _tasks(self) -> msgspec.Struct:
-        return self.server.board.tasks()
+        return msgspec.structs.replace(self.server.board.tasks(), held=self.server.robot.held)
 
     def _events(self) -> msgspec.Struct:
         query = parse_qs(urlsplit(self.path).query)
@@ -303,13 +295,3 @@ def _minute_of_day() -> float:
     """The minutes since midnight on the clock of this machine."""
     now = time.localtime()
     return now.tm_hour * 60 + now.tm_min + now.tm_sec / 60.0
-
-
-def _write_secret(path: Path, data: bytes) -> None:
-    """Write a file that only its owner can read, atomically."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.new")
-    beside.unlink(missing_ok=True)
-    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(data)
-    beside.replace(path)

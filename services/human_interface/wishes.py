@@ -116,7 +116,7 @@ def _named(meaning: Meaning, context: Context) -> Outcome:
 
 
 def _unasked(language: str, context: Context) -> str:
-    names = ", ".join(_called(option.thing, language) for option in context.options)
+    names = ", ".join(called(option.thing, language) for option in context.options)
     return say(language, "which", names) if names else say(language, "nothing_asked")
 
 
@@ -161,7 +161,7 @@ def _thing(thing: Thing, does: str, mentioned: tuple[str, ...], seen: str, langu
     possible = tuple(kind for kind in thing.kinds if kind in fit)
     if not possible:
         words = EXAMPLE[language].get(USE.get(does, ""), EXAMPLE[language]["take"]).split()[0]
-        raise _Doubt(thing, say(language, "cannot", words, _called(thing.kinds[0], language, 2)))
+        raise _Doubt(thing, say(language, "cannot", words, called(thing.kinds[0], language, 2)))
     if thing.quality:
         raise _Doubt(thing, say(language, "quality", thing.quality), possible)
     if len(possible) > 1:
@@ -203,7 +203,7 @@ def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     if len(options) == 1:
         question = say(language, "mean", in_words(options[0].tasks, language))
     elif options:
-        question = say(language, "which", ", ".join(_called(option.thing, language) for option in options))
+        question = say(language, "which", ", ".join(called(option.thing, language) for option in options))
     else:
         question = say(language, "understood", say(language, "can"))
     return Ask(f"{doubt.text} {question}".strip(), tuple(options))
@@ -215,7 +215,7 @@ def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
 def _pour(clause: Clause, names: tuple[str, ...], language: str) -> cmd.Task:
     source, destination = names if clause.does == "pour" else names[::-1]
     if source == destination:
-        raise _Doubt(clause.things[1], say(language, "itself", _called(source, language)))
+        raise _Doubt(clause.things[1], say(language, "itself", called(source, language)))
     return cmd.PourInto(source, destination)
 
 
@@ -244,21 +244,21 @@ def in_words(tasks: tuple[cmd.Task, ...], language: str = "en") -> str:
 def _task_in_words(task: cmd.Task, language: str) -> str:
     match task:
         case cmd.PourInto(source=source, destination=destination):
-            return say(language, "pour", _called(source, language, 1), _called(destination, language, 1))
+            return say(language, "pour", called(source, language, 1), called(destination, language, 1))
         case cmd.Take(object=thing, side=""):
-            return say(language, "take", _called(thing, language, 2))
+            return say(language, "take", called(thing, language, 2))
         case cmd.Take(object=thing, side=side):
-            return say(language, "take_side", _called(thing, language, 2), _hand(side, language))
+            return say(language, "take_side", called(thing, language, 2), _hand(side, language))
         case cmd.Bring(object=thing, side=""):
-            return say(language, "bring", _called(thing, language, 2))
+            return say(language, "bring", called(thing, language, 2))
         case cmd.Bring(object=thing, side=side):
-            return say(language, "bring_side", _called(thing, language, 2), _hand(side, language))
+            return say(language, "bring_side", called(thing, language, 2), _hand(side, language))
         case cmd.SwapHands(object=""):
             return say(language, "swap")
         case cmd.SwapHands(object=thing):
-            return say(language, "swap_thing", _called(thing, language, 2))
+            return say(language, "swap_thing", called(thing, language, 2))
         case cmd.PutDown(object=thing):
-            return say(language, "put", _called(thing, language, 2))
+            return say(language, "put", called(thing, language, 2))
         case cmd.LookAround():
             return say(language, "look")
 
@@ -267,8 +267,8 @@ def _hand(side: str, language: str) -> str:
     return {"left": "lewą", "right": "prawą"}[side] if language == "pl" else side
 
 
-def _called(name: str, language: str, case: int = 0) -> str:
-    """The name of a thing in words; Polish: nominative, genitive, accusative."""
+def called(name: str, language: str, case: int = 0) -> str:
+    """Return the name of a thing in words; Polish: nominative, genitive, accusative."""
     kind, _, number = name.partition("_")
     forms = getattr(THINGS[kind], language)
     word = forms[case if language == "pl" else 0]

@@ -29,7 +29,7 @@ def news(memory: Memory, received: Received) -> tuple[News, ...]:
     if line.state in FINAL:
         return (News(AgentName.CO, TOO_LATE, text or f"it was {line.state} already", name),)
     if received.communicate.performative in (P.AGREE, P.INFORM) and isinstance(said, cmd.TaskReport):
-        return (News(ABOUT.get(said.state, AgentName.CO), said.state, text, name, said.state),)
+        return (News(ABOUT.get(said.state, AgentName.CO), said.state, text, name, said.state, said.steps),)
     return (failed(name, text or f"the coordinator said {received.communicate.performative} and no reason"),)
 
 

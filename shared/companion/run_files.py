@@ -8,6 +8,7 @@ from typing import Annotated
 import msgspec
 
 HI_FILE = "hi.json"
+PAGE_FILE = "page.json"
 REFUSED = "refused"
 """The state of a line on a sentence that never became a task."""
 QUESTION, ANSWERED = "question", "answered"
@@ -28,15 +29,32 @@ class HiAddress(msgspec.Struct, frozen=True):
     token: str
 
 
+class PageAddress(msgspec.Struct, frozen=True):
+    """page.json (mode 0600), written by the person's page once it listens on 127.0.0.1; `token` is for `roco page`."""
+
+    port: int
+    token: str
+
+
+class Pairing(msgspec.Struct, frozen=True):
+    """Answer of the page to POST /code: a code that pairs one browser, once, and how long it can [s]."""
+
+    code: str
+    within_s: float
+
+
 class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """POST /say: a sentence. `urgency`: higher comes first; `within_s`, `later_s`: seconds until it should be done, and
     until it may begin, 0 for none.
+
+    `instead`: a task that is cancelled as soon as the new one is asked for, such as the same one with less urgency.
     """
 
     text: str
     urgency: Annotated[int, msgspec.Meta(ge=0, le=9)] = 0
     within_s: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_WITHIN_S)] = 0.0
     later_s: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_WITHIN_S)] = 0.0
+    instead: str = ""
 
 
 class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -45,10 +63,20 @@ class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     task: str = ""
 
 
+class InWords(msgspec.Struct, frozen=True):
+    """The same in each language."""
+
+    en: str
+    pl: str
+
+
 class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     """A task as hi knows it. `state`: a companion.languages.cmd.TaskState, or one of the words above.
 
-    `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator took it.
+    `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator took it. `wish`: a
+    sentence from which this task alone is understood. `replies`: sentences that answer a question. `steps`: what its
+    plan does, one after the other; `text` begins with one of them while the task runs. `urgency`, `deadline` [unix s]:
+    as it was said.
     """
 
     task: str
@@ -58,12 +86,30 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     since: float = 0.0
     then: tuple[str, ...] = ()
     accepted: bool = False
+    wish: InWords | None = None
+    replies: tuple[str, ...] = ()
+    steps: tuple[str, ...] = ()
+    urgency: int = 0
+    deadline: float = 0.0
 
 
-class Tasks(msgspec.Struct, frozen=True):
-    """GET /tasks: all tasks of this run, oldest first."""
+class Wish(msgspec.Struct, frozen=True):
+    """A sentence that could be said now: what it does (a row of hi's catalogue), and with which thing."""
+
+    does: str
+    thing: InWords
+    says: InWords
+
+
+class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
+    """GET /tasks: all tasks of this run, oldest first. `held`: the stop flag of hi's run folder is set.
+
+    `wishes`: what could be done with the things that were seen, or talked of.
+    """
 
     tasks: tuple[TaskLine, ...]
+    held: bool = False
+    wishes: tuple[Wish, ...] = ()
 
 
 class HiEvent(msgspec.Struct, frozen=True, omit_defaults=True):

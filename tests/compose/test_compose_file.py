@@ -70,8 +70,10 @@ def test_a_service_has_no_rights(name):
 
 @every_service
 def test_a_service_can_change_nothing_but_its_own_volume(name):
-    """One that no other service has; its keys it may only read."""
-    assert SERVICES[name]["volumes"] == [f"{name}:/var/lib/roco", f"keys-{name}:/var/lib/roco-keys:ro"]
+    """One that no other service has; its keys it may only read. hi lends its address to the page."""
+    lent = {"hi": ["address:/var/lib/roco-address"], "page": ["address:/var/lib/roco-address:ro"]}
+    own = [f"{name}:/var/lib/roco", f"keys-{name}:/var/lib/roco-keys:ro"]
+    assert SERVICES[name]["volumes"] == own + lent.get(name, [])
     assert {name, f"keys-{name}"} <= set(FILE["volumes"])
 
 
@@ -148,13 +150,13 @@ def test_only_people_reach_in_and_nobody_reaches_out():
     asks for its data at the number it was given.
     """
     assert FILE["networks"]["fleet"] == {"internal": True}
-    inside = {"hi": ["ROCO_PORT"], "monitor": ["ROCO_VIEW_WEB", "ROCO_VIEW_GRPC"]}
+    inside = {"hi": ["ROCO_PORT"], "page": ["ROCO_PAGE_PORT"], "monitor": ["ROCO_VIEW_WEB", "ROCO_VIEW_GRPC"]}
     for name, service in FILE["services"].items():
         assert ("people" in service.get("networks", ())) == (name in inside)
         assert len(service.get("ports", ())) == len(inside.get(name, ()))
         for port, variable in zip(service.get("ports", ()), inside.get(name, ()), strict=True):
             assert re.fullmatch(r"127\.0\.0\.1:(\$\{" + variable + r":-\d+\}):\1", port)
-            told = service["environment"]["ROCO_HTTP" if name == "hi" else variable]
+            told = service["environment"][{"hi": "ROCO_HTTP", "page": "ROCO_PAGE"}.get(name, variable)]
             assert (
                 told.removeprefix("0.0.0.0:") == port.removeprefix("127.0.0.1:")[: len(told.removeprefix("0.0.0.0:"))]
             )

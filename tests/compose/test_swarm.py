@@ -35,9 +35,9 @@ STACK = yaml.safe_load(filtered())
 every_service = pytest.mark.parametrize("name", STACK["services"])
 
 
-def test_all_services_are_there_but_the_keeper_of_the_keys():
-    """Secrets take its place."""
-    wanted = {process.name for process in PROCESSES} - {"loop"}
+def test_all_services_are_there_but_the_keeper_of_the_keys_and_the_page():
+    """Secrets take the place of the one; the port of the other would be published on all addresses."""
+    wanted = {process.name for process in PROCESSES} - {"loop", "page"}
     assert set(STACK["services"]) == set(OVERRIDE["services"]) == wanted
     assert set(STACK["volumes"]) == wanted
 

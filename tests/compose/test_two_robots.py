@@ -34,7 +34,9 @@ def volumes(name, system=""):
 def test_the_second_robot_is_as_the_first(name):
     """Same image, guards, limits, health and order; its own volumes, and its own name in front of every key."""
     second, first = TWO["services"][f"{name}2"], renamed(ONE["services"][name])
-    assert first.pop("volumes") == volumes(name)
+    lent = ["address:/var/lib/roco-address"] if name == "hi" else []  # to the page, which the first one alone has
+    assert first.pop("volumes") == volumes(name) + lent
+    first["environment"].pop("ROCO_HI_DIR", None)
     assert second["volumes"] == volumes(name, "2")
     first["environment"] |= {"ROCO_SYSTEM": SYSTEMS[1]}
     assert {key: value for key, value in second.items() if key != "volumes"} == first
@@ -43,8 +45,8 @@ def test_the_second_robot_is_as_the_first(name):
 def test_nothing_else_is_there_or_changed():
     """The first robot gets its name, those that serve both get both names, the keeper the folders of all keys."""
     services = TWO["services"]
-    assert set(services) == {*SHARED, *AGENTS, *(f"{name}2" for name in AGENTS)}
-    for name in AGENTS:
+    assert set(services) == {*SHARED, *AGENTS, "page", *(f"{name}2" for name in AGENTS)}
+    for name in (*AGENTS, "page"):
         assert services[name] == {"environment": {"ROCO_SYSTEM": SYSTEMS[0]}}
     for name in SHARED:
         assert services[name]["environment"] == {"ROCO_SYSTEMS": ",".join(SYSTEMS)}

@@ -105,6 +105,28 @@ class Tap:
         self._session.close()  # type: ignore[no-untyped-call]
 
 
+class Ear:
+    """The open subscription to one key, of who has the right to no more."""
+
+    def __init__(self, session: zenoh.Session, key: str, on_data: Callable[[bytes], None]) -> None:
+        """`on_data` gets what is put, from Zenoh's threads."""
+        self._session = session
+        self._declared = session.declare_subscriber(key, lambda sample: on_data(sample.payload.to_bytes()))
+
+    def close(self) -> None:
+        """Hear no more."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+def open_ear(
+    options: Options, key: str, on_data: Callable[[bytes], None], give_up: Callable[[], bool], identity: str
+) -> Ear | None:
+    """An ear, as soon as the router is there; None when `give_up` says so first. `identity`: with keys, whose."""
+    tls = client_tls(options.keys, identity) if options.keys else None
+    session = open_client(options.connect, give_up, tls=tls)
+    return None if session is None else Ear(session, key, on_data)
+
+
 def _numbered(sample: zenoh.Sample) -> tuple[str, int]:
     info = sample.source_info
     return ("", 0) if info is None else (str(info.source_id.zid), info.source_sn)

@@ -70,10 +70,11 @@ class TaskState(StrEnum):
 
 
 class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """State of a task, in words for a person."""
+    """State of a task, in words for a person. `steps`: with a new plan, what it does one after the other."""
 
     state: TaskState
     text: str = ""
+    steps: tuple[str, ...] = ()
 
 
 Task = PourInto | Take | Bring | SwapHands | PutDown | LookAround

@@ -17,6 +17,7 @@ PROCESSES = (
     Process("ex", "services.executor", after=(*FIRST, "loop")),
     Process("co", "services.coordinator", after=FIRST),
     Process("hi", "services.human_interface", after=FIRST),
+    Process("page", "services.page", after=("router",), optional=True),
 )
 
 SAYS = {

@@ -82,8 +82,12 @@ class Fleet(msgspec.Struct, frozen=True):
 
     @property
     def failing(self) -> tuple[str, ...]:
-        """Who was ready and died so often that it was given up: without it the robot is to be held."""
-        return tuple(name for name, known in self.known.items() if len(known.deaths) >= MOST_DEATHS)
+        """Who was ready and died so often that it was given up: without it the robot is to be held.
+
+        Nobody waits for an optional one, and the robot need not either.
+        """
+        given_up = (name for name, known in self.known.items() if len(known.deaths) >= MOST_DEATHS)
+        return tuple(name for name in given_up if not self.known[name].process.optional)
 
     @property
     def ended(self) -> bool:

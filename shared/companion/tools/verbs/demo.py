@@ -1,6 +1,8 @@
 """`roco demo`: the main job from start to end."""
 
+import webbrowser
 from datetime import datetime
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -8,6 +10,7 @@ import typer
 from rich.console import Console
 
 from companion.tools.verbs import main_job, pace
+from companion.tools.verbs.page import door_when_there
 from operate.cli import interrupts
 from operate.cli.fleet import running_fleets, starting, up, view
 from operate.cli.fleet.up import Speed
@@ -22,6 +25,7 @@ Headless = Annotated[
     bool | None,
     typer.Option("--headless/--window", help="At the end open run.rrd in Rerun, or not; not where no display is."),
 ]
+Page = Annotated[bool, typer.Option("--page", help="Open the person's page in a browser as soon as the fleet is up.")]
 
 
 def demo(
@@ -31,11 +35,14 @@ def demo(
     speed: DemoRate = None,
     scene: up.SceneFile = None,
     headless: Headless = None,
+    page: Page = False,
     insecure: up.Insecure = False,
     faults: up.Faults = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Run the main job from start to end, watched: up, say, report, down. Exits with 1 on a failed pour.
+
+    It prints the address of the person's page; --page opens it in a browser.
 
     Examples:
       roco demo
@@ -48,7 +55,8 @@ def demo(
         console = Console()
         words = up.options(seed, speed or _held(console, form), scene, insecure, faults=faults)
         watch = Watch(here(), run, "The Robot Companion pours", console, form is Format.JSON)
-        report = main_job.play(run, [*words, *([] if latest else ["--no-latest"])], watch)
+        supervisor_words = [*words, *([] if latest else ["--no-latest"])]
+        report = main_job.play(run, supervisor_words, watch, lambda: _page(run, console, form, opened=page))
         if form is Format.JSON:
             said = main_job.verdict_json(report, run)
         else:
@@ -58,6 +66,16 @@ def demo(
             main_job.show(run)
         if not report.success:
             raise typer.Exit(1)
+
+
+def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:
+    """Say where the person's page is, and open it where that is wanted."""
+    found = door_when_there(run)
+    if found is None:
+        return
+    console.out(msgspec.json.encode(found).decode() if form is Format.JSON else f"page: {found.url}", highlight=False)
+    if opened:
+        webbrowser.open(found.url)
 
 
 def _held(console: Console, form: Format) -> Speed:

@@ -55,9 +55,12 @@ class Beat(msgspec.Struct, frozen=True):
     at: float
 
 
-def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
+def play(
+    run: Path, supervisor_arguments: list[str], watch: Watch, when_up: Callable[[], None] = lambda: None
+) -> Report:
     """Bring the fleet up, say the sentence, follow it to its end, let the agents come to rest, bring the fleet down.
 
+    `when_up` is called before the sentence.
     Return what the report says. The fleet is brought down whatever happens. ConsoleError: it did not come up, or there
     is no report.
     """
@@ -67,6 +70,7 @@ def play(run: Path, supervisor_arguments: list[str], watch: Watch) -> Report:
             let_go()
             with watch.showing():
                 starting.wait_ready(run, supervisor, watch.look)
+                when_up()
                 first_look(watch, lambda: supervisor.poll() is None)
                 follow(lambda: Hi(address(Local(run))), SENTENCE, watch, lambda: supervisor.poll() is None)
                 at_rest(run, JOB.rests, watch, lambda: supervisor.poll() is None)

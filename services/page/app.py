@@ -1,0 +1,254 @@
+"""What the page answers (starlette): its files, the stream of what changes, and what a person does.
+
+Every action is one of hi's (docs/http.md), but for the stop: where the robot's loop shares this run folder its flag is
+set here first, whatever hi does. Must not know: Zenoh, threads of others.
+"""
+
+import asyncio
+import base64
+import hmac
+import json
+import time
+from collections.abc import Awaitable, Callable
+from functools import partial
+from importlib import resources
+from string import Template
+from typing import TypeVar
+from urllib.parse import parse_qs
+
+import anyio.to_thread
+import msgspec
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from companion.run_files import Pairing, Say, TaskLine
+from companion.stop_words import stop_words
+from companion.wording import plain
+from services.page import catalogue, speech, view
+from services.page.catalogue import LANGUAGES, say
+from services.page.guard import cookie_name
+from services.page.hi_client import Hi, HiError
+from services.page.pairing import CODE_S, KEPT_S, Pairs
+from services.page.robot_stop import RobotStop
+from services.page.streams import Streams
+
+LONGEST_BODY = 4096
+BODY_S = 5.0
+LANGUAGE_COOKIE = "velma-language"
+PICTURE = "picture"
+HI_AT_ONCE = 6
+"""Requests to hi at the same time, but for a stop's; estimate: hi answers in milliseconds, or hangs."""
+MOST_URGENT = 9
+STATIC = {
+    "page.css": "text/css",
+    "page.js": "text/javascript",
+    "pair.js": "text/javascript",
+    "icon.svg": "image/svg+xml",
+}
+_FILES = {name: resources.files(__package__).joinpath("static", name).read_bytes() for name in STATIC}
+T = TypeVar("T")
+
+
+class Refused(Exception):
+    """A request that is answered by a status and a sentence. `whole`: it was read; else its connection ends."""
+
+    def __init__(self, status: int, text: str, *, whole: bool = True) -> None:
+        self.status, self.headers = status, {} if whole else {"connection": "close"}
+        super().__init__(text)
+
+
+class Page:
+    """The page at `port`. `token`: of page.json, which `roco page` has."""
+
+    def __init__(self, hi: Hi, stop: RobotStop, pairs: Pairs, port: int, token: str) -> None:
+        self.streams = Streams()
+        self.heard = view.Heard()
+        self._hi, self._stop, self._pairs, self._port, self._token = hi, stop, pairs, port, token
+        self._room = anyio.CapacityLimiter(HI_AT_ONCE)
+        self._stopping = anyio.CapacityLimiter(HI_AT_ONCE)
+        self._kept: set[asyncio.Task[None]] = set()
+        self._documents = {
+            (name, language): _document(name, language) for name in ("index", "pair") for language in LANGUAGES
+        }
+
+    def app(self) -> Starlette:
+        """Return the application."""
+        posts = {"/say": self._say, "/first": self._first, "/cancel": self._cancel, "/pair": self._pair}
+        held = {"/stop": partial(self._hold, True), "/release": partial(self._hold, False)}
+        return Starlette(
+            routes=[
+                Route("/", self._index),
+                Route("/pair", self._door),
+                Route("/events", self._events),
+                Route("/speech", self._speech),
+                Route("/static/{name}", self._static),
+                Route("/code", self._code, methods=["POST"]),
+                *(Route(path, _answering(act), methods=["POST"]) for path, act in (posts | held).items()),
+            ]
+        )
+
+    # --- what is shown ------------------------------------------------------------------------------------------------
+
+    def hear(self, **news: object) -> None:
+        """Take what has changed, and tell all browsers."""
+        self.heard = msgspec.structs.replace(self.heard, **news)
+        for language in LANGUAGES:
+            self.streams.tell(language, "view", msgspec.json.encode(view.view(self.heard, language)))
+
+    def see(self, png: bytes) -> None:
+        """Show a picture of the head camera."""
+        data = b"data:image/png;base64," + base64.b64encode(png)
+        self.streams.tell(PICTURE, PICTURE, b'"' + data + b'"')
+
+    async def _index(self, request: Request) -> Response:
+        language = _language(request)
+        name = "index" if request.scope["paired"] else "pair"
+        answer = HTMLResponse(self._documents[name, language])
+        if request.query_params.get("language") == language:
+            answer.set_cookie(LANGUAGE_COOKIE, language, max_age=int(KEPT_S), httponly=True, samesite="strict")
+        return answer
+
+    async def _door(self, request: Request) -> Response:
+        return HTMLResponse(self._documents["pair", _language(request)])
+
+    async def _static(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in _FILES:
+            return Response(status_code=404)
+        return Response(_FILES[name], media_type=STATIC[name])
+
+    async def _events(self, request: Request) -> Response:
+        language = request.query_params.get("language", "")
+        channel = language if language in LANGUAGES else LANGUAGES[0]
+        return StreamingResponse(self.streams.listen(channel, PICTURE), media_type="text/event-stream")
+
+    async def _speech(self, request: Request) -> Response:
+        text, language = request.query_params.get("text", ""), _language(request)
+        sound = await speech.wav(text, language) if text else None
+        return Response(sound, media_type="audio/wav") if sound else Response(status_code=404)
+
+    # --- what a person does -------------------------------------------------------------------------------------------
+
+    async def _say(self, fields: dict[str, str], language: str) -> Response:
+        text = fields.get("text", "").strip()
+        if stop_words(text):
+            return await self._hold(True, fields, language)
+        return _line(await self._ask(partial(self._hi.say, Say(text, int("first" in fields)))), language)
+
+    async def _first(self, fields: dict[str, str], language: str) -> Response:
+        """Ask for a task again, before all others, in place of the one that waits."""
+        lines = [one for one in self.heard.tasks if one.state not in view.ENDED]
+        line = next((one for one in lines if one.task == fields.get("task")), None)
+        if line is None or line.wish is None:
+            raise Refused(404, f"there is no open task {fields.get('task')!r}")
+        urgency = min(MOST_URGENT, 1 + max(one.urgency for one in lines))
+        wish = view.in_language(line.wish, language)
+        return _line(await self._ask(partial(self._hi.say, Say(wish, urgency, instead=line.task))), language)
+
+    async def _cancel(self, fields: dict[str, str], language: str) -> Response:
+        return _line(await self._ask(partial(self._hi.cancel, fields.get("task", ""))), language)
+
+    async def _hold(self, held: bool, fields: dict[str, str], language: str) -> Response:
+        """Stop the robot, or let it go: by its flag, then hi is told; where the flag is elsewhere, by hi."""
+        told = partial(anyio.to_thread.run_sync, partial(self._hi.hold, held), limiter=self._stopping)
+        if not self._stop.hold(held):
+            return _line(await _of_hi(told), language)
+        self.hear(held=held)
+        task = asyncio.create_task(_quietly(told))
+        self._kept.add(task)
+        task.add_done_callback(self._kept.discard)
+        return JSONResponse({"state": "stopped" if held else "released", "text": "", "replies": []})
+
+    async def _ask(self, call: Callable[[], TaskLine]) -> TaskLine:
+        return await _of_hi(partial(anyio.to_thread.run_sync, call, limiter=self._room))
+
+    # --- pairing ------------------------------------------------------------------------------------------------------
+
+    async def _pair(self, fields: dict[str, str], language: str) -> Response:
+        cookie = self._pairs.pair(fields.get("code", "").strip(), time.time())
+        if cookie is None:
+            raise Refused(403, say(language, "pair_wrong"))
+        answer = JSONResponse({"state": "paired", "text": "", "replies": []})
+        answer.set_cookie(cookie_name(self._port), cookie, max_age=int(KEPT_S), httponly=True, samesite="strict")
+        return answer
+
+    async def _code(self, request: Request) -> Response:
+        """A new code for who has the token of page.json; a browser has no business here."""
+        given = request.headers.get("authorization", "").encode()
+        if "origin" in request.headers or not hmac.compare_digest(given, f"Bearer {self._token}".encode()):
+            return JSONResponse({"error": "wrong or missing token; `roco page` has that of page.json"}, 401)
+        code = Pairing(self._pairs.new_code(time.time()), CODE_S)
+        return Response(msgspec.json.encode(code), media_type="application/json")
+
+
+def _document(name: str, language: str) -> str:
+    """A page in a language; page.js finds its words in it."""
+    words = catalogue.CATALOGUE.say[language]
+    text = Template(resources.files(__package__).joinpath("static", f"{name}.html").read_text(encoding="utf-8"))
+    told = json.dumps({**words, "voice": speech.available()}).replace("<", "\\u003c")
+    return text.substitute(words, words=told)
+
+
+def _language(request: Request) -> str:
+    asked = request.query_params.get("language") or request.cookies.get(LANGUAGE_COOKIE, "")
+    return asked if asked in LANGUAGES else catalogue.preferred(request.headers.get("accept-language", ""))
+
+
+def _answering(act: Callable[[dict[str, str], str], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
+    """An action as a route: its form is read within bounds, its refusal is a sentence, and a browser without scripts
+    gets the page again.
+    """
+
+    async def route(request: Request) -> Response:
+        language = _language(request)
+        try:
+            answer = await act(await _form(request), language)
+        except Refused as refused:
+            return JSONResponse({"error": str(refused)}, refused.status, refused.headers)
+        if "application/json" in request.headers.get("accept", ""):
+            return answer
+        back = RedirectResponse("/", 303)
+        back.raw_headers += [pair for pair in answer.raw_headers if pair[0] == b"set-cookie"]
+        return back
+
+    return route
+
+
+async def _form(request: Request) -> dict[str, str]:
+    """The fields of a form. Raise Refused for one that is too long, or not whole in time."""
+    data = b""
+    try:
+        async with asyncio.timeout(BODY_S):
+            async for chunk in request.stream():
+                data += chunk
+                if len(data) > LONGEST_BODY:
+                    raise Refused(413, f"a form has at most {LONGEST_BODY} bytes", whole=False)
+    except TimeoutError:
+        raise Refused(408, f"a form must be whole within {BODY_S:g} s", whole=False) from None
+    try:
+        fields = parse_qs(data.decode(), keep_blank_values=True, max_num_fields=8)
+    except (UnicodeDecodeError, ValueError) as error:
+        raise Refused(400, f"not a form in UTF-8: {error}") from None
+    return {name: values[-1] for name, values in fields.items()}
+
+
+def _line(line: TaskLine, language: str) -> Response:
+    return JSONResponse({"task": line.task, "state": line.state, "text": plain(line.text), "replies": line.replies})
+
+
+async def _of_hi(call: Callable[[], Awaitable[T]]) -> T:
+    """What hi answers. Raise Refused with its sentence."""
+    try:
+        return await call()
+    except HiError as error:
+        raise Refused(error.status or 503, str(error)) from error
+
+
+async def _quietly(call: Callable[[], Awaitable[object]]) -> None:
+    """Tell hi something that has been done already."""
+    try:
+        await call()
+    except HiError:
+        return

@@ -1,0 +1,63 @@
+"""The words of the page: catalogue.toml as typed rows."""
+
+import re
+from importlib import resources
+
+import msgspec
+
+from companion.run_files import InWords
+from companion.wording import plain
+
+LANGUAGES = ("en", "pl")
+
+
+class StepRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A row [[step]]: a regular expression of a step of a plan, and how a person calls it."""
+
+    of: str
+    en: str
+    pl: str
+
+
+class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The whole file."""
+
+    say: dict[str, dict[str, str]]
+    state: dict[str, InWords]
+    thing: dict[str, InWords]
+    step: tuple[StepRow, ...]
+
+
+CATALOGUE = msgspec.toml.decode(resources.files(__package__).joinpath("catalogue.toml").read_bytes(), type=Catalogue)
+
+
+def say(language: str, row: str, *parts: object) -> str:
+    """Return a sentence of the page."""
+    return CATALOGUE.say[language][row].format(*parts)
+
+
+def state(language: str, name: str) -> str:
+    """Return the state of a task in words; one that is not known as it is."""
+    return str(getattr(CATALOGUE.state[name], language)) if name in CATALOGUE.state else name
+
+
+def step(language: str, name: str) -> str:
+    """Return a step of a plan in words; one that is not known as plain English."""
+    for row in CATALOGUE.step:
+        if found := re.fullmatch(row.of, name):
+            return str(getattr(row, language)).format(*(_thing(language, one) for one in found.groups()))
+    return plain(name)
+
+
+def preferred(accepted: str) -> str:
+    """Return the language for an Accept-Language header: the first in it that is known, English where none is."""
+    for one in accepted.lower().split(","):
+        if (language := one.strip()[:2]) in LANGUAGES:
+            return language
+    return LANGUAGES[0]
+
+
+def _thing(language: str, name: str) -> str:
+    kind, _, number = name.partition("_")
+    word = str(getattr(CATALOGUE.thing[kind], language)) if kind in CATALOGUE.thing else kind
+    return word if number in ("", "1") else f"{word} {number}"

@@ -1,0 +1,255 @@
+// Shows what the stream /events tells, and sends what a person does. Without it the STOP button still works: it is a form.
+"use strict";
+const byId = (id) => document.getElementById(id);
+const words = JSON.parse(byId("words").textContent);
+const LOST_MS = 9000; // three beats of the stream (services/page/streams.py)
+const AGAIN_MS = 1500;
+const fill = (text, part) => text.replace("{}", part);
+const upper = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+// --- the stream ----------------------------------------------------------------------------------------------------------
+
+let source = null;
+let beat = 0;
+let shown = {};
+
+function listen() {
+  if (source) source.close();
+  source = new EventSource("/events?language=" + words.language);
+  for (const name of ["view", "picture", "beat", "bye"]) source.addEventListener(name, () => (beat = Date.now()));
+  source.addEventListener("view", (event) => show(JSON.parse(event.data)));
+  source.addEventListener("picture", (event) => picture(JSON.parse(event.data)));
+  source.onopen = () => { beat = Date.now(); lost(false); };
+  source.onerror = async () => {
+    lost(true);
+    if (source.readyState !== EventSource.CLOSED) return; // it comes back by itself
+    const known = await fetch("/static/page.js", { method: "HEAD" }).catch(() => null);
+    if (known && known.status === 401) location.reload(); // to the door
+  };
+}
+
+function lost(yes) {
+  set("lost", yes ? words.lost : "");
+  document.body.classList.toggle("is-lost", yes);
+}
+
+setInterval(() => {
+  if (document.hidden) return;
+  const silent = Date.now() - beat > LOST_MS;
+  if (silent) lost(true);
+  if (silent || source.readyState === EventSource.CLOSED) { beat = Date.now() - LOST_MS / 2; listen(); }
+}, AGAIN_MS);
+
+// A browser opens six streams to a host at most: tabs that nobody looks at have none.
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) source.close();
+  else listen();
+});
+
+// --- what is shown -------------------------------------------------------------------------------------------------------
+
+// Set a text only where it changes, so that screen readers say it once.
+function set(id, text, lang) {
+  const place = byId(id);
+  if (place.textContent !== text) place.textContent = text;
+  if (lang) place.lang = lang;
+  place.hidden = !text && !place.hasAttribute("role");
+}
+
+function show(view) {
+  const before = shown;
+  shown = view;
+  set("now", view.now);
+  set("step", view.step);
+  set("next", view.next);
+  set("why", view.active && view.active.why ? fill(words.why, view.active.why) : "");
+  part("now-acts", view.active, before.active, () => (view.active ? [cancelButton(view.active)] : []));
+  part("queue", view.queue, before.queue, () => view.queue.map(waiting));
+  part("ended", view.ended, before.ended, () => view.ended.map(ended));
+  part("things", view.things, before.things, () => view.things.map(thing));
+  byId("queue-empty").hidden = view.queue.length > 0;
+  byId("nothing-seen").hidden = view.things.length > 0;
+  byId("release-form").hidden = !view.held;
+  document.body.classList.toggle("is-held", view.held);
+  document.body.classList.toggle("is-active", Boolean(view.active) && !view.held);
+  document.body.classList.toggle("is-away", !view.hi);
+  if (before.told && view.told.n > before.told.n) speak(view.told.text);
+  if (before.told) describe();
+}
+
+// Fill a part of the page where it has changed; who was on a button in it stays on it.
+function part(id, now, before, make) {
+  if (JSON.stringify(now) === JSON.stringify(before)) return;
+  const place = byId(id);
+  const on = place.contains(document.activeElement) ? document.activeElement.dataset.key : "";
+  place.replaceChildren(...make());
+  if (on) (place.querySelector(`[data-key="${CSS.escape(on)}"]`) || byId("text")).focus();
+}
+
+function element(name, text, properties = {}) {
+  const made = Object.assign(document.createElement(name), properties);
+  if (text) made.textContent = text;
+  return made;
+}
+
+function button(text, key, label, act) {
+  const made = element("button", text, { type: "button" });
+  made.dataset.key = key;
+  if (label) made.setAttribute("aria-label", label);
+  made.addEventListener("click", () => act(made));
+  return made;
+}
+
+const cancelButton = (task) =>
+  button(words.cancel, "cancel " + task.task, fill(words.cancel_of, task.says), () => send("/cancel", { task: task.task }));
+
+function waiting(task, place) {
+  const item = element("li");
+  const notes = [task.word, task.note].filter(Boolean).join(", ");
+  item.append(element("span", upper(task.says), { className: "says" }), element("span", notes, { className: "hint" }));
+  const acts = element("span", "", { className: "acts" });
+  if (place > 0 || shown.active)
+    acts.append(button(words.do_first, "first " + task.task, fill(words.do_first_of, task.says), () => send("/first", { task: task.task })));
+  acts.append(cancelButton(task));
+  item.append(acts);
+  return item;
+}
+
+function ended(task) {
+  const item = element("li", "", { className: task.state });
+  item.append(element("span", upper(task.says), { className: "says" }), element("span", task.word, { className: "word" }));
+  if (task.why) item.append(element("span", task.why, { className: "why", lang: "en" }));
+  return item;
+}
+
+function thing(one) {
+  const group = element("div", "", { className: "thing" });
+  group.setAttribute("role", "group");
+  group.setAttribute("aria-label", one.thing);
+  group.append(element("h3", upper(one.thing)));
+  const acts = element("p", "", { className: "acts" });
+  acts.append(...one.says.map((says) => button(upper(says), "say " + says, "", () => send("/say", { text: says, ...order() }))));
+  group.append(acts);
+  return group;
+}
+
+function picture(data) {
+  const place = byId("picture");
+  place.src = data;
+  place.hidden = false;
+  byId("no-picture").hidden = true;
+  describe();
+}
+
+function describe() {
+  const text = fill(words.picture_text, shown.step || shown.now || "").trim();
+  if (byId("picture").alt !== text) byId("picture").alt = text;
+}
+
+// --- what a person does --------------------------------------------------------------------------------------------------
+
+const order = () => (byId("first").checked ? { first: "1" } : {});
+
+async function send(path, fields = {}) {
+  let reply;
+  try {
+    const answer = await fetch(path, { method: "POST", body: new URLSearchParams(fields), headers: { Accept: "application/json" } });
+    if (answer.status === 401) return location.reload();
+    reply = answer.headers.get("content-type").includes("json") ? await answer.json() : { error: answer.status === 429 ? words.too_often : "" };
+  } catch {
+    reply = { error: words.unreached };
+  }
+  answered(reply);
+  return !reply.error;
+}
+
+function answered(reply) {
+  const text = reply.error ? fill(words.failed, reply.error) : reply.state === "question" ? fill(words.asks, reply.text) : reply.text;
+  set("answer", text);
+  byId("answer").classList.toggle("alarm", Boolean(reply.error));
+  byId("replies").replaceChildren(...(reply.replies || []).map((says) => button(upper(says), "say " + says, "", () => send("/say", { text: says }))));
+  if (reply.replies && reply.replies.length) byId("replies").firstChild.focus();
+  if (text) speak(text);
+}
+
+byId("say-form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const text = byId("text").value.trim();
+  if (!text) return;
+  if (await send("/say", { text, ...order() })) {
+    byId("text").value = "";
+    byId("first").checked = false;
+  }
+});
+byId("look").addEventListener("click", () => send("/say", { text: byId("look").dataset.say, ...order() }));
+byId("release-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  send("/release").then(() => byId("stop").focus());
+});
+byId("stop-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  stop();
+});
+addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && !event.repeat) stop();
+});
+
+async function stop() {
+  document.body.classList.add("is-stopping");
+  for (let tries = 0; tries < 3 && !(await send("/stop")); tries += 1) await new Promise((done) => setTimeout(done, 300));
+  document.body.classList.remove("is-stopping");
+}
+
+// --- voice ---------------------------------------------------------------------------------------------------------------
+
+let speaking = false;
+const audio = byId("voice-audio");
+const ownVoice = () => ("speechSynthesis" in window ? speechSynthesis.getVoices().find((one) => one.lang.startsWith(words.language)) : null);
+
+function voices() {
+  byId("voice").hidden = !(words.voice || ownVoice());
+}
+
+function speak(text) {
+  if (!speaking || !text) return;
+  if (words.voice) {
+    audio.src = "/speech?" + new URLSearchParams({ text: text.slice(0, 400), language: words.language });
+    audio.play().catch(() => {});
+  } else if (ownVoice()) {
+    speechSynthesis.cancel();
+    speechSynthesis.speak(Object.assign(new SpeechSynthesisUtterance(text), { voice: ownVoice(), lang: words.language }));
+  }
+}
+
+byId("voice").addEventListener("click", () => {
+  speaking = !speaking;
+  byId("voice").setAttribute("aria-pressed", String(speaking));
+  if (speaking) speak(shown.now);
+  else { audio.pause(); if ("speechSynthesis" in window) speechSynthesis.cancel(); }
+});
+if ("speechSynthesis" in window) speechSynthesis.addEventListener("voiceschanged", voices);
+voices();
+
+// Only where the browser can hear; what it heard is shown, and nothing moves before it is sent by hand.
+const Recognition = window.SpeechRecognition || window.webkitSpeechRecognition;
+if (Recognition) {
+  byId("microphone").hidden = false;
+  byId("microphone").addEventListener("click", () => {
+    const hears = Object.assign(new Recognition(), { lang: words.language, interimResults: false, maxAlternatives: 1 });
+    hears.onresult = (event) => {
+      byId("text").value = event.results[0][0].transcript;
+      set("answer", words.heard);
+      byId("send").focus();
+    };
+    hears.onerror = (event) => {
+      if (event.error === "no-speech" || event.error === "aborted") return;
+      byId("microphone").hidden = true;
+      set("answer", words.not_heard);
+      byId("text").focus();
+    };
+    set("answer", words.hearing);
+    hears.start();
+  });
+}
+
+listen();

@@ -1,0 +1,167 @@
+"""What a browser shows, in its language, from what hi and the robot's telemetry tell. Pure. Must not know: HTTP."""
+
+import math
+import time
+
+import msgspec
+
+from companion.languages.cmd import TaskState
+from companion.run_files import HiEvent, InWords, TaskLine, Wish
+from companion.wording import plain
+from services.page.catalogue import CATALOGUE, say, state, step
+
+ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
+ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
+MOST_ENDED = 5
+
+
+class Heard(msgspec.Struct, frozen=True):
+    """What the page knows. `hi`: whether hi answers; `mode`: of the control loop, "" where nobody told."""
+
+    hi: bool = False
+    held: bool = False
+    mode: str = ""
+    tasks: tuple[TaskLine, ...] = ()
+    wishes: tuple[Wish, ...] = ()
+    news: tuple[HiEvent, ...] = ()
+
+
+class TaskView(msgspec.Struct, frozen=True):
+    """A task. `why`: the reason in the words of the one who gave it, which are English."""
+
+    task: str
+    says: str
+    state: str
+    word: str
+    note: str = ""
+    why: str = ""
+
+
+class ThingView(msgspec.Struct, frozen=True):
+    """A thing, and the sentences that are about it."""
+
+    thing: str
+    says: tuple[str, ...]
+
+
+class Told(msgspec.Struct, frozen=True):
+    """The last thing that is said aloud; `n`: its number."""
+
+    n: int = 0
+    text: str = ""
+
+
+class View(msgspec.Struct, frozen=True):
+    """All that a browser shows but the picture."""
+
+    hi: bool
+    held: bool
+    now: str
+    active: TaskView | None
+    step: str
+    next: str
+    queue: tuple[TaskView, ...]
+    ended: tuple[TaskView, ...]
+    things: tuple[ThingView, ...]
+    told: Told
+
+
+def view(heard: Heard, language: str) -> View:
+    """Return what a browser shows."""
+    waiting = sorted((line for line in heard.tasks if line.state not in ENDED), key=_order)
+    active = waiting.pop(0) if waiting and waiting[0].state in ACTIVE else None
+    ended = [line for line in heard.tasks if line.state in ENDED]
+    now, then = _steps(active, language) if active else ("", "")
+    return View(
+        hi=heard.hi,
+        held=heard.held,
+        now=_now(heard, active, language),
+        active=_task(active, language) if active else None,
+        step=now,
+        next=then,
+        queue=tuple(_task(line, language) for line in waiting),
+        ended=tuple(_task(line, language) for line in ended[: -MOST_ENDED - 1 : -1]),
+        things=_things(heard.wishes, language),
+        told=_told(heard, language),
+    )
+
+
+def _order(line: TaskLine) -> tuple[bool, int, float]:
+    """What is under way, then as the coordinator takes it: by urgency and deadline; the sort keeps the order said."""
+    return line.state not in ACTIVE, -line.urgency, line.deadline or math.inf
+
+
+def _now(heard: Heard, active: TaskLine | None, language: str) -> str:
+    if heard.held:
+        return say(language, "stopped")
+    if not heard.hi:
+        return say(language, "no_hi")
+    return _upper(_says(active, language)) + "." if active else say(language, "idle")
+
+
+def _steps(line: TaskLine, language: str) -> tuple[str, str]:
+    """The step of the plan that is done now, and the one after it."""
+    at = plain_step(line.text)
+    if at not in line.steps:
+        return (step(language, at) if line.steps and at else state(language, line.state)), ""
+    number = line.steps.index(at)
+    after = line.steps[number + 1 : number + 2]
+    now = say(language, "step", number + 1, len(line.steps), step(language, at))
+    return now, say(language, "next", step(language, after[0])) if after else say(language, "last_step")
+
+
+def plain_step(text: str) -> str:
+    """Return the step of a plan that a running task's text names: "take jar_1/grasp" is of step "take jar_1"."""
+    return text.partition("/")[0].strip()
+
+
+def _task(line: TaskLine, language: str) -> TaskView:
+    notes = []
+    if line.urgency:
+        notes.append(say(language, "urgent"))
+    if line.deadline:
+        notes.append(say(language, "deadline", time.strftime("%H:%M", time.localtime(line.deadline))))
+    return TaskView(
+        line.task, _says(line, language), line.state, state(language, line.state), ", ".join(notes), _why(line)
+    )
+
+
+def _why(line: TaskLine) -> str:
+    """The reason that was given for the state of a task: none for a step of its plan, or for what hi itself said."""
+    if line.state == TaskState.DONE or plain_step(line.text) in line.steps or not line.accepted:
+        return "" if line.state not in (TaskState.FAILED, TaskState.CANCELLED) else plain(line.text)
+    return plain(line.text)
+
+
+def _says(line: TaskLine, language: str) -> str:
+    return in_language(line.wish, language) if line.wish else line.said or line.task
+
+
+def in_language(words: InWords, language: str) -> str:
+    """Return the words in a language."""
+    return str(getattr(words, language))
+
+
+def _things(wishes: tuple[Wish, ...], language: str) -> tuple[ThingView, ...]:
+    found: dict[str, list[str]] = {}
+    for one in wishes:
+        found.setdefault(in_language(one.thing, language), []).append(in_language(one.says, language))
+    return tuple(ThingView(thing, tuple(says)) for thing, says in found.items())
+
+
+def _told(heard: Heard, language: str) -> Told:
+    """The last event that is worth a word: of a task that it enters a state, not each step of its plan."""
+    says = {line.task: _says(line, language) for line in heard.tasks}
+    before: dict[str, str] = {}
+    told = Told()
+    for event in heard.news:
+        row, last = f"told_{event.name}", before.get(event.task)
+        repeated = bool(event.task) and last in (None, event.name)
+        before[event.task] = event.name
+        if row in CATALOGUE.say[language] and not repeated:
+            told = Told(event.n, say(language, row, says.get(event.task, event.task)))
+    return told
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,102 @@
+"""`roco page`: an address that pairs a browser with the person's page (docs/page.md)."""
+
+import http.client
+import time
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from companion.run_files import PAGE_FILE, PageAddress, Pairing
+from operate.cli.errors import NOTHING_RUNS, ConsoleError
+from operate.cli.fleet import targets
+from operate.cli.fleet.local import Local
+from operate.cli.fleet.targets import Target
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.runs import folders
+
+PAGE = "page"
+ANSWER_S = 5.0  # estimate: the page answers in milliseconds
+STARTING_S = 10.0  # estimate: it listens a second after its fleet is ready
+PERIOD_S = 0.2
+
+
+class PageError(ConsoleError):
+    """The person's page does not answer."""
+
+    code = NOTHING_RUNS
+
+
+class Door(msgspec.Struct, frozen=True):
+    """An address that pairs one browser, once; for how long [s]."""
+
+    url: str
+    within_s: float
+
+
+def page(
+    opened: Annotated[bool, typer.Option("--open", help="Open it in this machine's browser.")] = False,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Pair a browser with the person's page: print an address that does it once. It can be used for five minutes.
+
+    The browser stays paired as long as the run folder is there, over restarts of the page, too.
+
+    Examples:
+      roco page
+      roco page --open
+      roco page --target compose
+    """
+    with problems(form):
+        found = door(targets.find(target, run_dir))
+        if form is Format.JSON:
+            tell_json(found)
+        else:
+            print(found.url)
+        if opened:
+            webbrowser.open(found.url)
+
+
+def door(fleet: Target) -> Door:
+    """Return a new pairing address of the page of a fleet. Raise PageError where it does not answer."""
+    try:
+        address = msgspec.json.decode(fleet.read(PAGE, PAGE_FILE), type=PageAddress)
+        status, data = _asked(address)
+        if status != http.client.OK:
+            raise PageError(f"the page of {fleet.where} gave no code ({status}): {data[:200].decode(errors='replace')}")
+        code = msgspec.json.decode(data, type=Pairing)
+    except (OSError, http.client.HTTPException, msgspec.DecodeError) as error:
+        raise PageError(f"the page of {fleet.where} does not answer ({error}); see `roco status`") from error
+    except ConsoleError as error:
+        if isinstance(error, PageError):
+            raise
+        raise PageError(f"{fleet.where} has no page ({error}); see `roco status`") from error
+    return Door(f"http://127.0.0.1:{address.port}/pair#{code.code}", code.within_s)
+
+
+def door_when_there(run: Path, within_s: float = STARTING_S) -> Door | None:
+    """Return a new pairing address of a run, as soon as its page listens; None where it has none, or not in time."""
+    fleet, told = Local(run), folders.fleet(run)
+    until = time.monotonic() + within_s
+    while told is not None and any(one.name == PAGE for one in told.processes):
+        try:
+            return door(fleet)
+        except PageError:
+            if time.monotonic() > until:
+                return None
+        time.sleep(PERIOD_S)
+    return None
+
+
+def _asked(address: PageAddress) -> tuple[int, bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", address.port, timeout=ANSWER_S)
+    try:
+        connection.request("POST", "/code", b"", {"Authorization": f"Bearer {address.token}"})
+        answer = connection.getresponse()
+        return answer.status, answer.read()
+    finally:
+        connection.close()

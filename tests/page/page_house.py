@@ -1,0 +1,159 @@
+"""The page as a process, before a hi that is real (agent and HTTP) with a coordinator that says what the test wants."""
+
+import http.client
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from urllib.parse import urlencode
+
+import msgspec
+
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.events import Local, Received
+from agent_runtime.io.devices import Called
+from agent_runtime.io.run_files import STOP_FILE
+from agent_runtime.testing.wires import Wires
+from companion.binding import wiring
+from companion.languages.cmd import TaskReport, TaskState
+from companion.run_files import PAGE_FILE, SLOTS_FILE, PageAddress, Pairing
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative as P
+from services.human_interface.behaviours import agent
+from services.human_interface.server import HttpDevice
+
+WITHIN_S = 20.0
+STEPS = ("take jar_1", "carry jar_1", "take bowl_1")
+
+
+class Nothing(msgspec.Struct, frozen=True):
+    """Memory of the pretended coordinator."""
+
+
+class House:
+    """hi of a run folder with a coordinator that takes every task; a robot's loop has its flag there."""
+
+    def __init__(self, run):
+        self.run, self.asked, self.cancelled = run, [], []
+        (run / SLOTS_FILE).touch()
+        (run / STOP_FILE).write_bytes(b"\0")
+        self._lock, self._inside = threading.RLock(), False
+        self._wires = Wires()
+        self.open()
+        self._wires.add(
+            agent(), wiring("hi", "test"), lambda post: Called(post, lambda word: self.desk.tell(word) or ())
+        )
+        self._wires.add(Agent("co", "on", Nothing(), {"on": Behaviour(self._act)}), wiring("co", "test"))
+        self._wires.run_for(0.05)
+
+    def open(self):
+        """hi listens, at a new port and with a new token."""
+        self.desk = HttpDevice(self._post, self.run)
+
+    def _post(self, word):
+        with self._lock:
+            self._wires.post("hi", word)
+            if not self._inside:
+                self._inside = True
+                self._wires.run_for(0.05)
+                self._inside = False
+
+    def _act(self, memory, turn):
+        event = turn.event
+        if isinstance(event, Received) and event.communicate.performative is P.REQUEST:
+            self.asked.append((event.conversation, event.content))
+            turn.say(event.conversation, P.AGREE, TaskReport(TaskState.WAITING, "it is the next one"))
+        elif isinstance(event, Received) and event.communicate.performative is P.CANCEL:
+            self.cancelled.append(event.conversation)
+            turn.say(
+                event.conversation, P.INFORM, TaskReport(TaskState.CANCELLED, "it had not begun"), kind=Kind.CANCEL
+            )
+        elif isinstance(event, Local):
+            event.content(turn)
+        return memory
+
+    def report(self, task, state, text="", steps=()):
+        """The coordinator reports on a task."""
+        kind = P.FAILURE if state is TaskState.FAILED else P.INFORM
+        with self._lock:
+            self._wires.post("co", lambda turn: turn.say(task, kind, TaskReport(state, text, steps)))
+            self._wires.run_for(0.05)
+
+    def running(self, task="hi-1-1", at="take jar_1/grasp", steps=STEPS):
+        """A task is under way."""
+        self.report(task, TaskState.RUNNING, "plan 1 takes about 48 s", steps)
+        self.report(task, TaskState.RUNNING, at)
+
+    @property
+    def held(self):
+        """Whether the robot is stopped."""
+        return (self.run / STOP_FILE).read_bytes() == b"\1"
+
+
+class PageProcess:
+    """`python -m services.page` of a run folder."""
+
+    def __init__(self, run):
+        self.run = run
+        self.start()
+
+    def start(self):
+        """Start it, and wait until it listens."""
+        (self.run / "page.ready").unlink(missing_ok=True)
+        settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": "tcp/127.0.0.1:1", "PATH": os.environ["PATH"]}
+        with (self.run / "page.log").open("ab") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "services.page"], env=settings, stdout=log, stderr=log
+            )
+        wait_for(lambda: (self.run / "page.ready").exists() or self.process.poll() is not None, "the page listens")
+        assert self.process.poll() is None, (self.run / "page.log").read_text()
+        self.address = msgspec.json.decode((self.run / PAGE_FILE).read_bytes(), type=PageAddress)
+        self.url = f"http://127.0.0.1:{self.address.port}"
+
+    def kill(self):
+        """kill -9."""
+        self.process.kill()
+        self.process.wait()
+
+    def end(self):
+        """SIGTERM; the exit code."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(timeout=WITHIN_S)
+
+    def code(self):
+        """A new code, as `roco page` gets it."""
+        status, data, _ = self.ask("POST", "/code", Authorization=f"Bearer {self.address.token}")
+        assert status == 200, data
+        return msgspec.json.decode(data, type=Pairing).code
+
+    def paired(self):
+        """The Cookie header of a newly paired browser."""
+        status, _, headers = self.form("/pair", {"code": self.code()})
+        assert status == 200
+        return headers["set-cookie"].partition(";")[0]
+
+    def form(self, path, fields, cookie="", **headers):
+        """A form, as this page sends it; other headers replace its own, None leaves one out."""
+        told = {"Origin": self.url, "Accept": "application/json", "Content-Type": "application/x-www-form-urlencoded"}
+        return self.ask("POST", path, urlencode(fields), **({"Cookie": cookie} if cookie else {}), **(told | headers))
+
+    def ask(self, verb, path, body=None, **headers):
+        """Status, body and headers of an answer."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.address.port, timeout=WITHIN_S)
+        told = {name.replace("_", "-"): text for name, text in headers.items() if text is not None}
+        try:
+            connection.request(verb, path, body, told)
+            answer = connection.getresponse()
+            return answer.status, answer.read(), {name.lower(): text for name, text in answer.getheaders()}
+        finally:
+            connection.close()
+
+
+def wait_for(condition, what, within_s=WITHIN_S):
+    """Wait until it holds."""
+    end = time.monotonic() + within_s
+    while not condition():
+        assert time.monotonic() < end, f"not within {within_s:g} s: {what}"
+        time.sleep(0.02)

@@ -1,0 +1,242 @@
+"""What a person does in a real browser comes to the coordinator and the robot, and what becomes of it is seen."""
+
+import pytest
+from page_house import STEPS, wait_for
+from playwright.sync_api import expect
+
+from companion.languages import cmd
+from companion.languages.cmd import TaskState
+
+pytestmark = pytest.mark.process
+
+
+def say(one, text):
+    """Write a sentence, and send it by the Enter key."""
+    one.locator("#text").fill(text)
+    one.locator("#text").press("Enter")
+
+
+def seen(house, *names):
+    """Velma has looked around and seen these."""
+    house.report(house.asked[-1][0], TaskState.DONE, f"seen: {', '.join(names)}")
+
+
+def test_a_sentence_becomes_a_task_and_its_plan_is_followed(house, opened):
+    """What runs, which step of how many, and what comes next, in words."""
+    one = opened()
+    say(one, "pour the jar into the bowl")
+    expect(one.locator("#queue li")).to_have_text("Pour the content of the jar into the bowlwaitingCancel")
+    assert house.asked[0][1] == cmd.PourInto("jar", "bowl")
+    house.running(at="carry jar_1/move-joint")
+    expect(one.locator("#now")).to_have_text("Pour the content of the jar into the bowl.")
+    expect(one.locator("#step")).to_have_text("Step 2 of 3: carry the jar")
+    expect(one.locator("#next")).to_have_text("Then: take the bowl")
+    house.report("hi-1-1", TaskState.DONE, "it took 75 s")
+    expect(one.locator("#ended li")).to_have_text("Pour the content of the jar into the bowldone")
+    expect(one.locator("#now")).to_have_text("Velma has nothing to do.")
+
+
+def test_things_that_were_seen_are_buttons(house, opened):
+    """None before; afterwards a click on one of them is the sentence on it."""
+    one = opened()
+    expect(one.locator(".thing")).to_have_count(0)
+    one.get_by_role("button", name="Look around").click()
+    wait_for(lambda: house.asked, "it is asked for")
+    seen(house, "bowl_1", "cabinet_1", "jar_1", "jar_2", "table_1")
+    expect(one.locator(".thing h3")).to_have_text(["Bowl", "Jar 1", "Jar 2"])
+    one.get_by_role("button", name="Take the jar 2").click()
+    wait_for(lambda: house.asked[-1][1] == cmd.Take("jar_2"), "the second jar is asked for")
+
+
+def test_every_button_is_understood_as_it_is_written(house, opened):
+    """Sentences of buttons, in both languages, become a task each, of what is written on them."""
+    one = opened()
+    one.get_by_role("button", name="Look around").click()
+    wait_for(lambda: house.asked, "it is asked for")
+    seen(house, "bowl_1", "jar_1")
+    for url in ("/?language=pl", "/?language=en"):
+        one.goto(one.url.split("/?")[0].rstrip("/") + url)
+        one.locator(".thing button").nth(5).wait_for()
+        for says in one.locator(".thing button").all_text_contents():
+            before = len(house.asked)
+            one.get_by_role("button", name=says, exact=True).first.click()
+            wait_for(lambda before=before: len(house.asked) > before, says)
+            house.report(house.asked[-1][0], TaskState.DONE)
+            expect(one.locator("#queue li")).to_have_count(0)
+    names = [type(content).__name__ for _, content in house.asked[1:]]
+    assert names == ["Take", "PutDown", "PourInto"] * 4
+
+
+def test_a_question_back_is_answered_by_a_button(house, opened):
+    """Which one? The names are there, and No; nothing moves before."""
+    one = opened()
+    say(one, "take the container")
+    expect(one.locator("#replies button")).to_have_text(["Jar", "Bowl", "No"])
+    assert not house.asked
+    one.get_by_role("button", name="Bowl", exact=True).click()
+    wait_for(lambda: house.asked, "the answer is a task")
+    assert house.asked[0][1] == cmd.Take("bowl")
+
+
+def test_cancel_and_order(house, opened):
+    """A waiting task is cancelled, another one goes before all others, once, and what it was before is gone."""
+    one = opened()
+    for text in ("take the jar", "take the bowl", "look around"):
+        say(one, text)
+        expect(one.locator("#text")).to_have_value("")
+    house.running("hi-1-1")
+    expect(one.locator("#queue .says")).to_have_text(["Take the bowl", "Look around"])
+    one.get_by_role("button", name="Do this first: look around").click()
+    expect(one.locator("#queue .says")).to_have_text(["Look around", "Take the bowl"])
+    assert house.cancelled == ["hi-1-3"]
+    assert house.asked[-1][1] == cmd.LookAround(urgency=1)
+    one.get_by_role("button", name="Cancel: take the bowl").click()
+    expect(one.locator("#queue .says")).to_have_text(["Look around"])
+    assert house.cancelled == ["hi-1-3", "hi-1-2"]
+    assert len(house.asked) == 4
+
+
+def test_do_this_first_takes_those_behind_it_along(house, opened):
+    """A task that waits for another one of the same sentence waits for what took its place, and is not cancelled."""
+    one = opened()
+    say(one, "look around")
+    say(one, "take the jar and pour it into the bowl")
+    expect(one.locator("#queue li")).to_have_count(3)
+    house.running("hi-1-1")
+    one.get_by_role("button", name="Do this first: take the jar").click()
+    wait_for(lambda: house.cancelled == ["hi-1-2"], "what it replaces is cancelled")
+    expect(one.locator("#queue .says")).to_have_text(["Take the jar", "Pour the content of the jar into the bowl"])
+    house.report(house.asked[-1][0], TaskState.FAILED, "no hand is free")
+    expect(one.locator("#queue li")).to_have_count(0)
+    assert house.cancelled == ["hi-1-2", "hi-1-3"]
+
+
+@pytest.mark.parametrize("how", ["click", "key", "words", "without scripts"])
+def test_stop_and_release(house, opened, how):
+    """The robot's flag is set by the button, the Escape key and a stop word, and by the button without scripts."""
+    scripts = how != "without scripts"
+    one = opened()
+    if not scripts:
+        state = one.context.storage_state()
+        one = opened(paired=False, at="/", java_script_enabled=False, storage_state=state)
+    if how == "words":
+        say(one, "hang on a second")
+    elif how == "key":
+        one.keyboard.press("Escape")
+    else:
+        one.locator("#stop").click()
+    wait_for(lambda: house.held, "the robot is stopped")
+    if scripts:
+        expect(one.locator("#now")).to_contain_text("Velma is stopped.")
+        say(one, "take the jar")
+        expect(one.locator("#answer")).to_contain_text("stopped")
+        assert not house.asked
+        one.get_by_role("button", name="Let Velma move again").click()
+        wait_for(lambda: not house.held, "it is released")
+        expect(one.locator("#release")).to_be_hidden()
+        expect(one.locator("#now")).to_have_text("Velma has nothing to do.")
+
+
+def test_stop_works_with_a_dead_hi(house, opened):
+    """The flag is the robot's own: no agent is needed."""
+    one = opened()
+    house.desk.close()
+    expect(one.locator("#now")).to_contain_text("does not answer")
+    one.locator("#stop").click()
+    wait_for(lambda: house.held, "the robot is stopped")
+    expect(one.locator("#now")).to_contain_text("Velma is stopped.")
+    house.open()
+
+
+def test_a_stop_from_elsewhere_is_seen(house, opened):
+    """`roco stop` writes the same byte."""
+    one = opened()
+    with (house.run / "stop").open("r+b") as flag:
+        flag.write(b"\1")
+    expect(one.locator("#release")).to_be_visible()
+
+
+def test_two_browsers_see_the_same(house, opened):
+    """What one says the other sees, and may cancel."""
+    one, other = opened(), opened()
+    say(one, "take the jar")
+    other.get_by_role("button", name="Cancel: take the jar").click()
+    for each in (one, other):
+        expect(each.locator("#ended .word")).to_have_text("cancelled")
+
+
+def test_it_comes_back_by_itself_when_hi_and_the_page_have_died(house, page, opened):
+    """The page at its old address, the browser still paired, the queue as it was; hi at another port."""
+    one = opened()
+    say(one, "take the jar")
+    expect(one.locator("#queue li")).to_have_count(1)
+    house.desk.close()
+    expect(one.locator("#now")).to_contain_text("does not answer")
+    house.open()
+    expect(one.locator("#now")).to_have_text("Velma has nothing to do.")
+    page.kill()
+    expect(one.locator("#lost")).to_contain_text("connection is lost")
+    page.start()
+    expect(one.locator("#lost")).to_be_empty()
+    say(one, "take the bowl")
+    expect(one.locator("#queue .says")).to_have_text(["Take the jar", "Take the bowl"])
+
+
+def test_polish(house, opened):
+    """The page, its buttons and the steps of a plan in Polish; the choice is remembered."""
+    one = opened(locale="pl-PL")
+    expect(one.locator("html")).to_have_attribute("lang", "pl")
+    say(one, "wlej zawartość słoika do miski")
+    wait_for(lambda: house.asked, "it is asked for")
+    assert house.asked[0][1] == cmd.PourInto("jar", "bowl")
+    house.running(at="carry jar_1/move-joint", steps=STEPS)
+    expect(one.locator("#now")).to_have_text("Wlej zawartość słoika do miski.")
+    expect(one.locator("#step")).to_have_text("Krok 2 z 3: niosę: słoik")
+    one.get_by_role("link", name="English").click()
+    expect(one.locator("#now")).to_have_text("Pour the content of the jar into the bowl.")
+    one.goto(one.url.partition("?")[0])
+    expect(one.locator("html")).to_have_attribute("lang", "en")
+
+
+def test_what_happens_is_said_aloud_once_it_is_wanted(house, opened):
+    """A sentence for each state of a task, none for a step of a plan, nothing before the button was pressed."""
+    one = opened()
+    one.evaluate(
+        """() => {
+            window.said = [];
+            words.voice = true;
+            audio.play = () => { said.push(audio.src); return Promise.resolve(); };
+            voices();
+        }"""
+    )
+    say(one, "take the jar")
+    expect(one.locator("#queue li")).to_have_count(1)
+    assert one.evaluate("said") == []
+    one.get_by_role("button", name="Speak the answers").click()
+    house.running(at="take jar_1/grasp")
+    house.report("hi-1-1", TaskState.RUNNING, "take jar_1/move-cartesian")
+    house.report("hi-1-1", TaskState.DONE)
+    expect(one.locator("#ended li")).to_have_count(1)
+    wait_for(lambda: "Done%3A+take+the+jar" in " ".join(one.evaluate("said")), "its end is said")
+    told = one.evaluate("said")
+    assert "Velma+has+nothing+to+do" in told[0]
+    assert sum("I+begin" in text for text in told) <= 1
+    assert len(told) <= 3
+
+
+def test_what_is_heard_is_shown_before_it_is_sent(house, opened):
+    """A browser that can hear only writes the sentence; one that cannot loses the button."""
+    ear = "class Ear { start() { window.ear = this; } }; window.SpeechRecognition = Ear;"
+    one = opened()
+    one.context.add_init_script(ear)
+    one.reload()
+    one.get_by_role("button", name="Speak", exact=True).click()
+    one.evaluate("ear.onresult({results: [[{transcript: 'take the jar'}]]})")
+    expect(one.locator("#text")).to_have_value("take the jar")
+    expect(one.locator("#send")).to_be_focused()
+    assert not house.asked
+    one.keyboard.press("Enter")
+    wait_for(lambda: house.asked, "it is sent by hand")
+    one.get_by_role("button", name="Speak", exact=True).click()
+    one.evaluate("ear.onerror({error: 'not-allowed'})")
+    expect(one.locator("#microphone")).to_be_hidden()

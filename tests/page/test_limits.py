@@ -1,0 +1,165 @@
+"""Nobody who can open a connection keeps people from the page: real sockets that say little, much, or read nothing."""
+
+import asyncio
+import socket
+import threading
+import time
+
+import pytest
+import uvicorn
+from page_house import WITHIN_S, wait_for
+
+from services.page.limits import MOST, READS_S, settings
+from services.page.streams import MOST as MOST_STREAMS
+
+pytestmark = pytest.mark.process
+CROWD = 300
+
+
+def connected(page):
+    """A connection that says nothing yet."""
+    one = socket.create_connection(("127.0.0.1", page.address.port), timeout=WITHIN_S)
+    one.settimeout(WITHIN_S)
+    return one
+
+
+def over(one):
+    """Whether the other side has ended the connection."""
+    one.setblocking(False)
+    try:
+        while data := one.recv(65536):
+            del data
+        return True
+    except BlockingIOError:
+        return False
+    except ConnectionError:
+        return True
+
+
+def stream(page, cookie):
+    """A connection whose stream has begun."""
+    one = connected(page)
+    one.sendall(f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nCookie: {cookie}\r\n\r\n".encode())
+    assert one.recv(12) == b"HTTP/1.1 200"
+    return one
+
+
+def rest(one):
+    """All that a stream says until it says that it ends, or ends."""
+    said = b""
+    one.settimeout(WITHIN_S)
+    while b"event: bye" not in said and (data := one.recv(65536)):
+        said += data
+    return said
+
+
+def test_half_open_requests_keep_nobody_out(page, house):
+    """300 connections with half a head: a person is served at once, and they are ended."""
+    cookie = page.paired()
+    crowd = [connected(page) for _ in range(CROWD)]
+    for one in crowd:
+        one.sendall(b"POST /stop HTTP/1.1\r\nHost: ")
+    began = time.monotonic()
+    assert page.form("/stop", {}, cookie)[0] == 200
+    assert time.monotonic() - began < WITHIN_S / 4
+    assert house.held
+    wait_for(lambda: sum(map(over, crowd)) >= CROWD - MOST, "the oldest are ended at once")
+    wait_for(lambda: all(map(over, crowd)), "all of them are ended")
+    for one in crowd:
+        one.close()
+
+
+def test_a_head_that_trickles_is_ended(page):
+    """A byte now and then is no request."""
+    one = connected(page)
+    ended = False
+    end = time.monotonic() + WITHIN_S
+    while not ended and time.monotonic() < end:
+        try:
+            one.setblocking(True)
+            one.sendall(b"G")
+        except ConnectionError:
+            ended = True
+        time.sleep(0.2)
+    assert ended
+    one.close()
+
+
+def test_a_head_without_an_end_is_refused(page):
+    """Beyond 8 kB it is answered, and the connection ends."""
+    with connected(page) as one:
+        one.sendall(b"GET / HTTP/1.1\r\nHost: " + 20_000 * b"a")
+        assert one.recv(12) == b"HTTP/1.1 400"
+
+
+def test_a_body_that_is_too_large_or_never_whole_is_refused(page):
+    """Of 50 MB only the first bytes are read; one that lacks is answered in time."""
+    cookie = page.paired()
+    one = connected(page)
+    head = (
+        f"POST /say HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nOrigin: {page.url}\r\nCookie: {cookie}\r\n"
+        "Content-Length: {}\r\n\r\n"
+    )
+    one.sendall(head.format(50_000_000).encode())
+    sent = 0
+    try:
+        while sent < 50_000_000:
+            one.sendall(bytes(65536))
+            sent += 65536
+    except (ConnectionError, TimeoutError):
+        pass
+    assert sent < 5_000_000
+    one.close()
+    with connected(page) as slow:
+        slow.sendall(head.format(100).encode() + b"text=take")
+        assert slow.recv(12) == b"HTTP/1.1 408"
+
+
+def test_who_does_not_read_is_ended():
+    """A client that reads nothing of an endless answer is gone in seconds."""
+    over_now, listener = threading.Event(), socket.create_server(("127.0.0.1", 0))
+    disconnected = []
+
+    async def endless(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        while not (over_now.is_set() or disconnected):
+            await send({"type": "http.response.body", "body": bytes(65536), "more_body": True})
+            listening = asyncio.ensure_future(receive())
+            await asyncio.wait((listening,), timeout=0.001)
+            listening.cancel()
+            if listening.done() and not listening.cancelled() and listening.result()["type"] == "http.disconnect":
+                disconnected.append(scope["path"])
+
+    config = uvicorn.Config(endless, lifespan="off", log_config=None, timeout_graceful_shutdown=1, **settings())
+    server = uvicorn.Server(config)
+    serving = threading.Thread(target=asyncio.run, args=(server.serve([listener]),))
+    serving.start()
+    try:
+        with socket.create_connection(listener.getsockname(), timeout=WITHIN_S) as deaf:
+            deaf.sendall(b"GET /deaf HTTP/1.1\r\nHost: here\r\n\r\n")
+            wait_for(lambda: disconnected == ["/deaf"], "it is ended", READS_S + WITHIN_S)
+    finally:
+        over_now.set()
+        server.should_exit = True
+        serving.join(WITHIN_S)
+        listener.close()
+
+
+def test_streams_are_bounded(page):
+    """One more than there may be ends the oldest; the newest goes on."""
+    cookie = page.paired()
+    crowd = [stream(page, cookie) for _ in range(MOST_STREAMS + 2)]
+    for one in crowd[:2]:
+        assert b"event: bye" in rest(one)
+    assert not over(crowd[-1])
+    for one in crowd:
+        one.close()
+
+
+def test_it_ends_in_order_with_open_streams(page):
+    """SIGTERM ends them with a word, at once."""
+    cookie = page.paired()
+    one = stream(page, cookie)
+    assert page.end() == 0
+    assert b"event: bye" in rest(one)
+    one.close()
