@@ -18,7 +18,7 @@ import msgspec
 from round_trip import SYSTEM, Block
 
 from agent_runtime.io import issuing
-from agent_runtime.io.zenoh_wire import free_endpoint
+from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
 
 HERE = Path(__file__).resolve().parent

@@ -24,7 +24,7 @@ import zenoh
 from agent_runtime.core.effects import Receipt
 from agent_runtime.io import issuing
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.zenoh_wire import client_config, free_endpoint
+from agent_runtime.io.sessions import client_config, free_endpoint
 from companion.design import DESIGN
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative

@@ -32,7 +32,7 @@ from agent_runtime.core.turn import Turn
 from agent_runtime.io import shell
 from agent_runtime.io.devices import Post
 from agent_runtime.io.options import Options
-from agent_runtime.io.zenoh_wire import client_config, keep_memory
+from agent_runtime.io.sessions import client_config, keep_memory
 from companion.binding import wiring
 from companion.languages import LANGUAGES, wm
 from companion.languages.values import Pose

@@ -24,7 +24,7 @@ from soak_agents import SYSTEM, Memory, answerer, asker
 from agent_runtime.core.state import restored
 from agent_runtime.io import issuing
 from agent_runtime.io.journal_format import last_record
-from agent_runtime.io.zenoh_wire import free_endpoint
+from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
 from operate.wires import files
 from operate.wires.files import Wires

@@ -25,7 +25,7 @@ from communicates import commit
 from fleets import tree
 from round_trip import SYSTEM
 
-from agent_runtime.io.zenoh_wire import free_endpoint
+from agent_runtime.io.sessions import free_endpoint
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results" / "viewer.jsonl"

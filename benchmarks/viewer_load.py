@@ -16,7 +16,7 @@ from round_trip import SYSTEM, Begin, Came, Go, Store, km, pl
 from agent_runtime.io import shell
 from agent_runtime.io.devices import Post
 from agent_runtime.io.options import Options
-from agent_runtime.io.zenoh_wire import client_config
+from agent_runtime.io.sessions import client_config
 from companion.binding import wiring
 from scripts.replaying import samples
 

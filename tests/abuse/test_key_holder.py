@@ -14,7 +14,7 @@ from toy_fleet import Fleet, wait_for
 from agent_runtime.io.message_size import LONGEST
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls, rights_of, router_tls
-from agent_runtime.io.zenoh_wire import MORE_SESSIONS, client_config, router_config
+from agent_runtime.io.sessions import MORE_SESSIONS, client_config, router_config
 from fipa_codec.communicate import MAX_BYTES
 
 pytestmark = pytest.mark.zenoh

@@ -13,8 +13,9 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.control import Command, Order, Pause, Resume, SetLevel, SetParameter
 from agent_runtime.core.errors import BehaviourError
 from agent_runtime.core.events import Local, Ordered, Started, Tick, Woken
+from agent_runtime.core.reception import REFUSED
 from agent_runtime.core.state import CoreState
-from agent_runtime.core.step import REFUSED, UNFIT, Core
+from agent_runtime.core.step import UNFIT, Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.io import steplog
 from topdown.model.elements import Agent as Entry

@@ -12,7 +12,7 @@ import zenoh
 
 from agent_runtime.io import issuing
 from agent_runtime.io.secured import client_tls, router_tls
-from agent_runtime.io.zenoh_wire import client_config, free_endpoint, open_router
+from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from companion.design import DESIGN
 from fipa_codec.performatives import Performative
 from topdown.model.design import Design

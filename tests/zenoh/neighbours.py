@@ -14,7 +14,8 @@ from agent_runtime.core.effects import Receipt
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.zenoh_wire import ZenohWire, client_config
+from agent_runtime.io.sessions import client_config
+from agent_runtime.io.zenoh_wire import ZenohWire
 from companion.binding import wiring
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative

@@ -18,7 +18,7 @@ from toy_fleet import wait_for
 
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.io.heartbeat import Heartbeat
-from agent_runtime.io.zenoh_wire import client_config
+from agent_runtime.io.sessions import client_config
 from companion.languages import rc
 from companion.run_files import SLOTS_FILE, TaskLine
 from companion.tools.system import SYSTEM

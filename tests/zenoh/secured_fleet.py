@@ -10,7 +10,7 @@ from toy_fleet import Fleet as Processes
 from agent_runtime.io import issuing
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.zenoh_wire import client_config
+from agent_runtime.io.sessions import client_config
 from companion.design import DESIGN
 from operate.run_folder import FLEET_FILE, Fleet
 

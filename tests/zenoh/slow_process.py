@@ -6,7 +6,7 @@ from pathlib import Path
 
 import zenoh
 
-from agent_runtime.io.zenoh_wire import client_config
+from agent_runtime.io.sessions import client_config
 
 with zenoh.open(client_config(sys.argv[1])) as session:
     declared = session.declare_subscriber("**", lambda sample: None)

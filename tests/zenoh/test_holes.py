@@ -23,8 +23,8 @@ from toy_fleet import wait_for
 
 from agent_runtime.core.events import Arrived
 from agent_runtime.core.wiring import service_key
+from agent_runtime.io.sessions import client_config
 from agent_runtime.io.steplog import read
-from agent_runtime.io.zenoh_wire import client_config
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.cli.fleet.identity import tls

@@ -20,7 +20,7 @@ from toy_fleet import wait_for
 
 from agent_runtime.core.control import Command, Pause
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.zenoh_wire import client_config
+from agent_runtime.io.sessions import client_config
 from operate.cli.traffic.listen import recorded
 from operate.run_folder import LATEST, VERDICTS_FILE
 

@@ -12,8 +12,8 @@ from agent_runtime.core.state import restored
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import communicate_key
 from agent_runtime.io.journal_format import last_record
+from agent_runtime.io.sessions import client_config
 from agent_runtime.io.steplog import fingerprint, read, replay
-from agent_runtime.io.zenoh_wire import client_config
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 

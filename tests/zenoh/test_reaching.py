@@ -19,7 +19,7 @@ from toy_fleet import Fleet, wait_for
 from agent_runtime.io import keys, reaching
 from agent_runtime.io.reaching import why_not
 from agent_runtime.io.secured import AUTHORITY, Rights, client_tls
-from agent_runtime.io.zenoh_wire import free_endpoint
+from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
 from operate import run_folder
 from operate.cli.fleet import checkup_reach

@@ -20,7 +20,7 @@ from toy_fleet import Fleet, wait_for
 from agent_runtime.core.wiring import communicate_key
 from agent_runtime.io import issuing, keys
 from agent_runtime.io.secured import AUTHORITY, KeysError, Rights, client_tls, rights_of
-from agent_runtime.io.zenoh_wire import client_config, free_endpoint
+from agent_runtime.io.sessions import client_config, free_endpoint
 from companion.design import DESIGN
 from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
 from fipa_codec.performatives import Performative

@@ -19,7 +19,7 @@ from agent_runtime.core.unheard import words
 from agent_runtime.io import issuing
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, client_tls
-from agent_runtime.io.zenoh_wire import client_config
+from agent_runtime.io.sessions import client_config
 from agent_runtime.testing.stand_in import StandIn
 from companion.binding import wiring
 from companion.design import DESIGN

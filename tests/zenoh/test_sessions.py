@@ -11,10 +11,10 @@ import pytest
 import zenoh
 from guarded import SYSTEM, Guarded
 
-from agent_runtime.io import tap, zenoh_wire
+from agent_runtime.io import sessions, tap
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.zenoh_wire import client_config, open_client, router_config
+from agent_runtime.io.sessions import client_config, open_client, router_config
 from agent_runtime.testing import stand_in
 from companion.binding import wiring
 
@@ -42,7 +42,7 @@ def test_every_session_is_opened_with_our_configuration(path: Path) -> None:
         (given,) = node.args
         assert isinstance(given, ast.Call), f"line {node.lineno}: {ast.unparse(node)}"
         assert ast.unparse(given.func).split(".")[-1] in MAKERS, f"line {node.lineno}: {ast.unparse(node)}"
-    if path.name != "zenoh_wire.py":
+    if path.name != "sessions.py":
         assert not re.search(r"Config\.from_|Config\(\)|insert_json5|^from zenoh import", text, re.MULTILINE)
 
 
@@ -108,7 +108,7 @@ def test_whoever_opens_a_session_is_a_client(guarded: Guarded, tmp_path: Path, m
     """The agents' session, the recorder's tap, the two of `roco send`: real sessions with keys, and no new socket."""
     configs: list[zenoh.Config] = []
     really = zenoh.open
-    monkeypatch.setattr(zenoh_wire.zenoh, "open", lambda config: configs.append(config) or really(config))
+    monkeypatch.setattr(sessions.zenoh, "open", lambda config: configs.append(config) or really(config))
     before, tls = sockets(), {name: client_tls(guarded.folder, name) for name in ("co", "hi")}
     session = open_client(guarded.endpoint, lambda: False, tls=tls["co"])
     options = Options(connect=guarded.endpoint, system=SYSTEM, keys=guarded.folder)

@@ -16,10 +16,11 @@ from neighbours import KINDS, Cable, Pair
 from toy_fleet import wait_for
 
 from agent_runtime.io import issuing
+from agent_runtime.io.incoming import Token
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls, rights_of, router_tls
+from agent_runtime.io.sessions import LEASE_MS, client_config, free_endpoint, open_router
 from agent_runtime.io.tap import Sample, Tap, open_tap
-from agent_runtime.io.zenoh_wire import LEASE_MS, Token, client_config, free_endpoint, open_router
 from companion.design import DESIGN
 from operate.recording import mcap_file
 from operate.recording.records import Record, Resumed, Spoken

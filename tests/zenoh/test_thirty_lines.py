@@ -12,7 +12,7 @@ import pytest
 import zenoh
 from toy_fleet import wait_for
 
-from agent_runtime.io.zenoh_wire import client_config, free_endpoint
+from agent_runtime.io.sessions import client_config, free_endpoint
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.languages import Language
 from fipa_codec.performatives import Performative as P

@@ -16,7 +16,7 @@ import pytest
 import zenoh
 
 from agent_runtime.core.wiring import service_key
-from agent_runtime.io.zenoh_wire import client_config, free_endpoint, open_router
+from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from agent_runtime.testing.scripted_peers import LivingError, Stage
 from fipa_codec.communicate import encode
 from operate.cli.traffic.listen import Said, recorded, said

@@ -15,7 +15,8 @@ from toy_fleet import Fleet, wait_for
 
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.message_size import LONGEST, TooLongError
-from agent_runtime.io.zenoh_wire import ZenohWire, client_config, router_config
+from agent_runtime.io.sessions import client_config, router_config
+from agent_runtime.io.zenoh_wire import ZenohWire
 from companion.binding import wiring
 from fipa_codec.communicate import MAX_BYTES
 

@@ -14,7 +14,7 @@ import msgspec
 import pytest
 from toy_fleet import wait_for
 
-from agent_runtime.io.zenoh_wire import free_endpoint
+from agent_runtime.io.sessions import free_endpoint
 from companion.run_files import TaskLine
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth

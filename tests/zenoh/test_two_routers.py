@@ -17,7 +17,7 @@ from toy_fleet import wait_for
 
 from agent_runtime.io import issuing
 from agent_runtime.io.secured import ROUTERS, client_tls, rights_of, router_tls
-from agent_runtime.io.zenoh_wire import client_config, free_endpoint, open_router
+from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from companion.design import DESIGN
 from operate.recording import history
 from operate.run_folder import Fleet, ProcessState

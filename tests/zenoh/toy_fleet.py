@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.io.heartbeat import Heartbeat
-from agent_runtime.io.zenoh_wire import free_endpoint
+from agent_runtime.io.sessions import free_endpoint
 
 DEADLINE_S = 30.0
 TOY = Path(__file__).with_name("toy_process.py")

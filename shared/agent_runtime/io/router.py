@@ -14,7 +14,7 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.pulse import PERIOD_S, Pulse
 from agent_runtime.io.run_files import make_run
 from agent_runtime.io.secured import REVOKED, KeysError, granted, key_file, revoked, rights_of, router_tls
-from agent_runtime.io.zenoh_wire import open_router
+from agent_runtime.io.sessions import open_router
 
 KEYS_S = 10.0
 """Keys take a tenth of a second to make; some seconds on a machine that is busy with much else (measured)."""

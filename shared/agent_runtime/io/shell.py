@@ -19,44 +19,43 @@ from typing import Any
 import msgspec
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.control import Command
-from agent_runtime.core.effects import Deed, Out, Receipt
+from agent_runtime.core.effects import Deed, Out
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.events import (
     AnyEvent,
-    Arrived,
-    Garbled,
     LinkChanged,
     Local,
     Next,
-    Ordered,
     PeerChanged,
+    Receipted,
     Started,
     Tick,
 )
 from agent_runtime.core.inside import STEPS, looked_into
 from agent_runtime.core.peers import GRACE_S, LINKED_GRACE_S, Peers
-from agent_runtime.core.recent import preceding, receipted
+from agent_runtime.core.recent import preceding
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.core.unheard import Watch, words
 from agent_runtime.core.wiring import Wiring
 from agent_runtime.io import clock, heartbeat, step_replay
+from agent_runtime.io.decoding import arrived, ordered, receipt
+from agent_runtime.io.desk import Desk, Posted
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
 from agent_runtime.io.diary import Diary
 from agent_runtime.io.floods import Floods
 from agent_runtime.io.floor import Failed, Floor
 from agent_runtime.io.full_disk import FullDisk
 from agent_runtime.io.inbox import Inbox
+from agent_runtime.io.incoming import Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token
 from agent_runtime.io.journal import Journal, journal_file, new_name
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import make_run
 from agent_runtime.io.secured import client_tls
+from agent_runtime.io.sessions import open_client
 from agent_runtime.io.steplog import StepLog
-from agent_runtime.io.zenoh_wire import Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token, ZenohWire, open_client
-from fipa_codec.communicate import UNREADABLE, decode
-from fipa_codec.errors import MalformedError
+from agent_runtime.io.zenoh_wire import ZenohWire
 
 QUIET_S = 0.005
 """Without anything new, after which logs are written; eight round trips. A kill -9 takes what was not (estimate)."""
@@ -155,7 +154,7 @@ class Shell:
         self._wire.knows(self._state.journals)
         self._peers.router(True, clock.now())
         if self._maker is not None:
-            self._device = self._maker(_Desk(self._floor, self._wire))
+            self._device = self._maker(Desk(self._floor, self._wire))
         first = self._state.incarnation == 1
         self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
         self._happen(Started(first))
@@ -245,14 +244,17 @@ class Shell:
     def _take(self, item: Any) -> None:
         match item:
             case Bytes():
-                self._happen(_opened(item))
+                self._happen(arrived(item))
             case ReceiptBytes():
-                self._happen(self._receipt(item))
+                event = receipt(item)
+                if isinstance(event, Receipted):
+                    self._unheard.receipted(item.peer)
+                self._happen(event)
             case OrderBytes(data=data):
-                self._happen(_order(data))
-            case _Posted(content=content, at=0.0):
+                self._happen(ordered(data))
+            case Posted(content=content, at=0.0):
                 self._happen(Local(content))
-            case _Posted(content=content, at=at):
+            case Posted(content=content, at=at):
                 heapq.heappush(self._later, (at, id(item), content))
             case Token():
                 for change in self._peers.token(item.agent, item.incarnation, item.alive, clock.now(), item.journal):
@@ -262,14 +264,6 @@ class Shell:
                     self._changed(lost_or_back)
             case Ping():
                 self._pinged(item)
-
-    def _receipt(self, item: ReceiptBytes) -> AnyEvent:
-        try:
-            receipt = msgspec.msgpack.decode(item.data, type=Receipt)
-        except UNREADABLE as error:
-            return Garbled(f"receipt of {item.peer}", str(error))
-        self._unheard.receipted(item.peer)
-        return receipted(item.peer, receipt, *item.journals)
 
     def _changed(self, change: PeerChanged | LinkChanged) -> None:
         if isinstance(change, PeerChanged):
@@ -324,9 +318,9 @@ class Shell:
     def _carry_out(self, out: Out, after: CoreState) -> list[int]:
         """Do what comes after the record, in this order; return the bytes of each communicate sent."""
         assert self._wire is not None
-        for receipt in out.receipts:
-            self._wire.send_receipt(receipt)
-        sizes = [self._wire.send(one, preceding(after, one)) for one in out.sends]
+        for one in out.receipts:
+            self._wire.send_receipt(one)
+        sizes = [self._wire.send(said, preceding(after, said)) for said in out.sends]
         for content in out.tells:
             self._device.tell(content)
         return sizes
@@ -362,47 +356,6 @@ class Shell:
         heartbeat.write(self._options.run_dir, whole, beat)
         if self._wire is not None:
             self._wire.publish("state", msgspec.json.encode(beat))
-
-
-class _Posted(msgspec.Struct, frozen=True):
-    """A device's word; `at` 0: now."""
-
-    content: Any
-    at: float
-
-
-class _Desk:
-    """The outlet by which devices post and publish."""
-
-    def __init__(self, floor: Floor, wire: ZenohWire) -> None:
-        self._floor, self._wire = floor, wire
-
-    def __call__(self, content: Any, delay_s: float = 0.0) -> None:
-        self._floor.post(_Posted(content, clock.now() + delay_s if delay_s > 0.0 else 0.0))
-
-    def publish(self, kind: str, data: bytes) -> None:
-        self._wire.publish(kind, data)
-
-
-def _order(data: bytes) -> AnyEvent:
-    """The order in what came, if it is one."""
-    try:
-        return Ordered(msgspec.msgpack.decode(data, type=Command))
-    except UNREADABLE as error:
-        return Garbled("order", str(error))
-
-
-def _opened(item: Bytes) -> AnyEvent:
-    """The communicate in what came, if it is one and says what its key says (the router's rights go by the key)."""
-    try:
-        communicate = decode(item.data)
-    except MalformedError as error:
-        return Garbled(item.key, str(error))
-    one = communicate
-    says = (one.sender, one.receiver, one.protocol, one.performative)
-    if item.told != says:
-        return Garbled(item.key, f"the communicate says {'/'.join(says)}", forged=True)
-    return Arrived(communicate, *item.journals, item.after)
 
 
 def _made(make: Callable[[], Shell], disk: FullDisk, options: Options) -> Shell:

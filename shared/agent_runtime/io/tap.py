@@ -13,7 +13,7 @@ import zenoh
 from agent_runtime.core.wiring import HOUSE, service_key
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.zenoh_wire import open_client
+from agent_runtime.io.sessions import open_client
 
 RECORDER = "monitor"
 """The identity that hears everything, where there are keys."""

@@ -18,7 +18,7 @@ from agent_runtime.core.streams import RESEND_FIRST, parse_observation
 from agent_runtime.core.wiring import Delivery, Wiring, communicate_key, service_key
 from agent_runtime.io.message_size import put
 from agent_runtime.io.one_reader import OneReaderQueue
-from agent_runtime.io.zenoh_wire import free_endpoint, open_client, open_router
+from agent_runtime.io.sessions import free_endpoint, open_client, open_router
 from agent_runtime.testing.stand_in import StandInError
 from fipa_codec.communicate import UNREADABLE, Communicate, decode, encode, number_of
 from fipa_codec.errors import FipaError

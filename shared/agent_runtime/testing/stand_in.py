@@ -22,10 +22,12 @@ from agent_runtime.core.state import Outgoing, Record
 from agent_runtime.core.streams import RESEND_FIRST
 from agent_runtime.core.wiring import Delivery, Wiring, parse_life, service_key
 from agent_runtime.io.inbox import Inbox
+from agent_runtime.io.incoming import NAMELESS, Bytes, Ping, ReceiptBytes, Token
 from agent_runtime.io.journal import Journal, journal_file, new_name
 from agent_runtime.io.message_size import put
 from agent_runtime.io.one_reader import OneReaderQueue
-from agent_runtime.io.zenoh_wire import NAMELESS, Bytes, Ping, ReceiptBytes, Token, ZenohWire, open_client
+from agent_runtime.io.sessions import open_client
+from agent_runtime.io.zenoh_wire import ZenohWire
 from fipa_codec.communicate import UNREADABLE, Communicate, decode_strictly, encode_strictly, number_of
 from fipa_codec.errors import MalformedError
 

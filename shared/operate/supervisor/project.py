@@ -15,8 +15,8 @@ import typer
 
 from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.options import Options
+from agent_runtime.io.sessions import free_endpoint
 from agent_runtime.io.tap import Sample, Tap, open_tap
-from agent_runtime.io.zenoh_wire import free_endpoint
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
 from operate.run_folder import ProcessState

@@ -12,8 +12,8 @@ import msgspec
 import pytest
 from synthetic import Run
 
+from agent_runtime.io.sessions import client_config, free_endpoint
 from agent_runtime.io.tap import Sample
-from agent_runtime.io.zenoh_wire import client_config, free_endpoint
 from operate.recording import mcap_file
 from operate.recording.records import Garbage, Resumed, Spoken
 

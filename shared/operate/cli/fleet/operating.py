@@ -15,7 +15,7 @@ from agent_runtime.io import message_size
 from agent_runtime.io.reaching import why_not
 from agent_runtime.io.run_files import KEYS_VARIABLE
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.zenoh_wire import open_client
+from agent_runtime.io.sessions import open_client
 from operate.cli.errors import FleetError
 from operate.cli.fleet import identity
 from operate.cli.fleet.identity import OPERATOR

@@ -1,0 +1,56 @@
+"""What an agent hears of the router, as it came off the wire: nothing is decoded yet."""
+
+import msgspec
+
+NAMELESS = ("", "")
+"""Names of journals where none are said."""
+
+
+class Bytes(msgspec.Struct, frozen=True):
+    """A communicate as it came off the wire, not decoded yet; `told`: what its key says of it.
+
+    That is sender, receiver, protocol and performative. `journals`, `after`: see Arrived.
+    """
+
+    key: str
+    told: tuple[str, ...]
+    data: bytes
+    journals: tuple[str, str] = NAMELESS
+    after: bytes = b""
+
+
+class ReceiptBytes(msgspec.Struct, frozen=True):
+    """A receipt of `peer` as it came."""
+
+    peer: str
+    data: bytes
+    journals: tuple[str, str] = NAMELESS
+
+
+class OrderBytes(msgspec.Struct, frozen=True):
+    """An order of the operator as it came."""
+
+    data: bytes
+
+
+class Ping(msgspec.Struct, frozen=True):
+    """`peer` asks whether we are there (answer with a pong), or (`pong`) answers."""
+
+    peer: str
+    channel: bytes
+    pong: bool
+
+
+class Token(msgspec.Struct, frozen=True):
+    """The liveliness token of an agent's incarnation appeared or vanished."""
+
+    agent: str
+    incarnation: int
+    alive: bool
+    journal: str = ""
+
+
+class RouterSeen(msgspec.Struct, frozen=True):
+    """The transport to the router opened (`up`) or closed."""
+
+    up: bool

@@ -1,0 +1,166 @@
+"""Sessions of Zenoh, of a client and of the fleet's router: their settings, and the reasons.
+
+Scouting off (no way around the router's rights), lease 2 s (a frozen process is seen in 1.6-2.0 s, a pause of 1.2 s is
+not), fast reconnect, a frozen peer holds nobody up for more than 0.1 s, no message beyond LONGEST, shared memory off
+(852 kB in a third of the time, but messages of one process were lost after another was killed, and nobody was told).
+All measured with eclipse-zenoh 1.10.2.
+"""
+
+import ctypes
+import json
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+
+from agent_runtime.io.message_size import LONGEST
+from agent_runtime.io.reaching import Tries
+
+LEASE_MS = 2000
+KEPT_BYTES = 128 * 1024 * 1024
+"""Free memory that a process keeps (estimate: some dozen of the largest messages, MAX_BYTES, with their copies)."""
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # glibc's malloc.h; its largest mmap threshold is 32 MB
+_QUEUE = {"interactive_high": 16, "data": 16, "data_low": 16}
+"""Batches (64 kB each) of a priority that may be on the way; the default of 2 holds an answer of 852 kB up by 20 %."""
+ROUTER_PATIENCE_MS, CLIENT_PATIENCE_MS = 100, LEASE_MS
+"""Longest time that a receiver that takes nothing delays its senders, before what it does not take is dropped (at the
+router, _DROPPED_AT_LAST) or the session is closed.
+
+The router must lose its patience well before a client does: while it waits for a slow monitor, it reads nothing from
+the sender either. With 500 ms at both the sender's session was closed, and a healthy receiver got 45, 88, 150 of 150
+messages of 852 kB; so all 150, three times (measured).
+"""
+OPEN_MS = LEASE_MS
+"""Longest try of one of two routers. One that hangs still takes connections, and Zenoh's 10 s would be waited for
+before the other is tried: 4 instead of 12 s of silence where the first one of the list hangs (measured).
+"""
+MORE_SESSIONS = 20
+"""Sessions at a router beside one of each identity that has rights there; more are refused. Estimate: a dozen verbs of
+`roco` that listen, and processes that come back before their last session has ended.
+
+The companion's ten identities may have 30 then: with an unfinished message of 7.9 MB each a router took 231 MiB
+(measured), and its container has 256.
+"""
+_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+_DROPPED_AT_LAST = {
+    "messages": ["put"],
+    "key_exprs": ["**"],
+    "flows": ["egress"],
+    "overwrite": {"congestion_control": "drop"},
+}
+"""A router drops what a receiver does not take in time, whatever its sender asked for, and keeps the session.
+
+Else whoever puts faster than a receiver takes cuts it off: with 60,000 messages a second co lost its router 4 times in
+8 s, and not once so (benchmarks/floods.py).
+"""
+_NO_SCOUTING = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
+
+
+def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Config:
+    """Configuration of every agent. `endpoint` like tcp/127.0.0.1:7447; with `tls` (secured.client_tls) tls/...
+
+    Of two linked routers, comma between, it has a session to one, and goes to the other when that is lost.
+    """
+    endpoints = endpoint.split(",")
+    parts: dict[str, Any] = {
+        "mode": "client",
+        "connect": {"endpoints": endpoints, "timeout_ms": 0, "retry": _RETRY},
+        "scouting": _NO_SCOUTING,
+        "transport": _transport(tls, CLIENT_PATIENCE_MS, router=False),
+    }
+    if len(endpoints) > 1:
+        parts["transport"]["unicast"] = {"open_timeout": OPEN_MS}
+    return zenoh.Config.from_json5(json.dumps(parts))
+
+
+def router_config(
+    endpoint: str,
+    tls: dict[str, Any] | None = None,
+    access_control: dict[str, Any] | None = None,
+    links: tuple[str, ...] = (),
+) -> zenoh.Config:
+    """Configuration of the fleet's router. With keys (secured.router_tls) it grants the rights of `access_control`.
+
+    `endpoint`: several, comma between, are independent: a flood of handshakes at one locks that one alone.
+    `links`: endpoints of other routers; it listens whether they are there or not, and joins them whenever they are.
+    """
+    parts: dict[str, Any] = {
+        "mode": "router",
+        "listen": {"endpoints": endpoint.split(",")},
+        "connect": {"endpoints": list(links), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
+        "scouting": _NO_SCOUTING,
+        "transport": _transport(tls, ROUTER_PATIENCE_MS, router=True),
+        "adminspace": {"enabled": True},
+        "qos": {"network": [_DROPPED_AT_LAST]},
+    }
+    if access_control is not None:
+        parts["access_control"] = access_control
+        parts["transport"]["unicast"] = {"max_sessions": len(access_control.get("subjects", ())) + MORE_SESSIONS}
+    return zenoh.Config.from_json5(json.dumps(parts))
+
+
+def _transport(tls: dict[str, Any] | None, patience_ms: int, *, router: bool) -> dict[str, Any]:
+    patience = patience_ms * 1000
+    waiting = {
+        "block": {"wait_before_close": patience},
+        "drop": {"wait_before_drop": patience, "max_wait_before_drop_fragments": patience} if router else {},
+    }
+    link: dict[str, Any] = {
+        "tx": {"lease": LEASE_MS, "keep_alive": 4, "queue": {"size": _QUEUE, "congestion_control": waiting}},
+        "rx": {"max_message_size": LONGEST},
+    }
+    return {"link": link if tls is None else link | {"tls": tls}, "shared_memory": {"enabled": False}}
+
+
+def keep_memory() -> None:
+    """Let the C library keep memory that large messages need repeatedly; else each page is mapped again each time.
+
+    An answer of 852 kB through two agents takes two thirds of the time with it (benchmarks/communicates.py). Of glibc;
+    elsewhere nothing happens.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_M_TRIM_THRESHOLD, KEPT_BYTES)
+        mallopt(_M_MMAP_THRESHOLD, KEPT_BYTES // 4)
+
+
+def open_router(
+    endpoint: str,
+    tls: dict[str, Any] | None = None,
+    access_control: dict[str, Any] | None = None,
+    links: tuple[str, ...] = (),
+) -> zenoh.Session:
+    """A router in this process; when this returns it listens. Raises zenoh.ZError where the address is taken."""
+    keep_memory()
+    return zenoh.open(router_config(endpoint, tls, access_control, links))
+
+
+def open_client(
+    endpoint: str,
+    give_up: Callable[[], bool],
+    every_s: float = 0.1,
+    tls: dict[str, Any] | None = None,
+    told: Callable[[str], None] = lambda why: None,
+) -> zenoh.Session | None:
+    """A session, as soon as the router is there; None when `give_up` says so first. Blocks for one try at a time.
+
+    `told` gets the reason where it takes longer, and again where it is another one.
+    """
+    keep_memory()
+    tries = Tries(endpoint, tls, told)
+    while not give_up():
+        try:
+            return zenoh.open(client_config(endpoint, tls))
+        except zenoh.ZError:
+            tries.failed()
+            time.sleep(every_s)  # a try without a router ends after 6 ms
+    return None
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint whose port nobody uses now."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{one.getsockname()[1]}"

@@ -1,0 +1,56 @@
+"""Observations that ta tells km."""
+
+import msgspec
+
+from companion.languages.values import BodyPosture, Pose, Side
+
+
+class Observation(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+    """An observation that ta tells km, one subject each: the newest one of a subject is the true one."""
+
+
+class SeenObject(Observation, frozen=True):
+    object: str
+    model: str
+    pose: Pose
+    at: float
+
+
+class SeenBody(Observation, frozen=True):
+    body: BodyPosture
+
+
+class SeenHand(Observation, frozen=True):
+    """The content of a hand; object "" when it is empty."""
+
+    side: Side
+    object: str = ""
+    grasp: str = ""
+    pose: Pose | None = None
+
+
+class SeenContent(Observation, frozen=True):
+    """The content of `source` was poured into `destination`."""
+
+    source: str
+    destination: str
+
+
+class NothingSeen(Observation, frozen=True):
+    """A look around is over, and showed nothing: why. One that showed something ends with the posture."""
+
+    reason: str
+
+
+class WorldLost(Observation, frozen=True):
+    """A new simulated world was made, so no earlier observation holds; the reason. A look around follows."""
+
+    reason: str
+
+
+AnySight = SeenObject | SeenBody | SeenHand | SeenContent
+AnyObservation = AnySight | NothingSeen | WorldLost
+
+
+class ObserveWorld(msgspec.Struct, frozen=True, tag=True):
+    """Subscribe: tell me what is observed from now on."""
