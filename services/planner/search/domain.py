@@ -35,6 +35,7 @@ TASKS: dict[str, int] = {
 }
 """Tasks that can be asked for, with the number of their arguments."""
 MOST_REJECTED, LONGEST_WHY = 24, 100  # of a search, the first ones; characters of a reason: 4 kB hold them (estimates)
+GRASPS_TRIED = ("1", "2", "3", "4")  # from which a thing is to be held out (estimate: a try takes seconds)
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 
@@ -70,7 +71,7 @@ class Search:
     def _declare(self) -> None:
         gtpyhop.set_current_domain(self.domain)
         gtpyhop.declare_actions(
-            self._action("a_take", lambda s, n, side: take(self.geometry, s.km, n, Side(side))),
+            self._action("a_take", lambda s, n, side, *number: take(self.geometry, s.km, n, Side(side), *number)),
             self._action("a_carry", lambda s, side: carry(self.geometry, s.km, Side(side))),
             self._action("a_place", lambda s, side: place(self.geometry, s.km, Side(side))),
             self._action("a_offer", lambda s, side: offer(self.geometry, s.km, Side(side))),
@@ -86,6 +87,7 @@ class Search:
         self._bind(TaskName.POUR, *both(methods.pour_into_standing), *both(methods.pour_taking_both))
         self._bind(TaskName.TAKE, methods.take_nothing, methods.take_over, *both(methods.take_with))
         self._bind(TaskName.BRING, *both(methods.bring_with))
+        self._bind("hold_out", *(self._numbered(methods.hold_out_at_try, number) for number in GRASPS_TRIED))
         self._bind(TaskName.SWAP_HANDS, methods.swap_hands)
         self._bind(TaskName.PUT_DOWN, methods.put_down)
         for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN):
@@ -164,6 +166,13 @@ class Search:
 
         sided.__name__ = f"{method.__name__}_{side}"
         return sided
+
+    def _numbered(self, method: Callable[..., Subtasks | None], number: str) -> Callable[..., Subtasks | None]:
+        def numbered(km: str, *arguments: str) -> Subtasks | None:
+            return method(km, number, *arguments)
+
+        numbered.__name__ = f"{method.__name__}_{number}"
+        return numbered
 
     # --- actions without a step ---------------------------------------------------------------------------------------
 

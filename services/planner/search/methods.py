@@ -119,9 +119,15 @@ class Methods:
         if side not in ("", hand):
             return None
         holder = self.facts.holder(km, name)
-        if holder is not None and holder is not hand:
-            return [(TaskName.TAKE, name, hand)] if side else None
-        return [(TaskName.TAKE, name, hand), ("a_offer", hand)]
+        if holder is None:
+            return None if self.facts.in_hand(km, hand) else [("hold_out", name, hand)]
+        if holder is hand:
+            return [("a_offer", hand)]
+        return [(TaskName.TAKE, name, hand)] if side else None
+
+    def hold_out_at_try(self, km: str, number: str, name: str, hand: Side) -> Subtasks | None:
+        """Take it by some grasp, from which it can be held over a place: not every one leaves a way there."""
+        return [("a_take", name, hand, number), ("a_offer", hand)]
 
     def swap_hands(self, km: str, name: str) -> Subtasks | None:
         """Put down what is held, look at it, take it with the other hand to where that one could put it down."""
@@ -133,7 +139,7 @@ class Methods:
         if other := self.facts.in_hand(km, OTHER[side]):
             self.failed(f"the {OTHER[side]} hand holds {other}")
             return None
-        return [(TaskName.PUT_DOWN, thing), ("a_look", thing), ("a_take", thing, OTHER[side]), ("a_offer", OTHER[side])]
+        return [(TaskName.PUT_DOWN, thing), ("a_look", thing), ("hold_out", thing, OTHER[side])]
 
     def put_down(self, km: str, name: str) -> Subtasks | None:
         """Put it down and bring the hand home."""

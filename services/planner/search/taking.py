@@ -21,13 +21,16 @@ ANY_TORSO = (-0.9, 0.9)  # [rad] range of the torso at a grasp; same runs; never
 TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (-1.0, 1.0)}  # [rad], same runs
 
 
-def take(geometry: Geometry, state: str, name: str, side: Side) -> Step | None:
-    """Return the step that grasps an object where it stands and pulls it out; the hand must be empty."""
+def take(geometry: Geometry, state: str, name: str, side: Side, *number: str) -> Step | None:
+    """Return the step that grasps an object where it stands and pulls it out; the hand must be empty.
+
+    `number`: of the try, each of which may choose another grasp.
+    """
     here = geometry.at(state)
     known = preferred(geometry, state, name)
     target = _target(geometry, state, name, known[0].out)
     found = approaches(
-        geometry.robot, here.world, side, here.q, target, ways(known), geometry.rng("take", name, side),
+        geometry.robot, here.world, side, here.q, target, ways(known), geometry.rng("take", name, side, *number),
         torso=TORSO.get(known[0].kind, ANY_TORSO), wanted=GRASPS,
     )  # fmt: skip
     if not found:
