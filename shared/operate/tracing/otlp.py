@@ -43,8 +43,7 @@ def exported(trace: Trace, roots: Sequence[Span]) -> dict[str, Any]:
 
 
 def _span(trace: Trace, name: str, span: Span, kind: int, parent: str) -> dict[str, Any]:
-    """Return one side of a conversation; the participant's begins when the opening was heard."""
-    start = span.start if kind == CLIENT else max(span.start, min(span.messages[0].heard, span.end))
+    """Return one side of a conversation; no recording says when the participant took the opening, so both begin alike."""
     side = span.initiator if kind == CLIENT else span.participant
     status = {"code": ERROR, "message": span.last.reason} if span.bad else {"code": OK} if span.ended else {}
     return {
@@ -53,7 +52,7 @@ def _span(trace: Trace, name: str, span: Span, kind: int, parent: str) -> dict[s
         **({"parentSpanId": parent} if parent else {}),
         "name": f"{span.protocol} {span.text}".strip(),
         "kind": kind,
-        "startTimeUnixNano": _nano(start),
+        "startTimeUnixNano": _nano(span.start),
         "endTimeUnixNano": _nano(span.end),
         "attributes": _attributes(
             {

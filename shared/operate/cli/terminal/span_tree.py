@@ -10,8 +10,8 @@ from rich.text import Text
 from operate.cli.terminal.sequence import seconds
 from operate.tracing.trace import Known, Message, Span, Trace
 
-BAR = 24
-"""Columns of the bars."""
+MOST_BAR, LEAST_BAR = 24, 12
+"""Columns of the bars: a fifth of the width, within these bounds (estimates)."""
 ALIKE = 4
 """So many conversations of the same kind in a row become one line (estimate: fewer are read one by one)."""
 RESTING = "subscribe"
@@ -37,17 +37,23 @@ def drawn(trace: Trace, root: Span, width: int, *, every: bool = False) -> Table
     """Return the tree below a span; `every`: also many alike get a line each."""
     lines = list(_lines(trace, root, every=every))
     until = max(line.end or line.start for line in lines)
+    bar = min(MOST_BAR, max(LEAST_BAR, width // 5))
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim", width=width)
     table.add_column(f"{root.id}", no_wrap=True, overflow="ellipsis", ratio=1)
     table.add_column("", no_wrap=True)
+    if any(line.result for line in lines):
+        table.add_column("", no_wrap=True)
     table.add_column("at", no_wrap=True, justify="right")
     table.add_column("took", no_wrap=True, justify="right")
-    table.add_column("", no_wrap=True, width=BAR)
+    table.add_column("", no_wrap=True, width=bar)
     for line in lines:
-        what = Text.assemble((line.branch, "dim"), line.what, ("  " + line.result if line.result else "", line.style))
+        what = Text.assemble((line.branch, "dim"), line.what)
         at = f"{'~ ' if line.guessed else ''}{line.start - trace.begin:.3f}"
         took = "" if line.end is None else seconds(line.end - line.start)
-        table.add_row(what, Text(line.who, "dim"), at, took, Text(_bar(line, root.start, until), line.style))
+        ended = [Text(line.result, line.style)] if any(one.result for one in lines) else []
+        table.add_row(
+            what, Text(line.who, "dim"), *ended, at, took, Text(_bar(line, root.start, until, bar), line.style)
+        )
     if any(line.guessed for line in lines):
         table.caption, table.caption_justify = NOTE, "left"
     return table
@@ -69,11 +75,8 @@ def listed(trace: Trace, width: int) -> Table:
 
 
 def result(span: Span) -> str:
-    """Return how a conversation ended, in a word or its reason; that it goes on where it did not."""
-    if not span.ended:
-        return "open"
-    last = span.last
-    return f"{last.performative}: {last.reason}" if span.bad and last.reason else last.performative if span.bad else ""
+    """Return the act of a no that ended a conversation, "open" where it goes on, else ""."""
+    return "open" if not span.ended else span.last.performative if span.bad else ""
 
 
 def style_of(span: Span) -> str:
@@ -138,11 +141,11 @@ def _beside(said: tuple[Message, ...], branch: str) -> Line:
     return Line(branch, what, f"{said[0].sender} > {said[0].receiver}", said[0].sent, None, "dim", guessed)
 
 
-def _bar(line: Line, begin: float, until: float) -> str:
+def _bar(line: Line, begin: float, until: float, columns: int) -> str:
     """Return a bar from the start of a line to its end, at the scale of the tree; a mark for a moment."""
-    scale = BAR / (until - begin) if until > begin else 0.0
-    left = min(BAR - 1, max(0, int((line.start - begin) * scale)))
+    scale = columns / (until - begin) if until > begin else 0.0
+    left = min(columns - 1, max(0, int((line.start - begin) * scale)))
     if line.end is None:
         return " " * left + "·"
-    right = min(BAR, max(left + 1, round((line.end - begin) * scale)))
+    right = min(columns, max(left + 1, round((line.end - begin) * scale)))
     return " " * left + "━" * (right - left)

@@ -1,0 +1,65 @@
+"""`roco why` of the Robot Companion on a recorded pour: plans and beliefs, as what was said has them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from operate.cli.__main__ import app
+
+POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
+
+
+def asked(*words: str) -> Any:
+    """What a verb prints for programs of this run."""
+    done = CliRunner().invoke(app, [*words, "--run", str(POUR), "--format", "json"])
+    assert done.exit_code == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def told(why: Any, title: str) -> list[str]:
+    """The sentences of a passage."""
+    return next([fact["text"] for fact in one["facts"]] for one in why["passages"] if one["title"] == title)
+
+
+def test_the_newest_task_is_meant_where_none_is_named() -> None:
+    """The only one here."""
+    assert asked("why") == asked("why", "hi-1-1")
+
+
+def test_why_two_plans() -> None:
+    """The first one says that it ends with a new plan and ended so, with the reason; the second one succeeded."""
+    why = asked("why")
+    plans, went = told(why, "why these plans"), told(why, "how they went")
+    assert [text for text in plans if text.startswith("co asked")] == [
+        "co asked pl for plan 1: pour jar bowl",
+        "co asked pl for plan 2: pour jar bowl",
+    ]
+    assert "pl found plan 1 with 91 answers of km, to take 48 s: take jar, carry jar, take bowl" in plans[1]
+    assert went[0].startswith("ta ended plan 1 with Replan after 11 acts: ")
+    assert went[1].startswith("ta ended plan 2 with Succeeded after 2 acts")
+
+
+@pytest.mark.parametrize("name", ["jar", "jar_1"])
+def test_what_is_believed_of_a_thing_is_what_ask_answers(name: str) -> None:
+    """Where it is and since when, and which observation of whom that is."""
+    query = "SELECT ?where ?since WHERE { GRAPH ?said { thing:jar_1 roco:isIn ?where } ?said roco:toldAt ?since }"
+    (row,) = asked("ask", query, "--at", "12")["results"]["bindings"]
+    why = asked("why", name, "--at", "12")
+    facts = why["passages"][0]["facts"]
+    at = next(n for n, fact in enumerate(facts) if "it is in cabinet 2" in fact["text"])
+    assert facts[at]["at"] - why["begin"] == pytest.approx(float(row["since"]["value"]), abs=0.002)
+    assert facts[at]["record"] == "C6 ta > km inform, id object/jar_1@1.8"
+    assert facts[at + 1]["text"].startswith("ta told km so (object/jar_1); ex had reported it at the end of “look”")
+
+
+def test_beliefs_change() -> None:
+    """In the hand it is in no cabinet; after the pour its content is in the bowl; nothing was believed before a look."""
+    held = str(asked("why", "jar", "--at", "30"))
+    assert "the left hand holds it" in held
+    assert "it is in cabinet" not in held
+    assert "its content is in bowl" in str(asked("why", "jar"))
+    done = CliRunner().invoke(app, ["why", "jar", "--at", "3", "--run", str(POUR)])
+    assert (done.exit_code, "is no task of this run" in done.stderr) == (2, True)

@@ -1,0 +1,109 @@
+"""`roco why` and `roco trace` on whole stories of the fleet: the true cause of each end, from step logs alone."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from logged_fleet import Logged
+from pretended_fleet import Fleet
+
+from operate.tracing.reasons import Why
+from operate.tracing.trace import Known
+from services.human_interface.grammar import understand
+from services.human_interface.local import Said
+
+POUR = "pour the content of the jar into the bowl"
+
+
+@pytest.fixture
+def logged(fleet: Fleet, tmp_path: Path) -> Iterator[Logged]:
+    """A fleet whose steps are logged."""
+    made = Logged(fleet, tmp_path)
+    yield made
+    made.close()
+
+
+def told(why: Why, title: str) -> list[str]:
+    """The sentences of a passage; [] where there is none."""
+    return next(([fact.text for fact in one.facts] for one in why.passages if one.title == title), [])
+
+
+def running(fleet: Fleet, act: str) -> None:
+    """Go on until the oldest task that has not ended is in this act."""
+    fleet.wires.run(lambda: any(act in task.text for task in fleet.tasks if task.state == "running"), limit_s=300.0)
+
+
+def test_a_thing_that_is_not_there(logged: Logged) -> None:
+    """The end has the planner's reason, and is followed back over pl to what the person asked."""
+    logged.fleet.world.poses.pop("jar_1")
+    logged.fleet.say(POUR)
+    assert logged.fleet.finish() == ["failed"]
+    why = logged.why()
+    ended, asked = told(why, "how it ended"), told(why, "why these plans")
+    assert "co said failure to hi: failed: no jar or no bowl has been seen" in ended[0]
+    assert ended[1].startswith("because pl said failure to co: no plan: no jar or no bowl")
+    assert ended[-2].startswith("because hi said request to co: pour into jar bowl")
+    assert "hi was told from outside" in ended[-1]
+    assert asked[-1].startswith("pl found no plan 1: no jar or no bowl has been seen")
+
+
+def test_a_cancel(logged: Logged) -> None:
+    """The end is followed back through ta and ex to the person's cancel."""
+    logged.fleet.say(POUR)
+    running(logged.fleet, "grasp")
+    logged.fleet.cancel()
+    assert logged.fleet.finish() == ["cancelled"]
+    ended = told(logged.why(), "how it ended")
+    chain = ["ta said inform to co: Preempted", "co said cancel to ta", "hi said cancel to co"]
+    places = [next(n for n, text in enumerate(ended) if link in text) for link in chain]
+    assert places == sorted(places)
+    assert "hi was told from outside" in ended[-1]
+
+
+@pytest.mark.parametrize("agent", ["pl", "ta"])
+def test_an_agent_that_was_killed(logged: Logged, agent: str) -> None:
+    """It is told that it was away, and, where its act was lost, why the plan was made anew."""
+    logged.fleet.say(POUR)
+    running(logged.fleet, "grasp" if agent == "ta" else "plan 1")
+    logged.fleet.wires.kill(agent, restart_s=2.0)
+    assert logged.fleet.finish() == ["done"]
+    assert any(text.startswith(f"{agent} was gone") for text in told(logged.why(), "who was away"))
+
+
+def test_a_task_that_was_left(logged: Logged) -> None:
+    """The scheduler's decision with its numbers, when it was left, put aside and taken up; the urgent one has none."""
+    logged.fleet.say(POUR)
+    running(logged.fleet, "grasp")
+    urgent_wish = "look around"
+    logged.fleet.wires.post("hi", Said("urgent", urgent_wish, understand(urgent_wish), urgency=1))
+    assert logged.fleet.finish(2) == ["done", "done"]
+    first, urgent = (task.task for task in logged.fleet.tasks)
+    waited = told(logged.why(first), "waiting and switching")
+    decision = f"{urgent} comes first: it is more urgent, 1 above 0"
+    assert [text.partition(":")[0] for text in waited] == [
+        "co took it", "co asked ta to leave the plan", "co put it aside", "co took it up again",
+    ]  # fmt: skip
+    assert waited[1] == f"co asked ta to leave the plan: {decision}; what is held is put down"
+    assert waited[2] == f"co put it aside: {decision}"
+    assert told(logged.why(urgent), "waiting and switching") == [
+        f"co took it: one task comes before it: {first} (under way)"
+    ]
+
+
+def test_what_each_agent_does_for_a_task_stands_below_it(logged: Logged) -> None:
+    """Of two tasks at once, each has its plans, its queries and its acts; every link is from a step log."""
+    logged.fleet.say(POUR)
+    logged.fleet.say("look around")
+    assert logged.fleet.finish(2) == ["done", "done"]
+    trace = logged.traced().trace
+    for task in (one for one in trace.roots if one.initiator == "hi"):
+        below = [span for _, span in trace.below(task)][1:]
+        assert {(span.initiator, span.participant) for span in below} >= {("co", "pl"), ("co", "ta"), ("ta", "ex")}
+        plans = {span.messages[0].text for span in below if span.participant == "pl"}
+        assert plans == {"ground task network"}
+        assert {span.known for span in below} == {Known.STEP}
+        for span in below:
+            assert task.start <= span.start
+            assert next(one for one in trace.spans if one.id == span.parent).participant == span.initiator
+    roots = {(one.initiator, one.protocol) for one in trace.roots}
+    assert roots == {("hi", "request"), ("km", "subscribe")}  # the first look is for km's sake

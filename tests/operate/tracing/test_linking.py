@@ -1,0 +1,109 @@
+"""Which conversation stands below which, and how that is known."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from operate.tracing.linking import Talk, spans
+from operate.tracing.trace import Known, Message, Span, Step
+
+
+def say(
+    sender: str, receiver: str, id: str, sent: float, conversation: str = "c", protocol: str = "request"
+) -> Message:
+    """A message that says no more than who, when and in which conversation."""
+    return Message(sender, receiver, id, "inform", protocol, "C1", conversation, sent, sent + 0.001)
+
+
+def talk(*messages: Message, ended: bool = True) -> Talk:
+    """The conversation of these messages, opened by the sender of the first."""
+    first = messages[0]
+    return Talk(first.conversation, first.protocol, "C1", first.sender, first.receiver, ended, messages)
+
+
+ORDER = talk(say("hi", "co", "1", 1.0, "order"), say("co", "hi", "1", 9.0, "order"))
+PLAN = talk(say("co", "pl", "1", 2.0, "plan"), say("pl", "co", "1", 3.0, "plan"))
+WORK = talk(say("co", "ta", "1", 3.5, "work"), say("ta", "co", "1", 8.0, "work"))
+
+
+def step(agent: str, at: float, took: Message | None, *said: Message, event: str = "Received", **more: object) -> Step:
+    """A step that took one message and said others."""
+    found = None if took is None else took.identity
+    return Step(agent, at, event, found, tuple(one.identity for one in said), **more)  # type: ignore[arg-type]
+
+
+def by_id(talks: Sequence[Talk], *steps: Step) -> dict[str, Span]:
+    """Spans by their id."""
+    return {one.id: one for one in spans(talks, steps)}
+
+
+TAKEN = step("co", 2.0, ORDER.messages[0], PLAN.messages[0])
+ANSWERED = step("co", 3.5, PLAN.messages[1], WORK.messages[0])
+
+
+def test_what_is_opened_for_a_request_stands_below_it_and_so_does_what_its_answer_leads_to() -> None:
+    """The plan is made for the order; the work begins when the plan is there, and is for the order, too."""
+    found = by_id([ORDER, PLAN, WORK], TAKEN, ANSWERED)
+    assert [found[name].parent for name in ("order", "plan", "work")] == ["", "order", "order"]
+    assert {found["plan"].known, found["work"].known} == {Known.STEP}
+
+
+def test_an_agent_knows_better_than_the_rule() -> None:
+    """The end of one order lets another begin: what is opened then is for the other one, and the agent says so."""
+    other = talk(say("hi", "co", "2", 4.0, "other"), say("co", "hi", "3", 20.0, "other"))
+    second = talk(say("co", "pl", "2", 8.5, "second"), say("pl", "co", "2", 9.5, "second"))
+    ended = step("co", 8.5, WORK.messages[1], second.messages[0])
+    talks, before = [ORDER, PLAN, WORK, other, second], (TAKEN, ANSWERED)
+    assert by_id(talks, *before, ended)["second"].parent == "order"
+    told = step("co", 8.5, WORK.messages[1], second.messages[0], parents=(("second", "other"),))
+    assert by_id(talks, *before, told)["second"].parent == "other"
+
+
+def test_without_logs_it_is_the_open_conversation_and_said_to_be_by_time() -> None:
+    """Of two that are open the newer one; none of a subscription, which is always open."""
+    newer = talk(say("hi", "co", "2", 1.5, "newer"), say("co", "hi", "3", 9.0, "newer"))
+    watch = talk(say("ox", "co", "1", 1.7, "watch", "subscribe"), ended=False)
+    found = by_id([ORDER, newer, watch, PLAN])
+    assert (found["plan"].parent, found["plan"].known) == ("newer", Known.TIME)
+    assert found["order"].parent == ""
+    late = talk(say("co", "pl", "7", 9.5, "late"))
+    assert by_id([ORDER, newer, late])["late"].parent == ""
+
+
+@pytest.mark.parametrize("event", ["Started", "PeerChanged pl"])
+def test_what_an_agent_opens_of_itself_is_for_nobodys_sake(event: str) -> None:
+    """A subscription after a restart is not part of the task that happens to be open."""
+    own = step("co", 2.0, None, PLAN.messages[0], event=event)
+    assert by_id([ORDER, PLAN], own)["plan"].parent == ""
+    local = step("co", 2.0, None, PLAN.messages[0], event="Local")
+    assert by_id([ORDER, PLAN], local)["plan"].parent == "order"
+
+
+def test_a_conversation_with_several_is_a_span_for_each() -> None:
+    """Their ids tell them apart; below each stands what that participant opened."""
+    one, other = talk(say("co", "pl", "1", 2.0, "call")), talk(say("co", "ta", "1", 2.0, "call"))
+    asked = talk(say("ta", "km", "1", 2.5, "asked"))
+    found = by_id([ORDER, one, other, asked], step("ta", 2.5, other.messages[0], asked.messages[0]))
+    assert found.keys() == {"order", "call/pl", "call/ta", "asked"}
+    assert found["asked"].parent == "call/ta"
+
+
+def test_an_answer_after_work_of_its_own_is_caused_by_the_request() -> None:
+    """The step took a device's word; by the protocol the message answers what was asked last."""
+    done = step("ta", 8.0, None, WORK.messages[1], event="Local")
+    (answer,) = by_id([ORDER, WORK], done)["work"].messages[1:]
+    assert (answer.cause, answer.known) == (WORK.messages[0].identity, Known.REPLY)
+
+
+def test_what_is_said_in_another_trace_stands_beside_its_cause() -> None:
+    """An answer in the work makes ta tell a subscriber something: a line of the work, no conversation of it."""
+    told = say("ta", "km", "5", 5.0, "watch", "subscribe")
+    watch = Talk("watch", "subscribe", "C6", "km", "ta", False, (say("km", "ta", "1", 0.5, "watch", "subscribe"), told))
+    act = talk(say("ta", "ex", "1", 4.0, "act"), say("ex", "ta", "1", 4.9, "act"))
+    found = by_id(
+        [watch, ORDER, WORK, act],
+        step("ta", 4.0, WORK.messages[0], act.messages[0]),
+        step("ta", 5.0, act.messages[1], told),
+    )
+    assert [one.identity for one in found["act"].beside] == [told.identity]
+    assert not found["watch"].beside
