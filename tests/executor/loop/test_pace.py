@@ -7,14 +7,17 @@ import msgspec
 import numpy as np
 import pytest
 
+from companion.tools.verbs import pace as console
 from companion.tools.verbs.pace import Pace
 from services.executor.loop import pace
 from services.executor.loop.core import LoopCore
-from services.executor.loop.link import Timing
+from services.executor.loop.link import AgentLink, LoopLink, Timing
 from services.executor.loop.pace import measure
 from services.executor.loop.timing import Pacer
 from velma.names import START
 from velma.sim.mock_backend import MockBackend
+
+PACED = {"p50": 10.0}  # lateness, which only a loop in real time counts
 
 
 class Slow(MockBackend):
@@ -79,7 +82,7 @@ class Late:
     """A pacer that has counted what it is told."""
 
     def __init__(self, missed, cycles=500, skipped=0):
-        self._timing = Timing(cycles=cycles, missed=missed, skipped=skipped, compute_us={"p50": 1.0})
+        self._timing = Timing(cycles, missed, skipped, PACED, {"p50": 1.0})
 
     def wait(self):
         """At once."""
@@ -91,18 +94,73 @@ class Late:
         return self._timing
 
 
-def test_the_program_measures_as_the_loop_runs(monkeypatch, capsys):
+@pytest.mark.parametrize(("refused", "realtime"), [("", True), ("no SCHED_FIFO", False)])
+def test_the_program_measures_as_the_loop_runs(monkeypatch, capsys, refused, realtime):
     """Priority first, then a robot at rest, memory kept still, and a line of JSON at the end."""
     done = []
-    monkeypatch.setattr(pace, "take_priority", lambda: done.append("priority"))
+
+    def measured(core, pacer):
+        done.append(core.cycles)
+        return pace.Pace(500, 0, True, pacer.timing().realtime, {})
+
+    monkeypatch.setattr(pace, "take_priority", lambda: done.append("priority") or refused)
     monkeypatch.setattr(pace, "still_memory", lambda: done.append("memory"))
     monkeypatch.setattr(pace, "MujocoBackend", lambda scene: done.append("robot") or MockBackend())
-    monkeypatch.setattr(pace, "measure", lambda core, pacer: done.append(core.cycles) or pace.Pace(500, 0, True, {}))
+    monkeypatch.setattr(pace, "measure", measured)
     pace.main()
     assert done == ["priority", "robot", "memory", 100]
     out = capsys.readouterr().out
     assert out.endswith("}\n")
-    assert msgspec.json.decode(out, type=Pace).held
+    found = msgspec.json.decode(out, type=Pace)
+    assert (found.held, found.realtime) == (True, realtime)
+
+
+def shown(folder, *timings):
+    """A loop's slot file with the first of these; the others come one at each pause of the watcher."""
+    link, left = LoopLink(folder / "loop.slots"), list(timings)
+
+    def show(_seconds=0.0):
+        link.show("timing", left.pop(0))
+
+    show()
+    return link.file.path, show
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [
+        (Timing(1000, 900, 0, PACED), Timing(2000, 950, 0, PACED), (1000, 50, True, False)),
+        (Timing(1000, 0, 500, PACED, {}, True), Timing(1900, 10, 600, PACED, {}, True), (1000, 110, False, True)),
+        (Timing(1000, 900, 0, PACED), Timing(1000, 900, 0, PACED), (0, 0, True, False)),
+        (Timing(1000, 0, 0), Timing(2000, 500, 0), (0, 0, True, False)),
+    ],
+    ids=["late before, not now", "skipped cycles are late", "stands still", "speed max"],
+)
+def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(tmp_path, monkeypatch, before, after, expected):
+    """What was late before counts for nothing; a loop without deadlines has no periods."""
+    slots, pause = shown(tmp_path, before, after)
+    monkeypatch.setattr(pace.time, "sleep", pause)
+    found = pace.watch(slots)
+    assert (found.periods, found.late, found.held, found.realtime) == expected
+
+
+def test_who_watches_a_loop_tells_it_nothing(tmp_path, monkeypatch):
+    """Its agent's heartbeat and commands stay as they are, and no robot is made."""
+    slots, pause = shown(tmp_path, Timing(0, 0, 0, PACED), Timing(500, 0, 0, PACED))
+    monkeypatch.setattr(pace.time, "sleep", pause)
+    monkeypatch.setattr(pace, "try_out", lambda: pytest.fail("a loop was tried out"))
+    before = AgentLink(slots)
+    numbers = {name: slot.number for name, slot in before.file.slots.items() if name != "timing"}
+    pace.main(slots)
+    assert {name: slot.number for name, slot in before.file.slots.items() if name != "timing"} == numbers
+
+
+@pytest.mark.process
+def test_the_console_is_told_of_no_pace_where_a_loop_stands_still(tmp_path):
+    """By the program, in a process of its own; nor where there is no loop."""
+    slots, _ = shown(tmp_path, Timing(500, 0, 0, PACED))
+    assert console.measure(slots) is None
+    assert console.measure(tmp_path / "nowhere") is None
 
 
 @pytest.mark.process

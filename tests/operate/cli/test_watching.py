@@ -15,6 +15,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner, Result
 
+from companion.run_files import SLOTS_FILE
 from companion.tools.verbs import checkup, pace
 from operate.cli.__main__ import app
 from operate.cli.fleet import checkup_machine
@@ -136,25 +137,57 @@ def test_doctor_names_what_died_and_what_was_left_behind(
 
 
 @pytest.mark.parametrize(("late", "level"), [(20, "fine"), (300, "wrong")])
-def test_doctor_says_whether_real_time_can_be_held(
-    late: int, level: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("runs", [False, True])
+def test_doctor_says_whether_real_time_is_held(
+    late: int, level: str, runs: bool, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By a second of the loop, and what to do where it cannot."""
+    """Without a fleet by a loop that is tried out, else by the one that runs; and what to do where it is not held."""
+    asked: list[Path | None] = []
+
+    def measure(slots: Path | None = None) -> pace.Pace:
+        asked.append(slots)
+        return pace.Pace(500, late, held=late < 50)
+
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pace, "measure", lambda: pace.Pace(500, late, held=late < 50))
-    check = next(iter(checkup.real_time()))
-    assert check.level == level
-    assert ("real time cannot be held" in check.what) == (level == "wrong")
-    assert ("--speed max" in check.remedy) == (level == "wrong")
-    assert f"{late / 5:.0f} % of the control loop's cycles" in check.what
+    monkeypatch.setattr(pace, "measure", measure)
+    monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(checkup_machine.imports, ("msgspec",)))
+    if runs:
+        named(run, "loop")
+        (tmp_path / "runs").symlink_to(run.parent)
+    done = roco("doctor", *(["--run-dir", run] if runs else []), "--format", "json")
+    (check,) = [check for check in json.loads(done.stdout)["checks"] if check["name"] == "real time"]
+    assert asked == [run / SLOTS_FILE if runs else None]
+    assert check["level"] == level
+    assert ("real time cannot be held" in check["what"]) == (level == "wrong")
+    assert ("--speed max" in check["remedy"]) == (level == "wrong")
+    assert f"{late / 5:.0f} % of the control loop's cycles" in check["what"]
+    assert (done.exit_code == 1) >= (level == "wrong")
 
 
-def test_doctor_times_no_loop_beside_a_fleet(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both would be late; nor where nothing can be measured."""
+def named(run: Path, name: str) -> None:
+    """Call the process of a pretended fleet so."""
+    fleet = json.loads((run / "fleet.json").read_bytes())
+    fleet["processes"][0]["name"] = name
+    (run / "fleet.json").write_text(json.dumps(fleet))
+
+
+def test_doctor_asks_nobody_about_a_loop_that_does_not_run(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside a fleet none is tried out either: both would be late."""
     monkeypatch.chdir(run.parent)
     monkeypatch.setattr(folders, "RUNS", run.parent)
-    monkeypatch.setattr(pace, "measure", lambda: pytest.fail("a loop was timed"))
-    assert [check.what for check in checkup.real_time() if "late" in check.what] == []
+    monkeypatch.setattr(pace, "measure", lambda *_: pytest.fail("a loop was timed"))
+    assert list(checkup.real_time()) == []
+    assert list(checkup.loop(Local(run), Local(run).look())) == []
+
+
+@pytest.mark.parametrize("realtime", [False, True])
+def test_doctor_says_whether_the_loop_gets_its_priority(
+    realtime: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the loop found it, not as the rights of this user let one expect."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(pace, "measure", lambda: pace.Pace(500, 0, held=True, realtime=realtime))
+    assert [check.level for check in checkup.real_time() if check.name == "priority"] == ["note"] * (not realtime)
 
 
 def test_the_load_of_a_fleet_of_ones_own_is_only_told(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,15 +1,16 @@
 """Checks of `roco doctor` for this robot: libraries, whether real time can be held, a_hi."""
 
-import os
-import resource
 from collections.abc import Iterator
 from functools import partial
 
+from companion.run_files import SLOTS_FILE
 from companion.tools.verbs import pace
 from companion.tools.verbs.hi import HI, tasks
+from companion.tools.verbs.real_robot import LOOP
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import checkup_machine, running_fleets
 from operate.cli.fleet.checkup import Check, Checks, Level
+from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look
 from operate.cli.fleet.targets import Target
 
@@ -33,22 +34,32 @@ def person(fleet: Target, now: Look) -> Iterator[Check]:
 
 
 def real_time() -> Iterator[Check]:
-    """Whether the loop holds 500 Hz with what runs now, and whether it may ask for SCHED_FIFO.
+    """Whether the loop would hold 500 Hz with what runs now.
 
-    Timed only where no fleet runs here: its own loop would be in the way, and tells its timing in the report.
+    Tried out only where no fleet runs here: its own loop would be in the way, and is looked at instead.
     """
-    measured = None if running_fleets.here() else pace.measure()
-    if measured is not None and measured.held:
+    if not running_fleets.here():
+        yield from _paced(pace.measure(), "end other programs, or start with `--speed max`, which needs no real time")
+
+
+def loop(fleet: Target, now: Look) -> Iterator[Check]:
+    """Whether the loop of a fleet on this machine holds 500 Hz; nothing of one at `--speed max`."""
+    if isinstance(fleet, Local) and any(one.name == LOOP and one.status.pid for one in now.seen):
+        remedy = "end other programs, or `roco down` and `roco up --speed max`, which needs no real time"
+        yield from _paced(pace.measure(fleet.run / SLOTS_FILE), remedy)
+
+
+def _paced(measured: pace.Pace | None, remedy: str) -> Iterator[Check]:
+    """What was measured, if anything was, and whether the loop has a real-time priority."""
+    if measured is None:
+        return
+    if measured.held:
         yield Check("real time", Level.FINE, f"{measured.words}: real time is held")
-    elif measured is not None:
-        remedy = "end other programs, or start with `--speed max`, which needs no real time"
-        yield Check("real time", Level.WRONG, f"{measured.words}: real time cannot be held", remedy)
-    _, most = resource.getrlimit(resource.RLIMIT_RTPRIO)
-    if most > 0 or most == resource.RLIM_INFINITY or os.geteuid() == 0:
-        yield Check("real time", Level.FINE, "the loop may ask for a real-time priority")
     else:
-        remedy = "only for a real robot: rtprio and memlock in /etc/security/limits.conf, or deploy/compose.rt.yaml"
-        yield Check("real time", Level.NOTE, "no right to a real-time priority: the loop runs without", remedy)
+        yield Check("real time", Level.WRONG, f"{measured.words}: real time cannot be held", remedy)
+    if not measured.realtime:
+        right = "for a real robot or a busy machine: rtprio, memlock in limits.conf(5), or deploy/compose.rt.yaml"
+        yield Check("priority", Level.NOTE, "the loop gets no real-time priority: it runs without", right)
 
 
 CHECKS = Checks(
@@ -58,5 +69,5 @@ CHECKS = Checks(
         "memory": partial(checkup_machine.memory, MEMORY),
         "real time": real_time,
     },
-    fleet={"hi": person},
+    fleet={"hi": person, "real time": loop},
 )
