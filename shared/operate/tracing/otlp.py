@@ -43,7 +43,7 @@ def exported(trace: Trace, roots: Sequence[Span]) -> dict[str, Any]:
 
 
 def _span(trace: Trace, name: str, span: Span, kind: int, parent: str) -> dict[str, Any]:
-    """Return one side of a conversation; no recording says when the participant took the opening, so both begin alike."""
+    """Return one side of a conversation. No recording says when the participant took the opening: both begin alike."""
     side = span.initiator if kind == CLIENT else span.participant
     status = {"code": ERROR, "message": span.last.reason} if span.bad else {"code": OK} if span.ended else {}
     return {

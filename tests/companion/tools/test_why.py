@@ -56,7 +56,7 @@ def test_what_is_believed_of_a_thing_is_what_ask_answers(name: str) -> None:
 
 
 def test_beliefs_change() -> None:
-    """In the hand it is in no cabinet; after the pour its content is in the bowl; nothing was believed before a look."""
+    """In the hand it is in no cabinet; after the pour its content is in the bowl; before a look nothing is believed."""
     held = str(asked("why", "jar", "--at", "30"))
     assert "the left hand holds it" in held
     assert "it is in cabinet" not in held
