@@ -8,7 +8,7 @@ import time
 import msgspec
 import pytest
 
-from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
+from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED, listen_at
 from companion.run_files import HI_FILE, SLOTS_FILE, Events, HiAddress, HiEvent, TaskLine, Tasks
 from services.human_interface import server
 from services.human_interface.grammar import understand
@@ -160,7 +160,7 @@ def test_it_listens_where_it_is_told(tmp_path):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    desk = server.HttpDevice(lambda content: None, tmp_path, server.listen_at(f"127.0.0.1:{port}"))
+    desk = server.HttpDevice(lambda content: None, tmp_path, listen_at(f"127.0.0.1:{port}"))
     try:
         told = msgspec.json.decode((tmp_path / HI_FILE).read_bytes(), type=HiAddress)
         assert told.port == port
@@ -172,14 +172,14 @@ def test_it_listens_where_it_is_told(tmp_path):
 
 def test_without_a_word_it_listens_on_loopback_only():
     """Who wants more says so."""
-    assert server.listen_at("") == ("127.0.0.1", 0)
+    assert listen_at("") == ("127.0.0.1", 0)
 
 
 @pytest.mark.parametrize("text", ["8350", ":8350", "0.0.0.0:", "0.0.0.0:http", "0.0.0.0:65536", "0.0.0.0:-1"])
 def test_what_is_no_address_is_named(text):
     """With what would have been right."""
     with pytest.raises(ValueError, match=r"is not an address to listen at, expected host:port"):
-        server.listen_at(text)
+        listen_at(text)
 
 
 # --- stop and release -------------------------------------------------------------------------------------------------

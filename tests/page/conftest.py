@@ -30,9 +30,9 @@ def page(house):
     made.kill()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser():
-    """Debian's Chromium."""
+    """Debian's Chromium; its driver has a loop of asyncio in this thread, which no other module's tests may meet."""
     if CHROMIUM is None:
         pytest.skip("NO BROWSER: the page is not tested as people see it; apt-get install chromium")
     from playwright.sync_api import sync_playwright

@@ -223,7 +223,7 @@ class Row(Entry, frozen=True, rename={"in_": "in"}):
     conversation it gives up. `when`: "USE state|state" of its conversations after the event ("none": not open), or
     "USE settled" / "USE unsettled" (nothing / something is due to the subscriber). `owes`: uses in which it now owes
     an observation. `waits`: uses whose conversation waits for its turn from now on; "USE waiting" in `when` holds while
-    it does, and the row that asks for it ends that, as the conversation's end does; "USE called" holds else. `moves`:
+    it does, and the row that asks for it ends that, as the conversation's end does; "USE served" holds else. `moves`:
     the use whose conversation this physical act serves; no act is begun twice in one.
     `to`: the state it then waits in; none: the same. `then`: a choice of the agent, each part of which is a way to go
     on: its words are said behind `say`, its `when` holds besides (after what is owed), its `to`, if any, counts.

@@ -22,7 +22,7 @@ from topdown.model.own_tables import act_word
 NONE = "none"
 """Word for a conversation that is not open, in a row's `when`."""
 SETTLED, UNSETTLED = "settled", "unsettled"
-WAITING, CALLED = "waiting", "called"
+WAITING, SERVED = "waiting", "served"
 """Word for a conversation that waits for its turn, as a row's `waits` said."""
 
 
@@ -241,7 +241,7 @@ class _Reader:
         use, _, words = text.partition(" ")
         self._among("protocol", use, self.machine.uses)
         table = self.machine.uses[use].protocol.tables[self.machine.uses[use].role]
-        known = {*map(str, table.states), NONE, SETTLED, UNSETTLED, WAITING, CALLED}
+        known = {*map(str, table.states), NONE, SETTLED, UNSETTLED, WAITING, SERVED}
         for word in words.split("|"):
             self._among(f"state of {use}", word, known)
         return Guard(use, frozenset(words.split("|")))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role
 from topdown.model.machines import (
-    CALLED,
+    SERVED,
     NONE,
     SETTLED,
     UNSETTLED,
@@ -232,7 +232,7 @@ class Agent:
     def _holds(self, local: Local, guard: Guard) -> bool:
         talk = self.talk(local, guard.use) or NONE
         due = UNSETTLED if guard.use in local.owed else SETTLED
-        turn = WAITING if guard.use in local.waiting else CALLED
+        turn = WAITING if guard.use in local.waiting else SERVED
         return not guard.words.isdisjoint((talk, due, turn))
 
     def _spoken(self, local: Local, words: tuple[Said, ...]) -> "tuple[Local, list[Effect]] | None":

@@ -72,7 +72,7 @@ def trace(
       roco trace
       roco trace TASK
       roco trace TASK --run runs/latest --all
-      roco trace TASK --format otlp > trace.json
+      roco trace TASK --format otlp
     """
     with problems(Format.TEXT if form is As.TEXT else Format.JSON):
         file = recording_of(run, target, run_dir)
