@@ -40,8 +40,8 @@ def run(module: str, *arguments: str, **environment: str) -> subprocess.Complete
 
 
 def test_all_are_here() -> None:
-    """Six agents, the loop, the kit for back-ends; router, monitor, supervisor twice; pictures, wires, roco."""
-    assert len(MODULES) == 6 + 1 + 1 + 2 * 3 + 3
+    """Six agents, the loop, the kit for back-ends; router, monitor, supervisor twice; pictures, wires, roco, page."""
+    assert len(MODULES) == 6 + 1 + 1 + 2 * 3 + 4
 
 
 @pytest.mark.parametrize("module", MODULES)

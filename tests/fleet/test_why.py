@@ -79,12 +79,12 @@ def test_a_task_that_was_left(logged: Logged) -> None:
     assert logged.fleet.finish(2) == ["done", "done"]
     first, urgent = (task.task for task in logged.fleet.tasks)
     waited = told(logged.why(first), "waiting and switching")
-    decision = f"{urgent} comes first: it is more urgent, 1 above 0"
+    decision = f"{urgent} (look around): it is more urgent"
     assert [text.partition(":")[0] for text in waited] == [
         "co took it", "co asked ta to leave the plan", "co put it aside", "co took it up again",
     ]  # fmt: skip
-    assert waited[1] == f"co asked ta to leave the plan: {decision}; what is held is put down"
-    assert waited[2] == f"co put it aside: {decision}"
+    assert waited[1] == f"co asked ta to leave the plan: left for {decision}; what is held is put down first"
+    assert waited[2] == f"co put it aside: {decision}; it comes first"
     assert told(logged.why(urgent), "waiting and switching") == [
         f"co took it: one task comes before it: {first} (under way)"
     ]
