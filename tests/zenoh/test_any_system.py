@@ -79,6 +79,8 @@ CALLS: dict[str, Row] = {
     "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),
     "doctor": Row(("--target", RUN, "--format", "json"), has=("7 processes of", '"supervisor"', '"router"')),
     "traffic echo": Row(("--run", RUN, "--count", "8"), has=("desk>dispatcher", "request", "carry", "legal")),
+    "trace": Row(("--run", RUN), has=("desk",)),
+    "why": Row(("--run", RUN), has=("desk",)),
     "sniff": Row(
         ("--run", RUN, "--count", "9", "--svg", "talk.svg"),
         has=(*AGENTS, "├─", "◀", "C2 carry", "wrote talk.svg: 9 of 9"),
