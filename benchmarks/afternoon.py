@@ -118,7 +118,8 @@ def _interrupted(fleet: WatchedFleet, task: str, how: str) -> dict[str, Any]:
         fleet.hi.stop()
         fleet.ended(task)
         time.sleep(STOOD_S)
-        fleet.wait(lambda: fleet.hi.release().state == "released", "the release", RELEASE_S)
+        fleet.hi.release()
+        fleet.wait(fleet.moves_again, "the release", RELEASE_S)
         return {}
     other = fleet.say(how, urgency=1).task
     line = fleet.ended(other)

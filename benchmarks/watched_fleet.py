@@ -21,6 +21,7 @@ from operate.cli.errors import ConsoleError
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
 from services.executor.loop.link import AgentLink
+from services.executor.loop.program import Mode
 from velma.errors import SlotError
 from velma.sim.truth import Truth
 
@@ -114,6 +115,12 @@ class WatchedFleet:
             if time.monotonic() > end:
                 raise NotSeenError("the loop says nothing")
             time.sleep(PERIOD_S)
+
+    def moves_again(self) -> bool:
+        """Whether the loop can be commanded, after a release."""
+        with suppress(SlotError, OSError):
+            return self._link is not None and (state := self._link.state()) is not None and state.mode is Mode.MOTION
+        return False
 
     def _watch(self) -> None:
         """Note the first thing that was dropped."""
