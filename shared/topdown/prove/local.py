@@ -11,8 +11,8 @@ from typing import NamedTuple
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Role
 from topdown.model.machines import (
-    SERVED,
     NONE,
+    SERVED,
     SETTLED,
     UNSETTLED,
     WAITING,
