@@ -140,6 +140,7 @@ async def _serve(options: Options, listener: socket.socket, address: PageAddress
     serving = asyncio.create_task(server.serve(sockets=[listener]))
     try:
         pulse, ready = Pulse(run, NAME), ready_file(run, NAME)
+        ready.unlink(missing_ok=True)  # of the process before this one
         log.write("listening", at=f"http://127.0.0.1:{address.port}")
         while not serving.done():
             if server.started and not ready.exists():

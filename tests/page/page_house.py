@@ -100,17 +100,24 @@ class PageProcess:
         self.start()
 
     def start(self):
-        """Start it, and wait until it listens."""
-        (self.run / "page.ready").unlink(missing_ok=True)
+        """Start it, and wait until it says so; what one before it said counts for nothing, as in deploy/healthy."""
+        before = self.said_ready()
         settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": "tcp/127.0.0.1:1", "PATH": os.environ["PATH"]}
         with (self.run / "page.log").open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "services.page"], env=settings, stdout=log, stderr=log
             )
-        wait_for(lambda: (self.run / "page.ready").exists() or self.process.poll() is not None, "the page listens")
+        wait_for(lambda: self.said_ready() > before or self.process.poll() is not None, "the page listens")
         assert self.process.poll() is None, (self.run / "page.log").read_text()
         self.address = msgspec.json.decode((self.run / PAGE_FILE).read_bytes(), type=PageAddress)
         self.url = f"http://127.0.0.1:{self.address.port}"
+
+    def said_ready(self):
+        """When a page of this run folder said that it is ready [ns], 0 for never."""
+        try:
+            return (self.run / "page.ready").stat().st_mtime_ns
+        except FileNotFoundError:
+            return 0
 
     def kill(self):
         """kill -9."""
