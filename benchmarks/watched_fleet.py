@@ -1,4 +1,4 @@
-"""A whole fleet in a folder of its own whose world is watched: what the vessels did, and how long things took.
+"""A whole fleet in a folder of its own whose world is watched: the paths of the vessels, and the times.
 
 Agents cannot see the truth; it is read where the loop writes it. A thing counts as dropped where no
 hand touches it and it is below the tables, or lies; how it stands in the end is judged by `unsafe`.
@@ -151,7 +151,7 @@ def held(truth: Truth) -> dict[str, str]:
 
 
 def unsafe(truth: Truth) -> str:
-    """Return why this is no safe state; "" where everything stands upright and in no hand."""
+    """Return why this state is not safe; "" where everything stands upright and in no hand."""
     tilted = [name for name, tilt in truth.tilt_deg.items() if tilt > UPRIGHT_DEG]
     touched = [name for name, on in truth.fingers_on.items() if any(on.values())]
     words = [f"{name} is tilted" for name in tilted] + [f"{name} is touched" for name in touched]

@@ -18,7 +18,7 @@ from fipa_codec.performatives import Performative as P
 from services.coordinator import words
 from services.coordinator.incoming import RULE, not_answering, requeued, suspend, take
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, parameters_wanted, turn_come
-from services.coordinator.offers import decided, offer, place
+from services.coordinator.offers import comparing, decided, offer, place
 from services.coordinator.scheduling import RULES
 
 
@@ -89,17 +89,15 @@ def _asked(turn: Turn, job: Job, limits: Limits) -> str:
 
 
 def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> str:
-    """Why this task is the next one, where it passes one that came before it; noted with the rule."""
+    """Return why this task is the next one, where it passes one that came before it; "" else. Logged with the rule."""
     waiting = [one for one in memory.jobs if one.waits]
     if job.arrived <= min(one.arrived for one in waiting):
         return ""
-    name = turn.parameter(RULE, str)
-    offers = tuple(offer(one, memory.jobs, limits.speed) for one in waiting)
-    if name == "costs" and not all(one.schedule for one in waiting):
-        name = "deadline"
-    decision = RULES[name](None, offers, turn.now)
+    rule = comparing(RULES[turn.parameter(RULE, str)], waiting)
+    decision = rule(None, tuple(offer(one, memory.jobs, limits.speed) for one in waiting), turn.now)
     if decision is None or decision.task != job.conversation:
         return ""
+    name = next(name for name, one in RULES.items() if one is rule)
     turn.log("next", conversation=job.conversation, rule=name, why=decision.why, of=len(waiting))
     return decision.why
 

@@ -1,14 +1,20 @@
 """What the tasks of co offer to its scheduler, the queue that comes of it, its decisions. Must not know: messages."""
 
 import math
+from collections.abc import Iterable
 
 from msgspec.structs import replace
 
+from companion.languages.hfsm import PUT_DOWN_S
 from services.coordinator.memory import Job, Memory, Stage, bound, comes_after
 from services.coordinator.scheduling import Decision, Offer, Rule, by_costs, by_deadline, in_order
 
 PLAN_S = 6.0  # [s] of wall time to make a plan, on two cores (measured)
-DOWN_S = 15.0  # [s, simulated] to put down what a task leaves in a hand, as cancels took (measured)
+
+
+def comparing(rule: Rule, waiting: Iterable[Job]) -> Rule:
+    """Return the rule by which tasks that wait are compared: by costs only where those of all are known."""
+    return by_deadline if rule is by_costs and not all(job.schedule for job in waiting) else rule
 
 
 def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: float = 1.0) -> tuple[Job, ...]:
@@ -16,13 +22,11 @@ def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: floa
     whose time to start has not come.
 
     Two that name the same thing, or were said in one sentence, keep their order, unless the later one is more urgent.
-    Costs are compared where those of all that wait are known; until then the deadlines are.
     """
     begun = tuple(job for job in jobs if job.begun)
     early = sorted((job for job in jobs if job.stage is Stage.EARLY), key=lambda job: job.command.start)
     waiting = {job.conversation: job for job in jobs if not job.begun and job.stage is not Stage.EARLY}
-    if rule is by_costs and not all(job.schedule for job in waiting.values()):
-        rule = by_deadline
+    rule = comparing(rule, waiting.values())
     order = in_order(tuple(offer(job, jobs, speed) for job in waiting.values()), now, rule)
     return (*begun, *(waiting[name] for name in order), *early)
 
@@ -63,7 +67,7 @@ def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:
         after=after,
         suspend=known.suspend / speed if known else 0.0,
         resume=PLAN_S + (known.resume / speed if known else 0.0),
-        clear=DOWN_S * job.holds / speed,
+        clear=PUT_DOWN_S * job.holds / speed,
     )
 
 

@@ -23,7 +23,7 @@ class Offer(msgspec.Struct, frozen=True):
 
     In seconds of robot time: `rest` until it is done, `suspend` until it is safely left, `resume` until it is taken up
     again where it was left, `clear` until the hands are empty that it leaves full. `after`: tasks that end before it,
-    as long as it is no more urgent.
+    unless this one is more urgent.
     """
 
     task: str

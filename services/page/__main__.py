@@ -19,6 +19,7 @@ from agent_runtime.io.logs import Log
 from agent_runtime.io.options import Options
 from agent_runtime.io.pulse import Pulse
 from agent_runtime.io.run_files import listen_at, make_run, write_secret
+from companion.loopback import HERE
 from companion.run_files import PAGE_FILE, HiEvent, PageAddress, Tasks
 
 NAME = "page"
@@ -109,7 +110,7 @@ async def _serve(options: Options, listener: socket.socket, address: PageAddress
 
     run = options.run_dir
     log = Log(NAME, options.log_level, run / "logs" / f"{NAME}.jsonl")
-    hi = Hi(Path(os.environ.get("ROCO_HI_DIR") or run), os.environ.get("ROCO_HI") or "127.0.0.1")
+    hi = Hi(Path(os.environ.get("ROCO_HI_DIR") or run), os.environ.get("ROCO_HI") or HERE)
     stop, pairs, loop = RobotStop(run), Pairs(run / PAIRED_FILE), asyncio.get_running_loop()
     page = Page(hi, stop, pairs, address.port, address.token)
 

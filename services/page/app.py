@@ -1,4 +1,4 @@
-"""What the page answers (starlette): its files, the stream of what changes, and what a person does.
+"""The answers of the page (starlette): its files, the stream of what changes, and what a person does.
 
 Every action is one of hi's (docs/http.md), but for the stop: where the robot's loop shares this run folder its flag is
 set here first, whatever hi does. Must not know: Zenoh, threads of others.

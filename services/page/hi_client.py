@@ -2,11 +2,12 @@
 
 import http.client
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 from urllib.parse import urlencode
 
 import msgspec
 
+from companion.loopback import HERE, answered
 from companion.run_files import HI_FILE, Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
 
 ANSWER_S = 6.0
@@ -25,7 +26,7 @@ class HiError(Exception):
 class Hi:
     """hi of the run whose `folder` has hi.json, at `host`. Every call raises HiError."""
 
-    def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
+    def __init__(self, folder: Path, host: str = HERE) -> None:
         self._file, self._host = folder / HI_FILE, host
 
     def say(self, said: Say) -> TaskLine:
@@ -51,20 +52,10 @@ class Hi:
     def _ask(self, verb: str, path: str, kind: type[T], body: msgspec.Struct | None = None, more_s: float = 0.0) -> T:
         try:
             address = msgspec.json.decode(self._file.read_bytes(), type=HiAddress)
-            status, data = self._answer(address, verb, path, body, ANSWER_S + more_s)
+            status, data = answered(address, verb, path, body, host=self._host, patience_s=ANSWER_S + more_s)
             if status == http.client.OK:
                 return msgspec.json.decode(data, type=kind)
             problem = msgspec.json.decode(data, type=Problem)
         except (OSError, http.client.HTTPException, msgspec.DecodeError) as error:
             raise HiError(0, f"the human interface does not answer: {error}") from error
         raise HiError(status, problem.error)
-
-    def _answer(self, address: HiAddress, verb: str, path: str, body: Any, patience_s: float) -> tuple[int, bytes]:
-        connection = http.client.HTTPConnection(self._host, address.port, timeout=patience_s)
-        headers = {"Authorization": f"Bearer {address.token}", "Host": f"127.0.0.1:{address.port}"}
-        try:
-            connection.request(verb, path, msgspec.json.encode(body) if body is not None else b"", headers)
-            answer = connection.getresponse()
-            return answer.status, answer.read()
-        finally:
-            connection.close()

@@ -128,9 +128,8 @@ def _task(line: TaskLine, language: str) -> TaskView:
 
 def _why(line: TaskLine) -> str:
     """The reason that was given for the state of a task: none for a step of its plan, or for what hi itself said."""
-    if line.state == TaskState.DONE or plain_step(line.text) in line.steps or not line.accepted:
-        return "" if line.state not in (TaskState.FAILED, TaskState.CANCELLED) else plain(line.text)
-    return plain(line.text)
+    by_others = line.accepted and line.state != TaskState.DONE and plain_step(line.text) not in line.steps
+    return plain(line.text) if by_others or line.state in (TaskState.FAILED, TaskState.CANCELLED) else ""
 
 
 def _says(line: TaskLine, language: str) -> str:

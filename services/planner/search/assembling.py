@@ -12,7 +12,7 @@ from services.planner.search.steps import Step, approach_points
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.placing import backwards
 
-STOP_S, DOWN_S = 1.0, 15.0  # [s] to stop an act, and to put one thing down and retreat: what cancels took (measured)
+STOP_S = 1.0  # [s] to stop an act, as cancels took (measured)
 TAKE_S = 12.0  # [s] to take again what stands on a table (estimate)
 AGAIN_S = 30.0  # [s] of the plan that follows one that ends with a look: a pour with its plan (estimate)
 WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
@@ -77,7 +77,7 @@ def schedule(
     for name, step, held in zip(reversed(names), reversed(steps), reversed(in_hand), strict=True):
         rest += step.duration
         resume = sum(taking.get(thing, TAKE_S) for thing in held.values())
-        found.append(hfsm.ScheduleParameters(name, rest, STOP_S + DOWN_S * len(held), resume))
+        found.append(hfsm.ScheduleParameters(name, rest, STOP_S + hfsm.PUT_DOWN_S * len(held), resume))
     return tuple(reversed(found))
 
 

@@ -117,13 +117,14 @@ class Methods:
     def bring_with(self, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
         """Take it with this hand, if it is wanted and no other one holds it, and hold it over a place on a table."""
         if side not in ("", hand):
-            return None
+            return self._not(f"the {side} hand is wanted")
         holder = self.facts.holder(km, name)
         if holder is None:
-            return None if self.facts.in_hand(km, hand) else [("hold_out", name, hand)]
+            other = self.facts.in_hand(km, hand)
+            return self._not(f"the {hand} hand holds {other}") if other else [("hold_out", name, hand)]
         if holder is hand:
             return [("a_offer", hand)]
-        return [(TaskName.TAKE, name, hand)] if side else None
+        return [(TaskName.TAKE, name, hand)] if side else self._not(f"the {holder} hand holds {name}")
 
     def hold_out_at_try(self, km: str, number: str, name: str, hand: Side) -> Subtasks | None:
         """Take it by some grasp, from which it can be held over a place: not every one leaves a way there."""
@@ -152,7 +153,7 @@ class Methods:
     def after_arms_home(self, km: str, task: str, arguments: tuple[str, ...]) -> Subtasks | None:
         """Bring empty arms home, then do the task: after an interrupted act one may be in the way, in a cabinet say."""
         away = [side for side in Side if not self.facts.in_hand(km, side) and not self.facts.at_home(km, side)]
-        return [*(("a_home", side) for side in away), (task, *arguments)] if away else None
+        return [*(("a_home", side) for side in away), (task, *arguments)] if away else self._not("no empty arm is away")
 
     def localize(self, km: str, name: str) -> Subtasks | None:
         """Look at it; the rest needs a new plan."""

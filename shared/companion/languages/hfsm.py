@@ -98,6 +98,10 @@ class Machine(msgspec.Struct, frozen=True, tag=True):
 State = ActState | AskState | EndState | Machine
 
 
+PUT_DOWN_S = 15.0
+"""To put one thing down and retreat [s, simulated], as cancels took (measured); for planner and coordinator."""
+
+
 class ScheduleParameters(msgspec.Struct, frozen=True, array_like=True):
     """Costs of a plan while its state `at` is active, in simulated seconds (TaskER: ScheduleParams).
 

@@ -6,6 +6,7 @@ from urllib.parse import urlencode
 
 import msgspec
 
+from companion.loopback import answered
 from companion.run_files import HI_FILE, Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
 from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError
 from operate.cli.fleet.targets import Target
@@ -59,23 +60,17 @@ class Hi:
     def _ask(
         self, verb: str, path: str, kind: type[T], body: msgspec.Struct | None = None, patience_s: float = ANSWER_S
     ) -> T:
-        connection = http.client.HTTPConnection("127.0.0.1", self.address.port, timeout=patience_s)
-        headers = {"Authorization": f"Bearer {self.address.token}", "Content-Type": "application/json"}
         try:
-            connection.request(verb, path, msgspec.json.encode(body) if body is not None else None, headers)
-            answer = connection.getresponse()
-            data = answer.read()
+            status, data = answered(self.address, verb, path, body, patience_s=patience_s)
         except (OSError, http.client.HTTPException) as error:
             text = f"the human interface does not answer on port {self.address.port} ({error}); see `roco status`"
             raise HiError(0, text) from error
-        finally:
-            connection.close()
-        if answer.status != http.client.OK:
-            raise HiError(answer.status, _reason(data))
+        if status != http.client.OK:
+            raise HiError(status, _reason(data))
         try:
             return msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as error:
-            raise HiError(answer.status, f"{path} answered something else than {kind.__name__}: {error}") from error
+            raise HiError(status, f"{path} answered something else than {kind.__name__}: {error}") from error
 
 
 def _reason(data: bytes) -> str:

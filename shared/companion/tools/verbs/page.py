@@ -9,6 +9,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from companion.loopback import HERE, answered
 from companion.run_files import PAGE_FILE, PageAddress, Pairing
 from operate.cli.errors import NOTHING_RUNS, ConsoleError
 from operate.cli.fleet import targets
@@ -65,7 +66,7 @@ def door(fleet: Target) -> Door:
     """Return a new pairing address of the page of a fleet. Raise PageError where it does not answer."""
     try:
         address = msgspec.json.decode(fleet.read(PAGE, PAGE_FILE), type=PageAddress)
-        status, data = _asked(address)
+        status, data = answered(address, "POST", "/code", patience_s=ANSWER_S)
         if status != http.client.OK:
             raise PageError(f"the page of {fleet.where} gave no code ({status}): {data[:200].decode(errors='replace')}")
         code = msgspec.json.decode(data, type=Pairing)
@@ -75,7 +76,7 @@ def door(fleet: Target) -> Door:
         if isinstance(error, PageError):
             raise
         raise PageError(f"{fleet.where} has no page ({error}); see `roco status`") from error
-    return Door(f"http://127.0.0.1:{address.port}/pair#{code.code}", code.within_s)
+    return Door(f"http://{HERE}:{address.port}/pair#{code.code}", code.within_s)
 
 
 def door_when_there(run: Path, within_s: float = STARTING_S) -> Door | None:
@@ -90,13 +91,3 @@ def door_when_there(run: Path, within_s: float = STARTING_S) -> Door | None:
                 return None
         time.sleep(PERIOD_S)
     return None
-
-
-def _asked(address: PageAddress) -> tuple[int, bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", address.port, timeout=ANSWER_S)
-    try:
-        connection.request("POST", "/code", b"", {"Authorization": f"Bearer {address.token}"})
-        answer = connection.getresponse()
-        return answer.status, answer.read()
-    finally:
-        connection.close()
