@@ -5,9 +5,10 @@ from small import HAND, LAMP, design, machine
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
+from fipa_codec.protocols import PROTOCOLS
 from fipa_codec.tables import Role
 from topdown.model.errors import DesignError
-from topdown.model.machines import Cause, Event, Guard, Said, machines
+from topdown.model.machines import NONE, SERVED, SETTLED, UNSETTLED, WAITING, Cause, Event, Guard, Said, machines
 
 WISH = '{ in = ["idle"], on = "person wish", say = ["switch request"], to = "waiting" }'
 
@@ -175,3 +176,11 @@ def test_words_for_people() -> None:
     assert str(Event(Cause.TAKE, "switch", P.INFORM, Kind.CANCEL)) == "switch inform[cancel]"
     assert str(Event(Cause.LATE, "switch")) == "late switch"
     assert str(Event(Cause.RESTART)) == "restart"
+
+
+def test_no_state_of_a_protocol_is_a_word_of_guards() -> None:
+    """Contract net has a state "called": a guard of that name once held for it, too."""
+    words = {NONE, SETTLED, UNSETTLED, WAITING, SERVED}
+    for protocol in PROTOCOLS:
+        for table in protocol.tables.values():
+            assert words.isdisjoint(map(str, table.states)), protocol.name

@@ -53,7 +53,8 @@ def test_the_tree_of_a_task(run: Path, guessed: bool) -> None:
     assert len(plans) == 4
     assert all(("~" in line) is guessed for line in plans)
     assert any("93 x query" in line for line in lines)
-    assert "~ by time: no step log says what caused it" in out
+    marked = any("~" in line for line in lines if "by time:" not in line)
+    assert ("~ by time: no step log says what caused it" in out) is marked
     assert max(map(len, lines)) <= 100
 
 
@@ -79,7 +80,7 @@ def test_why_of_another_system() -> None:
     assert code == 0
     assert "dispatcher said inform to desk: delivered crate of parts" in out
     assert "because ox said inform to dispatcher: carried crate of parts" in out
-    assert "ox was gone for 0.8 s" in out
+    assert re.search(r"ox was gone for \d+\.\d s", out)
 
 
 def test_a_sentence_names_its_record() -> None:
