@@ -184,9 +184,39 @@ def read(path: Path) -> Iterator[Step]:
 
 
 def deeds(folder: Path) -> list[tuple[str, Deed]]:
-    """Return (agent, deed) of all agents whose logs AGENT.steps lie in a folder, in the order of time."""
-    found = [(step.at, path.stem, step.deed) for path in sorted(folder.glob("*.steps")) for step in read(path)]
-    return [(agent, deed) for _, agent, deed in sorted(found, key=lambda one: one[0]) if deed is not None]
+    """Return (agent, deed) of all agents whose logs AGENT.steps lie in a folder, in an order in which it can have been.
+
+    An agent's steps stay in their order, and what is taken was said before; the rest is put in order by time. Time
+    alone does not do: clocks of two hosts differ, and one may be set back.
+    """
+    logs = {path.stem: list(read(path)) for path in sorted(folder.glob("*.steps"))}
+    return [(agent, step.deed) for agent, step in _in_order(logs) if step.deed is not None]
+
+
+def _in_order(logs: dict[str, list[Step]]) -> Iterator[tuple[str, Step]]:
+    said_at = {(agent, step.at): place for agent, steps in logs.items() for place, step in enumerate(steps)}
+    causes = {agent: _causes(steps, said_at) for agent, steps in logs.items()}
+    begun = dict.fromkeys(logs, 0)
+    while left := [agent for agent, steps in logs.items() if begun[agent] < len(steps)]:
+        heads = {agent: (logs[agent][begun[agent]], causes[agent][begun[agent]]) for agent in left}
+        free = [agent for agent, (_, cause) in heads.items() if cause is None or cause[1] < begun[cause[0]]]
+        agent = min(free or left, key=lambda one: heads[one][0].at)
+        yield agent, heads[agent][0]
+        begun[agent] += 1
+
+
+def _causes(steps: list[Step], said_at: dict[tuple[str, float], int]) -> list[tuple[str, int] | None]:
+    """Return for each step the agent and place of the one that said what it took; None where no log shows it."""
+    came: dict[str, tuple[str, float]] = {}
+    causes: list[tuple[str, int] | None] = []
+    for step in steps:
+        if step.kind == events.Arrived.__name__ and step.input:
+            with suppress(msgspec.MsgspecError):  # a recorded history may have been cut to its deeds
+                one = msgspec.msgpack.decode(step.input, type=events.Arrived).communicate
+                came.setdefault(f"{one.sender} {one.id}", (str(one.sender), one.sent))
+        source = came.get(step.took)
+        causes.append((source[0], said_at[source]) if source in said_at else None)
+    return causes
 
 
 def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effects]]:
