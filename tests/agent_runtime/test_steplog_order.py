@@ -51,7 +51,7 @@ def ordered(folder: Path, by: dict[str, float]) -> list[tuple[str, object]]:
 @example(by=[60.0, -60.0, 5.0, 0.0, -0.02])
 @given(by=st.lists(seconds, min_size=len(LOGS), max_size=len(LOGS)))
 def test_clocks_that_are_wrong_change_no_cause(tmp_path_factory: pytest.TempPathFactory, by: list[float]) -> None:
-    """The run stays a path of the model: nothing is taken before it is said, and each agent's steps keep their order."""
+    """The run stays a path of the model: nothing is taken before it is said; each agent's steps keep their order."""
     done = ordered(tmp_path_factory.mktemp("steps"), dict(zip(sorted(LOGS), by, strict=True)))
     for agent, steps in LOGS.items():
         assert [deed for who, deed in done if who == agent] == [step.deed for step in steps if step.deed is not None]
