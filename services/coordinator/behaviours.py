@@ -16,7 +16,7 @@ from companion.design import AgentName
 from companion.languages.cmd import TaskState
 from fipa_codec.performatives import Performative as P
 from services.coordinator import words
-from services.coordinator.incoming import RULE, not_answering, requeued, suspend, take
+from services.coordinator.incoming import RULE, leave, not_answering, requeued, suspend, take
 from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, parameters_wanted, turn_come
 from services.coordinator.offers import comparing, decided, offer, place
 from services.coordinator.scheduling import RULES
@@ -106,7 +106,8 @@ def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     """State schedule: continue with the running plan, or switch to the one that is ready, or to a task that waits."""
     running = memory.first
     if running is None or not running.leavable:
-        return replace(memory, choice=Choice.CONTINUE)
+        ready = running is not None and running.left_with_plan
+        return replace(memory, choice=Choice.SWITCH if ready else Choice.CONTINUE)
     memory = decided(memory, turn.now, RULES[turn.parameter(RULE, str)], limits.speed)
     decision = memory.decision
     if decision is not None:
@@ -118,14 +119,17 @@ def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 
 
 def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """State switch: request ta to run the plan, with its reply-by; first to leave the running one, if there is one."""
+    """State switch: request ta to run the plan, with its reply-by; first to leave the running one, if there is one.
+
+    A plan that is needed only to put down what is held is to be left at once.
+    """
     job = memory.first
-    if job is None or not job.leavable:
+    if job is None or not (job.leavable or job.left_with_plan):
         return memory
-    if memory.decision is not None and memory.decision.switch:
-        return replace(suspend(memory, turn, job, limits), choice=Choice.OPEN)
-    plan = job.plan
-    if plan is None:
+    if memory.decision is not None and memory.decision.switch and job.leavable:
+        memory = replace(suspend(memory, turn, job, limits), choice=Choice.OPEN)
+        job = memory.first
+    if job is None or (plan := job.plan) is None:
         return memory
     talk = turn.open(
         AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan), parent=job.conversation
@@ -133,6 +137,8 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     text = f"plan {job.plans} takes about {plan.duration:.0f} s"
     words.progress(turn, job, TaskState.RUNNING, text, words.steps(plan))
     job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False)
+    if job.cancelling or job.suspending:
+        leave(turn, job, limits)
     return replace(memory.with_job(job), choice=Choice.OPEN)
 
 

@@ -78,26 +78,39 @@ def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
 
 
 def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Cancel a task of hi: one that nobody works on ends at once, another one when pl or ta says so."""
+    """Cancel a task of hi: one that nobody works on ends at once, another one when pl or ta says so.
+
+    Where things of it may be in a hand, its next plan is made all the same: ta gets it, and leaves it safely.
+    """
+    if job.may_hold and job.stage in (Stage.PLANNING, Stage.PLANNED):
+        return memory.with_job(replace(job, cancelling=True))
     if not job.talk:
         turn.unwake(job.conversation)
         words.cancelled(turn, job, "it was put aside" if job.suspended else "it had not begun")
         return memory.without_job(job)
     if not (job.cancelling or job.suspending or job.recalled):
-        patience_s = limits.cancel_acting_s / limits.speed if job.stage is Stage.RUNNING else limits.cancel_planning_s
-        turn.say(job.talk, P.CANCEL, reply_by_s=patience_s)
+        if job.stage is Stage.RUNNING:
+            leave(turn, job, limits)
+        else:
+            turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_planning_s)
     return memory.with_job(replace(job, cancelling=True, recalled=job.stage is Stage.WAITING))
 
 
 def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     """Have ta leave a task safely, as for a cancel; it is planned again when its turn comes. One that is only planned
-    waits at once.
+    waits at once, or when ta has put down what may be in a hand.
     """
-    if job.stage is Stage.PLANNED:
+    if job.stage is Stage.PLANNED and not job.may_hold:
         return _suspended(memory, turn, job, limits)
-    turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_acting_s / limits.speed)
+    if job.stage is Stage.RUNNING:
+        leave(turn, job, limits)
     words.progress(turn, job, TaskState.RUNNING, f"left for {_rival(memory)}; what is held is put down first")
     return memory.with_job(replace(job, suspending=True))
+
+
+def leave(turn: Turn, job: Job, limits: Limits) -> None:
+    """Ask ta to leave the plan of a task safely."""
+    turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_acting_s / limits.speed)
 
 
 def _rival(memory: Memory) -> str:
@@ -114,7 +127,8 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     job = memory.of_talk(received.conversation)
     if job is None or received.communicate.performative is P.AGREE:
         return memory
-    if job.cancelling:
+    planned = isinstance(received.content, hfsm.HierarchicalPlan)
+    if job.cancelling and not (job.left_with_plan and planned):
         return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, "while the plan was made")
     if job.stage is Stage.WAITING:
         return memory if turn.holds(job.talk) else _informed(memory, turn, job, received.content, limits)
@@ -230,7 +244,7 @@ def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     if job.stage is Stage.WAITING and not job.recalled:
         turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_planning_s)
         return memory.with_job(replace(job, recalled=True))
-    if not (job.cancelling or job.suspending or job.recalled):
+    if job.left_with_plan or not (job.cancelling or job.suspending or job.recalled):
         turn.say(job.talk, P.CANCEL)
     words.failed(turn, job, f"{who} did not answer in time")
     turn.wake(PATIENCE, turn.now + limits.patience_s)

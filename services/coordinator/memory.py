@@ -113,6 +113,16 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
         return self.stage in (Stage.PLANNED, Stage.RUNNING) and not (self.cancelling or self.suspending)
 
     @property
+    def may_hold(self) -> bool:
+        """Whether a plan of it ended with the wish for a new one: what that has taken is still in a hand."""
+        return self.plans - self.suspended > 1
+
+    @property
+    def left_with_plan(self) -> bool:
+        """Whether ta gets a plan only to leave it safely: it was cancelled while that was made, and may hold things."""
+        return self.cancelling and self.may_hold and self.stage in (Stage.PLANNING, Stage.PLANNED)
+
+    @property
     def parameters(self) -> hfsm.ScheduleParameters | None:
         """Its schedule parameters now: those of the state of the plan that hi was told last; None while unknown."""
         here = self.at.partition("/")[0]

@@ -69,11 +69,11 @@ class Fleet:
     def _robot(self, post: Post) -> Robot:
         return Robot(post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call))
 
-    def say(self, text: str) -> None:
+    def say(self, text: str, urgency: int = 0) -> None:
         """A person's words; hi is asked again until it knows its co."""
         self._tickets += 1
         self.wires.run(lambda: self.up("hi") and "co" in self.wires.nodes["hi"].state.soft.peers)
-        self.wires.post("hi", Said(f"t{self._tickets}", text, understand(text)))
+        self.wires.post("hi", Said(f"t{self._tickets}", text, understand(text), urgency=urgency))
 
     def cancel(self) -> None:
         """A person's cancel of the oldest open task."""

@@ -47,6 +47,31 @@ def test_a_cancel_while_searching(fleet) -> None:
     assert fleet.world.begun == begun
 
 
+def replanning(fleet: Fleet) -> None:
+    """Until the second plan is made, with the jar in a hand."""
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(lambda: "Replan" in fleet.reports() and fleet.wires.nodes["pl"].state.state == "search")
+    assert fleet.wires.memory("ex").remembered.held
+
+
+def test_a_cancel_while_a_new_plan_is_made(fleet) -> None:
+    """The jar is put down all the same: ta gets the plan, and leaves it."""
+    replanning(fleet)
+    fleet.cancel()
+    assert fleet.finish() == ["cancelled"]
+    assert fleet.reports() == ["Replan", "Preempted"]
+    assert not fleet.wires.memory("ex").remembered.held
+
+
+def test_an_urgent_word_while_a_new_plan_is_made(fleet) -> None:
+    """The jar is put down before the robot looks around; then it pours."""
+    replanning(fleet)
+    fleet.say("look around", urgency=1)
+    fleet.wires.run(lambda: any(task.state == "done" for task in fleet.tasks))
+    assert not fleet.wires.memory("ex").remembered.held
+    assert fleet.finish(2) == ["done", "done"]
+
+
 def test_a_cancel_mid_pour(fleet) -> None:
     """The jar is put down, the plan is Preempted."""
     fleet.say("pour the jar into the bowl")
