@@ -1,7 +1,8 @@
 """A pour that is cancelled, or left for a more urgent task, at each of twelve phases: what becomes of jar and bowl.
 
-One fleet per cell, --speed max. Safe is when everything stands upright, in no hand, and the task has ended or waits.
-Then "look around" must be done. Appends a line per cell to a results file and skips cells that stand there.
+One fleet per cell, --speed max. Safe is when everything stands upright, in no hand, from then on; left is when the
+task has ended or waits, with the arms at home. Then "look around" must be done. Appends a line per cell to a results
+file and skips cells that stand there.
 
     python benchmarks/interruptions.py --seeds 7-7 --out benchmarks/results/interruptions.jsonl
     python benchmarks/interruptions.py --table --out benchmarks/results/interruptions.jsonl
@@ -72,6 +73,22 @@ def measured(seed: int, phase: str, kind: str, folder: Path) -> dict[str, Any]:
     return line
 
 
+class _SafeSince:
+    """When everything was last seen to become safe, in simulated seconds; None while it is not."""
+
+    def __init__(self, fleet: WatchedFleet) -> None:
+        self.fleet = fleet
+        self.at: float | None = None
+
+    def looked(self) -> bool:
+        truth = self.fleet.truth()
+        if unsafe(truth):
+            self.at = None
+        elif self.at is None:
+            self.at = truth.time_s
+        return True
+
+
 def _interrupted(fleet: WatchedFleet, phase: str, kind: str) -> dict[str, Any]:
     task = fleet.say(POUR).task
     if not fleet.reach(task, PHASES[phase]):
@@ -84,10 +101,13 @@ def _interrupted(fleet: WatchedFleet, phase: str, kind: str) -> dict[str, Any]:
     else:
         other = fleet.say("look around", urgency=1).task
         left = lambda: fleet.line(task).state in ("suspended", *ENDED)  # noqa: E731
-    fleet.wait(left, "the pour is left", 600.0)
+    safe = _SafeSince(fleet)
+    fleet.wait(lambda: safe.looked() and left(), "the pour is left", 600.0)
     after, line = fleet.truth(), fleet.line(task)
     found: dict[str, Any] = {"state": line.state, "text": line.text[:120], "held": held(before)}
-    found |= {"safe_s": round(after.time_s - before.time_s, 1), "unsafe": unsafe(after)}
+    found |= {"left_s": round(after.time_s - before.time_s, 1), "unsafe": unsafe(after)}
+    if safe.at is not None:
+        found["safe_s"] = round(safe.at - before.time_s, 1)
     served = fleet.ended(other or fleet.say("look around").task)
     if served.state != "done":
         found["failure"] = f"the next task: {served.state}: {served.text}"
@@ -103,6 +123,7 @@ def _interrupted(fleet: WatchedFleet, phase: str, kind: str) -> dict[str, Any]:
 def main(
     seeds: Annotated[str, typer.Option(help="first-last")] = "7-7",
     kinds: Annotated[str, typer.Option(help="cancel, switch")] = "cancel,switch",
+    phases: Annotated[str, typer.Option()] = ",".join(PHASES),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("interruptions.jsonl"),
     table: Annotated[bool, typer.Option(help="only write the table of the page")] = False,
 ) -> None:
@@ -116,7 +137,7 @@ def main(
     base = Path(tempfile.mkdtemp(prefix="interruptions-"))
     for seed in range(first, last + 1):
         for kind in kinds.split(","):
-            for number, phase in enumerate(PHASES):
+            for number, phase in enumerate(phases.split(",")):
                 if (seed, phase, kind) in known:
                     continue
                 line = measured(seed, phase, kind, base / f"{seed}-{kind}-{number}")

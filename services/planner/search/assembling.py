@@ -106,15 +106,18 @@ def _verb(command: rc.Act) -> str:
 def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Machine | None:
     """Return the machine that puts down all that may be held, last taken first; an empty hand's release does nothing.
 
-    It goes on if an act fails: an arm without a path home must not keep the other hand from putting down.
+    Arms go home when all stands. It goes on if an act fails: what could not be put down for the other arm is put down
+    when ta tries all of it again, with the arms at home.
     """
     if not holding:
         return None
-    leaves: list[hfsm.State] = []
+    releases: list[hfsm.State] = []
+    homes: list[hfsm.State] = []
     for index, (side, release) in enumerate(reversed(holding.items()), start=1):
         key = f"{request}/{number}.safe{index}"
-        leaves.append(hfsm.ActState(f"put down {release.object}", msgspec.structs.replace(release, key=key)))
-        leaves.append(hfsm.ActState(f"{side} arm home", rc.Home(key=f"{key}.home", side=side)))
+        releases.append(hfsm.ActState(f"put down {release.object}", msgspec.structs.replace(release, key=key)))
+        homes.append(hfsm.ActState(f"{side} arm home", rc.Home(key=f"{key}.home", side=side)))
+    leaves = [*releases, *homes]
     chained = tuple(_then(state, following.name, WHATEVER) for state, following in pairwise(leaves))
     return hfsm.Machine(name="put everything down", initial=leaves[0].name, states=(*chained, leaves[-1]))
 
