@@ -19,6 +19,8 @@ TEXTS: dict[str, Callable[[int], str]] = {
     "escaped quotes": lambda n: f'(inform :content "{chr(92) + chr(34)}{(chr(92) + chr(34)) * (n // 2)}")',
     "words without white space": lambda n: f"(inform :language a{':protocola:language#1' * (n // 21)})",
     "numbers after #": lambda n: f"(inform :language a{'#11' * (n // 3)})",
+    "one user-defined name": lambda n: f"(inform :X-{'#1' * (n // 2)} b)",
+    "a length of zeros": lambda n: f"(inform :content #{'0' * n})",
     "parameters": lambda n: f"(inform {''.join(f' :X-{i} b' for i in range(min(n // 8, MAX_ITEMS - 1)))})",
     "addresses": lambda n: f"(inform :sender (agent-identifier :name a :addresses (sequence {'a ' * (n // 2)})))",
 }

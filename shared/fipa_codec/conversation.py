@@ -108,7 +108,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return self.state in named(self.protocol).tables[self.role].urgent
 
     def late(self, now: float) -> bool:
-        """Whether the deadline has passed at `now` [unix s]; equal is in time (SC00061G)."""
+        """Whether the deadline has passed at `now` [unix s]; equal is in time, no deadline never passes (SC00061G)."""
         return self.deadline is not None and now > self.deadline
 
     def allowed(self, way: Way) -> tuple[str, ...]:
@@ -126,10 +126,13 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     def receive(self, communicate: Communicate, kind: Kind = _PLAIN) -> Self:
         """Return the conversation after a message of the peer; `kind` is the kind by the content's language.
 
-        A late answer is accepted like any other: who drives the conversation asks `late(now)` before, and decides.
+        It has no clock, and takes a late answer like any other: ask `late(now)` before. A not-understood ends the
+        conversation, or in reply to the cancel only fails that (SC00037J); after it everything is taken and ignored.
 
-        Raise RemoteProtocolError if the message belongs to another conversation, is not allowed in this state, or
-        answers an unknown message. Raise LocalProtocolError if this side must send first.
+        Raise RemoteProtocolError, with the performative to answer with, if conversation-id, protocol, sender or
+        receiver are not those of this conversation, no row of the protocol's table allows the act in this state, the
+        reply-with is missing or that of an earlier message, or in-reply-to names no message that waits for an answer
+        (SC00061G). Raise LocalProtocolError if this side `owes` a message, or the act is not a Performative.
         """
         self._require_mine(communicate)
         if self.state == NOT_UNDERSTOOD:
@@ -166,11 +169,16 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         in_reply_to: str | None = None,
         reply_by: float | None = None,
     ) -> tuple[Self, Communicate]:
-        """Return the conversation after a message of this side, and the message. `id` is also its m_w if it needs one.
+        """Return the conversation after a message of this side, and the message, which the caller transmits.
 
-        `in_reply_to` None: the newest message of the peer that has a reply-with; for a confirm the oldest unconfirmed
-        message; the cancel if `kind` is CANCEL or only the cancel can be answered in this state. `now`, `reply_by`:
-        unix seconds. Raise LocalProtocolError if the message is not allowed, or the performative is not one of FIPA's.
+        `id` is the message's label, and its reply-with if it needs one. `now`: when it is sent; `reply_by`: until when
+        its answer should come (SC00061G) [unix s, UTC]. `content` is encoded, in `language`. `in_reply_to` None: the
+        newest message of the peer that has a reply-with; for a confirm the oldest unconfirmed message; the cancel if
+        `kind` is CANCEL or only the cancel can be answered in this state.
+
+        Raise LocalProtocolError if no row of the protocol's table allows the act in this state, `id` is not a label or
+        that of an earlier round, `in_reply_to` names no message that waits for an answer, the performative is not one
+        of SC00037J, or a not-understood would be said in a conversation that has ended.
         """
         if type(performative) is not Performative:
             performative = _act(performative)

@@ -51,7 +51,12 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return cls(found)
 
     def noted(self, talk: Conversation, now: float) -> Self:
-        """Return the multicast after a message of either side in `talk` at `now` [unix s]."""
+        """Return the multicast after a message of either side at `now` [unix s].
+
+        `talk` is what `send` or `receive` of that participant's conversation returned. Who had not answered by then
+        and is late at `now` stays late (SC00029H: a proposal after reply-by is rejected); a new round forgets it.
+        Raise LocalProtocolError if there is no such participant.
+        """
         before = self.talk(talk.peer)
         others = tuple(peer for peer in self.late if peer != talk.peer)
         if self._unanswered(talk):
@@ -69,7 +74,11 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         )
 
     def broken(self, peer: str) -> Self:
-        """Return the multicast after this agent answered a message of a participant with not-understood."""
+        """Return the multicast after this agent answered a message of a participant with not-understood.
+
+        The conversation with that participant has ended, the others go on, as in JADE.
+        Raise LocalProtocolError if there is no such participant.
+        """
         gone = msgspec.structs.replace(self.talk(peer), state=NOT_UNDERSTOOD, deadline=None)
         return msgspec.structs.replace(self, talks=tuple(gone if one.peer == peer else one for one in self.talks))
 
@@ -87,7 +96,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         raise LocalProtocolError("receiver", f"{peer!r} is not a participant of {self.talks[0].id}, these are: {known}")
 
     def awaited(self, now: float) -> tuple[str, ...]:
-        """Return who has not answered in this round and still can in time at `now` [unix s]."""
+        """Return who has not answered in this round and still can in time at `now` [unix s] (reply-by, SC00061G)."""
         return tuple(talk.peer for talk in self.talks if self._unanswered(talk) and not talk.late(now))
 
     def silent(self, now: float) -> tuple[str, ...]:
@@ -100,8 +109,10 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return tuple(peer for peer in self._offered if peer not in self.late)
 
     def over(self, now: float) -> bool:
-        """Whether nobody is to be waited for at `now` [unix s]: each conversation has ended, or its reply-by passed
-        without an answer. A silent participant may still answer: its proposal is then among `rejections`.
+        """Whether nobody is to be waited for at `now` [unix s].
+
+        Each conversation has ended, or its reply-by passed without an answer. Without a reply-by a silent participant
+        is waited for without end. A silent one may still answer: its proposal is then among `rejections`.
         """
         return all(talk.ended or (self._unanswered(talk) and talk.late(now)) for talk in self.talks)
 
@@ -126,14 +137,15 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         return tuple((peer, P.REJECT_PROPOSAL) for peer in self._offered if peer in self.late)
 
     def award(self, *chosen: str) -> Outgoing:
-        """Return the messages that accept the chosen proposals, if any, and reject all others.
+        """Return the messages that accept the chosen proposals, if any, and reject all others (SC00029H).
 
-        Raise LocalProtocolError if a chosen participant has no open proposal.
+        Nothing is sent: `send` each in `talk(peer)`, and `noted` the result. Raise LocalProtocolError if a chosen
+        participant has no open proposal.
         """
         return self._choose(P.ACCEPT_PROPOSAL, chosen)
 
     def call_again(self, *chosen: str) -> Outgoing:
-        """Return the messages that start a new round with the chosen participants and reject all other proposals.
+        """Return the messages that call the chosen participants again and reject all other proposals (SC00030H).
 
         Raise LocalProtocolError if the protocol has no rounds, after an award, or if a chosen participant has no open
         proposal.

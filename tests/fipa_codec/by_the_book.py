@@ -131,6 +131,10 @@ b fipa-request: i.request/R1 p.agree>R1 i.cancel p.failure[cancel] i.cancel p.in
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1 p.inform>R1
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.failure>R2
 !fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R2
+fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3 p.failure>R3 p.inform>R1
+!fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3 p.failure>R2
+!fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.failure>R2 i.cancel/R3 p.inform>R2
+!fipa-request: i.request/R1 p.agree>R1 i.cancel/R2 p.not-understood>R2 i.cancel/R3 p.failure>R2
 """
 """SC00026H: a failed cancel leaves the request running."""
 
@@ -225,6 +229,7 @@ b cfp: i.cfp/R1 p.propose>R1 i.accept-proposal/R2 p.inform>R2
 b cfp: i.cfp/R1 p.propose>R1 i.accept-proposal/R2 p.inform>R1
 b cfp: i.cfp/R1 p.propose>R1 i.accept-proposal/R2 p.failure>R2
 b cfp: i.cfp/R1 p.propose>R1 i.reject-proposal/R2
+b cfp: i.cfp/R1 p.propose>R1 i.accept-proposal/R2 i.cancel/R2 p.failure>R2 p.inform>R1
 a cfp: i.cfp/R1 p.propose/P1>R1 i.accept-proposal>P1 p.inform>R1
 a cfp: i.cfp/R1 p.propose/P1>R1 i.reject-proposal>P1
 !cfp: i.propose
@@ -264,6 +269,7 @@ icfp: i.cfp/R1 p.propose>R1 i.accept-proposal p.inform>R1
 icfp: i.cfp/R1 p.propose>R1 i.reject-proposal
 icfp: i.cfp/R1 p.refuse>R1
 icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 i.cancel/R3 p.inform>R3
+b icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 p.propose>R2 i.accept-proposal/R1 p.inform>R1
 b icfp: i.cfp p.propose i.cfp p.propose i.accept-proposal p.inform
 b icfp: i.cfp/R1 p.propose>R1 i.cfp/R2 p.propose>R2 i.accept-proposal/R3 p.inform>R3
 !icfp: i.cfp/R1 i.cfp/R2

@@ -1,10 +1,11 @@
 """Any ACL message is mapped to a communicate, or to a typed error that names the field without equivalent."""
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fipa_codec.acl_string import AclMessage, After, Aid, At, from_acl
+from fipa_codec.acl_string import AclMessage, After, Aid, At, from_acl, parse, render
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS
 from fipa_codec.communicate import MAX_BYTES, decode, encode
 from fipa_codec.errors import MalformedError
@@ -20,15 +21,11 @@ RECEIVED = 1.76e9
         ({"conversation_id": "a " * 64}, "conversation (m_c)"),
         ({"conversation_id": "x" * 129}, "conversation (m_c)"),
         ({"language": "(set a b)" * 4}, "language (L)"),
-        ({"user": {"X-id": "a b"}}, "id (id)"),
-        ({"user": {"X-sent": "soon"}}, "X-sent"),
-        ({"user": {"X-sent": "nan"}}, "sent (t)"),
         ({"content": "{", "encoding": "json"}, "content"),
         ({"content": "1" * 5000, "encoding": "json"}, "content"),
         ({"content": "[" * 100_000, "encoding": "json"}, "content"),
         ({"content": "a", "encoding": "msgpack-base64"}, "content"),
         ({"content": "wQ==", "encoding": "msgpack-base64"}, "communicate"),
-        ({"content": "é", "user": {"X-JADE-Encoding": "Base64"}}, "content"),
         ({"content": "\ud800"}, "content"),
         ({"reply_with": "\ud800"}, "message"),
         ({"content": "x" * (MAX_BYTES + 1)}, "communicate"),
@@ -39,6 +36,30 @@ def test_values_without_equivalent_are_named(fields, field):
     with pytest.raises(MalformedError) as caught:
         from_acl(AclMessage(performative=P.INFORM, **fields), RECEIVED)
     assert caught.value.field == field
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("X-id", ["", "a b", "x" * 129, "é", "(a b)"]),
+        ("X-sent", ["", "soon", "nan", "inf", "-1e999", "20260101T120000000Z", "(a b)"]),
+        ("X-reply-by", ["", "soon", "nan", "inf", "0"]),
+        ("X-act", ["", "inform-done", "refuse", "(a b)"]),
+        ("X-protocol", ["", "a b", "fipa-request", "x" * 65]),
+        ("X-JADE-Encoding", ["", "Base64", "None", "rot13"]),
+        ("X-JADE-trace", ["", "on", "(a b)"]),
+        ("X-:#", ["", "on"]),
+    ],
+)
+@pytest.mark.parametrize("protocol", ["a b", "fipa-query", None])
+def test_a_user_defined_parameter_that_means_something_else_there_is_ignored(name, values, protocol):
+    """SC00061G leaves the names after X- to everybody: no value of one is an error, and none changes the rest."""
+    plain = AclMessage(performative=P.INFORM, content="é", protocol=protocol, reply_by=At(1_767_268_800_250))
+    for value in values:
+        message = msgspec.structs.replace(plain, user={name: value})
+        read = parse(render(message))
+        assert read.user == {name: value}
+        assert from_acl(read, RECEIVED) == from_acl(plain, RECEIVED)
 
 
 ANY = st.none() | st.text(max_size=12)

@@ -56,6 +56,16 @@ def test_an_initiator_answers_the_proposal() -> None:
     assert side.send(P.ACCEPT_PROPOSAL, id="2", now=2.0)[1].in_reply_to == "R7"
 
 
+def test_the_newest_label_is_answered() -> None:
+    """A message of the peer without one changes nothing; an older one can be named."""
+    side = Conversation.open("subscribe", Role.INITIATOR, id="C1", me=ME, peer=PEER)
+    side, asked = side.send(P.SUBSCRIBE, id="1", now=1.0)
+    for label in ("R7", "R8", ""):
+        side = side.receive(foreign("subscribe", P.INFORM, label, asked.reply_with))
+    assert side.send(P.NOT_UNDERSTOOD, id="2", now=2.0)[1].in_reply_to == "R8"
+    assert side.send(P.NOT_UNDERSTOOD, id="2", now=2.0, in_reply_to="R7")[1].in_reply_to == "R7"
+
+
 def test_a_new_round_forgets_the_labels_of_the_one_before() -> None:
     """An award of the second round does not answer the proposal of the first."""
     side = Conversation.open("icfp", Role.INITIATOR, id="C1", me=ME, peer=PEER)

@@ -81,6 +81,21 @@ def test_silence_at_reply_by_counts_as_refused_or_failed(protocol):
     assert call.outcomes()[1:] == [counted, counted]
 
 
+def test_a_silent_participant_keeps_nobody_waiting():
+    """After reply-by, if all others have ended; without a reply-by it is waited for, and what was agreed is, too."""
+    call = Call("cfp")
+    call.answer("a", P.PROPOSE)
+    call.answer("b", P.REFUSE)
+    assert not call.group.over(REPLY_BY + 0.001)
+    call.tell(call.group.award("a"))
+    assert not call.group.over(REPLY_BY + 0.001)
+    call.answer("a", P.INFORM)
+    assert not call.group.over(REPLY_BY)
+    assert call.group.over(REPLY_BY + 0.001)
+    assert call.outcomes() == ["done", "refused", "refused"]
+    assert not Call("cfp", reply_by=None).group.over(1e9)
+
+
 def test_several_awards_and_the_others_rejected():
     """Two of three proposals are accepted at once; each award has its own outcome."""
     call = Call("cfp")

@@ -34,6 +34,7 @@ entries = []
 """
 USES = {
     "switch": ("request", True, False, "request cancel", "agree refuse inform failure"),
+    "later": ("request-when", True, False, "request-when cancel", "agree refuse inform failure"),
     "ask": ("query", False, False, "query-ref", "inform failure"),
     "watch": ("subscribe", False, True, "subscribe cancel", "agree refuse inform failure"),
     "tender": ("cfp", False, False, "cfp accept-proposal reject-proposal", "propose refuse inform failure"),

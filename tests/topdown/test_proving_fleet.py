@@ -223,6 +223,24 @@ def test_a_row_for_several_after_a_death_is_not_explored() -> None:
     assert not kinds(design(HAND, (*LAMP, forgets)), 1)
 
 
+@pytest.mark.parametrize(
+    ("word", "waits", "holds"),
+    [("waiting", "", False), ("waiting", ', waits = ["later"]', True), ("served", "", True), ("none", "", False)],
+)
+def test_a_guard_holds_for_its_own_word_only(word: str, waits: str, holds: bool) -> None:
+    """A request-when that was agreed is in the protocol's state "waiting", whether it waits for its turn or not."""
+    hand = (
+        '{ in = ["idle"], on = "person wish", say = ["later request-when"], to = "waiting" }',
+        '{ in = ["waiting"], on = "later agree" }',
+        '{ in = ["waiting"], on = "later inform", to = "idle" }',
+    )
+    lamp = (
+        f'{{ in = ["idle"], on = "later request-when", say = ["later agree"], to = "busy"{waits} }}',
+        f'{{ in = ["busy"], on = "own lit", when = ["later {word}"], say = ["later inform"], to = "idle" }}',
+    )
+    assert kinds(design(hand, lamp, "later")).isdisjoint(STUCK) is holds
+
+
 def test_rows_that_no_path_took_are_named() -> None:
     """With agent, number, states and event."""
     never = '{ in = ["busy", "lit"], on = "own never", when = ["switch none"] }'

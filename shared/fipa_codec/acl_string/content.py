@@ -12,6 +12,7 @@ Independent of content languages.
 import base64
 import binascii
 import re
+from contextlib import suppress
 from enum import StrEnum
 
 import msgspec
@@ -46,7 +47,7 @@ def write(content: msgspec.Raw, form: Form) -> tuple[str, str | None]:
 def read(content: str | bytes, encoding: str | None, jade_encoding: str | None) -> msgspec.Raw:
     """Return content as MessagePack; with an encoding of other platforms it is a string.
 
-    Raise MalformedError if the content does not have its encoding.
+    Raise MalformedError if the content does not have its encoding; one that JADE's parameter names wrongly is ignored.
     """
     named = (encoding or "").lower()
     try:
@@ -55,11 +56,12 @@ def read(content: str | bytes, encoding: str | None, jade_encoding: str | None) 
         if named == JSON:
             return _packed(msgspec.json.decode(content))
         if (jade_encoding or "").lower() == JADE_BASE64.lower():
-            return _packed(_from_base64(content))
+            with suppress(ValueError):
+                return _packed(_from_base64(content))
         return _packed(content)
     except Exception as error:
         _, reason = explain(error, "content")
-        raise MalformedError("content", f"is not {encoding or jade_encoding or 'text'}: {reason}") from error
+        raise MalformedError("content", f"is not {encoding or 'text'}: {reason}") from error
 
 
 def _readable(content: msgspec.Raw) -> tuple[str, str | None] | None:

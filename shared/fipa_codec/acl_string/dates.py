@@ -1,6 +1,8 @@
-"""Date and time tokens (SC00070I): [+-]YYYYMMDDThhmmssmmm[Z]. Milliseconds are mandatory; without Z it is local time.
+"""Date and time tokens (SC00070I, 2.3): [+-]YYYYMMDDThhmmssmmm[letter]. Milliseconds are mandatory.
 
-The fields of a relative time are amounts; a year has 365 days and a month 30, as in JADE.
+The grammar takes any letter as type designator, the text explains only Z: UTC. Without one it is local time. With + or
+- the time is relative to the receipt; its fields are amounts, a year of 365 days and a month of 30, as in JADE, and the
+letter means nothing (docs/rulings.md).
 """
 
 import re
@@ -12,7 +14,7 @@ DATE = re.compile(
     rb"(?P<sign>[+-]?)(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)[Tt]"
     rb"(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d)(?P<ms>\d{3})(?P<zone>[A-Za-z]?)"
 )
-WRITTEN = "a time YYYYMMDDThhmmssmmmZ with three digits of milliseconds"
+WRITTEN = "a time YYYYMMDDThhmmssmmmZ with three digits of milliseconds, or + or - and an amount of the same form"
 
 _FIELDS = ("year", "month", "day", "hour", "minute", "second", "ms")
 _DAY_MS = 86_400_000
@@ -20,10 +22,16 @@ _AMOUNTS_MS = (365 * _DAY_MS, 30 * _DAY_MS, _DAY_MS, 3_600_000, 60_000, 1000, 1)
 
 
 def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
-    """Return the time of a match of DATE; `zone` applies without Z. Raise ValueError with what was expected."""
+    """Return the time of a match of DATE; `zone` is that of an absolute time without Z.
+
+    Raise ValueError with what was expected: another letter than Z, a day or an hour that the calendar does not have (a
+    leap second too), a time outside the years 1 to 9999.
+    """
     fields = [int(match[name]) for name in _FIELDS]
     if match["zone"] not in (b"", b"Z", b"z"):
-        raise ValueError("the letter Z (UTC) or no letter after the time")
+        raise ValueError(
+            f"the letter Z (UTC) or no letter after the time: {match['zone'].decode()} is explained nowhere"
+        )
     if match["sign"]:
         ms = sum(field * amount for field, amount in zip(fields, _AMOUNTS_MS, strict=True))
         if ms > MAX_AFTER_MS:

@@ -6,12 +6,14 @@ parameters:
   X-reply-by          unix seconds, if reply-by with its milliseconds and four-digit years is not exact
   X-act, X-protocol   if the standard's name would be mapped back to another one
 A user-defined parameter only refines its standard parameter; if the two disagree (another platform copied it into a
-changed message), it is ignored. inform-ref and inform-if are macro acts, which are not sent (SC00037J): they are mapped
+changed message), or it says nothing here (another platform means something else by the name), it is ignored.
+inform-ref and inform-if are macro acts, which are not sent (SC00037J): they are mapped
 to inform. FIPA's token of a protocol means that of the profile: by `Profile.FIPA` fipa-query is `fipa-query`, by
 `Profile.PAPER` it is `query`, and an inform in it is inform-ref, with which the paper answers a query. What is not a
 word or label of ours (a blank in a conversation-id, a nested ontology) is escaped (`escapes`).
 """
 
+import math
 from collections.abc import Mapping
 
 import msgspec
@@ -20,7 +22,7 @@ from fipa_codec.acl_string import content as contents
 from fipa_codec.acl_string.content import Form
 from fipa_codec.acl_string.escapes import LABEL, WORD, Escape
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS, AclMessage, After, Aid, At
-from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly
+from fipa_codec.communicate import Communicate, decode_strictly, encode_strictly, is_label, is_word
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, Profile, named
@@ -77,9 +79,10 @@ def from_acl(
     """Return the communicate of an ACL message. `received` [unix s]: the reference of a relative reply-by.
 
     `names` as in `to_acl`. `receiver`: name of the agent whose copy this is, if the message has several receivers.
-    `profile`: whose protocols FIPA's tokens mean. User-defined parameters of others are dropped. A communicate has no
-    reply-to: `reply_names` says how it is followed. Raise MalformedError for values that a communicate cannot
-    represent: words or labels that are too long, several receivers without `receiver`.
+    `profile`: whose protocols FIPA's tokens mean. User-defined parameters of others are dropped, and so are ours with a
+    value that says nothing here. A communicate has no reply-to: `reply_names` says how it is followed. Raise
+    MalformedError for values that a communicate cannot represent: words or labels that are too long, content that does
+    not have its `encoding`, several receivers without `receiver`.
     """
     ours = {aid.name: name for name, aid in names.items()}
     user = {name.lower(): value for name, value in message.user.items()}
@@ -99,8 +102,8 @@ def from_acl(
             conversation=_entered(LABEL, message.conversation_id),
             sender=_name(message.sender, ours) if message.sender else "",
             receiver=_receiver([_name(aid, ours) for aid in message.receiver], receiver),
-            id=user.get(ID.lower(), ""),
-            sent=_seconds(SENT, user[SENT.lower()]) if SENT.lower() in user else 0.0,
+            id=_id(user),
+            sent=_seconds(user, SENT, 0.0),
         )
         data = msgspec.msgpack.encode(communicate)
     except UnicodeEncodeError as error:
@@ -184,7 +187,7 @@ def _name_of(token: str, profile: Profile) -> str:
 
 def _protocol_in(message: AclMessage, user: Mapping[str, str], profile: Profile) -> str:
     written, exact = message.protocol or "", user.get(PROTOCOL.lower(), "")
-    return exact if exact and _token_of(exact) == written else _name_of(written, profile)
+    return exact if is_word(exact) and _token_of(exact) == written else _name_of(written, profile)
 
 
 # --- times ------------------------------------------------------------------------------------------------------------
@@ -204,21 +207,26 @@ def _reply_by(message: AclMessage, received: float, user: Mapping[str, str]) -> 
         return None
     if isinstance(message.reply_by, After):
         return received + message.reply_by.ms / 1000
+    rounded = message.reply_by.unix_ms / 1000
+    exact = _seconds(user, REPLY_BY, rounded)
+    return exact if _at(exact) == message.reply_by else rounded
+
+
+def _seconds(user: Mapping[str, str], name: str, otherwise: float) -> float:
+    """Return the unix seconds in a user-defined parameter, `otherwise` if it is absent or says something else."""
     try:
-        exact = float(user.get(REPLY_BY.lower(), "nan"))
+        seconds = float(user.get(name.lower(), "nan"))
     except ValueError:
-        exact = float("nan")
-    return exact if exact == exact and _at(exact) == message.reply_by else message.reply_by.unix_ms / 1000
-
-
-def _seconds(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise MalformedError(name, f"is {text!r}, must be unix seconds such as 1760000000.25") from error
+        return otherwise
+    return seconds if math.isfinite(seconds) else otherwise
 
 
 # --- words, labels, names ---------------------------------------------------------------------------------------------
+
+
+def _id(user: Mapping[str, str]) -> str:
+    found = user.get(ID.lower(), "")
+    return found if is_label(found) else ""
 
 
 def _entered(escape: Escape, text: str | None) -> str:

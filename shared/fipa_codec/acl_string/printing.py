@@ -17,7 +17,7 @@ from fipa_codec.errors import LocalProtocolError, MalformedError
 _PLAIN_EXPRESSION = re.compile(r"[A-Za-z][A-Za-z0-9_.@-]*")
 # Names of agents and URLs are words in the grammar, with more characters: df@host:1099/JADE
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_.@:/?&=%~+-]*")
-_USER_NAME = re.compile(r'[Xx]-[^\x00-\x20()":#]+')
+_USER_NAME = re.compile(r'[Xx]-[^\x00-\x20()"]+')
 
 
 def render(message: AclMessage) -> bytes:
@@ -76,7 +76,7 @@ def _user(parameters: dict[str, str]) -> Iterator[bytes]:
     for name, value in parameters.items():
         if not _USER_NAME.fullmatch(name):
             raise LocalProtocolError(
-                name, 'is not the name of a user-defined parameter: X- and characters other than blank ( ) " : #'
+                name, 'is not the name of a user-defined parameter: X- and characters other than blank ( ) "'
             )
         if _PLAIN_EXPRESSION.fullmatch(value):
             text = value.encode()

@@ -14,10 +14,11 @@ from fipa_codec.acl_string.message import MAX_DEPTH, MAX_ITEMS
 
 _BLANK = re.compile(rb"[\x00-\x20]*")
 _RUN = re.compile(rb"[^\x00-\x20()]+")
-_NAME = re.compile(rb'[^\x00-\x20()":#]*')
+# A user-defined name may have : and # inside (SC00070I: a word), but for Rock's length of the value after it.
+_NAME = re.compile(rb'[xX]-(?:[^\x00-\x20()"#]++|#(?!\d+"))+|[^\x00-\x20()":#]*')
 # Possessive: a quote after a backslash never ends the string, even if no other quote follows.
 _STRING = re.compile(rb'"((?:[^"\\]++|\\"?+)*+)"')
-_COUNT = re.compile(rb'#(\d{1,9})"')
+_COUNT = re.compile(rb'#(?=\d)0*+([1-9]\d{0,8}+)?"')
 _END = re.compile(rb"[\x00-\x20():]|\Z")
 # JADE does not quote what Java parses as a double, including the suffixes d and f.
 _NUMBER = re.compile(rb"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?[dDfF]?")
@@ -129,7 +130,7 @@ class Scanner:
         match = _COUNT.match(self.data, self.at)
         if not match:
             raise self.wrong('a byte-length string #<bytes>"..., at most 9 digits')
-        begin, length = match.end(), int(match[1])
+        begin, length = match.end(), int(match[1] or b"0")
         left = len(self.data) - begin
         if length > left:
             raise self.wrong(f"at most {left} bytes, the rest of the text", found=f"a string of {length} bytes")

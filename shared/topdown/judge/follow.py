@@ -197,6 +197,7 @@ class Followed:
         self.sides = {role: Side(moves(protocol, role, durable)) for role in Role}
         self._labels: dict[Role, dict[str, dict[Performative, tuple[Kind, ...]]]] = {role: {} for role in Role}
         self._rounds: frozenset[str] = frozenset()
+        self._answered: dict[Role, set[str]] = {role: set() for role in Role}
 
     @property
     def states(self) -> tuple[str, str]:
@@ -210,14 +211,15 @@ class Followed:
 
     def read(self, role: Role, act: Performative, label: str, answers: str, kinds: tuple[Kind, ...]) -> Said | str:
         """The message as the tables see it, or what is wrong with its labels. `kinds`: the content's own words."""
-        asked = self._labels[role.other]
-        uses = asked.get(answers, {})
+        asked, uses = self._labels[role.other], self._waiting(role.other, answers)
         if act is Performative.NOT_UNDERSTOOD:
-            kinds = (Kind.CANCEL,) if answers and Performative.CANCEL in uses else (Kind.PLAIN,)
-            return Said(act, kinds, label, "", self.durable)
+            cancelled = answers != "" and Performative.CANCEL in uses
+            kinds = (Kind.CANCEL,) if cancelled else (Kind.PLAIN,)
+            return Said(act, kinds, label, answers if cancelled else "", self.durable)
         if answers and not uses:
-            return f"it answers {answers!r}, which was not asked here; asked were {', '.join(asked) or 'none'}"
-        if uses.keys() & self.protocol.rounds and answers not in self._rounds:
+            why = "was answered" if answers in asked else "was not asked here"
+            return f"it answers {answers!r}, which {why}; asked were {', '.join(asked) or 'none'}"
+        if uses and uses.keys() <= self.protocol.rounds and answers not in self._rounds:
             return f"it answers {answers!r} of an earlier round; this round is {_words(self._rounds)}"
         if not label and needs(self.protocol, act) is Needs.ANY:
             return f"a {act} needs a reply-with, for its answer"
@@ -235,13 +237,14 @@ class Followed:
     def mislabelled(self, role: Role, act: Performative, label: str) -> str:
         """What is wrong with the label of a message that is said again, "" where nothing is (fipa_codec.labels).
 
-        A repeated opening has the same one; a new round has another one. So has a cancel, but for that of its opening.
+        A repeated opening has the same one. A new round has none of an earlier round or of a cancel; nor has a cancel,
+        but for that of its opening.
         """
         need, uses = needs(self.protocol, act), self._labels[role].get(label, {})
         if need is Needs.SAME and self._rounds and label not in self._rounds:
             return f"asked again with reply-with {label!r}; it was {_words(self._rounds)}"
-        other = label != "" and bool(uses) and label not in self._rounds
-        if (need is Needs.NEW and act in uses) or (need is Needs.OWN and other):
+        used = label != "" and bool(uses.keys() & {Performative.CANCEL, *self.protocol.openings})
+        if used and (need is Needs.NEW or (need is Needs.OWN and label not in self._rounds)):
             return f"{act} with reply-with {label!r} again; that was used before"
         return ""
 
@@ -251,6 +254,10 @@ class Followed:
             return False
         if said.performative in self.protocol.openings:
             self._rounds = frozenset({said.label})
+        if said.performative is Performative.CANCEL:
+            self._answered[role].discard(said.label)
+        elif said.kinds == (Kind.CANCEL,) and self.durable:  # a volatile one may be asked again, and answered again
+            self._answered[role.other].add(said.answers)
         self._pass_on(role, said)
         return True
 
@@ -266,6 +273,13 @@ class Followed:
         if not self.durable:
             self.sides[role].say(said)
             self.sides[role.other].hear(said._replace(sure=False))
+
+    def _waiting(self, role: Role, label: str) -> dict[Performative, tuple[Kind, ...]]:
+        """What `role` said under this label and may have answered: all but a cancel that was answered."""
+        uses = self._labels[role].get(label, {})
+        if label not in self._answered[role]:
+            return uses
+        return {act: kinds for act, kinds in uses.items() if act is not Performative.CANCEL}
 
     def _pass_on(self, role: Role, said: Said) -> None:
         if said.label or said.performative is Performative.CANCEL:

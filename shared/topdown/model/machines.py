@@ -22,8 +22,11 @@ from topdown.model.own_tables import act_word
 NONE = "none"
 """Word for a conversation that is not open, in a row's `when`."""
 SETTLED, UNSETTLED = "settled", "unsettled"
+"""Words for what is due to a subscriber: nothing, or something."""
 WAITING, SERVED = "waiting", "served"
-"""Word for a conversation that waits for its turn, as a row's `waits` said."""
+"""Words for a conversation that waits for its turn, as a row's `waits` said, and for one that does not."""
+WORDS = frozenset((SETTLED, UNSETTLED, WAITING, SERVED))
+"""Words of guards that are no states: a protocol's state of the same name is not meant (request-when has `waiting`)."""
 
 
 class Cause(StrEnum):
@@ -67,6 +70,11 @@ class Guard(NamedTuple):
 
     use: str
     words: frozenset[str]
+
+    @property
+    def states(self) -> frozenset[str]:
+        """The states among its words, and NONE."""
+        return self.words - WORDS
 
 
 class Row(NamedTuple):
@@ -241,7 +249,7 @@ class _Reader:
         use, _, words = text.partition(" ")
         self._among("protocol", use, self.machine.uses)
         table = self.machine.uses[use].protocol.tables[self.machine.uses[use].role]
-        known = {*map(str, table.states), NONE, SETTLED, UNSETTLED, WAITING, SERVED}
+        known = {*map(str, table.states), NONE, *WORDS}
         for word in words.split("|"):
             self._among(f"state of {use}", word, known)
         return Guard(use, frozenset(words.split("|")))

@@ -233,7 +233,7 @@ class Agent:
         talk = self.talk(local, guard.use) or NONE
         due = UNSETTLED if guard.use in local.owed else SETTLED
         turn = WAITING if guard.use in local.waiting else SERVED
-        return not guard.words.isdisjoint((talk, due, turn))
+        return talk in guard.states or not guard.words.isdisjoint((due, turn))
 
     def _spoken(self, local: Local, words: tuple[Said, ...]) -> "tuple[Local, list[Effect]] | None":
         """The local state after these words, and what they do outside; None where a table forbids one."""
