@@ -56,8 +56,7 @@ class Carried:
 def test_a_jar_is_held_and_then_carried_on(tmp_path, clock, away):
     """No set-point jumps, no joint is pushed, and the jar stays where it is in the hand.
 
-    After 5 s without an agent the set-point goes to where the body is, which lags a little: when damping begins, and when
-    it ends.
+    After 5 s without an agent the set-point goes to where the body is, which lags a little: as damping begins and ends.
     """
     path = tmp_path / "loop.slots"
     carried = Carried(path)
