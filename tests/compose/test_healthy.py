@@ -13,16 +13,49 @@ pytestmark = pytest.mark.process
 HEALTHY = Path(__file__).resolve().parents[2] / "deploy/healthy"
 
 
-@pytest.fixture
-def look(tmp_path):
-    """Its exit code and words."""
+class Looks:
+    """Looks of a container that started now, with clocks that the test moves."""
 
-    def look(*names):
-        environment = {**os.environ, "ROCO_RUN_DIR": str(tmp_path)}
+    def __init__(self, place, run):
+        self.place, self.run = place, run
+        self.wall, self.up = int(time.time()), 1000
+        self._program("date", 'cat "$CLOCKS/wall"')
+        self._program("cut", 'cat "$CLOCKS/up"')
+
+    def _program(self, name, text):
+        file = self.place / name
+        file.write_text(f"#!/bin/sh\n{text}\n")
+        file.chmod(0o755)
+
+    def __call__(self, *names):
+        """Its exit code and words."""
+        (self.place / "wall").write_text(f"{self.wall}\n")
+        (self.place / "up").write_text(f"{self.up}\n")
+        places = {"TMPDIR": str(self.place), "CLOCKS": str(self.place), "PATH": f"{self.place}:{os.environ['PATH']}"}
+        environment = {**os.environ, **places, "ROCO_RUN_DIR": str(self.run)}
         done = subprocess.run([HEALTHY, *names], env=environment, capture_output=True, timeout=20.0)
+        assert done.stderr == b""
         return done.returncode, done.stdout.decode()
 
-    return look
+    def after(self, seconds):
+        """Let this time pass without a look."""
+        self.wall, self.up = self.wall + seconds, self.up + seconds
+
+    def until(self, seconds, *names, every_s=5):
+        """Look again and again for so long; the last look."""
+        told = self(*names)
+        for _ in range(seconds // every_s):
+            self.after(every_s)
+            told = self(*names)
+        return told
+
+
+@pytest.fixture
+def look(tmp_path):
+    """The health check."""
+    place = tmp_path / "container"
+    place.mkdir()
+    return Looks(place, tmp_path)
 
 
 def write(path, age_s=0.0):
@@ -59,10 +92,10 @@ def test_a_heartbeat_keeps_it_healthy(tmp_path, look):
 def test_a_heartbeat_that_stopped_does_not(tmp_path, look):
     """The process may be there and yet do nothing."""
     write(tmp_path / "km.ready", 1.0)
-    write(tmp_path / "km.heartbeat.json", 60.0)
-    code, words = look("km")
-    assert code == 1
-    assert words.startswith("km: last heartbeat ")
+    write(tmp_path / "km.heartbeat.json", 2.0)
+    assert look.until(10, "km") == (0, "")
+    look.after(5)
+    assert look("km") == (1, "km: no heartbeat for 15 s, more than 10 s\n")
 
 
 def test_all_that_are_named_must_be_healthy(tmp_path, look):
@@ -104,7 +137,9 @@ def beats(tmp_path, pid, age_s):
 def test_an_agent_that_hangs_is_ended(tmp_path, look, sleeper):
     """Docker starts what ended again, not what hangs."""
     hung = sleeper("services.knowledge")
-    beats(tmp_path, hung.pid, 30.0)
+    beats(tmp_path, hung.pid, 1.0)
+    assert "ended" not in look.until(20, "km")[1]
+    look.after(5)
     code, words = look("km")
     assert code == 1
     assert words.endswith("km: ended, it hung\n")
@@ -112,20 +147,52 @@ def test_an_agent_that_hangs_is_ended(tmp_path, look, sleeper):
 
 
 def test_a_slow_agent_is_not_ended(tmp_path, look, sleeper):
-    """Unhealthy, and left to go on."""
+    """Unhealthy, and left to go on; a heartbeat later it is healthy."""
     slow = sleeper("services.knowledge")
-    beats(tmp_path, slow.pid, 15.0)
-    code, words = look("km")
-    assert code == 1
-    assert "ended" not in words
+    for age in (3.0, 2.0, 1.0):
+        beats(tmp_path, slow.pid, age)
+        code, words = look.until(20, "km")
+        assert code == 1
+        assert "ended" not in words
+    beats(tmp_path, slow.pid, 0.0)
+    assert look("km") == (0, "")
     assert slow.poll() is None
+
+
+@pytest.mark.parametrize("seconds", [3600, -3600])
+def test_a_wall_clock_that_is_set_ends_nobody(tmp_path, look, sleeper, seconds):
+    """The next heartbeat has the new time; until then the last one looks an hour old, or not written yet."""
+    agent = sleeper("services.knowledge")
+    beats(tmp_path, agent.pid, 1.0)
+    assert look("km") == (0, "")
+    look.wall += seconds
+    look.after(1)
+    assert look("km") == (0, "")
+    for name in ("km.ready", "km.heartbeat.json"):  # it was restarted by a supervisor, or its clock only set
+        write(tmp_path / name, -seconds)
+    look.after(1)
+    assert look("km") == (0, "")
+    assert agent.poll() is None
+    assert look.until(25, "km")[1].endswith("km: ended, it hung\n")
+    assert agent.wait(timeout=10.0) == -9
+
+
+@pytest.mark.parametrize("every_s", [1, 5])
+def test_a_machine_that_was_suspended_ends_nobody(tmp_path, look, sleeper, every_s):
+    """It looks as if all had been silent for an hour."""
+    agent = sleeper("services.knowledge")
+    beats(tmp_path, agent.pid, 1.0)
+    assert look.until(5, "km", every_s=every_s)[0] == 0
+    look.after(3600)
+    assert "ended" not in look("km")[1]
+    assert agent.poll() is None
 
 
 def test_nobody_else_is_ended(tmp_path, look, sleeper):
     """A process id may belong to another by now."""
     other = sleeper("somebody-else")
-    beats(tmp_path, other.pid, 30.0)
-    code, words = look("km")
+    beats(tmp_path, other.pid, 1.0)
+    code, words = look.until(30, "km")
     assert code == 1
     assert "ended" not in words
     assert other.poll() is None
@@ -134,9 +201,9 @@ def test_nobody_else_is_ended(tmp_path, look, sleeper):
 def test_an_agent_that_froze_before_it_was_ready_is_ended(tmp_path, look, sleeper):
     """It beat once and waits for its peers; it would wait for ever."""
     frozen = sleeper("services.knowledge")
-    beats(tmp_path, frozen.pid, 30.0)
+    beats(tmp_path, frozen.pid, 1.0)
     (tmp_path / "km.ready").unlink()
-    code, words = look("km")
+    code, words = look.until(25, "km")
     assert code == 1
     assert words.startswith("km: not ready yet\n")
     assert words.endswith("km: ended, it hung\n")
@@ -149,9 +216,9 @@ def test_an_agent_that_froze_before_its_first_heartbeat_is_ended(tmp_path, look,
     frozen, other = sleeper("services.knowledge"), sleeper("services.knowledge", tmp_path / "other")
     if earlier:
         beats(tmp_path, other.pid, time.time() - os.stat("/dev").st_mtime + 10.0)
-    code, words = look("km")
-    assert code == 1
-    assert words == "km: not ready yet\nkm: ended, no heartbeat within 120 s\n"
+    assert look.until(120, "km") == (1, "km: not ready yet\n")
+    look.after(5)
+    assert look("km") == (1, "km: not ready yet\nkm: ended, no heartbeat within 120 s\n")
     assert frozen.wait(timeout=10.0) == -9
     assert other.poll() is None
 
@@ -162,6 +229,8 @@ def test_what_a_supervisor_keeps_is_left_to_it(tmp_path, look, sleeper):
     beats(tmp_path, supervisor.pid, 1.0)
     for suffix in ("ready", "heartbeat.json"):
         (tmp_path / f"km.{suffix}").rename(tmp_path / f"supervisor.{suffix}")
+    assert look("loop", "ex", "supervisor") == (1, "loop: not ready yet\nex: not ready yet\n")
+    look.after(130)
     assert look("loop", "ex", "supervisor") == (1, "loop: not ready yet\nex: not ready yet\n")
     assert supervisor.poll() is None
     (tmp_path / "supervisor.heartbeat.json").unlink()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.tools.system import JOB
+from companion.tools.system import JOB, SYSTEM
 from operate.cli.chaos import trial
 from operate.cli.chaos.cells import Cell
 from operate.cli.runs import trials
@@ -16,21 +16,26 @@ CELLS = {
     "planning": ("kill", "pl", None),
     "approaching": ("cut", "ta", 5.0),
     "closing": ("kill", "loop", None),
-    "lifted": ("hang", "ex", 60.0),
-    "carrying": ("kill", "router", None),
-    "second grasp": ("pause", "km", 3.0),
+    "lifted": ("kill", "router", None),
+    "carrying": ("pause", "loop", 3.0),
+    "second grasp": ("kill", "ex", None),
     "putting down": ("kill", "ta", None),
-    "looking": ("kill", "monitor", None),
-    "replanning": ("cut", "pl", 5.0),
+    "looking": ("hang", "monitor", 60.0),
+    "replanning": ("pause", "km", 3.0),
     "pouring": ("kill", "loop", None),
     "finished": ("pause", "hi", 3.0),
 }
-"""Phase -> kind, process, seconds: each process at least once, the loop with a hand that closes and amid the pour."""
+"""Phase -> kind, process, seconds: each process at least once, the loop with a hand that closes and amid the pour.
+
+Carrying, second grasp and looking are the worst found: in the table they did not pour at their first try.
+"""
 
 
-def test_each_phase_has_its_cell() -> None:
-    """The phases are those of the job."""
+def test_each_phase_kind_and_process_has_its_cell() -> None:
+    """Those of the job and of the table; nobody waits for the page."""
     assert list(CELLS) == list(JOB.phases)
+    assert {kind for kind, _, _ in CELLS.values()} == {"kill", "hang", "pause", "cut"}
+    assert {name for _, name, _ in CELLS.values()} == {process.name for process in SYSTEM.processes} - {"page"}
 
 
 @pytest.mark.parametrize("phase", CELLS)

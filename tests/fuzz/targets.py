@@ -32,7 +32,7 @@ from fipa_codec.errors import FipaError, MalformedError
 from operate.cli.errors import UsageError
 from operate.cli.faults import scenario
 from operate.recording import contents, filled, history, mcap_file
-from operate.recording.records import Garbage, Spoken, understood
+from operate.recording.records import Garbage, Spoken, Token, understood
 from operate.recording.samples import NoRecordingError, sampled
 from services.coordinator import behaviours as coordinator
 from services.human_interface import grammar, wishes
@@ -184,11 +184,16 @@ def recordings() -> list[bytes]:
 
 
 def recording(path: Path) -> None:
-    """Whatever can be read is read; the rest is a hole."""
+    """Whatever can be read is read, the rest is a hole; another recorder goes on behind it."""
     heard = mcap_file.read(path, SYSTEM)
     history.merged(heard.records, {}, SYSTEM, whole=heard.whole)
     with suppress(NoRecordingError):
         contents.contents(path)
+    second, more = mcap_file.Recording(path), Token("co", 1, True, 1.0)
+    second.add(more)
+    second.finish()
+    again = mcap_file.read(path)
+    held(again.whole and again.records[-1] == more, "what is recorded behind damage is read")
 
 
 @cache

@@ -1,5 +1,6 @@
 """The toy agents as processes over a real router: the promises of the pretend wires hold over the real one."""
 
+import time
 from pathlib import Path
 
 import msgspec
@@ -16,6 +17,7 @@ from agent_runtime.io.sessions import client_config
 from agent_runtime.io.steplog import fingerprint, read, replay
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
+from operate.supervisor.core import LATE_S
 
 pytestmark = pytest.mark.zenoh
 
@@ -80,6 +82,22 @@ def _all_wanted(run: Path) -> bool:
     memory = journalled(run, "asker")
     assert isinstance(memory, toy.AskerMemory)
     return len(memory.answers) + len(memory.wanted) == 6
+
+
+def test_a_step_without_an_end(fleet: Fleet) -> None:
+    """The agent's session lives, by Zenoh's own threads, but its heartbeat stands still, which supervisors look at.
+
+    Killed for that it is as any other that was killed.
+    """
+    (fleet.run / "endless").touch()
+    fleet.want(1)
+    beat = fleet.run / "server.heartbeat.json"
+    wait_for(lambda: time.time() - beat.stat().st_mtime > 2 * LATE_S, "the heartbeat stands still")
+    assert fleet.beat("asker").peers == {"server": 1}
+    (fleet.run / "endless").unlink()
+    fleet.kill("server")
+    fleet.start("server")
+    expect(fleet, 1)
 
 
 @pytest.mark.parametrize("victim", ["server", "asker"])

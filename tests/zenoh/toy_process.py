@@ -13,6 +13,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "agent_runtime"))
 
 import toy_agents as toy
 
+from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.turn import Turn
 from agent_runtime.io import shell
 from agent_runtime.io.devices import Post
 from agent_runtime.io.options import Options
@@ -57,6 +59,18 @@ def settable(run: Path) -> None:
     time.time = moved
 
 
+def endless(run: Path) -> Agent[toy.ServerMemory]:
+    """The server; while there is a file `endless` its steps have no end."""
+
+    def step(memory: toy.ServerMemory, turn: Turn) -> toy.ServerMemory:
+        while (run / "endless").exists():
+            pass
+        return toy.serve(memory, turn)
+
+    behaviours = {"serving": Behaviour(step)}
+    return Agent(name="server", start="serving", memory=toy.ServerMemory(), behaviours=behaviours)
+
+
 def main(name: str, connect: str, run: Path) -> int:
     """Serve until a signal comes."""
     settable(run)
@@ -64,7 +78,7 @@ def main(name: str, connect: str, run: Path) -> int:
     options = Options(connect=connect, run_dir=run, log_level="debug")
     if name == "asker":
         return shell.run(toy.asker(), to_server, options, lambda post: WantFile(post, run / "want"))
-    return shell.run(toy.server(), to_asker, options)
+    return shell.run(endless(run), to_asker, options)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from mcap.records import Channel, Footer, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.mcap_file import RECORD_LIMIT
+from operate.recording.last_recording import RECORD_LIMIT
 from operate.recording.samples import NoRecordingError
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import System

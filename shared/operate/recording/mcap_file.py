@@ -8,52 +8,57 @@ whole.
 import os
 import struct
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, Message
+from mcap.records import Channel, Footer, Message, Schema
 from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
+from mcap.writer import IndexType, Writer
 
 from fipa_codec.communicate import UNREADABLE
+from operate.recording.last_recording import RECORD_LIMIT, Left, left
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
 from operate.recording.schemas import schema
 from operate.system import System
 
 FILE = "traffic.mcap"
 PROFILE = "robot-companion"
-RECORD_LIMIT = 64 * 1024 * 1024
-"""A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its fields."""
 _NS = 1_000_000_000
 _encoder = msgspec.json.Encoder()
-_KINDS = {"communicates": "Spoken", "house": "House", "tokens": "Token", "monitor": "Resumed"}
-_decoders: dict[str, msgspec.json.Decoder[Any]] = {
-    kind.__name__: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Resumed)
+_KINDS: dict[str, type] = {"communicates": Spoken, "house": House, "tokens": Token, "monitor": Resumed}
+_decoders: dict[type, msgspec.json.Decoder[Any]] = {
+    kind: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Resumed)
 }
 
 
 class Recording:
     """An open traffic.mcap."""
 
-    def __init__(self, path: Path) -> None:
-        """Begins the file, for its owner alone; what a monitor that died left in it is taken over."""
+    def __init__(self, path: Path, alive: Callable[[], None] = lambda: None) -> None:
+        """Begins the file, for its owner alone, or goes on behind the last whole record that a recorder left.
+
+        `alive` is called while it looks for that one. Such a file has no statistics and no index of notes at its end.
+        """
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_name(f".{path.name}")
-        self._file = os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb")
-        self._writer = Writer(self._file, use_chunking=False)
+        before = left(path, alive)
+        flags = os.O_RDWR | os.O_CREAT | (os.O_TRUNC if before is None else 0)
+        self._file = os.fdopen(os.open(path, flags, 0o600), "r+b")
+        alone = {} if before is None else {"use_statistics": False, "index_types": IndexType.NONE}
+        self._writer = Writer(self._file, use_chunking=False, **alone)
+        self._file.seek(0 if before is None else before.end)
         self._writer.start(profile=PROFILE)
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
         self._count = 0
         self.taken_until = 0.0
         """When the last record was heard that a recorder before this one left [unix s]; 0: there was none."""
-        self._take_over(Reading(path))
+        if before is not None:
+            self._go_on(before)
         self.flush()
-        beside.replace(path)
 
     def add(self, record: Record) -> None:
         """Append a record."""
@@ -80,14 +85,28 @@ class Recording:
         self._writer.finish()
         self._file.close()
 
-    def _take_over(self, before: Iterable[Record]) -> None:
-        """One by one: what was recorded for days may be larger than the memory."""
-        last: Record | None = None
-        for last in before:
-            self.add(last)
-        if last is not None:
-            self.taken_until = last.received
-            self.add(Resumed(last.received, time.time()))
+    def _go_on(self, before: Left) -> None:
+        """Have the writer repeat what stands in the file, which is cut off again, and the next record follow there."""
+        for one in before.said:
+            self._said(one)
+        self._writer.flush()
+        self._file.seek(before.end)
+        self._file.truncate()
+        if before.heard_ns:
+            self._count, self.taken_until = before.number, before.heard_ns / _NS
+            self.add(Resumed(self.taken_until, time.time()))
+
+    def _said(self, one: Schema | Channel) -> None:
+        match one:
+            case Schema():
+                kind = next((kind for kind in _decoders if kind.__name__ == one.name), None)
+                number = self._writer.register_schema(one.name, one.encoding, one.data)
+                if kind is not None and one.data == _encoder.encode(schema(kind)):
+                    self._schemas[kind] = number
+            case Channel():
+                number = self._writer.register_channel(one.topic, one.message_encoding, one.schema_id, one.metadata)
+                if one.schema_id in self._schemas.values():
+                    self._channels[one.topic] = number
 
     def _channel(self, record: Record) -> int:
         name, kind = topic(record), type(record)
@@ -143,7 +162,7 @@ class Reading:
                 self.whole = False
 
     def _records(self, reader: StreamReader) -> Iterator[Record]:
-        kinds: dict[int, str] = {}
+        kinds: dict[int, type] = {}
         for found in reader.records:
             if isinstance(found, Channel):
                 kinds[found.id] = _kind(found.topic)
@@ -168,5 +187,5 @@ def first(path: Path) -> Record | None:
     return next(iter(Reading(path)), None)
 
 
-def _kind(topic: str) -> str:
-    return _KINDS.get(topic.partition("/")[0], "Garbage")
+def _kind(topic: str) -> type:
+    return _KINDS.get(topic.partition("/")[0], Garbage)

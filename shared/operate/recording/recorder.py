@@ -93,11 +93,16 @@ class Recorder:
     """Writes what samples say: traffic.mcap, live.jsonl, verdicts.jsonl; `say` gets what is not as designed."""
 
     def __init__(
-        self, run: Path, system: System, say: Say = lambda event, **fields: None, feed: Feed | None = None
+        self,
+        run: Path,
+        system: System,
+        say: Say = lambda event, **fields: None,
+        feed: Feed | None = None,
+        alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """`feed`: who shows it while it goes on."""
+        """`feed`: who shows it while it goes on; `alive` is called while the last recording is looked through."""
         make_run(run)
-        self._recording = Recording(run / FILE)
+        self._recording = Recording(run / FILE, alive)
         self._live_file, self._verdicts = _Lines(run / LIVE_FILE), _Lines(run / VERDICTS_FILE)
         self._repeats, self._garbage = Repeats[Judged](_OTHERS), Repeats[str]("")
         self._full = False
@@ -236,10 +241,11 @@ def _told(one: Judged) -> dict[str, str]:
 class Recorders:
     """The recorders of all systems; a sample goes to its system's, what is of none (the tap was deaf) to all."""
 
-    def __init__(self, where: Mapping[str, Path], system: System, say: Say) -> None:
+    def __init__(self, where: Mapping[str, Path], system: System, say: Say, alive: Callable[[], None]) -> None:
         feeds = feeding(where, system, say)
         self._of = {
-            name: Recorder(run, system, partial(say, system=name), feeds.get(name)) for name, run in where.items()
+            name: Recorder(run, system, partial(say, system=name), feeds.get(name), alive)
+            for name, run in where.items()
         }
         self._all = tuple(self._of.values())
         self.files = {name: str(run / FILE) for name, run in where.items()}
@@ -277,10 +283,12 @@ def serve(options: Options, system: System) -> int:
     waiting = Waiting()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, waiting.stop)
-    recorders, ready = Recorders(where, system, log.write), run / f"{NAME}.ready"
+    ready = run / f"{NAME}.ready"
     try:
+        pulse = Pulse(run, NAME)
+        recorders = Recorders(where, system, log.write, pulse.beat)
         with ThreadPoolExecutor(1, initializer=_give_way) as pool:  # the reports have the priority of this thread again
-            recording = pool.submit(_tap, options, recorders, waiting, ready, log.write)
+            recording = pool.submit(_tap, options, recorders, waiting, pulse, log.write)
             while not recording.done():  # a signal may reach another thread than this, which alone runs its handler
                 wait((recording,), SIGNAL_S)
             recording.result()
@@ -302,9 +310,8 @@ def _give_way() -> None:
     os.setpriority(os.PRIO_PROCESS, 0, os.getpriority(os.PRIO_PROCESS, 0) + NICENESS)  # of this thread alone
 
 
-def _tap(options: Options, recorders: Recorders, waiting: Waiting, ready: Path, say: Say) -> None:
+def _tap(options: Options, recorders: Recorders, waiting: Waiting, pulse: Pulse, say: Say) -> None:
     """Record as soon as the router is there, until no more is wanted."""
-    pulse = Pulse(options.run_dir, NAME)
 
     def over() -> bool:
         pulse.beat()
@@ -313,7 +320,7 @@ def _tap(options: Options, recorders: Recorders, waiting: Waiting, ready: Path, 
     tap = open_taps(options, waiting.put, over, lambda why: say("still waiting for the router", why=why))
     if tap is None:
         return
-    ready.write_text("taps")
+    (options.run_dir / f"{NAME}.ready").write_text("taps")
     say("recording", **recorders.files)
     scene = str(options.scene) if options.scene else ""
     setting = Setting(seed=options.seed, speed=options.speed, scene=scene)

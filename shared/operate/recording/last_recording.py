@@ -1,0 +1,107 @@
+"""What a recorder that died left in a traffic.mcap, and where another one goes on in it.
+
+Of each message only the head is looked at, nothing is decoded or written again: while a recorder begins, nobody hears
+the fleet, and its recording may have gigabytes.
+"""
+
+import mmap
+import struct
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header, Metadata, Schema
+from mcap.writer import MCAP0_MAGIC
+
+from fipa_codec.communicate import UNREADABLE
+
+RECORD_LIMIT = 64 * 1024 * 1024
+"""A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its fields."""
+LOOK_AFTER = 20_000
+"""Records between two calls of `alive`: some 10 ms."""
+_HEAD = struct.Struct("<BQ")  # kind of record, bytes behind the head
+_MESSAGE = struct.Struct("<HIQQ")  # channel, number, when it was heard, when it was said [ns]
+_READ: dict[int, Callable[[ReadDataStream], Any]] = {
+    Opcode.HEADER: Header.read,
+    Opcode.SCHEMA: Schema.read,
+    Opcode.CHANNEL: Channel.read,
+    Opcode.METADATA: Metadata.read,
+}
+"""Beside messages, the records that a recorder writes before the end of the data."""
+
+
+class Left(msgspec.Struct, frozen=True):
+    """The whole records of a recording: where they end, and the schemas and channels among them, in their order.
+
+    `number`, `heard_ns`: of the last message; 0: there is none.
+    """
+
+    end: int
+    said: tuple[Schema | Channel, ...]
+    number: int = 0
+    heard_ns: int = 0
+
+
+def left(path: Path, alive: Callable[[], None] = lambda: None) -> Left | None:
+    """Return what a recording has; None: there is none. `alive` is called again and again meanwhile."""
+    if not path.exists() or not path.stat().st_size:
+        return None
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        begins = len(MCAP0_MAGIC)
+        found = _scanned(data, begins, alive) if data[:begins] == MCAP0_MAGIC else None
+        return found if found is not None and found.end > begins else None
+
+
+def _scanned(data: mmap.mmap, at: int, alive: Callable[[], None]) -> Left:
+    size, count = len(data), 0
+    before = last = ends = 0  # where the content of the last two messages begins, and of the last one ends
+    said: list[Schema | Channel] = []
+    while at + _HEAD.size <= size:
+        kind, length = _HEAD.unpack_from(data, at)
+        begins, behind = at + _HEAD.size, at + _HEAD.size + length
+        if behind > size or length > RECORD_LIMIT:
+            break
+        if kind == Opcode.MESSAGE and length >= _MESSAGE.size:
+            before, last, ends = last, begins, behind
+        elif not _understood(kind, data[begins:behind], said):
+            break
+        at, count = behind, count + 1
+        if count % LOOK_AFTER == 0:
+            alive()
+    if last and ends == at and not _decodes(data[last + _MESSAGE.size : ends]):
+        at, last = last - _HEAD.size, before
+    if not last:
+        return Left(at, tuple(said))
+    _, number, heard_ns, _ = _MESSAGE.unpack_from(data, last)
+    return Left(at, tuple(said), number, heard_ns)
+
+
+def _understood(kind: int, data: bytes, said: list[Schema | Channel]) -> bool:
+    """Whether a record other than a message is as a recorder writes it; a schema or channel is added to `said`."""
+    again = RecordBuilder()
+    try:
+        one = _READ[kind](ReadDataStream(BytesIO(data)))
+        one.write(again)
+    except (KeyError, McapError, struct.error, ValueError):
+        return False
+    if again.end()[_HEAD.size :] != data:  # a length inside is wrong, and readers would stop here
+        return False
+    if not isinstance(one, Schema | Channel):
+        return True
+    numbered: bool = one.id == 1 + sum(isinstance(other, type(one)) for other in said)
+    said += [one] * numbered
+    return numbered
+
+
+def _decodes(data: bytes) -> bool:
+    """Whether the last message is whole inside; what follows a torn one is no record."""
+    try:
+        msgspec.json.decode(data)
+    except UNREADABLE:
+        return False
+    return True
