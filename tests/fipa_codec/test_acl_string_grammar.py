@@ -2,6 +2,7 @@
 
 import time
 
+import pytest
 from grammar import EXPRESSION, messages
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,6 +11,10 @@ from fipa_codec.acl_string import AclMessage, AclSyntaxError, parse, render
 
 BOUND_S = 1.0
 """CPU time of one text of some hundred bytes. Estimate: thousands of times what it takes."""
+
+
+pytestmark = pytest.mark.timeout(180)
+"""To find one takes a second, to make it small a minute."""
 
 
 @given(messages())
