@@ -112,7 +112,7 @@ class Child:
 
 def main(run: Path, place: viewer_address.Place, pipe: int) -> int:
     """Draw and serve."""
-    os.nice(NICENESS)
+    os.nice(max(0, NICENESS - os.nice(0)))  # who started it may have given way already
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the monitor, which ends the pipe
     child = Child(run, place, here())
     try:

@@ -97,21 +97,25 @@ class Recorder:
         run: Path,
         system: System,
         say: Say = lambda event, **fields: None,
-        feed: Feed | None = None,
         alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """`feed`: who shows it while it goes on; `alive` is called while the last recording is looked through."""
+        """`alive` is called while the last recording is looked through."""
         make_run(run)
         self._recording = Recording(run / FILE, alive)
         self._live_file, self._verdicts = _Lines(run / LIVE_FILE), _Lines(run / VERDICTS_FILE)
         self._repeats, self._garbage = Repeats[Judged](_OTHERS), Repeats[str]("")
         self._full = False
         self._live, self._judging, self._reach = Live(system), Judging(system), Reach()
-        self._system, self._say, self._feed = system, say, feed
+        self._system, self._say = system, say
+        self._feed: Feed | None = None
         self._faults = FaultFile(run, self._recording.taken_until)
         self._present, self._looked = time.time(), time.monotonic()
         self._slow = Repeats[str]("others")
         self.count = 0
+
+    def show(self, feed: Feed) -> None:
+        """Have it shown from now on while it goes on."""
+        self._feed = feed
 
     def begin(self, setting: Setting) -> None:
         """Record what the fleet was started with."""
@@ -242,11 +246,8 @@ class Recorders:
     """The recorders of all systems; a sample goes to its system's, what is of none (the tap was deaf) to all."""
 
     def __init__(self, where: Mapping[str, Path], system: System, say: Say, alive: Callable[[], None]) -> None:
-        feeds = feeding(where, system, say)
-        self._of = {
-            name: Recorder(run, system, partial(say, system=name), feeds.get(name), alive)
-            for name, run in where.items()
-        }
+        self._where, self._system, self._say = where, system, say
+        self._of = {name: Recorder(run, system, partial(say, system=name), alive) for name, run in where.items()}
         self._all = tuple(self._of.values())
         self.files = {name: str(run / FILE) for name, run in where.items()}
 
@@ -254,6 +255,11 @@ class Recorders:
     def counts(self) -> dict[str, int]:
         """System -> samples recorded."""
         return {name: recorder.count for name, recorder in self._of.items()}
+
+    def show(self) -> None:
+        """Have all of it shown, as the environment wants it."""
+        for name, feed in feeding(self._where, self._system, self._say).items():
+            self._of[name].show(feed)
 
     def take(self, sample: Sample) -> None:
         """Record a sample where it belongs."""
@@ -326,6 +332,7 @@ def _tap(options: Options, recorders: Recorders, waiting: Waiting, pulse: Pulse,
     setting = Setting(seed=options.seed, speed=options.speed, scene=scene)
     try:
         recorders.each(lambda recorder: recorder.begin(setting))
+        recorders.show()  # now that it records: what draws takes seconds of a busy processor to start
         _record(recorders, waiting, pulse)
     finally:
         tap.close()

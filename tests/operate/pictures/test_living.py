@@ -75,7 +75,8 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
     monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.1)
     samples = iter(pouring.samples)
     feed = Feed(tmp_path, place(), SYSTEM, lambda event, **_: None)
-    recorder = Recorder(tmp_path, SYSTEM, feed=feed)
+    recorder = Recorder(tmp_path, SYSTEM)
+    recorder.show(feed)
 
     def some(count: int) -> None:
         for _, sample in zip(range(count), samples, strict=False):

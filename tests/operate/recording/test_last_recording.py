@@ -7,7 +7,6 @@ from mcap.reader import make_reader
 from synthetic import Run
 
 from companion.tools.system import SYSTEM
-from operate.pictures.viewer_address import SWITCH
 from operate.recording import last_recording, mcap_file
 from operate.recording.contents import NOTE, contents, versions_now
 from operate.recording.mcap_file import Recording, read
@@ -96,7 +95,6 @@ def test_one_that_was_closed_is_gone_on_with_twice(records: list[Record], writte
 def test_who_looks_for_long_lives(written: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A supervisor would end it else, and the next one, and the next."""
     monkeypatch.setattr(last_recording, "LOOK_AFTER", 50)
-    monkeypatch.setenv(SWITCH, "off")
     (tmp_path / mcap_file.FILE).write_bytes(written)
     calls = []
     recorders = Recorders({"roco": tmp_path}, SYSTEM, lambda *_, **__: None, lambda: calls.append(1))

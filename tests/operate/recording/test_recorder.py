@@ -14,8 +14,11 @@ from synthetic import Run
 
 from agent_runtime.io.sessions import client_config, free_endpoint
 from agent_runtime.io.tap import Sample
+from operate.pictures.viewer_address import SWITCH
 from operate.recording import mcap_file
+from operate.recording.recorder import NICENESS
 from operate.recording.records import Garbage, Resumed, Spoken
+from operate.run_folder import VIEW_FILE
 
 zenoh = pytest.importorskip("zenoh")
 pytestmark = pytest.mark.zenoh
@@ -109,6 +112,18 @@ def test_a_recorder_tells_when_it_heard_nothing(processes: Processes, pouring: R
     session.put(said[0].key, said[0].data)
     wait_for(lambda: recorded(processes.run, Spoken) == 1, "it hears again")
     session.close()
+
+
+def test_a_recorder_records_before_it_shows(processes: Processes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What draws takes seconds of a busy processor to start; it gives way to the fleet as the recorder does."""
+    monkeypatch.setenv(SWITCH, "on")
+    processes.start("services.monitor", "monitor")
+    log, address = processes.run / "logs/monitor.jsonl", processes.run / VIEW_FILE
+    wait_for(address.exists, "somebody draws")
+    lines = [msgspec.json.decode(line) for line in log.read_bytes().splitlines()]
+    assert [line["event"] for line in lines if line["event"] in ("recording", "showing")] == ["recording", "showing"]
+    pid = next(line["pid"] for line in lines if line["event"] == "showing")
+    assert os.getpriority(os.PRIO_PROCESS, pid) == os.getpriority(os.PRIO_PROCESS, 0) + NICENESS
 
 
 @pytest.mark.parametrize("attempt", range(3))
