@@ -259,17 +259,15 @@ def test_a_full_cabinet_is_refused(km, jar_carried: Scene) -> None:
 @pytest.mark.parametrize("where", ["in the hand", "on the table"])
 def test_a_thing_is_put_back_where_it_was_taken_from(km, named, beginning: Scene, jar_carried: Scene, where) -> None:
     """Also when it was put down elsewhere between; there it is at home."""
-    scene = jar_carried
+    scene, held = jar_carried, jar_carried.hands[Side.LEFT]
+    taken, let_go = wm.SeenHand(Side.LEFT, "jar_1", held.grasp, held.pose), wm.SeenHand(Side.LEFT)
     if where == "on the table":
-        taken = jar_carried.hands[Side.LEFT]
-        scene = told(
-            beginning, wm.SeenHand(Side.LEFT, "jar_1", taken.grasp, taken.pose), wm.SeenHand(Side.LEFT), JAR_ON_TABLE
-        )
+        scene = told(beginning, taken, let_go, JAR_ON_TABLE)
     plan = km(scene).plan("put_at", "jar", "back")
     assert named(plan)[-2] == "place jar_1"
     (release,) = released(plan)
     assert math.dist(release.place.xyz, beginning.things["jar_1"].pose.xyz) < 0.02
-    there = told(scene, wm.SeenHand(Side.LEFT), wm.SeenObject("jar_1", "jar", release.place, 5.0))
+    there = told(scene, taken, let_go, wm.SeenObject("jar_1", "jar", release.place, 5.0))
     assert named(km(there).plan("put_at", "jar", "back")) == ["nothing to do"]
 
 
