@@ -1,9 +1,11 @@
-"""A scripted afternoon: twelve commands with four interruptions and two switches, one fleet per seed, --speed max.
+"""Scripted commands, one fleet per seed, --speed max. `afternoon`: twelve commands with four interruptions and two
+switches; `tidying`: things are put somewhere, put back, and cleared away.
 
 Every command has a verdict by the true world: what hangs in which hand, what stands, what was poured. Nothing may be
 dropped meanwhile. Appends a line per seed to a results file and skips seeds that stand there.
 
     python benchmarks/afternoon.py --seeds 1-10 --out benchmarks/results/afternoon.jsonl
+    python benchmarks/afternoon.py --script tidying --seeds 1-3 --out benchmarks/results/tidying.jsonl
 """
 
 import os
@@ -19,10 +21,16 @@ import tables
 import typer
 from watched_fleet import NotSeenError, WatchedFleet, held, unsafe
 
+from companion.languages.values import Pose
+from companion.models import KNOWN_AS
 from operate.cli.errors import ConsoleError
+from services.knowledge.relations import relate
+from services.knowledge.scene import Scene, Thing
 from velma.sim.truth import Truth
 
 Verdict = Callable[[Truth], str]
+CABINET = ("cabinet_2", "cabinet_2")
+"""What a thing in the cabinet stands on, and what it is in."""
 STOOD_S, RELEASE_S = 0.5, 60.0  # [s] wall, that a stopped robot is left alone (estimate); until it can be commanded
 
 
@@ -57,7 +65,26 @@ def _any(truth: Truth) -> str:
     return ""
 
 
-SCRIPT = (
+def _stands(name: str, *places: str) -> Verdict:
+    """It stands on this, and in that, if two are named; everything is upright and in no hand."""
+
+    def verdict(truth: Truth) -> str:
+        things = {
+            one: Thing(one, KNOWN_AS.get(truth.models[one], truth.models[one]), Pose(*truth.poses[one]))
+            for one in truth.poses
+        }
+        on, inside = relate(Scene(things=things), things[name])
+        return unsafe(truth) or ("" if (on, *inside) == places else f"{name} is on {on or 'nothing'}, in {inside}")
+
+    return verdict
+
+
+def _both(*verdicts: Verdict) -> Verdict:
+    return lambda truth: "; ".join(filter(None, (verdict(truth) for verdict in verdicts)))
+
+
+TIDY = _both(_stands("jar_1", *CABINET), _stands("bowl_1", *CABINET))
+AFTERNOON = (
     Command("look around", _free),
     Command("pour the jar into the bowl", _free, ("cancelled",), "carry jar_1", "cancel"),  # interruption 1
     Command("bring me the jar", _hangs("jar_1")),
@@ -71,15 +98,30 @@ SCRIPT = (
     Command("pour the jar into the bowl", _poured, ("done",), "/move-joint", "look around"),  # switch 2
     Command("put down the jar", _free),
 )
+TIDYING = (
+    Command("put the bowl on the table", _stands("bowl_1", "table_1")),
+    Command("put it back", TIDY),
+    Command("put the jar on the table", _stands("jar_1", "table_1")),
+    Command("put the jar into the cabinet", TIDY),
+    Command("pour the jar into the bowl", _poured),
+    Command("put the jar back", _both(_stands("jar_1", *CABINET), _poured)),
+    Command("clear the table", _both(TIDY, _poured)),
+    Command("clear the table", TIDY),
+    Command("put the bowl on the table", _free, ("cancelled",), "take bowl_1", "cancel"),
+    Command("put the jar on the table", _stands("jar_1", "table_1")),
+    Command("put the jar into the cabinet", _free, ("cancelled",), "/release", "cancel"),
+    Command("clear the table", TIDY),
+)
+SCRIPTS = {"afternoon": AFTERNOON, "tidying": TIDYING}
 
 
-def measured(seed: int, folder: Path) -> dict[str, Any]:
-    """Return one afternoon, as a line of the results file."""
+def measured(script: tuple[Command, ...], seed: int, folder: Path) -> dict[str, Any]:
+    """Return one run of a script, as a line of the results file."""
     line: dict[str, Any] = {"seed": seed, "load": round(os.getloadavg()[0], 1), "commands": []}
     began = time.monotonic()
     try:
         with WatchedFleet(folder, seed) as fleet:
-            for command in SCRIPT:
+            for command in script:
                 found = _done(fleet, command)
                 line["commands"].append(found)
                 if found["wrong"]:
@@ -88,7 +130,7 @@ def measured(seed: int, folder: Path) -> dict[str, Any]:
     except (NotSeenError, ConsoleError, OSError, subprocess.SubprocessError) as error:
         line["failure"] = str(error)[:300]
     line["wall_s"] = round(time.monotonic() - began, 1)
-    whole = len(line["commands"]) == len(SCRIPT) and not any(one["wrong"] for one in line["commands"])
+    whole = len(line["commands"]) == len(script) and not any(one["wrong"] for one in line["commands"])
     return line | {"good": whole and not line.get("failure") and not line.get("dropped")}
 
 
@@ -129,6 +171,7 @@ def _interrupted(fleet: WatchedFleet, task: str, how: str) -> dict[str, Any]:
 def main(
     seeds: Annotated[str, typer.Option(help="first-last")] = "1-10",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("afternoon.jsonl"),
+    script: Annotated[str, typer.Option(help="afternoon or tidying")] = "afternoon",
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
     first, last = (int(x) for x in seeds.split("-"))
@@ -137,7 +180,7 @@ def main(
     for seed in range(first, last + 1):
         if seed in known:
             continue
-        line = measured(seed, base / f"seed-{seed}")
+        line = measured(SCRIPTS[script], seed, base / f"seed-{seed}")
         out.parent.mkdir(parents=True, exist_ok=True)
         with out.open("ab") as file:
             file.write(msgspec.json.encode(line) + b"\n")

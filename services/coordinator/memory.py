@@ -213,9 +213,13 @@ def bound(jobs: tuple[Job, ...], at: int) -> bool:
 
 
 def comes_after(job: Job, earlier: Job) -> bool:
-    """Whether a task comes after one said earlier: both name the same thing, or the sentence has this order."""
+    """Whether a task comes after one said earlier: both name the same thing, one is about whatever is on the table, or
+    the sentence has this order.
+    """
     command = job.command
-    return command.after == earlier.conversation or bool(things_of(command) & things_of(earlier.command))
+    if command.after == earlier.conversation or bool(things_of(command) & things_of(earlier.command)):
+        return True
+    return any(isinstance(one.command, cmd.ClearTable) for one in (job, earlier))
 
 
 def things_of(command: cmd.Task) -> frozenset[str]:

@@ -36,8 +36,12 @@ def ground_task(command: cmd.Task) -> hfsm.Task:
             return hfsm.Task(hfsm.TaskName.BRING, (thing, side))
         case cmd.SwapHands(object=thing):
             return hfsm.Task(hfsm.TaskName.SWAP_HANDS, (thing,))
-        case cmd.PutDown(object=thing):
+        case cmd.PutDown(object=thing, place=""):
             return hfsm.Task(hfsm.TaskName.PUT_DOWN, (thing,))
+        case cmd.PutDown(object=thing, place=place):
+            return hfsm.Task(hfsm.TaskName.PUT_AT, (thing, place))
+        case cmd.ClearTable():
+            return hfsm.Task(hfsm.TaskName.CLEAR_TABLE, ())
         case cmd.LookAround():
             return hfsm.Task(hfsm.TaskName.LOOK_AROUND, ())
 

@@ -8,17 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.models import KNOWN_AS
 from services.executor.local import Setup
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion
 from services.executor.receptor import Receptor
 from services.executor.skills.skill import Sensed
 from velma.model import scene as scenes
-from velma.model.scene import Model, Scene
+from velma.model.scene import Scene
 from velma.sim.mujoco_backend import compiled
-
-# What a marker tells: the models of the scene under the names that km uses.
-KNOWN_AS = {Model.JAR: "jar", Model.BOWL: "bowl_high", Model.CABINET: "cabinet_no_door", Model.TABLE: "table"}
 
 
 def scene_of(setup: Setup) -> Scene:
@@ -28,8 +26,8 @@ def scene_of(setup: Setup) -> Scene:
 
 
 def things(scene: Scene) -> dict[str, str]:
-    """Return the model name by id of everything with a marker."""
-    return {thing.id: KNOWN_AS[thing.model] for thing in scene.things}
+    """Return the model name, as km has it, by id of everything with a marker."""
+    return {thing.id: KNOWN_AS.get(thing.model, thing.model) for thing in scene.things}
 
 
 def receptor(scene: Scene) -> Receptor:

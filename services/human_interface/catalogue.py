@@ -14,13 +14,17 @@ _LETTERS = str.maketrans("łŁ", "lL")
 
 
 class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row [[thing]]: words for a class of the ontology, or for several (`covers`); what can be done with it."""
+    """A row [[thing]]: words for a class of the ontology, or for several (`covers`), and what can be done with it.
+
+    `to`: how it is named as a place.
+    """
 
     name: str
     en: tuple[str, ...]
     pl: tuple[str, ...]
     can: tuple[str, ...] = ()
     covers: tuple[str, ...] = ()
+    to: dict[str, str] = {}
 
 
 class WishRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

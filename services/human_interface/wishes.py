@@ -14,11 +14,11 @@ from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_
 from services.human_interface.meaning import Clause, Meaning, Thing
 
 EXAMPLE = {
-    "en": {"pour": "pour the jar into the bowl", "take": "take the jar", "put": "put down the jar"},
-    "pl": {"pour": "wlej zawartość słoika do miski", "take": "weź słoik", "put": "odłóż słoik"},
+    "en": {"pour": "pour the jar into the bowl", "take": "take the jar"},
+    "pl": {"pour": "wlej zawartość słoika do miski", "take": "weź słoik"},
 }
-USE = {"pour": "pour", "fill": "pour"}
-"""What a thing must be good for (catalogue: can), by wish; else it is taken."""
+USE = {"pour": ("pour", "pour"), "fill": ("pour", "pour"), "place": ("take", "put")}
+"""What its things must be good for (catalogue: can), by wish; else one is taken."""
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
 
@@ -140,7 +140,8 @@ def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tupl
     tasks: list[cmd.Task] = []
     mentioned = context.mentioned
     for clause in clauses:
-        names = tuple(_thing(thing, clause.does, mentioned, context.seen, language) for thing in clause.things)
+        uses = zip(clause.things, USE.get(clause.does, ("take",)), strict=False)
+        names = tuple(_thing(thing, use, mentioned, context.seen, language) for thing, use in uses)
         tasks.append(MAKE[clause.does](clause, names, language))
         mentioned = with_mentioned(mentioned, *names)
     return tuple(tasks)
@@ -151,24 +152,23 @@ def with_mentioned(before: tuple[str, ...], *names: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*names, *before)))[:MOST_MENTIONED]
 
 
-def _thing(thing: Thing, does: str, mentioned: tuple[str, ...], seen: str, language: str) -> str:
-    """The name of a thing as pl takes it. Raise _Doubt where it is not clear which one is meant."""
-    fit = tuple(one.name for one in THINGS.values() if USE.get(does, "take") in one.can)
+def _thing(thing: Thing, use: str, mentioned: tuple[str, ...], seen: str, language: str) -> str:
+    """The name of a thing as pl takes it. Raise _Doubt where it is not clear which one is meant; any place will do."""
+    fit = tuple(one.name for one in THINGS.values() if use in one.can)
     if thing.ref:
         return _referred(thing, mentioned, fit, language)
     if not thing.kinds:
         raise _Doubt(thing, say(language, "unknown", thing.said), fit)
     possible = tuple(kind for kind in thing.kinds if kind in fit)
     if not possible:
-        words = EXAMPLE[language].get(USE.get(does, ""), EXAMPLE[language]["take"]).split()[0]
-        raise _Doubt(thing, say(language, "cannot", words, called(thing.kinds[0], language, 2)))
+        raise _Doubt(thing, say(language, f"cannot_{use}", called(thing.kinds[0], language, 2)))
     if thing.quality:
         raise _Doubt(thing, say(language, "quality", thing.quality), possible)
     if len(possible) > 1:
         raise _Doubt(thing, "", possible)
     (kind,) = possible
     several = tuple(f"{kind}_{n}" for n in range(1, 10) if f"{kind}_{n}" in seen)
-    if not thing.number and len(several) > 1:
+    if not thing.number and len(several) > 1 and use != "put":
         raise _Doubt(thing, "", several)
     return f"{kind}_{thing.number}" if thing.number else kind
 
@@ -226,6 +226,9 @@ MAKE: dict[str, Callable[[Clause, tuple[str, ...], str], cmd.Task]] = {
     "bring": lambda clause, names, language: cmd.Bring(names[0], clause.side),
     "swap": lambda clause, names, language: cmd.SwapHands(*names),
     "put": lambda clause, names, language: cmd.PutDown(names[0]),
+    "place": lambda clause, names, language: cmd.PutDown(*names),
+    "back": lambda clause, names, language: cmd.PutDown(names[0], cmd.BACK),
+    "clear": lambda clause, names, language: cmd.ClearTable(),
     "look": lambda clause, names, language: cmd.LookAround(),
 }
 """The rows of the catalogue that become tasks of co."""
@@ -257,10 +260,19 @@ def _task_in_words(task: cmd.Task, language: str) -> str:
             return say(language, "swap")
         case cmd.SwapHands(object=thing):
             return say(language, "swap_thing", called(thing, language, 2))
-        case cmd.PutDown(object=thing):
-            return say(language, "put", called(thing, language, 2))
+        case cmd.PutDown(object=thing, place=place):
+            return _put_in_words(called(thing, language, 2), place, language)
+        case cmd.ClearTable():
+            return say(language, "clear")
         case cmd.LookAround():
             return say(language, "look")
+
+
+def _put_in_words(thing: str, place: str, language: str) -> str:
+    if place in ("", cmd.BACK):
+        return say(language, "back" if place else "put", thing)
+    forms = (called(place, language, case) for case in range(3))
+    return say(language, "place", thing, THINGS[place.partition("_")[0]].to[language].format(*forms))
 
 
 def _hand(side: str, language: str) -> str:

@@ -61,6 +61,13 @@ def _object_pose(scene: Scene, query: wm.ObjectPose) -> wm.AnyAnswer:
     return wm.PoseOf(thing.id, thing.pose, thing.exact, thing.on, scene.holder(thing.id))
 
 
+def _object_origin(scene: Scene, query: wm.ObjectOrigin) -> wm.AnyAnswer:
+    thing = _thing(scene, query.object)
+    if thing.origin is None:
+        raise _NotKnown(f"where {thing.id} stood before is not known: no hand took it from a place where it was seen")
+    return wm.PoseOf(thing.id, thing.origin.pose, exact=True, on=thing.origin.on)
+
+
 def _object_model(scene: Scene, query: wm.ObjectModel) -> wm.AnyAnswer:
     thing = _thing(scene, query.object)
     return _model(thing).of(thing.id)
@@ -230,6 +237,7 @@ def _reaches_into(thing: Thing, volume: Any) -> bool:
 ANSWERS: dict[type, Callable[[Scene, Any], wm.AnyAnswer]] = {
     wm.ListObjects: _list_objects,
     wm.ObjectPose: _object_pose,
+    wm.ObjectOrigin: _object_origin,
     wm.ObjectModel: _object_model,
     wm.MoveableObjects: _moveable,
     wm.StaticObjects: _static,

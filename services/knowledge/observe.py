@@ -3,12 +3,17 @@
 Pure: a scene in, a scene out. Must not know: who observed, protocols.
 """
 
+import math
+
 import msgspec
 
 from companion.languages import wm
+from companion.languages.values import Pose
 from services.knowledge.relations import related
-from services.knowledge.scene import Held, Scene, Thing
+from services.knowledge.scene import Held, Origin, Scene, Thing
 
+ELSEWHERE_M = 0.1
+"""Farther than a thing is pushed by a hand that misses it, and than a sight errs (estimate)."""
 Version = tuple[int, int]
 """Incarnation of the observer and number of the observation."""
 
@@ -58,11 +63,12 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
             # A held object moves with the hand: its pose is valid only at the moment of the observation.
             exact = scene.holder(name) is None
             kept = scene.things.get(name, Thing(name, model, pose))
-            seen = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=exact)
+            origin = None if _moved_by_others(kept, pose) else kept.origin
+            seen = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=exact, origin=origin)
             return related(scene.with_thing(seen), at, name)
         case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
             before = scene.hands.get(side, Held()).object
-            return related(scene.with_hand(side, Held(name, grasp, pose)), at, before, name)
+            return related(_taken(scene, name).with_hand(side, Held(name, grasp, pose)), at, before, name)
         case wm.SeenContent(source=source, destination=destination):
             return msgspec.structs.replace(scene, contents={**scene.contents, source: destination})
         case wm.SeenBody(body=body):
@@ -75,3 +81,16 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
                 "left_hand": body.left_hand,
             }
             return msgspec.structs.replace(scene, joints=joints)
+
+
+def _taken(scene: Scene, name: str) -> Scene:
+    """Return the scene in which a thing that is now in a hand has its origin, if it was seen where it stood."""
+    thing = scene.things.get(name)
+    if thing is None or thing.origin is not None or not thing.exact:
+        return scene
+    return scene.with_thing(msgspec.structs.replace(thing, origin=Origin(thing.pose, thing.on)))
+
+
+def _moved_by_others(thing: Thing, pose: Pose) -> bool:
+    """Whether a thing that was seen where it stood is now seen elsewhere, and no hand of the robot had it between."""
+    return thing.exact and math.dist(thing.pose.xyz, pose.xyz) > ELSEWHERE_M

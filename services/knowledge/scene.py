@@ -14,11 +14,19 @@ PARTS = {"torso": 1, "right_arm": 7, "left_arm": 7, "head": 2, "right_hand": 4, 
 """Number of joints by part of the body."""
 
 
+class Origin(msgspec.Struct, frozen=True):
+    """Where a thing stood before the robot took it: its pose, and what it was on ("" if that is not known)."""
+
+    pose: Pose
+    on: str
+
+
 class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
     """An object, with the pose where it was last seen or is predicted to be.
 
     `exact`: it was seen there. `on`, `inside`: computed from poses and shapes. `at`: time of that observation,
-    `related_at`: of the newest observation behind its relations [s, observer's clock].
+    `related_at`: of the newest observation behind its relations [s, observer's clock]. `origin`: of the first time that
+    the robot took it; None before, and after somebody else moved it.
     """
 
     id: str
@@ -29,6 +37,7 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
     on: str = ""
     inside: tuple[str, ...] = ()
     related_at: float = 0.0
+    origin: Origin | None = None
 
     @property
     def known(self) -> Model | None:

@@ -188,6 +188,12 @@ def test_tasks_of_one_sentence_keep_their_order():
     assert order_of(cmd.Take("jar"), cmd.LookAround(deadline=20.0)) == [1, 0]
 
 
+def test_a_table_is_cleared_after_what_was_said_before():
+    """Whatever is put there by then belongs to it; what is said later comes after it."""
+    assert order_of(cmd.PutDown("bowl", "table"), cmd.ClearTable(deadline=20.0)) == [0, 1]
+    assert order_of(cmd.ClearTable(), cmd.Take("jar", deadline=20.0)) == [0, 1]
+
+
 def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     """co's own steps: the one under way goes on, the urgent one is the next, and hears how many come before it."""
     scene = Scene()

@@ -28,7 +28,8 @@ names = st.sampled_from(("jar", "bowl", "jar_2"))
 tasks = st.one_of(
     st.builds(cmd.PourInto, names, names).filter(lambda task: task.source != task.destination),
     st.builds(cmd.Take, names, st.sampled_from(("", "left", "right"))),
-    st.builds(cmd.PutDown, names),
+    st.builds(cmd.PutDown, names, st.sampled_from(("", cmd.BACK, "table", "table_2", "cabinet"))),
+    st.just(cmd.ClearTable()),
     st.builds(cmd.Bring, names, st.sampled_from(("", "left", "right"))),
     st.builds(cmd.SwapHands, st.one_of(st.just(""), names)),
     st.just(cmd.LookAround()),
@@ -59,8 +60,12 @@ def _task(task):
             return f"bring {thing} {side}".strip()
         case cmd.SwapHands(object=thing):
             return f"swap {thing}".strip()
-        case cmd.PutDown(object=thing):
+        case cmd.PutDown(object=thing, place="" | "table"):  # the held-out table makes no difference between them
             return f"put {thing}"
+        case cmd.PutDown(object=thing, place=place):
+            return f"put {thing} {place}"
+        case cmd.ClearTable():
+            return "clear"
     return "look"
 
 
@@ -86,7 +91,7 @@ def later(sentence):
 
 def acts(found):
     """Whether the robot would move."""
-    return found.split()[0] in ("pour", "take", "bring", "swap", "put", "look")
+    return found.split()[0] in ("pour", "take", "bring", "swap", "put", "clear", "look")
 
 
 @pytest.mark.parametrize(("table", "least"), [("tuned.tsv", 150), ("held_out.tsv", 75)])
@@ -160,6 +165,8 @@ def test_acts_are_about_known_things_alone(words):
             if hasattr(task, field)
         ]
         assert all("take" in THINGS[name].can for name in named)
+        place = getattr(task, "place", "").partition("_")[0]
+        assert place in ("", cmd.BACK) or "put" in THINGS[place].can
 
 
 @pytest.mark.parametrize(
@@ -198,6 +205,11 @@ def test_the_worst_sentence_is_read_in_bounded_time(sentence):
         ("pour the milk into the bowl", {"jar"}),
         ("weź łyżkę", {"jar", "bowl", "box", "lid"}),
         ("take the table", set()),
+        ("put the jar on the sofa", {"table", "cabinet"}),
+        ("put the jar on the left table", {"table"}),
+        ("put the spoon into the cabinet", {"jar", "bowl", "box", "lid"}),
+        ("put the jar into the bowl", set()),
+        ("włóż słoik do lodówki", {"table", "cabinet"}),
         ("pour the jar into the jar", set()),
     ],
 )
@@ -206,6 +218,26 @@ def test_a_thing_that_is_not_clear_is_asked_about(sentence, offered):
     found = said(sentence)
     assert isinstance(found, Ask)
     assert {option.thing for option in found.options} == offered
+
+
+@pytest.mark.parametrize(
+    ("sentence", "place"),
+    [
+        ("put the jar down", ""),
+        ("put the jar on the table", "table"),
+        ("put the jar in the cupboard", "cabinet"),
+        ("put the jar on table 2", "table_2"),
+        ("put the jar back", cmd.BACK),
+        ("odłóż słoik", ""),
+        ("postaw słoik na stole", "table"),
+        ("schowaj słoik do szafki", "cabinet"),
+        ("odłóż słoik na stół 2", "table_2"),
+        ("odłóż słoik na miejsce", cmd.BACK),
+    ],
+)
+def test_a_place_is_only_where_one_was_named(sentence, place):
+    """Else it is wherever there is room; several tables are one place, since any of them will do."""
+    assert said(sentence, Context(seen="seen: jar_1, table_1, table_2")) == Act((cmd.PutDown("jar", place),))
 
 
 def test_two_things_of_a_kind_are_told_apart_by_number():
@@ -261,12 +293,16 @@ def test_a_refusal_names_what_is_understood(sentence):
 
 
 def test_things_are_those_of_the_models():
-    """A thing that may be taken is moveable, one that is poured has an opening; all are classes of models."""
+    """What may be taken is moveable, what is poured has an opening, and where something may be put there are surfaces;
+    all are classes of models, and a place has its words in both languages.
+    """
     for thing in CATALOGUE.thing:
         models = [model for model in MODELS.values() if model.kind.lower().startswith(thing.name)]
         assert bool(models) is not bool(thing.covers), thing.name
         assert ("take" in thing.can) == any(model.moveable for model in models), thing.name
         assert ("pour" in thing.can) == any(model.moveable and model.hole for model in models), thing.name
+        assert ("put" in thing.can) == any(not model.moveable and model.surfaces for model in models), thing.name
+        assert set(thing.to) == (set(LANGUAGES) if "put" in thing.can else set()), thing.name
 
 
 def test_both_languages_say_the_same():

@@ -36,3 +36,12 @@ def kitchen() -> Store:
     for count, observation in enumerate(KITCHEN, start=1):
         assert store_observation(store, observation, (1, count), now=2.0)
     return store
+
+
+@pytest.fixture
+def handled(kitchen: Store) -> Store:
+    """The same after the jar was taken and put back."""
+    held = wm.SeenHand(Side.LEFT, "jar_1", "7", Pose((0.0, 0.0, 0.0)))
+    for count, observation in enumerate((held, wm.SeenHand(Side.LEFT), KITCHEN[2])):
+        assert store_observation(kitchen, observation, (2, count), now=3.0)
+    return kitchen

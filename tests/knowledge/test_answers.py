@@ -21,6 +21,7 @@ VOLUME = Cylinder(0.1, 0.3, Pose((0.85, 0.37, 1.25)))
 EXAMPLES: tuple[wm.AnyQuery, ...] = (
     wm.ListObjects(),
     wm.ObjectPose(object="jar_1"),
+    wm.ObjectOrigin(object="jar_1"),
     wm.ObjectModel(object="jar_1"),
     wm.MoveableObjects(),
     wm.StaticObjects(),
@@ -63,10 +64,10 @@ def test_every_kind_of_query_has_a_function_and_an_entry_in_the_interface() -> N
 
 
 @pytest.mark.parametrize("query", EXAMPLES, ids=name_of)
-def test_the_answer_is_of_the_class_the_design_promises(kitchen: Store, query: wm.AnyQuery) -> None:
+def test_the_answer_is_of_the_class_the_design_promises(handled: Store, query: wm.AnyQuery) -> None:
     """And it fits its language and the size budget."""
     interface = INTERFACES["ask_for_planning"]
-    said = answer(kitchen, query)
+    said = answer(handled, query)
     interface.check_answer(interface.entry_for(Performative.QUERY_REF, query), said)
     raw = WM.encode(said)
     assert WM.decode(raw) == said

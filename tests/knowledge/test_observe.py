@@ -9,7 +9,7 @@ from companion.languages import wm
 from companion.languages.values import Pose, Side
 from services.knowledge.observe import observed, subject_of
 from services.knowledge.relations import relate
-from services.knowledge.scene import Scene
+from services.knowledge.scene import Origin, Scene
 from services.knowledge.store import Store
 
 from .conftest import KITCHEN, yaw
@@ -164,3 +164,37 @@ def test_observed_is_pure(kitchen: Store) -> None:
     observed(before, seen("jar_1", "jar", (0.0, 0.0, 0.0)), (9, 9))
     assert (before.things, before.versions) == kept
     assert pytest.approx(before.things["jar_1"].pose.xyz) == (0.851, 0.369, 1.281)
+
+
+# --- where a thing stood before it was taken --------------------------------------------------------------------------
+
+SHELF, TABLE, FAR = (seen("j", "jar", xyz) for xyz in ((0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (2.0, 0.0, 0.1)))
+TAKEN, LET_GO = wm.SeenHand(Side.LEFT, "j", "1", Pose((0.0, 0.0, 0.0))), wm.SeenHand(Side.LEFT)
+
+
+@pytest.mark.parametrize(
+    ("observations", "stood"),
+    [
+        ((SHELF,), None),
+        ((SHELF, TAKEN), SHELF),
+        ((SHELF, TAKEN, LET_GO, TABLE), SHELF),
+        ((SHELF, TAKEN, LET_GO, TABLE, TAKEN), SHELF),
+        ((SHELF, TAKEN, LET_GO, TABLE, FAR), None),
+        ((SHELF, TAKEN, LET_GO, TABLE, FAR, TAKEN), FAR),
+        ((TAKEN,), None),
+        ((TAKEN, SHELF, LET_GO, TABLE), None),
+    ],
+)
+def test_the_place_before_the_first_taking_is_kept(observations, stood) -> None:
+    """Also when it was put down between; until somebody else moves it. What was not seen standing has none."""
+    thing = scene_of(*observations).things.get("j")
+    origin = thing and thing.origin
+    assert (origin and origin.pose) == (stood and stood.pose)
+
+
+def test_what_it_stood_on_is_kept_too(kitchen: Store) -> None:
+    """A held thing stands on nothing; where it came from it did."""
+    scene = observed(kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0))
+    store = Store.open()
+    store.write(scene)
+    assert store.scene.things["jar_1"].origin == Origin(kitchen.scene.things["jar_1"].pose, "cabinet_2")

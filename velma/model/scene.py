@@ -25,6 +25,13 @@ class Model(StrEnum):
     BOWL = "bowl"
     CABINET = "cabinet"
     TABLE = "table"
+    BOX1 = "box1"
+    BOX2 = "box2"
+    BOX3 = "box3"
+
+
+BOXES = (Model.BOX1, Model.BOX2, Model.BOX3)
+MOVEABLE = (Model.JAR, Model.BOWL, *BOXES)
 
 
 class Thing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -16,7 +16,7 @@ import yaml
 from velma.model import surfaces
 from velma.model.build import HERE, ROBOT_XML, quat_wxyz, text
 from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
-from velma.model.scene import Model, Scene, Thing
+from velma.model.scene import BOXES, Model, Scene, Thing
 
 Numbers = Mapping[str, Any]
 
@@ -64,6 +64,7 @@ def _classes(default: ET.Element, contact: Numbers) -> None:
     add_class(default, "furniture", **furniture, **words("furniture"))
     hidden = {"group": SHAPE_GROUP, "mass": "0"}
     add_class(default, "jar", **hidden, **masks(Kind.OBJECT, thing), **words("object"))
+    add_class(default, "box", **masks(Kind.OBJECT, thing), material="carton", mass="0", **words("object"))
     add_class(default, "inner", **hidden, **masks(Kind.INNER, Kind.GRAIN), **words("inner"))
     add_class(default, "bowl", **hidden, **masks(Kind.OBJECT | Kind.INNER, thing | Kind.GRAIN), **words("object"))
     add_class(default, "grain", **masks(Kind.GRAIN, Kind.GRAIN | Kind.INNER | Kind.WORLD), **words("grain"))
@@ -127,6 +128,15 @@ def _bowl(world: ET.Element, thing: Thing) -> None:
     _look(body, "bowl")
 
 
+def _box(world: ET.Element, thing: Thing) -> None:
+    """Add a closed box; its inertia is that of its mass spread evenly."""
+    box, body = objects()[thing.model], _body(world, thing, free=True)
+    x, y, z = box["edges"]
+    about = [box["mass"] / 12 * (a * a + b * b) for a, b in ((y, z), (x, z), (x, y))]
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=text([box["mass"]]), diaginertia=text(about))
+    _geom(body, "side", "box", (x / 2, y / 2, z / 2), **{"class": "box"})
+
+
 def _look(body: ET.Element, mesh: str) -> None:
     for part in surfaces.VESSELS[mesh]:
         look = {"class": LOOK_CLASS, "mesh": part.mesh, "material": part.material}
@@ -161,4 +171,10 @@ def _stacked(radius: float) -> Iterator[tuple[float, float, float]]:
                     yield x, y, z
 
 
-_DRAW = {Model.JAR: _jar, Model.BOWL: _bowl, Model.CABINET: _furniture, Model.TABLE: _furniture}
+_DRAW = {
+    Model.JAR: _jar,
+    Model.BOWL: _bowl,
+    Model.CABINET: _furniture,
+    Model.TABLE: _furniture,
+    **dict.fromkeys(BOXES, _box),
+}

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from velma.model.scene import Model, Scene
+from velma.model.scene import MOVEABLE, Model, Scene
 from velma.model.scene_xml import grain_name, objects
 from velma.names import SIDES
 from velma.sim.forces import Forces
@@ -22,7 +22,7 @@ SLACK = 0.005
 
 
 class Truth(msgspec.Struct, frozen=True):
-    """The true state at a time: grains by vessel, tilt of every vessel, contacts.
+    """The true state at a time: grains by vessel, tilt of everything that can be taken, contacts.
 
     `poses`, `models` and `grains_at` are for pictures: thing id -> (origin, quaternion w first) in the world and model
     (velma.model.scene.Model), furniture too; centres of the grains. m. So are the last three: where the robot
@@ -33,9 +33,9 @@ class Truth(msgspec.Struct, frozen=True):
     time_s: float
     grains: int
     grains_in: dict[str, int]  # vessel id -> count
-    tilt_deg: dict[str, float]  # vessel id -> angle of its axis from the vertical
-    at: dict[str, Vector]  # vessel id -> origin, m
-    fingers_on: dict[str, dict[str, int]]  # vessel id -> side -> finger and palm links that touch it
+    tilt_deg: dict[str, float]  # id of a thing that can be taken -> angle of its axis from the vertical
+    at: dict[str, Vector]  # id -> origin, m
+    fingers_on: dict[str, dict[str, int]]  # id -> side -> finger and palm links that touch it
     furniture_touched: bool  # the robot touches furniture
     work_J: float
     poses: dict[str, tuple[Vector, Quaternion]]
@@ -53,6 +53,7 @@ class TruthReader:
         self._backend = backend
         model, scene = backend.model, backend.scene
         self._vessels = {thing.id: _cavity(thing.model) for thing in scene.of(Model.JAR, Model.BOWL)}
+        self._moveable = tuple(thing.id for thing in scene.of(*MOVEABLE))
         self._grain_bodies = np.array([model.body(grain_name(k)).id for k in range(_grains(scene))], dtype=np.intp)
         self._models = {thing.id: str(thing.model) for thing in scene.things}
         self._bodies = {thing.id: model.body(thing.id).id for thing in scene.things}
@@ -73,9 +74,9 @@ class TruthReader:
             time_s=data.time,
             grains=len(self._grain_bodies),
             grains_in=inside,
-            tilt_deg={name: self.tilt_deg(name) for name in self._vessels},
-            at={name: self._at(name) for name in self._vessels},
-            fingers_on={name: self.fingers_on(name) for name in self._vessels},
+            tilt_deg={name: self.tilt_deg(name) for name in self._moveable},
+            at={name: self._at(name) for name in self._moveable},
+            fingers_on={name: self.fingers_on(name) for name in self._moveable},
             furniture_touched=self.furniture_touched(),
             work_J=self._backend.work_J,
             poses={name: self._pose(body) for name, body in self._bodies.items()},

@@ -1,11 +1,13 @@
 """The skill that puts down: move above the place, level the object, go down to contact, open, retreat."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from companion.languages import rc
+from companion.languages.values import Vector
 from services.executor.loop.program import Open, Until
 from services.executor.skills import emergency_place, motions, own_paths
 from services.executor.skills.moving import straight
@@ -53,8 +55,7 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
     held = here.held[side]
     if command.place is not None:
         place = transform(command.place)
-        above = shifted(place * held.T_grip_object.inverse(), np.array([0.0, 0.0, ABOVE_M]))
-        return place, _to(here, side, above)
+        return place, _through(here, side, place * held.T_grip_object.inverse(), command.way or ((0.0, 0.0, ABOVE_M),))
     standing = emergency_place.standing_here(here, side)
     if standing is not None:
         return standing, []
@@ -100,6 +101,15 @@ def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]
 def _rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
     """Return the rest of a path from the present posture on."""
     return path[int(np.argmin([np.abs(q - here.q).max() for q in path])) :] if path else []
+
+
+def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -> list[np.ndarray]:
+    """Return the checked path to the first of the offsets from `grip`, then straight on. Raises replan for none."""
+    first, *others = (shifted(grip, np.array(offset)) for offset in way)
+    path = _to(here, side, first)
+    for pose in others:
+        path += straight(here, side, path[-1] if path else here.q, pose, here.world.free)
+    return path
 
 
 def _to(here: Situation, side: str, target: pin.SE3) -> list[np.ndarray]:

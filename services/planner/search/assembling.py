@@ -1,6 +1,7 @@
 """From the steps of the search to the HFSM that ta runs: one machine per step, and how to make it safe if cancelled."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import msgspec
 
@@ -18,14 +19,19 @@ AGAIN_S = 30.0  # [s] of the plan that follows one that ends with a look: a pour
 WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
 
 
-def plan(
-    request: str, task: str, steps: list[Step], sought: str, queries: int, held: dict[Side, rc.Release]
-) -> hfsm.HierarchicalPlan:
-    """Return the plan of these steps in order.
-
-    `sought`: the thing to be localized before the same task is planned again, "" if the steps do the whole task.
-    `held`: the commands that put down what the hands hold at the start.
+class Found(NamedTuple):
+    """What a search found: steps, the thing to be localized before the same task is planned again ("" if the steps do
+    the whole task), and what is told to the person when they are done.
     """
+
+    steps: list[Step]
+    sought: str
+    told: str
+
+
+def plan(request: str, task: str, found: Found, queries: int, held: dict[Side, rc.Release]) -> hfsm.HierarchicalPlan:
+    """Return the plan of these steps in order; `held`: the commands that put down what the hands hold at the start."""
+    steps, sought, told = found
     holding = dict(held)
     states: list[hfsm.State] = []
     names = _names(steps)
@@ -38,8 +44,9 @@ def plan(
     if sought:
         states.append(_localized(sought))
         states.append(hfsm.EndState("replan", hfsm.Outcome.REPLAN, f"{sought} is localized now"))
-    if not states:
-        states.append(hfsm.EndState("nothing to do", hfsm.Outcome.SUCCEEDED, "it is so already"))
+    if not states or told:
+        name = "nothing to do" if not states else "tell"
+        states.append(hfsm.EndState(name, hfsm.Outcome.SUCCEEDED, told or "it is so already"))
     chained = tuple(_then(state, following.name) for state, following in pairwise(states))
     root = hfsm.Machine(
         name=task, initial=states[0].name, states=(*chained, states[-1]), safe=_safe(request, 0, holding)

@@ -14,7 +14,9 @@ from io import StringIO
 from companion.languages.hfsm import Rejected, TaskName
 from companion.languages.values import Side
 from services.planner.search.asking import Unanswered
+from services.planner.search.assembling import Found
 from services.planner.search.facts import Facts
+from services.planner.search.inserting import take_to
 from services.planner.search.looking import look, look_around
 from services.planner.search.methods import Methods, Subtasks
 from services.planner.search.pouring import pour
@@ -25,25 +27,35 @@ from services.planner.search.taking import carry, take
 os.environ.setdefault("GTPYHOP_QUIET", "true")  # else it prints a greeting when imported
 import gtpyhop
 
-TASKS: dict[str, int] = {
-    TaskName.POUR: 2,
-    TaskName.TAKE: 2,
-    TaskName.BRING: 2,
-    TaskName.SWAP_HANDS: 1,
-    TaskName.PUT_DOWN: 1,
-    TaskName.LOOK_AROUND: 0,
+A_THING, A_SIDE, A_PLACE = "thing", "side", "place"
+TASKS: dict[str, tuple[str, ...]] = {
+    TaskName.POUR: (A_THING, A_THING),
+    TaskName.TAKE: (A_THING, A_SIDE),
+    TaskName.BRING: (A_THING, A_SIDE),
+    TaskName.SWAP_HANDS: (A_THING,),
+    TaskName.PUT_DOWN: (A_THING,),
+    TaskName.PUT_AT: (A_THING, A_PLACE),
+    TaskName.CLEAR_TABLE: (),
+    TaskName.LOOK_AROUND: (),
 }
-"""Tasks that can be asked for, with the number of their arguments."""
+"""Tasks that can be asked for, with what their arguments are."""
 MOST_REJECTED, LONGEST_WHY = 24, 100  # of a search, the first ones; characters of a reason: 4 kB hold them (estimates)
-GRASPS_TRIED = ("1", "2", "3", "4")  # from which a thing is to be held out (estimate: a try takes seconds)
+GRASPS_TRIED = (
+    "1",
+    "2",
+    "3",
+    "4",
+)  # from which a thing is to be held out, or put there (estimate: it takes seconds)
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 
 class _State(gtpyhop.State):  # type: ignore[misc]
-    """State id at km, steps that led to it, thing to be localized. All parts are immutable, so a copy is cheap."""
+    """State id at km, steps that led to it, thing to be localized, what is told in the end.
+
+    All parts are immutable, so a copy is cheap."""
 
     def copy(self, new_name: str | None = None) -> "_State":
-        return _State(new_name or self.__name__, km=self.km, steps=self.steps, sought=self.sought)
+        return _State(new_name or self.__name__, km=self.km, steps=self.steps, sought=self.sought, told=self.told)
 
 
 class Search:
@@ -55,10 +67,10 @@ class Search:
         self._rejected: dict[Rejected, None] = {}
         self._end: _State | None = None
 
-    def run(self, todo: Subtasks, state: str) -> tuple[list[Step], str] | None:
-        """Return the steps and the thing to be localized before planning the rest (or ""); None for no plan."""
+    def run(self, todo: Subtasks, state: str) -> Found | None:
+        """Return what does these tasks in this state at km; None for no plan."""
         self._declare()
-        start = _State("start", km=state, steps=(), sought="")
+        start = _State("start", km=state, steps=(), sought="", told=())
         options = {"strategy": "recursive_dfs", "structured_logging": False}
         with redirect_stdout(StringIO()), gtpyhop.PlannerSession(domain=self.domain, **options) as session:
             found = session.find_plan(start, [*todo, ("a_end",)])
@@ -66,20 +78,24 @@ class Search:
             raise RuntimeError(found.error)
         if not found.success or self._end is None:
             return None
-        return list(self._end.steps), self._end.sought
+        return Found(list(self._end.steps), self._end.sought, "; ".join(self._end.told))
 
     def _declare(self) -> None:
         gtpyhop.set_current_domain(self.domain)
         gtpyhop.declare_actions(
             self._action("a_take", lambda s, n, side, *number: take(self.geometry, s.km, n, Side(side), *number)),
             self._action("a_carry", lambda s, side: carry(self.geometry, s.km, Side(side))),
-            self._action("a_place", lambda s, side: place(self.geometry, s.km, Side(side))),
+            self._action("a_take_to", lambda s, n, side, *to: take_to(self.geometry, s.km, n, Side(side), *to)),
+            self._action("a_place", lambda s, side, *where: place(self.geometry, s.km, Side(side), *where)),
             self._action("a_offer", lambda s, side: offer(self.geometry, s.km, Side(side))),
             self._action("a_home", lambda s, side: home(self.geometry, s.km, Side(side))),
             self._action("a_look", lambda s, n: look(self.geometry, s.km, n)),
             self._action("a_look_around", lambda s: look_around()),
             self._action("a_pour", lambda s, a, b, side: pour(self.geometry, s.km, a, b, Side(side))),
             self.a_replan,
+            self.a_tell,
+            self.a_stays,
+            self.a_some_done,
             self.a_end,
         )
         methods, both = self.methods, self._with
@@ -90,7 +106,11 @@ class Search:
         self._bind("hold_out", *(self._numbered(methods.hold_out_at_try, number) for number in GRASPS_TRIED))
         self._bind(TaskName.SWAP_HANDS, methods.swap_hands)
         self._bind(TaskName.PUT_DOWN, methods.put_down)
-        for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN):
+        self._bind(TaskName.PUT_AT, methods.put_at_nothing, methods.put_at_held, *both(methods.put_at_with))
+        self._bind("set_at", *(self._numbered(methods.set_at_try, number) for number in GRASPS_TRIED))
+        self._bind(TaskName.CLEAR_TABLE, methods.clear_nothing, methods.clear_things)
+        self._bind("clear_away", methods.clear_into_cabinet, methods.clear_not)
+        for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN, TaskName.PUT_AT):
             self._bind(task, self._after_arms_home(task))
         self._bind("localize", methods.localize)
         self._bind(TaskName.LOOK_AROUND, methods.look_around)
@@ -180,6 +200,19 @@ class Search:
         """Return the rest has to be planned again when the thing is localized."""
         state.sought = name
         return state
+
+    def a_tell(self, state: _State, text: str) -> _State:
+        """Return a sentence for the person at the end."""
+        state.told = (*state.told, text)
+        return state
+
+    def a_stays(self, state: _State, name: str) -> _State:
+        """Return a thing is left where it is, for the reason that was noted last."""
+        return self.a_tell(state, f"{name} stays: {self.geometry.why[-1]}")
+
+    def a_some_done(self, state: _State) -> _State | bool:
+        """Return not applicable if nothing was done at all: what is told are the reasons then."""
+        return state if state.steps else False
 
     def a_end(self, state: _State) -> _State:
         """Return the end of every plan: keep its state."""

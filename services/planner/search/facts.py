@@ -1,12 +1,16 @@
 """The facts that methods of the domain need of a state at km: what is held, what stands where, what was seen."""
 
+import math
+
 import numpy as np
 
 from companion.languages import wm
+from companion.languages.cmd import BACK
 from companion.languages.values import Side
 from services.planner.search.asking import Asking
 from velma import names
 
+SAME_PLACE_M = 0.05  # nearer to where it stood before, a thing is there again (estimate)
 HOME_WITHIN = 0.1  # [rad] of each joint (estimate: more than the impedance control leaves)
 
 
@@ -32,6 +36,37 @@ class Facts:
     def support(self, state: str, name: str) -> str:
         """Return the thing that this one stands on, "" if none is known."""
         return self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).on
+
+    def places(self, state: str, word: str) -> tuple[str, ...]:
+        """Return the furniture of this id or class: "table" is any table."""
+        found = self._ask(wm.StaticObjects(state=state), wm.Objects).objects
+        kind = word.capitalize()
+        return tuple(
+            one.id for one in found if word == one.id or self._true(state, wm.Relation.IS_INSTANCE_OF, one.id, kind)
+        )
+
+    def moveable(self, state: str) -> tuple[str, ...]:
+        """Return all things that can be taken."""
+        return tuple(one.id for one in self._ask(wm.MoveableObjects(state=state), wm.Objects).objects)
+
+    def origin(self, state: str, name: str) -> wm.PoseOf:
+        """Return where the thing stood before it was taken."""
+        return self._ask(wm.ObjectOrigin(state=state, object=name), wm.PoseOf)
+
+    def container(self, state: str, name: str) -> bool:
+        """Whether something can be put into the thing."""
+        return self._true(state, wm.Relation.IS_INSTANCE_OF, name, "Container")
+
+    def filled(self, state: str, name: str) -> bool:
+        """Whether something was poured into the thing."""
+        return any(self._true(state, wm.Relation.IS_IN, f"{one}.content", name) for one in self.moveable(state))
+
+    def at(self, state: str, name: str, where: str) -> bool:
+        """Whether the thing stands on or in the place already, or where it stood before it was taken."""
+        here = self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf)
+        if where == BACK:
+            return here.held_by is None and math.dist(here.pose.xyz, self.origin(state, name).pose.xyz) < SAME_PLACE_M
+        return here.on in self.places(state, where) and self.container(state, here.on) == self.inside(state, name)
 
     def inside(self, state: str, name: str) -> bool:
         """Whether the thing stands inside another one, so that it must come out before anything is poured into it."""

@@ -12,6 +12,7 @@ from companion.languages.hfsm import TaskName
 from companion.languages.values import Side
 from services.planner.search.facts import Facts
 
+TABLE, CABINET = "table", "cabinet"  # classes of the ontology, in small letters as in a task
 OTHER = {Side.LEFT: Side.RIGHT, Side.RIGHT: Side.LEFT}
 
 Subtasks = list[tuple[Any, ...]]
@@ -149,6 +150,53 @@ class Methods:
             self.failed(f"no hand holds {name}")
             return None
         return [("a_place", side), ("a_home", side)]
+
+    def put_at_nothing(self, km: str, name: str, where: str) -> Subtasks | None:
+        """Return it stands there already."""
+        if holder := self.facts.holder(km, name):
+            return self._not(f"the {holder} hand holds {name}")
+        return [] if self.facts.at(km, name, where) else self._not(f"{name} stands elsewhere")
+
+    def put_at_held(self, km: str, name: str, where: str) -> Subtasks | None:
+        """Put it there with the hand that holds it, and bring that one home."""
+        side = self.facts.holder(km, name)
+        return [("a_place", side, where), ("a_home", side)] if side else self._not(f"no hand holds {name}")
+
+    def put_at_with(self, km: str, hand: Side, name: str, where: str) -> Subtasks | None:
+        """Take it with this hand, if it is empty, and put it there."""
+        if holder := self.facts.holder(km, name):
+            return self._not(f"the {holder} hand holds {name}")
+        if held := self.facts.in_hand(km, hand):
+            self.failed(f"the {hand} hand holds {held}")
+            return None
+        return [("set_at", name, hand, where)]
+
+    def set_at_try(self, km: str, number: str, name: str, hand: Side, where: str) -> Subtasks | None:
+        """Take it by some grasp, from which it can be put there: not every one leaves a way."""
+        return [("a_take_to", name, hand, number, where), ("a_place", hand, where), ("a_home", hand)]
+
+    def clear_nothing(self, km: str) -> Subtasks | None:
+        """Return no thing that can be taken stands on a table."""
+        return self._not("something is on a table") if self._on_tables(km) else [("a_tell", "nothing is on a table")]
+
+    def clear_things(self, km: str) -> Subtasks | None:
+        """Put one thing after the other into the cabinet, as far as that is possible."""
+        things = self._on_tables(km)
+        if not things:
+            return self._not("nothing is on a table")
+        return [*(("clear_away", name) for name in things), ("a_some_done",)]
+
+    def clear_into_cabinet(self, km: str, name: str) -> Subtasks | None:
+        """Put it into the cabinet."""
+        return [(TaskName.PUT_AT, name, CABINET)]
+
+    def clear_not(self, km: str, name: str) -> Subtasks | None:
+        """Leave it, and say so."""
+        return [("a_stays", name)]
+
+    def _on_tables(self, km: str) -> list[str]:
+        tables = self.facts.places(km, TABLE)
+        return [name for name in self.facts.moveable(km) if self.facts.support(km, name) in tables]
 
     def after_arms_home(self, km: str, task: str, arguments: tuple[str, ...]) -> Subtasks | None:
         """Bring empty arms home, then do the task: after an interrupted act one may be in the way, in a cabinet say."""

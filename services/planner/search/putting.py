@@ -1,6 +1,7 @@
 """Primitive tasks that put something down and bring an empty arm home."""
 
 import math
+from collections.abc import Sequence
 from itertools import islice
 
 import numpy as np
@@ -8,8 +9,11 @@ import pinocchio as pin
 
 from companion.languages import rc, wm
 from companion.languages.values import Side
+from services.planner.search.facts import Facts
+from services.planner.search.inserting import inserted
+from services.planner.search.places import Inside, Surfaces, places
 from services.planner.search.situation import Held, Situation, configured, on_wire
-from services.planner.search.spots import Spot, spots
+from services.planner.search.spots import Spot, clear, spots
 from services.planner.search.steps import (
     EFFORTS,
     OPEN_S,
@@ -23,6 +27,7 @@ from services.planner.search.steps import (
 )
 from velma import names
 from velma.kinematics.frames import transform
+from velma.kinematics.tasks.grasping import GraspWay
 from velma.kinematics.tasks.placing import Placing, backwards, placings
 from velma.kinematics.tasks.speeds import DOWN_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
 
@@ -31,24 +36,34 @@ CARRIED_TILT = ((math.radians(25.0), QUICK), (math.radians(60.0), EFFORTS))
 PLACINGS, TRIES = 12, 300  # placings to choose from, samples tried (estimates)
 BATCHES = 4  # groups of spots tried (estimate)
 HOME_FINGERS = 1.0  # [rad], same runs
+Way = Sequence[np.ndarray]
+"""Offsets (3,) [m] from a place, through which an object comes; none: straight from above."""
 Retreat = list[tuple[pin.SE3, float]]
 """Grip poses relative to the releasing grip, with finger angles [rad], nearest first."""
 
 
-def place(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """Return the step that puts the held object on a flat surface, opens the hand and retreats."""
+def place(geometry: Geometry, state: str, side: Side, where: str = "") -> Step | None:
+    """Return the step that puts the held object on a flat surface, opens the hand and retreats; `where`: see places."""
     here = geometry.at(state)
     held = here.held[side]
     retreat = retreating(geometry, state, held.object, held.grasp)
-    found = _above(geometry, here, side, retreat)
-    return None if found is None else _placing(geometry, held, found[0], retreat, side, found[1])
+    for target in places(geometry, state, held.object, where):
+        if isinstance(target, Surfaces):
+            found = _above(geometry, here, side, retreat, target)
+            way: Way = ()
+        else:
+            found = _through(geometry, here, side, retreat, target)
+            way = target.opening.way
+        if found is not None:
+            return _placing(geometry, held, found[0], retreat, side, found[1], way)
+    return None
 
 
 def offer(geometry: Geometry, state: str, side: Side) -> Step | None:
     """Return the step that holds the object over a place where it can be put down."""
     here = geometry.at(state)
     held = here.held[side]
-    found = _above(geometry, here, side, retreating(geometry, state, held.object, held.grasp))
+    found = _above(geometry, here, side, retreating(geometry, state, held.object, held.grasp), Surfaces())
     if found is None:
         return None
     path = found[1]
@@ -56,22 +71,52 @@ def offer(geometry: Geometry, state: str, side: Side) -> Step | None:
     return Step(f"offer {held.object}", (move(side, path, LOADED_SPEED),), configured(side, path[-1]), duration)
 
 
-def _above(geometry: Geometry, here: Situation, side: Side, retreat: Retreat) -> tuple[Placing, Path] | None:
+def _above(
+    geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Surfaces
+) -> tuple[Placing, Path] | None:
     """Return a place for the held object and the path to above it; None, with the reason noted, if there is none."""
     held, state = here.held[side], here.state
     model = geometry.model(state, held.object)
-    some_spots = spots(geometry, state, side, model.base_radius, held.object)
+    if target.spot is None:
+        some_spots = spots(geometry, state, side, model.base_radius, held.object, target.on)
+    else:
+        some_spots = iter([[target.spot]] if clear(geometry, state, target.spot, held.object) else [])
     tried = 0
     for free in islice(some_spots, BATCHES):
         tried += len(free)
-        some = _solved(geometry, here, side, free, model.base_z, retreat)
-        for largest_tilt, efforts in CARRIED_TILT:
-            goals = [placing.above for placing in some]
-            reached = geometry.free_motion(here, side, goals, largest_tilt=largest_tilt, efforts=efforts)
-            if reached is not None:
-                return some[reached[0]], reached[1]
+        found = _reached(geometry, here, side, _solved(geometry, here, side, free, model.base_z, retreat))
+        if found is not None:
+            return found
     where = "finds no way to put down" if tried else "has no free place within reach for"
     geometry.failed(f"the {side} arm {where} {held.object}")
+    return None
+
+
+def _through(
+    geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Inside
+) -> tuple[Placing, Path] | None:
+    """Return a place behind an opening and the path to before it; None, with the reason noted, if there is none."""
+    held = here.held[side]
+    T_held = held.T_grip_object
+    outermost_first = [(T_release_grip.inverse() * T_held, fingers) for T_release_grip, fingers in reversed(retreat)]
+    way = GraspWay(held.grasp, (*outermost_first, (T_held, retreat[0][1])))
+    found = _reached(
+        geometry, here, side, [placing for _, placing in inserted(geometry, here, side, held.object, target, [way])]
+    )
+    if found is None:
+        geometry.failed(f"the {side} arm finds no way to put {held.object} into {target.opening.name}")
+    return found
+
+
+def _reached(geometry: Geometry, here: Situation, side: Side, some: list[Placing]) -> tuple[Placing, Path] | None:
+    """Return one of the placings and the path to where it begins; what was poured into the object is not tilted out."""
+    goals, name = [placing.above for placing in some], here.held[side].object
+    for number, (largest_tilt, efforts) in enumerate(CARRIED_TILT if goals else ()):
+        if number and Facts(geometry.ask).filled(here.state, name):
+            break
+        reached = geometry.free_motion(here, side, goals, largest_tilt=largest_tilt, efforts=efforts)
+        if reached is not None:
+            return some[reached[0]], reached[1]
     return None
 
 
@@ -101,8 +146,10 @@ def _solved(
     return list(islice(found, PLACINGS))
 
 
-def _placing(geometry: Geometry, held: Held, placing: Placing, retreat: Retreat, side: Side, path: Path) -> Step:
-    """Return the step of a solved placing; `path` leads above it."""
+def _placing(
+    geometry: Geometry, held: Held, placing: Placing, retreat: Retreat, side: Side, path: Path, way: Way
+) -> Step:
+    """Return the step of a solved placing; `path` leads above it, or to the beginning of the `way` there."""
     commands = (
         move(side, path, LOADED_SPEED),
         rc.Release(
@@ -112,6 +159,7 @@ def _placing(geometry: Geometry, held: Held, placing: Placing, retreat: Retreat,
             surface=placing.support,
             place=on_wire(placing.place),
             retreat=approach_points(retreat),
+            way=tuple((float(x), float(y), float(z)) for x, y, z in way),
         ),
     )
     changes = (

@@ -5,9 +5,12 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from companion.languages import hfsm, wm
+from companion.languages.cmd import BACK
+from companion.languages.values import Side
 from services.planner.search import assembling
 from services.planner.search.asking import Asking, Unanswered
-from services.planner.search.domain import TASKS, Search
+from services.planner.search.domain import A_PLACE, A_SIDE, A_THING, TASKS, Search
+from services.planner.search.facts import Facts
 from services.planner.search.steps import Geometry
 from velma.kinematics.robot import Robot
 
@@ -37,27 +40,27 @@ def search(
         return hfsm.NoPlan(network.id, why.reason)
     if found is None:
         return hfsm.NoPlan(network.id, _reason(geometry.why), rejected=searching.rejected)
-    steps, sought = found
     held = assembling.held_at(asking, start)
     name = "; ".join(" ".join(task) for task in todo)
-    plan = assembling.plan(network.id, name, steps, sought, asking.queries, held)
+    plan = assembling.plan(network.id, name, found, asking.queries, held)
     return replace(plan, rejected=searching.rejected)
 
 
 def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
     """Return the task with the ids of km in place of words for things: "jar" -> "jar_1"."""
-    if TASKS.get(task.name) != len(task.arguments):
-        known = ", ".join(f"{name} ({count})" for name, count in TASKS.items())
+    kinds = TASKS.get(task.name)
+    if kinds is None or len(kinds) != len(task.arguments):
+        known = ", ".join(f"{name} ({len(kinds)})" for name, kinds in TASKS.items())
         raise NotATask(f"no task {task.name!r} of {len(task.arguments)} things is known; tasks are {known}")
-    arguments = tuple(_thing(asking, word) for word in task.arguments)
+    arguments = tuple(_WORDS[kind](asking, word) for kind, word in zip(kinds, task.arguments, strict=True))
     if task.name == hfsm.TaskName.POUR and len(set(arguments)) == 1:
         raise NotATask(f"{arguments[0]} cannot be poured into itself")
     return (task.name, *arguments)
 
 
 def _thing(asking: Asking, word: str) -> str:
-    """Return the first thing that km knows by this id or kind; words for hands stay."""
-    if word in ("", "left", "right"):
+    """Return the first thing that km knows by this id or kind; "" stays."""
+    if not word:
         return word
     things = asking(wm.ListObjects(), wm.Objects).objects
     for thing in things:
@@ -65,6 +68,25 @@ def _thing(asking: Asking, word: str) -> str:
             return thing.id
     seen = ", ".join(sorted(thing.id for thing in things)) or "nothing"
     raise Unanswered(wm.ListObjects(), f"no {word} has been seen (seen so far: {seen})")
+
+
+def _side(asking: Asking, word: str) -> str:
+    """Return a word for a hand, "" for any."""
+    if word not in ("", *Side):
+        raise NotATask(f"no hand {word!r}; hands are {', '.join(Side)}")
+    return word
+
+
+def _place(asking: Asking, word: str) -> str:
+    """Return a word for places that km knows; the steps choose one of them."""
+    facts = Facts(asking)
+    if word != BACK and not facts.places("", word):
+        known = ", ".join(sorted(facts.places("", "furniture"))) or "none"
+        raise Unanswered(wm.StaticObjects(), f"no {word} has been seen to put things there (places seen: {known})")
+    return word
+
+
+_WORDS: dict[str, Callable[[Asking, str], str]] = {A_THING: _thing, A_SIDE: _side, A_PLACE: _place}
 
 
 def _reason(why: list[str]) -> str:

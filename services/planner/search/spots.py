@@ -12,8 +12,6 @@ from services.planner.search.steps import Geometry
 from velma.kinematics.frames import heading, standing, transform
 
 GRID_M, MARGIN_M = 0.025, 0.05  # placement grid and margin of the published planner (proghtn-backstream@019fd34)
-# estimate: the bowl (0.10) and a finger beside it; a jar (0.20) that comes down from 0.10 above, so no shelf
-CLEAR_RADIUS_M, CLEAR_HEIGHT_M = 0.14, 0.35
 ABOVE_M = 0.01  # height above the surface where the volume starts that has to be free (estimate)
 BEST_DISTANCE_M, BEST_HEADING = 0.78, math.radians(42.0)  # where runs with the true robot model put and poured
 TURNING_M = 0.5  # a radian from the best heading is as bad as this distance [m] from the best distance (estimate)
@@ -23,24 +21,40 @@ NEAR_M = 0.05  # spots this close to one that is not free are skipped (estimate)
 
 
 @dataclass(frozen=True)
+class Volume:
+    """An upright cylinder above a spot [m]."""
+
+    radius: float
+    height: float
+
+
+# estimate: the bowl (0.10) and a finger beside it; a jar (0.20) that comes down from 0.10 above, so no shelf
+FROM_ABOVE = Volume(0.14, 0.35)
+
+
+@dataclass(frozen=True)
 class Spot:
     """A point (3,) [m] on a flat surface of the thing `surface`."""
 
     surface: str
     at: np.ndarray
 
-    def near(self, others: Iterable["Spot"]) -> bool:
+    def near(self, others: Iterable["Spot"], distance: float = NEAR_M) -> bool:
         """Whether one of the others is close to it."""
-        return any(np.linalg.norm(self.at - other.at) < NEAR_M for other in others)
+        return any(np.linalg.norm(self.at - other.at) < distance for other in others)
 
 
-def spots(geometry: Geometry, state: str, side: Side, foot: float, name: str) -> Iterator[list[Spot]]:
-    """Yield free spots for the thing `name`, which stands on a disc of radius `foot` [m], some at a time.
+def spots(
+    geometry: Geometry, state: str, side: Side, foot: float, name: str, on: tuple[str, ...] = ()
+) -> Iterator[list[Spot]]:
+    """Yield free spots for the thing `name`, which stands on a disc of radius `foot` [m], some at a time; `on`: on this
+    furniture alone.
 
     Those above the shoulders come last. km is asked only for the spots that are used. The spot where the thing itself
     stood counts as free."""
     reach = geometry.ask(wm.RobotReach(state=state, side=side), wm.Reach)
-    near = _within(reach, geometry.ask(wm.FlatSurfaces(state=state), wm.Surfaces).surfaces, foot)
+    surfaces = geometry.ask(wm.FlatSurfaces(state=state), wm.Surfaces).surfaces
+    near = _within(reach, (one for one in surfaces if not on or one.object in on), foot)
     shoulder = max(s[2] for s in reach.shoulders)
     for overhead in (False, True):
         found = [spot for spot in near if (spot.at[2] > shoulder) == overhead]
@@ -53,7 +67,7 @@ def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Itera
     for spot in found:
         if spot.near(done):
             continue
-        (free if _clear(geometry, state, spot, name) else done).append(spot)
+        (free if clear(geometry, state, spot, name) else done).append(spot)
         if len(free) == TOGETHER:
             yield free
             done, free = [*done, *free], []
@@ -64,7 +78,7 @@ def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Itera
 def _within(reach: wm.Reach, surfaces: Iterable[wm.Surface], foot: float) -> list[Spot]:
     """Return the spots that the arm reaches with the torso turned."""
     shoulders = [standing((0.0, 0.0, 0.0), torso).act(np.array(s)) for s in reach.shoulders for torso in TURNED]
-    found = [Spot(surface.object, at) for surface in surfaces for at in _grid(surface, foot)]
+    found = [Spot(surface.object, at) for surface in surfaces for at in grid(surface, foot)]
     return [s for s in found if reach.near < min(np.linalg.norm(s.at - x) for x in shoulders) < reach.far]
 
 
@@ -75,18 +89,18 @@ def _far_off(spot: Spot, side: Side) -> float:
     return away + TURNING_M * abs(heading(spot.at) - wanted)
 
 
-def _grid(surface: wm.Surface, foot: float) -> Iterator[np.ndarray]:
+def grid(surface: wm.Surface, foot: float, margin: float = MARGIN_M) -> Iterator[np.ndarray]:
     """Yield points of a surface (3,), far enough from its edges."""
     frame = transform(surface.at)
-    half = [s / 2 - foot - MARGIN_M for s in surface.size]
+    half = [s / 2 - foot - margin for s in surface.size]
     for x in np.arange(-half[0], half[0] + 1e-9, GRID_M):
         for y in np.arange(-half[1], half[1] + 1e-9, GRID_M):
             yield frame.act(np.array([x, y, 0.0]))
 
 
-def _clear(geometry: Geometry, state: str, spot: Spot, name: str) -> bool:
+def clear(geometry: Geometry, state: str, spot: Spot, name: str, room: Volume = FROM_ABOVE) -> bool:
     """Whether the space above the spot is free, also of other parts of the thing it is on."""
     x, y, z = (float(v) for v in spot.at)
-    volume = Cylinder(CLEAR_RADIUS_M, CLEAR_HEIGHT_M, Pose((x, y, z + ABOVE_M + CLEAR_HEIGHT_M / 2)))
+    volume = Cylinder(room.radius, room.height, Pose((x, y, z + ABOVE_M + room.height / 2)))
     query = wm.CollisionsInVolume(state=state, volume=volume, ignored=(name,))
     return not geometry.ask(query, wm.Objects).objects

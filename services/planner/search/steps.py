@@ -45,12 +45,16 @@ class Step:
 
 @dataclass
 class Geometry:
-    """The common part of all steps: the robot, queries to km, the seed, and why the last attempts failed."""
+    """The common part of all steps: the robot, queries to km, the seed, and why the last attempts failed.
+
+    `reachable`: whether a thing can be taken in a state with a hand, as far as that was looked for.
+    """
 
     robot: Robot
     ask: Asking
     seed: int
     why: list[str] = field(default_factory=list)
+    reachable: dict[tuple[str, str, Side], bool] = field(default_factory=dict)
 
     def rng(self, *words: str) -> np.random.Generator:
         """Return random numbers that depend on seed and attempt, not on the order of attempts."""

@@ -21,20 +21,18 @@ ANY_TORSO = (-0.9, 0.9)  # [rad] range of the torso at a grasp; same runs; never
 TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (-1.0, 1.0)}  # [rad], same runs
 
 
-def take(geometry: Geometry, state: str, name: str, side: Side, *number: str) -> Step | None:
+def take(
+    geometry: Geometry, state: str, name: str, side: Side, *number: str, only: frozenset[str] | None = None
+) -> Step | None:
     """Return the step that grasps an object where it stands and pulls it out; the hand must be empty.
 
-    `number`: of the try, each of which may choose another grasp.
+    `number`: of the try, each of which may choose another grasp. `only`: of these grasps, if any.
     """
     here = geometry.at(state)
-    known = preferred(geometry, state, name)
+    known = [one for one in preferred(geometry, state, name) if only is None or one.id in only]
     target = _target(geometry, state, name, known[0].out)
-    found = approaches(
-        geometry.robot, here.world, side, here.q, target, ways(known), geometry.rng("take", name, side, *number),
-        torso=TORSO.get(known[0].kind, ANY_TORSO), wanted=GRASPS,
-    )  # fmt: skip
+    found = _approaches(geometry, here, side, target, known, number, GRASPS)
     if not found:
-        geometry.failed(f"no grasp of {name} with the {side} hand can be reached and pulled out")
         return None
     reached = geometry.free_motion(here, side, [a.way_in[0] for a in found])
     if reached is None:
@@ -42,6 +40,35 @@ def take(geometry: Geometry, state: str, name: str, side: Side, *number: str) ->
         return None
     index, path = reached
     return _taking(geometry, here, side, target, found[index], path)
+
+
+def reachable(geometry: Geometry, state: str, name: str, side: Side) -> bool:
+    """Whether a thing can be grasped with a hand and pulled out at all; looked for once in a state."""
+    key = (state, name, side)
+    if key not in geometry.reachable:
+        known = preferred(geometry, state, name)
+        target = _target(geometry, state, name, known[0].out)
+        geometry.reachable[key] = bool(_approaches(geometry, geometry.at(state), side, target, known, (), 1))
+    return geometry.reachable[key]
+
+
+def _approaches(
+    geometry: Geometry,
+    here: Situation,
+    side: Side,
+    target: Target,
+    known: list[wm.GraspDef],
+    number: tuple[str, ...],
+    wanted: int,
+) -> list[Approach]:
+    """Return solved grasps; none, with the reason noted, if there are none."""
+    found = approaches(
+        geometry.robot, here.world, side, here.q, target, ways(known),
+        geometry.rng("take", target.name, side, *number), torso=TORSO.get(known[0].kind, ANY_TORSO), wanted=wanted,
+    )  # fmt: skip
+    if not found:
+        geometry.failed(f"no grasp of {target.name} with the {side} hand can be reached and pulled out")
+    return found
 
 
 def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:

@@ -47,10 +47,21 @@ class SwapHands(Command, frozen=True):
     object: str = ""
 
 
+BACK = "back"
+"""A place of PutDown: where the object stood before it was taken."""
+
+
 class PutDown(Command, frozen=True):
-    """Put a held object down on the table."""
+    """Put a held object down wherever there is room. With a place ("table", "cabinet", BACK) put it there; it is taken
+    first if no hand holds it.
+    """
 
     object: str
+    place: str = ""
+
+
+class ClearTable(Command, frozen=True):
+    """Put into the cabinet what stands on a table, as far as there is room for it."""
 
 
 class LookAround(Command, frozen=True):
@@ -77,7 +88,7 @@ class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=Tr
     steps: tuple[str, ...] = ()
 
 
-Task = PourInto | Take | Bring | SwapHands | PutDown | LookAround
+Task = PourInto | Take | Bring | SwapHands | PutDown | ClearTable | LookAround
 TASKS = get_args(Task)
 """The classes of commands."""
 Content = Task | TaskReport

@@ -31,6 +31,8 @@ class TaskName(StrEnum):
     BRING = "bring"
     SWAP_HANDS = "swap_hands"
     PUT_DOWN = "put_down"
+    PUT_AT = "put_at"
+    CLEAR_TABLE = "clear_table"
     LOOK_AROUND = "look_around"
 
 

@@ -69,11 +69,13 @@ class Grasp(Command, frozen=True):
     mass: float
 
 
-class Release(Command, frozen=True):
+class Release(Command, frozen=True, omit_defaults=True):
     """Put a held object down at `place` (its wanted pose in the world) until contact, open, retreat.
 
     `retreat`: grip poses seen from the grip that lets go, nearest first. `surface`: what it is put on. Where the hand
     is not yet above the place, ex plans the way there itself; `place` None lets ex choose a free spot of the surface.
+    `way`: offsets from the place [m, world frame] through which the object comes, the last one above the place; none:
+    straight down from where every object comes down.
     """
 
     side: Side
@@ -81,6 +83,7 @@ class Release(Command, frozen=True):
     surface: str
     place: Pose | None
     retreat: tuple[ApproachPoint, ...]
+    way: tuple[Vector, ...] = ()
 
 
 class Look(Command, frozen=True):

@@ -3,13 +3,13 @@ state. What it is told to grasp, it works out by itself, as the planner would.""
 
 import copy
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from companion import models
-from companion.languages import rc
+from companion.languages import rc, wm
 from companion.languages.values import Pose, Side
 from companion.look_around import POINTS
 from services.executor.loop.core import LoopCore
@@ -26,7 +26,7 @@ from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.grasping import Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.placing import backwards
-from velma.model.scene import load, vary
+from velma.model.scene import Scene, load, vary
 from velma.names import COLUMNS
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import Truth, TruthReader
@@ -60,8 +60,8 @@ class Interruptible(InProcess):
 class Acting:
     """One robot in one world, and what it knows of it."""
 
-    def __init__(self, seed: int = 7) -> None:
-        scene = vary(load(), seed)
+    def __init__(self, seed: int = 7, whole: Scene | None = None) -> None:
+        scene = vary(whole or load(), seed)
         self.core, self.eye = LoopCore(MujocoBackend(scene)), receptor(scene)
         self.core.hold(0.4)
         self.robot, self.things = Robot(), things(scene)
@@ -113,13 +113,22 @@ class Acting:
         return rc.Look(self._key(), POINTS)
 
     def plan_to_take(self, name: str, side: Side) -> None:
-        """Work out the commands that take a thing out of the cabinet: `taking`."""
-        grasp = models.GRASPS[self.things[name]][0]
-        out = self.here.seen["cabinet_2"].rotation[:, 0] * np.array([1.0, 1.0, 0.0])
+        """Work out the commands that take a vessel out of the cabinet by its first grasp: `taking`."""
+        out = self.here.seen["cabinet_2"].rotation[:, 0]
+        self._plan(name, side, out, models.GRASPS[self.things[name]][:1])
+
+    def plan_to_take_off_the_table(self, name: str, side: Side) -> None:
+        """Work out the commands that take a thing that stands free, by any of its grasps: `taking`."""
+        self._plan(name, side, -self.here.seen[name].translation, models.GRASPS[self.things[name]])
+
+    def _plan(self, name: str, side: Side, direction: np.ndarray, grasps: Sequence[wm.GraspDef]) -> None:
+        out = direction * np.array([1.0, 1.0, 0.0])
         out = out / np.linalg.norm(out)
-        target = Target(name, self.here.seen[name], True, out, OUT_M)
-        way = GraspWay(grasp.id, tuple((transform(s.pose), s.fingers) for s in grasp.steps))
-        found, path = self._reached(side, target, way)
+        symmetric = models.MODELS[self.things[name]].symmetric
+        target = Target(name, self.here.seen[name], symmetric, out, OUT_M)
+        ways = [GraspWay(g.id, tuple((transform(s.pose), s.fingers) for s in g.steps)) for g in grasps]
+        found, path = self._reached(side, target, ways)
+        grasp = next(one for one in grasps if one.id == found.grasp)
         self.retreats[name] = _points(backwards(found.steps))
         mass = models.MODELS[self.things[name]].mass
         close = rc.Grasp(
@@ -129,10 +138,10 @@ class Acting:
         segments = (rc.Segment((0.0, 0.0, LIFT_M), 0.1), rc.Segment((away[0], away[1], 0.0), 0.25))
         self.taking = self.move(side, path, found.steps[0][1]), close, rc.MoveCartesian(self._key(), side, segments)
 
-    def _reached(self, side: Side, target: Target, way: GraspWay) -> tuple[Approach, list[np.ndarray]]:
+    def _reached(self, side: Side, target: Target, ways: list[GraspWay]) -> tuple[Approach, list[np.ndarray]]:
         here, rng = self.here, np.random.default_rng(1)
         with own_paths.room(here, MARGIN):
-            for found in approaches(self.robot, here.world, side, here.q, target, [way], rng, wanted=WAYS_IN_TRIED):
+            for found in approaches(self.robot, here.world, side, here.q, target, ways, rng, wanted=WAYS_IN_TRIED):
                 here.world.fingers(side, found.steps[0][1])
                 path = motion.plan(self.robot, here.world, side, here.q, found.way_in[0])
                 if path is not None:

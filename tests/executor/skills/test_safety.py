@@ -3,13 +3,14 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot import Acting, CancelWhen
+from robot import LIFT_M, Acting, CancelWhen
 
 from companion.languages import rc
-from companion.languages.values import Side
+from companion.languages.values import Pose, Side
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Close, Motion, Move, Open
 from velma.kinematics import ik
+from velma.kinematics.frames import standing, xyz_quat
 from velma.names import ARM, START
 
 JAR, LEFT = "jar_1", Side.LEFT
@@ -115,6 +116,32 @@ def test_cancelled_on_the_way_down_it_is_still_held(jar_out: Acting) -> None:
     assert jar_out.truth.fingers_on[JAR]["left"] >= 3
     jar_out.done(jar_out.put_down(JAR, LEFT))
     stands(jar_out)
+
+
+def test_a_thing_goes_through_an_opening_to_its_place(jar_out: Acting) -> None:
+    """In from the front and down where it stood, upright; the hand comes out and home."""
+    seen = jar_out.here.seen[JAR]
+    out = jar_out.taking[2].segments[1].offset
+    way = ((out[0], out[1], LIFT_M), (0.0, 0.0, LIFT_M))
+    retreat = jar_out.retreats[JAR]
+    jar_out.done(rc.Release("in", LEFT, JAR, "cabinet_2", Pose(*xyz_quat(seen)), retreat, way))
+    stands(jar_out)
+    assert np.linalg.norm(jar_out.truth.at[JAR] - seen.translation) < 0.02
+    jar_out.done(jar_out.home(LEFT))
+    is_home(jar_out)
+
+
+def test_an_opening_that_is_blocked_is_told(jar_out: Acting) -> None:
+    """Where something stands in the way, nothing moves: a new plan is wanted."""
+    seen, before = jar_out.here.seen[JAR], jar_out.core.setpoint.copy()
+    out = jar_out.taking[2].segments[1].offset
+    bowl = seen.translation + 0.5 * np.array(out)
+    jar_out.here.place("bowl_1", standing((bowl[0], bowl[1], bowl[2] - 0.1)))
+    way = ((out[0], out[1], LIFT_M), (0.0, 0.0, LIFT_M))
+    outcome = jar_out.act(rc.Release("in", LEFT, JAR, "cabinet_2", Pose(*xyz_quat(seen)), jar_out.retreats[JAR], way))
+    assert isinstance(outcome, rc.NotDone)
+    assert (outcome.kind, set(outcome.held)) == ("replan", {LEFT})
+    assert (jar_out.core.setpoint == before).all()
 
 
 def test_an_arm_comes_home_from_among_things(holding: Acting) -> None:

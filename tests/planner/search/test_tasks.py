@@ -6,14 +6,16 @@ import pytest
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.values import Pose, Side
+from services.knowledge.geometry import place as placed
 from services.knowledge.observe import observed
 from services.knowledge.scene import Scene
 
 
 def told(scene: Scene, *observations: wm.AnyObservation) -> Scene:
-    """The scene with these observations."""
+    """The scene with these observations, newer than all before."""
+    newest, _ = max(scene.versions.values())
     for count, observation in enumerate(observations):
-        scene = observed(scene, observation, (9, count), 3.0)
+        scene = observed(scene, observation, (newest + 1, count), 3.0)
     return scene
 
 
@@ -184,6 +186,129 @@ def test_what_no_hand_holds_is_not_put_down(km, beginning: Scene) -> None:
     plan = km(beginning).plan("put_down", "jar")
     assert isinstance(plan, hfsm.NoPlan)
     assert plan.reason == "no hand holds jar_1"
+
+
+# --- put somewhere, put back, clear the table -------------------------------------------------------------------------
+
+JAR_ON_TABLE = wm.SeenObject("jar_1", "jar", Pose((0.55, -0.5, 0.875)), 3.0)
+
+
+def released(plan: hfsm.HierarchicalPlan) -> list[rc.Release]:
+    """Its commands that put something down."""
+    steps = [state for state in plan.root.states if isinstance(state, hfsm.Machine)]
+    return [leaf.command for step in steps for leaf in step.states if isinstance(leaf.command, rc.Release)]
+
+
+@pytest.mark.parametrize("thing", ["jar", "bowl"])
+def test_a_thing_is_taken_and_put_on_a_table(km, named, beginning: Scene, thing: str) -> None:
+    """Out of the cabinet, by a grasp that leaves a way, and the hand goes home."""
+    plan = km(beginning).plan("put_at", thing, "table")
+    assert named(plan)[:2] == [f"take {thing}_1", f"place {thing}_1"]
+    assert named(plan)[2].endswith("arm home")
+    (release,) = released(plan)
+    assert (release.surface, release.way, plan.holds) == ("table_1", (), {})
+
+
+def test_what_is_held_is_put_where_it_is_wanted(km, named, jar_carried: Scene) -> None:
+    """Without another grasp."""
+    for place, surface in (("table", "table_1"), ("table_1", "table_1"), ("cabinet", "cabinet_2")):
+        plan = km(jar_carried).plan("put_at", "jar", place)
+        assert named(plan) == ["place jar_1", "left arm home"]
+        assert [release.surface for release in released(plan)] == [surface]
+
+
+def test_a_thing_goes_into_the_cabinet_by_the_way_it_would_come_out(km, named, beginning: Scene) -> None:
+    """From the front, over a shelf that is free, and down; seen there, it is in the cabinet."""
+    plan = km(told(beginning, JAR_ON_TABLE)).plan("put_at", "jar", "cabinet")
+    assert named(plan)[:2] == ["take jar_1", "place jar_1"]
+    (release,) = released(plan)
+    before, over = release.way
+    assert math.hypot(*before[:2]) > 0.2
+    assert over[:2] == (0.0, 0.0)
+    after = told(beginning, wm.SeenObject("jar_1", "jar", release.place, 4.0))
+    assert after.things["jar_1"].inside == ("cabinet_2",)
+    assert math.dist(release.place.xyz, beginning.things["bowl_1"].pose.xyz) > 0.15
+
+
+@pytest.mark.parametrize(("thing", "place"), [("jar", "cabinet"), ("bowl", "cabinet_2")])
+def test_what_is_there_already_stays(km, named, beginning: Scene, thing: str, place: str) -> None:
+    """Nothing moves, and that is well."""
+    assert named(km(beginning).plan("put_at", thing, place)) == ["nothing to do"]
+
+
+def test_a_place_that_nobody_has_seen_is_refused(km, beginning: Scene) -> None:
+    """With those that there are; a thing that can be taken is no place."""
+    for place in ("shelf", "bowl", "table_7"):
+        plan = km(beginning).plan("put_at", "jar", place)
+        assert isinstance(plan, hfsm.NoPlan)
+        assert plan.reason == (
+            f"no {place} has been seen to put things there (places seen: cabinet_2, table_1, table_2)"
+        )
+
+
+def test_a_full_cabinet_is_refused(km, jar_carried: Scene) -> None:
+    """Where no shelf has room for one thing more, the reason says so."""
+    cabinet = jar_carried.things["cabinet_2"].pose
+    shelves = [placed(cabinet, (0.0, y, z)) for y in (-0.2, -0.1, 0.0, 0.1, 0.2) for z in (-0.145, 0.155)]
+    jars = (wm.SeenObject(f"jar_{n}", "jar", Pose(xyz), 3.0) for n, xyz in enumerate(shelves, start=2))
+    plan = km(told(jar_carried, *jars)).plan("put_at", "jar_1", "cabinet")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert plan.reason == "there is no free place in cabinet_2 for jar_1"
+
+
+@pytest.mark.parametrize("where", ["in the hand", "on the table"])
+def test_a_thing_is_put_back_where_it_was_taken_from(km, named, beginning: Scene, jar_carried: Scene, where) -> None:
+    """Also when it was put down elsewhere between; there it is at home."""
+    scene, held = jar_carried, jar_carried.hands[Side.LEFT]
+    taken, let_go = wm.SeenHand(Side.LEFT, "jar_1", held.grasp, held.pose), wm.SeenHand(Side.LEFT)
+    if where == "on the table":
+        scene = told(beginning, taken, let_go, JAR_ON_TABLE)
+    plan = km(scene).plan("put_at", "jar", "back")
+    assert named(plan)[-2] == "place jar_1"
+    (release,) = released(plan)
+    assert math.dist(release.place.xyz, beginning.things["jar_1"].pose.xyz) < 0.02
+    there = told(scene, taken, let_go, wm.SeenObject("jar_1", "jar", release.place, 5.0))
+    assert named(km(there).plan("put_at", "jar", "back")) == ["nothing to do"]
+
+
+def test_nothing_is_put_back_where_that_is_not_known_or_taken(km, beginning: Scene, jar_carried: Scene) -> None:
+    """The reasons say so."""
+    stood = beginning.things["jar_1"].pose
+    taken = told(jar_carried, wm.SeenObject("jar_2", "jar", stood, 3.0))
+    reasons = [km(scene).plan("put_at", "jar_1", "back").reason for scene in (beginning, taken)]
+    assert reasons[0].startswith("where jar_1 stood before is not known")
+    assert reasons[1] == "there is no free place in cabinet_2 for jar_1"
+
+
+def test_the_table_is_cleared_thing_by_thing(km, named, beginning: Scene, bowl_placed: Scene) -> None:
+    """Into the cabinet, each to a place of its own."""
+    bowl = bowl_placed.things["bowl_1"]
+    scene = told(beginning, JAR_ON_TABLE, wm.SeenObject(bowl.id, bowl.model, Pose((0.75, -0.75, 0.775)), 3.0))
+    plan = km(scene).plan("clear_table")
+    assert [name for name in named(plan) if name.startswith("place")] == ["place jar_1", "place bowl_1"]
+    first, second = released(plan)
+    assert first.surface == second.surface == "cabinet_2"
+    assert math.dist(first.place.xyz, second.place.xyz) > 0.15
+
+
+def test_an_empty_table_needs_no_clearing(km, named, beginning: Scene) -> None:
+    """It says so."""
+    plan = km(beginning).plan("clear_table")
+    assert named(plan) == ["nothing to do"]
+    assert plan.root.states[-1].reason == "nothing is on a table"
+    assert ends(plan) is hfsm.Outcome.SUCCEEDED
+
+
+def test_what_cannot_be_cleared_away_is_told(km, named, beginning: Scene) -> None:
+    """A thing out of reach stays, the other one goes; where all stay, that is no success."""
+    far = wm.SeenObject("jar_2", "jar", Pose((1.30, -0.88, 0.876)), 3.0)
+    plan = km(told(beginning, JAR_ON_TABLE, far)).plan("clear_table")
+    assert [release.object for release in released(plan)] == ["jar_1"]
+    assert plan.root.states[-1].reason.startswith("jar_2 stays: ")
+    assert ends(plan) is hfsm.Outcome.SUCCEEDED
+    nothing = km(told(beginning, far)).plan("clear_table")
+    assert isinstance(nothing, hfsm.NoPlan)
+    assert "jar_2" in nothing.reason
 
 
 # --- look, and what is no task ----------------------------------------------------------------------------------------

@@ -21,13 +21,18 @@ def held(world: World, name: str, side: str, T_grip_object: pin.SE3) -> Iterator
 
 @contextmanager
 def stood(world: World, name: str, pose: pin.SE3, side: str) -> Iterator[None]:
-    """Put an object at rest at `pose` inside the block; afterwards it is in the hand again."""
-    T_grip_object = world.held(name)
+    """Put an object at rest at `pose` inside the block; afterwards it is in the hand of `side` again, or where it stood
+    if it was in none.
+    """
+    held, before = world.held(name), world.pose(name)
     world.detach(name, pose)
     try:
         yield
     finally:
-        world.attach(name, side, T_grip_object)
+        if held is None:
+            world.detach(name, before)
+        else:
+            world.attach(name, side, held)
 
 
 @contextmanager

@@ -30,6 +30,12 @@ class ObjectPose(Query, frozen=True):
     object: str
 
 
+class ObjectOrigin(Query, frozen=True):
+    """Where did it stand before the robot took it for the first time? -> PoseOf"""
+
+    object: str
+
+
 class ObjectModel(Query, frozen=True):
     """The shape of an object -> ModelOf"""
 
@@ -158,6 +164,7 @@ class DropStates(Query, frozen=True):
 AnyQuery = (
     ListObjects
     | ObjectPose
+    | ObjectOrigin
     | ObjectModel
     | MoveableObjects
     | StaticObjects

@@ -1,0 +1,61 @@
+"""Grasps and places behind an opening that go together: which grasp a thing must be taken by to be put there."""
+
+from collections.abc import Iterator
+from itertools import islice
+
+from companion.languages.values import Side
+from services.planner.search.places import Inside, Surfaces, places
+from services.planner.search.situation import Situation
+from services.planner.search.steps import Geometry, Step
+from services.planner.search.taking import ANY_TORSO, TORSO, preferred, reachable, take, ways
+from velma.kinematics.tasks.grasping import GraspWay
+from velma.kinematics.tasks.inserting import insertions
+from velma.kinematics.tasks.placing import Placing
+
+INSERTIONS = 6  # looked for; each takes 30 ms (measured on the canonical scene)
+
+
+def take_to(geometry: Geometry, state: str, name: str, side: Side, number: str, where: str) -> Step | None:
+    """Return the step that takes an object by a grasp by which it can be put there (see take and places)."""
+    if not reachable(geometry, state, name, side):
+        return None
+    for target in places(geometry, state, name, where):
+        only = _grasps(geometry, state, name, side, number, target)
+        step = take(geometry, state, name, side, number, only=only) if only is None or only else None
+        if step is not None:
+            return step
+    return None
+
+
+def _grasps(
+    geometry: Geometry, state: str, name: str, side: Side, number: str, target: Inside | Surfaces
+) -> frozenset[str] | None:
+    """Return the grasps with which a thing can be put behind an opening; None for any, where it comes from above."""
+    if isinstance(target, Surfaces):
+        return None
+    known = ways(preferred(geometry, state, name))
+    found = frozenset(grasp for grasp, _ in inserted(geometry, geometry.at(state), side, name, target, known, number))
+    if not found:
+        geometry.failed(f"the {side} arm reaches no place in {target.opening.name} for {name}")
+    return found
+
+
+def inserted(
+    geometry: Geometry, here: Situation, side: Side, name: str, target: Inside, known: list[GraspWay], number: str = ""
+) -> Iterator[tuple[str, Placing]]:
+    """Return some grasps of the known ones, each with a place for the thing behind the opening."""
+    base_z, kind = geometry.model(here.state, name).base_z, preferred(geometry, here.state, name)[0].kind
+    found = insertions(
+        geometry.robot,
+        here.world,
+        side,
+        here.q,
+        name,
+        target.opening,
+        [spot.at - (0.0, 0.0, base_z) for spot in target.spots],
+        known,
+        geometry.rng("insert", name, side, number),
+        torso=TORSO.get(kind, ANY_TORSO),
+        wanted=INSERTIONS,
+    )
+    return islice(found, INSERTIONS)
