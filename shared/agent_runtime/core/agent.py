@@ -44,7 +44,7 @@ class Behaviour(Generic[M]):
     `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is entered (at a start
     of the process with Started instead), then once per event. It must not change the memory it is given.
     `takes(memory, event)` is asked of every Received, Local and Late; one not taken waits in the inbox, unreceipted,
-    in order. Started, Woken and PeerChanged are handed over always; ignore those you do not know.
+    in order. Started, Woken, PeerChanged and Ordered are handed over always; ignore those you do not know.
     """
 
     transition: Callable[[M, Turn], M]
