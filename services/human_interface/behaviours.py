@@ -269,7 +269,7 @@ def tell(memory: Memory, turn: Turn) -> Memory:
         if line is not None and news.state:
             since = turn.now if line.state != news.state else line.since
             text = news.text if news.text or news.state in FINAL else line.text
-            line = replace(line, state=news.state, text=text, since=since, steps=_steps(line, news))
+            line = replace(line, state=news.state, text=text, since=since, steps=_steps(line, news), asks=news.asks)
             memory = memory.with_task(replace(line, accepted=line.accepted or _taken(news)))
         memory = replace(memory, told=memory.told + 1)
         turn.tell(Told(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))

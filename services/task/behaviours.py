@@ -1,7 +1,8 @@
 """The behaviours of ta outside the plan, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
 
-idle -> running (the machine of the plan: running.py) -> closing -> finished -> idle; with waiting where an act waits for
-the operator (stepping.py), with stopping and securing before closing if a plan is cancelled or an act is late. Must not know: pl, geometry.
+idle -> running (the machine of the plan: running.py) -> closing -> finished -> idle; with waiting where an act waits
+for the operator (stepping.py), with stopping and securing before closing if a plan is cancelled or an act is late. Must
+not know: pl, geometry.
 """
 
 from msgspec.structs import replace

@@ -32,10 +32,10 @@ class Soft(msgspec.Struct, frozen=True):
 class Memory(msgspec.Struct, frozen=True):
     """`conversation`: with co, about `plan`. `safe`: the machine that runs instead after the plan is cancelled.
 
-    `at`: position in the running machine. `pending`: in the record only where an operator is asked. `act`: the act under way. `looking`: that act is a look, because the outcome
+    `at`: position in the running machine. `act`: the act under way. `looking`: that act is a look, because the outcome
     of the act before is unknown. `secured`: number of tries to put down what is held. `end`: how the plan ends, None
     before; `reason` in words. `hands`: what each hand holds by the last outcome. `survey`: tries left of a look around.
-    `acts`: counts the acts outside plans, for their keys.
+    `acts`: counts the acts outside plans, for their keys. `pending`: UNSET unless an operator is asked.
     """
 
     conversation: str = ""

@@ -77,9 +77,9 @@ def preempted(memory: Memory, turn: Turn, reason: str) -> Memory:
     """End a cancelled plan: stop the act, drop the query; what is held is put down afterwards."""
     if memory.soft.question:
         turn.drop(memory.soft.question)
-    memory = acts.stop(memory, turn)
+    memory = replace(acts.stop(memory, turn), pending=UNSET)
     tell(memory, turn, sw.WorkerState.TERMINATING)
-    return replace(memory, cancelled=True, pending=UNSET, end=sw.WorkerState.PREEMPTED, reason=reason, soft=Soft())
+    return replace(memory, cancelled=True, end=sw.WorkerState.PREEMPTED, reason=reason, soft=Soft())
 
 
 def _finish(memory: Memory, outcome: Outcome, reason: str) -> Memory:

@@ -55,7 +55,8 @@ def _answered(memory: Memory, turn: Turn) -> Memory:
             cancelled = word.performative is Performative.CANCEL
             return running.preempted(memory, turn, "") if cancelled else memory
         case Woken(name=name) if name == NOBODY:
-            words = f"nobody let “{running.path(memory)}” begin within {WAIT_S / 60:.0f} min; the robot stands still"
+            held = f"; the robot holds {', '.join(memory.hands.values())}" if memory.hands else ""
+            words = f"nobody let “{running.path(memory)}” begin within {WAIT_S / 60:.0f} min{held}"
             return replace(memory, end=sw.WorkerState.FAILED, reason=words, pending=UNSET)
         case Ordered():
             return _ordered(memory, turn)
@@ -77,7 +78,9 @@ def _ordered(memory: Memory, turn: Turn) -> Memory:
 def _verb(turn: Turn, at: str) -> Verb | None:
     """Return what the operator wants of this leaf, where the event is a word about it."""
     match turn.event:
-        case Ordered(command=command) if isinstance(command.order, SetParameter) and command.order.name == autonomy.STEP:
+        case Ordered(command=command) if (
+            isinstance(command.order, SetParameter) and command.order.name == autonomy.STEP
+        ):
             word = autonomy.read(str(command.order.value))
             if word is not None and word.at == at:
                 return word.verb

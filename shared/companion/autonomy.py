@@ -1,6 +1,6 @@
 """Words between an operator and ta: which acts wait for the operator, and what lets one begin.
 
-Both are parameters of ta in the design (docs/parameters.md). A leaf of a plan is called by its path, as reports have it.
+Both are parameters of ta in the design (docs/parameters.md). A leaf of a plan is named by its path, as in reports.
 """
 
 from enum import StrEnum

@@ -77,10 +77,10 @@ class Agent(Generic[M]):
     """The table of an agent with its bindings; `memory` is the memory of the first start.
 
     Memory is a frozen msgspec Struct and is journalled whole whenever it changes, except a field named `soft`, if
-    there is one: that one is lost by a death and comes back as `type(soft)()`. `local` is the union of Structs that
-    `Local` events carry. `rows`: what the design says of its steps; a message that no row of the state names waits in
-    the inbox, and a step that fits no row is logged and counted. None: not said. `parameters`: values that an operator
-    may set while it runs; None: there are none.
+    there is one: that one is lost by a death and comes back as `type(soft)()`. A field that is UNSET stands in no
+    record. `local` is the union of Structs that `Local` events carry. `rows`: what the design says of its steps; a
+    message that no row of the state names waits in the inbox, and a step that fits no row is logged and counted. None:
+    not said. `parameters`: values that an operator may set while it runs; None: there are none.
     """
 
     name: str
