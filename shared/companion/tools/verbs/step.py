@@ -70,9 +70,9 @@ def let(fleet: Target, verb: Verb) -> TaskLine:
     line = _running(fleet)
     at = line.asks or (line.text if verb is Verb.REPLAN else "")
     if not at:
-        level = operator.heartbeat(fleet, AgentName.TA)
-        level_now = Level(level.parameters.get(LEVEL, Level.AUTO)) if level is not None else Level.AUTO
-        raise NothingWaitsError(f"no act waits for you now; autonomy is {level_now.value}: {ASKS[level_now]}")
+        beat = operator.heartbeat(fleet, AgentName.TA)
+        level = Level(str(beat.parameters.get(LEVEL, Level.AUTO.value)) if beat is not None else Level.AUTO)
+        raise NothingWaitsError(f"no act waits for you now; autonomy is {level.value}: {ASKS[level]}")
     operator.order(fleet, AgentName.TA, SetParameter(STEP, str(Word(verb, at))))
     until, now = time.monotonic() + TAKEN_S, line
     while now.text == line.text and now.state == line.state and time.monotonic() < until:
