@@ -119,7 +119,9 @@ def something_to_secure(memory: Memory) -> bool:
 
 def way_to_safety(memory: Memory) -> hfsm.Machine | None:
     """Return the machine that makes the plan safe at its position, None if there is none."""
-    return plans.safe(memory.plan.root, memory.at) if memory.plan is not None else None
+    if memory.plan is None or not memory.at:
+        return None
+    return plans.safe(memory.plan.root, memory.at)
 
 
 CONDITIONS = {

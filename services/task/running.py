@@ -126,7 +126,7 @@ def enter(
     """
     leaf = plans.leaf(memory.machine, position)
     if not let and stepping.asks(memory, turn, leaf):
-        return replace(memory, pending=Pending(position))
+        return replace(memory, at=memory.at or position, pending=Pending(position))
     memory = replace(memory, at=position)
     tell(memory, turn, sw.WorkerState.RUNNING)
     if isinstance(leaf, hfsm.ActState):

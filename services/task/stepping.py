@@ -67,7 +67,7 @@ def _ordered(memory: Memory, turn: Turn) -> Memory:
     """Take a word about the leaf that waits, or a level at which it need not wait."""
     verb = _verb(turn, running.path(memory))
     if verb is Verb.REPLAN:
-        following = plans.after(memory.machine, memory.at, hfsm.Outcome.REPLAN)
+        following = plans.after(memory.machine, memory.asked, hfsm.Outcome.REPLAN)
         if isinstance(following, hfsm.Outcome):
             return replace(memory, end=running.ENDS[following], reason=WANTED, pending=UNSET)
         return replace(memory, pending=Pending(following, let=True))

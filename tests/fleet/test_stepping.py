@@ -7,6 +7,8 @@ from agent_runtime.core.control import SetParameter
 from agent_runtime.core.step import OUTSIDE
 from companion.autonomy import LEVEL, STEP, WAIT_S, Level, Verb, Word
 from companion.languages.cmd import TaskState
+from services.human_interface.grammar import understand
+from services.human_interface.local import Said
 
 POUR = "pour the jar into the bowl"
 
@@ -35,12 +37,12 @@ def begun(fleet: Fleet, level: Level) -> Fleet:
     return fleet
 
 
-def stepped(fleet: Fleet) -> list[str]:
-    """Let the plan go on until its end; the leaves that were asked about."""
+def stepped(fleet: Fleet, ended: int = 1) -> list[str]:
+    """Let plans go on until so many tasks have ended; the leaves that were asked about."""
     leaves: list[str] = []
     while True:
-        fleet.wires.run(lambda: fleet.ended() or waiting(fleet))
-        if fleet.ended():
+        fleet.wires.run(lambda: fleet.ended(ended) or waiting(fleet))
+        if fleet.ended(ended):
             return leaves
         leaves.append(asked(fleet))
         say(fleet, Verb.GO)
@@ -82,7 +84,8 @@ def test_nothing_moves_while_an_act_waits(fleet) -> None:
         fleet.wires.run_for(WAIT_S - 5.0)
         assert (acts(fleet), asked(fleet)) == (before, leaf)
         say(fleet, Verb.GO)
-        fleet.wires.run(lambda leaf=leaf: asked(fleet) != leaf)
+        fleet.wires.run(lambda before=before: acts(fleet) > before)
+        assert (fleet.tasks[0].text, asked(fleet)) == (leaf, "")
     fleet.wires.order("ta", SetParameter(LEVEL, Level.AUTO.value))
     assert fleet.finish() == ["done"]
     assert within_design(fleet)
@@ -158,6 +161,30 @@ def test_a_cancel_while_an_act_waits(step: int) -> None:
     assert fleet.finish(2)[-1] == "done"
     assert within_design(fleet)
     fleet.close()
+
+
+def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds(fleet) -> None:
+    """Though no state of this plan has been active."""
+    assert begun(fleet, Level.AUTO).finish() == ["done"]
+    assert fleet.wires.memory("ex").remembered.held
+    fleet.wires.order("ta", SetParameter(LEVEL, Level.CONFIRM.value))
+    fleet.say(POUR)
+    fleet.wires.run(lambda: waiting(fleet))
+    fleet.cancel()
+    assert fleet.finish(2)[-1] == "cancelled"
+    assert not fleet.wires.memory("ex").remembered.held
+
+
+def test_a_plan_that_waits_is_left_for_a_more_urgent_task(fleet) -> None:
+    """And resumed afterwards, with a plan whose acts wait again."""
+    begun(fleet, Level.HANDLING)
+    fleet.wires.run(lambda: waiting(fleet))
+    fleet.wires.post("hi", Said("urgent", "look around", understand("look around"), urgency=1))
+    fleet.wires.run(lambda: fleet.tasks[-1].state == TaskState.DONE)
+    assert [task.state for task in fleet.tasks if task.said != "look around"] != [TaskState.DONE]
+    assert stepped(fleet, ended=2)
+    assert fleet.finish(2) == ["done", "done"]
+    assert within_design(fleet)
 
 
 def test_a_word_about_another_leaf_changes_nothing(fleet) -> None:
