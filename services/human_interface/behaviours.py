@@ -133,7 +133,8 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
             turn.tell(Answer(word.ticket, _status(memory, word.text, turn.now)))
             return memory
         case Tell(does="release"):
-            return _told(memory, turn, word, REFUSED, say(word.meaning.language, "released"))
+            row = "asks" if any(line.asks for line in memory.open_tasks) and not word.held else "released"
+            return _told(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
             text = answers.ANSWERS[does](memory, word.meaning.language)
             turn.tell(Answer(word.ticket, TaskLine("", ANSWERED, text, word.text, turn.now)))
