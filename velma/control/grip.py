@@ -85,8 +85,8 @@ def tare(force: Array, gravity: Array) -> Array:
 
 def mass(force: Array, gravity: Array) -> Array:
     """Return the masses m (2,) [kg] in the hands; `force` (2, 3) without the sensors' errors."""
-    along: Array = (force * gravity).sum(axis=1)
-    return along / (gravity * gravity).sum(axis=1) - HAND_KG
+    along = (force * gravity).sum(axis=1)
+    return np.asarray(along / (gravity * gravity).sum(axis=1) - HAND_KG)
 
 
 def residual(force: Array, gravity: Array, masses: Array, low: Array, high: Array) -> Array:

@@ -31,7 +31,7 @@ class Move(msgspec.Struct, frozen=True, tag=True):
 
 
 class Close(msgspec.Struct, frozen=True, tag=True):
-    """Close each finger until it touches, then squeeze with all by `squeeze` [rad] and lock them.
+    """Close each finger until it touches; if all do, squeeze with all by `squeeze` [rad] and lock them.
 
     `effort` [Nm] counts as touch; `upto` [rad] is where a finger stops that meets nothing. Squeeze 0.8 deg for a rim,
     40 deg for a jar against the palm (estimates from grasping runs: the rim turns from 2 deg on).
