@@ -30,6 +30,7 @@ DISTAL = {side: tuple(f"{side}_HandFinger{f}KnuckleThreeJoint" for f in FINGERS)
 SPREAD = {side: tuple(f"{side}_HandFinger{f}KnuckleOneJoint" for f in ("One", "Two")) for side in SIDES}
 
 GRIP_BODY = {side: f"{side}_HandGripLink" for side in SIDES}  # 0.12 m in front of the palm, z is the approach axis
+FT_BODY = {side: f"{side}_FtSensorLink" for side in SIDES}  # wrist sensor; z is the approach axis of the grip
 CAMERA_BODY = "head_kinect_rgb_optical_frame"  # z forward, x right
 
 TORSO = 0

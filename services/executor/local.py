@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.languages import rc
-from services.executor.loop.program import Motion
+from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Remembered
 
 Array = NDArray[np.float64]
@@ -19,8 +19,8 @@ class Felt(msgspec.Struct, frozen=True):
     """Measurements of the loop: how a motion ended (phase of the loop, "" if there was none), and the posture.
 
     `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per side, which fingers
-    touched, mean angle [rad]. `world`: all coordinates of the world model, for the receptor only. `epoch`: name of the
-    simulated world, "" of a real one.
+    touched, mean angle [rad]; `grips`: what the wrist feels. `world`: all coordinates of the world model, for the
+    receptor only. `epoch`: name of the simulated world, "" of a real one.
     """
 
     q: bytes
@@ -33,6 +33,7 @@ class Felt(msgspec.Struct, frozen=True):
     reason: str = ""
     touched: dict[str, tuple[bool, bool, bool]] = {}
     fingers: dict[str, float] = {}
+    grips: dict[str, GripReport] = {}
 
     def setpoint(self) -> Array:
         """Return the set-point (15,) [rad]."""

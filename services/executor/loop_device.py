@@ -192,5 +192,6 @@ def _felt(state: LoopState, told: Told, ended: Phase, reason: str) -> Felt:
         ended=str(ended),
         reason=reason,
         touched={side: report.hand(side).touched for side in SIDES},
+        grips={side: report.hand(side).grip for side in SIDES},
         fingers={side: float(np.mean(state.fingers(row)[0])) for row, side in enumerate(SIDES)},
     )

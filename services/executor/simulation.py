@@ -56,6 +56,7 @@ class InProcess:
             measured=state.q.copy(),
             touched={"right": report.right.touched, "left": report.left.touched},
             fingers={"right": float(np.mean(report.right.proximal)), "left": float(np.mean(report.left.proximal))},
+            grips={"right": report.right.grip, "left": report.left.grip},
             head=(float(state.head[0]), float(state.head[1])),
             sights=self.eye.look(self.core.backend.configuration()),
             time=float(state.time),

@@ -55,6 +55,7 @@ class Stage:
             measured=np.frombuffer(felt.measured).copy(),
             touched=dict(felt.touched),
             fingers=dict(felt.fingers),
+            grips=dict(felt.grips),
             head=felt.head,
             sights=self.eye.look(np.frombuffer(felt.world)) if felt.world else [],
             time=felt.time,

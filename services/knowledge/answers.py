@@ -202,9 +202,12 @@ def _among(found: str, wanted: str) -> bool:
 
 
 def _thing(scene: Scene, name: str) -> Thing:
-    if name not in scene.things:
-        raise _NotKnown(f"object {name!r} was never observed; observed are {', '.join(sorted(scene.things)) or 'none'}")
-    return scene.things[name]
+    if name in scene.things:
+        return scene.things[name]
+    for thing, lost in scene.lost.items():
+        if name in (thing, lost.kind.lower()):
+            raise _NotKnown(f"the {lost.side} hand lost {thing}, which has not been seen since: a person is needed")
+    raise _NotKnown(f"no {name} has been seen (seen so far: {', '.join(sorted(scene.things)) or 'nothing'})")
 
 
 def _model(thing: Thing) -> Model:

@@ -25,11 +25,11 @@ WORLD = "world"
 def subject_of(observation: wm.AnySight) -> str:
     """Return the subject of an observation; the latest version of each subject counts."""
     match observation:
-        case wm.SeenObject(object=name):
+        case wm.SeenObject(object=name) | wm.LostObject(object=name):
             return f"object:{name}"
         case wm.SeenHand(side=side):
             return f"hand:{side.value}"
-        case wm.SeenContent(source=name):
+        case wm.FeltContent(source=name):
             return f"content:{name}"
         case wm.SeenBody():
             return "body"
@@ -69,7 +69,9 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
         case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
             before = scene.hands.get(side, Held()).object
             return related(_taken(scene, name).with_hand(side, Held(name, grasp, pose)), at, before, name)
-        case wm.SeenContent(source=source, destination=destination):
+        case wm.LostObject(object=name, side=side):
+            return scene.without(name, side)
+        case wm.FeltContent(source=source, destination=destination):
             return msgspec.structs.replace(scene, contents={**scene.contents, source: destination})
         case wm.SeenBody(body=body):
             joints = {

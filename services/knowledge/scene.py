@@ -63,8 +63,17 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
     pose: Pose | None = None
 
 
+class Lost(msgspec.Struct, frozen=True):
+    """An object that a hand lost: its class in the ontology, the hand. Nobody knows where it is."""
+
+    kind: str
+    side: Side
+
+
 class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     """Objects, hands, joints [rad] per part of the body, spaces kept free, contents poured (source -> destination).
+
+    `lost`: objects that were lost from a hand and not seen since.
 
     `versions`: the newest observation of each subject; `times`: when it was made, or when it arrived if it carries no
     time. A missing hand or part was never observed.
@@ -77,6 +86,7 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     contents: dict[str, str] = {}
     versions: dict[str, tuple[int, int]] = {}
     times: dict[str, float] = {}
+    lost: dict[str, Lost] = {}
 
     def holder(self, object: str) -> Side | None:
         """Return the hand that holds an object, None for none."""
@@ -84,7 +94,16 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def with_thing(self, thing: Thing) -> "Scene":
         """Return the scene with this object as given."""
-        return msgspec.structs.replace(self, things={**self.things, thing.id: thing})
+        lost = {name: one for name, one in self.lost.items() if name != thing.id}
+        return msgspec.structs.replace(self, things={**self.things, thing.id: thing}, lost=lost)
+
+    def without(self, name: str, side: Side) -> "Scene":
+        """Return the scene after the hand `side` lost this object."""
+        thing = self.things.get(name)
+        kind = thing.kind if thing is not None else "PhysicalObject"
+        hands = {where: Held() if held.object == name else held for where, held in self.hands.items()}
+        things = {other: one for other, one in self.things.items() if other != name}
+        return msgspec.structs.replace(self, things=things, hands=hands, lost={**self.lost, name: Lost(kind, side)})
 
     def with_hand(self, side: Side, held: Held) -> "Scene":
         """Return the scene with this hand; an object in it leaves the other hand, and its pose is not exact."""

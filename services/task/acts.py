@@ -110,8 +110,11 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
     if outcome.body is None or (isinstance(command, rc.Look) and isinstance(outcome, rc.NotDone)):
         return memory
     news: list[wm.AnySight] = sorted(observations(outcome), key=lambda one: isinstance(one, wm.SeenBody))
-    if isinstance(outcome, rc.Done) and isinstance(command, rc.Pour):
-        news.insert(0, wm.SeenContent(source=command.source, destination=command.destination))
+    if isinstance(outcome, rc.NotDone):
+        news[:0] = [wm.LostObject(object=name, side=side) for side, name in outcome.lost.items()]
+    elif isinstance(command, rc.Pour) and outcome.weighed is not None:
+        before, after = outcome.weighed
+        news.insert(0, wm.FeltContent(source=command.source, destination=command.destination, left=before - after))
     for one in news:
         turn.observe(OBSERVER, subject(one), one, last=isinstance(one, wm.SeenBody))
     return replace(memory, hands={side: held[0] for side, held in outcome.held.items()})

@@ -29,8 +29,14 @@ ENDS = {
     Outcome.REPLAN: sw.WorkerState.REPLAN,
     Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
 }
-_LOOK_FIRST = (rc.NotDoneKind.UNKNOWN, rc.NotDoneKind.NEW_WORLD)
-_PLAN_AGAIN = (rc.NotDoneKind.REPLAN, rc.NotDoneKind.BUSY, rc.NotDoneKind.INTERRUPTED, *_LOOK_FIRST)
+_LOOK_FIRST = (rc.NotDoneKind.UNKNOWN, rc.NotDoneKind.NEW_WORLD, rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY)
+_PLAN_AGAIN = (
+    rc.NotDoneKind.REPLAN,
+    rc.NotDoneKind.SLIPPED,
+    rc.NotDoneKind.BUSY,
+    rc.NotDoneKind.INTERRUPTED,
+    *_LOOK_FIRST,
+)
 OF_KIND: dict[str, Outcome] = dict.fromkeys(_PLAN_AGAIN, Outcome.REPLAN)
 """Kinds of NotDone after which a new plan may succeed: the world is not as planned, or the machine failed."""
 
@@ -178,17 +184,23 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
 
 
 def _look(memory: Memory, turn: Turn, outcome: rc.NotDone) -> Memory:
-    """Look around after an act with an unknown outcome, or in a new world, without moving an arm; then plan again."""
+    """Look around after an act that left the world unknown, without moving an arm; then plan again. Say why at once."""
     memory = replace(memory, looking=True, reason=outcome.reason)
-    tell(memory, turn, sw.WorkerState.ERROR)
+    tell(memory, turn, sw.WorkerState.ERROR, outcome.reason[:PATH_CHARS])
     return acts.begin(memory, turn, replace(SURVEY, key=f"{outcome.key}.look"))
 
 
 def _seen(memory: Memory, outcome: rc.Done) -> str:
-    """Return what was seen, after a look that ends a plan."""
+    """Return what was seen or felt in an act, which is told where it ends the plan."""
     leaf = plans.leaf(memory.machine, memory.at)
-    looked = isinstance(leaf, hfsm.ActState) and isinstance(leaf.command, rc.Look)
-    return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}" if looked else ""
+    match leaf:
+        case hfsm.ActState(command=rc.Look()):
+            return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}"
+        case hfsm.ActState(command=rc.Pour(source=source)) if outcome.weighed is not None:
+            before, after = outcome.weighed
+            return f"felt: {1000 * (before - after):.0f} g left {source}"
+        case _:
+            return ""
 
 
 # --- questions --------------------------------------------------------------------------------------------------------

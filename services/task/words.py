@@ -38,6 +38,6 @@ def subject(observation: wm.AnyObservation) -> str:
         return "body"
     if isinstance(observation, wm.SeenHand):
         return f"hand/{observation.side}"
-    if isinstance(observation, wm.SeenContent):
+    if isinstance(observation, wm.FeltContent):
         return f"content/{observation.source}"
     return f"object/{observation.object}"

@@ -73,8 +73,8 @@ class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
     `fingers_on`: vessel id -> side -> number of links of that hand that touch it. `poses` of all things by id,
     furniture too, and `models`: thing id -> kind (velma.model.scene.Model); `grains_at`: centres of the grains [m].
     These three are for pictures, and so are: `contacts` of the robot with things; `torque_Nm` of the drives of the body
-    (velma.names.BODY), the arms' own weight in it; `wrench` by side: force [N] and torque [Nm] of the hand and what it
-    holds on the arm, in the frame of the sensor in the wrist, the weight of the hand in it.
+    (velma.names.BODY), the arms' own weight in it; `wrench` by side: force [N] and torque [Nm] of the arm on the
+    hand and what it holds, in the frame of the sensor in the wrist: at rest it carries their weight.
     """
 
     time_s: float

@@ -45,5 +45,6 @@ class CalledLoop:
             ended=ended,
             reason=reason,
             touched={side: report.hand(side).touched for side in SIDES},
+            grips={side: report.hand(side).grip for side in SIDES},
             fingers={side: float(np.mean(state.proximal[row])) for row, side in enumerate(SIDES)},
         )

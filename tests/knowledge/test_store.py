@@ -20,7 +20,7 @@ names = st.sampled_from(["jar_1", "bowl_1", 'odd "name" > x', "schüssel"])
 observations: st.SearchStrategy[wm.AnyObservation] = st.one_of(
     st.builds(wm.SeenObject, names, st.sampled_from(["jar", "bowl_high", "table", "teapot"]), poses, number),
     st.builds(wm.SeenHand, st.sampled_from(Side), st.one_of(st.just(""), names), st.just("3"), poses),
-    st.builds(wm.SeenContent, names, names),
+    st.builds(wm.FeltContent, names, names, st.floats(0.0, 1.0)),
     st.builds(
         wm.SeenBody,
         st.builds(
@@ -97,7 +97,7 @@ def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -
 
 def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> None:
     """No property is made up by the store."""
-    store_observation(kitchen, wm.SeenContent("jar_1", "bowl_1"), (1, 30))
+    store_observation(kitchen, wm.FeltContent("jar_1", "bowl_1", 0.06), (1, 30))
     store_observation(kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31))
     graph = kitchen.graph()
     used = {p for p in graph.predicates() if p in ROCO}

@@ -17,8 +17,10 @@ from velma.model import surfaces
 from velma.model.build import HERE, ROBOT_XML, quat_wxyz, text
 from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
 from velma.model.scene import BOXES, Model, Scene, Thing
+from velma.names import FT_BODY
 
 Numbers = Mapping[str, Any]
+WRIST_SENSORS = ("force", "torque")
 
 
 @cache
@@ -46,12 +48,23 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     assert world is not None
     _classes(default, objects()["contact"])
     surfaces.studio(root, world, offscreen)
+    _wrists(root)
     for thing in scene.things:
         _DRAW[thing.model](world, thing)
     vessel = scene.find(scene.content.inside) if scene.content else None
     if vessel is not None and scene.content is not None:
         _grains(world, vessel, scene.content.grains)
     return ET.tostring(root, encoding="unicode")
+
+
+def _wrists(root: ET.Element) -> None:
+    """Add the wrist sensors. Their sites cannot stand in robot.xml: Pinocchio would misplace them."""
+    bodies = {body.get("name"): body for body in root.iter("body")}
+    sensors = ET.SubElement(root, "sensor")
+    for side, name in FT_BODY.items():
+        ET.SubElement(bodies[name], "site", name=name, rgba="0 0 0 0")
+        for kind in WRIST_SENSORS:
+            ET.SubElement(sensors, kind, name=f"{side}_{kind}", site=name)
 
 
 def _classes(default: ET.Element, contact: Numbers) -> None:

@@ -33,6 +33,9 @@ class State(msgspec.Struct):
     spread: Array  # (2,) rad
     proximal: Array  # (2, 3) rad, fingers one, two, three
     distal: Array  # (2, 3) rad
+    wrist: Array | None = (
+        None  # (2, 6) force N and torque Nm of the arm on the hand, axes of the sensor; None: no sensor
+    )
 
 
 class Command(msgspec.Struct):
@@ -70,7 +73,7 @@ class Backend(Protocol):
 
 
 def at_rest() -> State:
-    """Return a state in the start posture with open hands."""
+    """Return a state in the start posture with open hands, without wrist sensors."""
     hands = np.zeros((2, 3))
     return State(0.0, START.copy(), np.zeros(15), np.zeros(2), np.zeros(2), hands, hands.copy())
 

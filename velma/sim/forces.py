@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from velma.model.scene_xml import WRIST_SENSORS
 from velma.names import BODY, SIDES
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ class Forces:
         self._model, self._data = model, data
         self._robot, self._thing = robot, ~robot & ~grains
         self._motors = np.array([model.actuator(name).id for name in BODY], dtype=np.intp)
-        self._sensors = {side: model.body(f"{side}_FtSensorLink").id for side in SIDES}
+        self._sensors = {side: [f"{side}_{kind}" for kind in WRIST_SENSORS] for side in SIDES}
 
     def contacts(self) -> tuple[tuple[Vector, Vector], ...]:
         """Return points where the robot touches a thing and the forces on the thing, world frame, strongest first."""
@@ -48,17 +49,12 @@ class Forces:
         return tuple(self._data.actuator_force[self._motors].tolist())
 
     def wrenches(self) -> dict[str, tuple[float, ...]]:
-        """Return by side force [N] and torque [Nm] of the hand on the arm, in the frame of the wrist sensor."""
-        model, data = self._model, self._data
-        mujoco.mj_rnePostConstraint(model, data)
-        found = {}
-        for side, body in self._sensors.items():
-            wrench, centre = data.cfrc_int[body], data.subtree_com[model.body_rootid[body]]
-            frame = data.xmat[body].reshape(3, 3)
-            force = wrench[3:]
-            torque = wrench[:3] - np.cross(data.xpos[body] - centre, force)
-            found[side] = (*(frame.T @ force).tolist(), *(frame.T @ torque).tolist())
-        return found
+        """Return by side force [N], torque [Nm] of the arm on the hand in the last step, axes of the wrist sensor."""
+        data = self._data
+        return {
+            side: tuple(x for name in names for x in data.sensor(name).data.tolist())
+            for side, names in self._sensors.items()
+        }
 
 
 def _vector(at: Array) -> Vector:

@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 
 from velma.model.scene import Scene, checked
-from velma.model.scene_xml import scene_xml
+from velma.model.scene_xml import WRIST_SENSORS, scene_xml
 from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
+from velma.sim import wrist_noise
 from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
@@ -52,9 +53,11 @@ class MujocoBackend:
         self.data.qpos[self._q] = START
         mujoco.mj_step1(model, self.data)
         self._state = at_rest()
+        self._state.wrist = np.zeros((2, 6))
+        self._errors = wrist_noise.table(scene.noise)
         self._locked = np.zeros(2)
         self._work = 0.0
-        self._saved = np.zeros(mujoco.mj_stateSize(model, STATE) + 3)
+        self._saved = np.zeros(mujoco.mj_stateSize(model, STATE) + 3 + self._wrist.size)
 
     def _places(self) -> None:
         model = self.model
@@ -78,6 +81,8 @@ class MujocoBackend:
         self._proximal_servos, self._distal_servos = np.stack(servos[0]), np.stack(servos[1])
         self._stiff_dofs = [speed((*PROXIMAL[side], *SPREAD[side])) for side in SIDES]
         self._distal_dofs = [speed(DISTAL[side]) for side in SIDES]
+        firsts = [[model.sensor(f"{side}_{kind}").adr[0] for kind in WRIST_SENSORS] for side in SIDES]
+        self._wrist = np.array([[at + k for at in row for k in range(3)] for row in firsts], dtype=np.intp)
 
     def _limits(self) -> None:
         closing = np.array([PAIR_LIMIT, PAIR_LIMIT, SINGLE_LIMIT])
@@ -88,7 +93,7 @@ class MujocoBackend:
             self.model.dof_solimp[dofs, :2] = LOCK_SOLIMP
 
     def observe(self) -> State:
-        """Return the state; joints are measured without error or delay."""
+        """Return the state. Joints are measured without error or delay; forces with noise, before the last step."""
         state, qpos = self._state, self.data.qpos
         state.time = self.data.time
         state.q[:] = qpos[self._q]
@@ -97,6 +102,8 @@ class MujocoBackend:
         state.spread[:] = qpos[self._spread]
         state.proximal[:] = qpos[self._proximal]
         state.distal[:] = qpos[self._distal]
+        cycle = round(self.data.time / PERIOD_S)
+        state.wrist = self.data.sensordata[self._wrist] + self._errors[cycle % len(self._errors)]
         return state
 
     def step(self, command: Command) -> None:
@@ -132,18 +139,22 @@ class MujocoBackend:
         return hashlib.sha256(f"{mujoco.__version__} {scene_xml(self.scene)}".encode()).digest()
 
     def save(self) -> bytes:
-        """Return the state between two steps, with the locks and the work so far."""
-        mujoco.mj_getState(self.model, self.data, self._saved[:-3], STATE)
-        self._saved[-3:-1], self._saved[-1] = self._locked, self._work
+        """Return the state between two steps, with the forces measured last, the locks and the work so far."""
+        rest = self._saved[: -self._wrist.size]
+        self._saved[-self._wrist.size :] = self.data.sensordata[self._wrist.ravel()]
+        mujoco.mj_getState(self.model, self.data, rest[:-3], STATE)
+        rest[-3:-1], rest[-1] = self._locked, self._work
         return self._saved.tobytes()
 
     def restore(self, saved: bytes) -> None:
         """Take up a state of `save`: the same commands lead to the same states, bit for bit."""
-        state = np.frombuffer(saved)
+        whole = np.frombuffer(saved)
+        state = whole[: -self._wrist.size]
         mujoco.mj_setState(self.model, self.data, state[:-3], STATE)
         self._lock(state[-3:-1])
         self._work = float(state[-1])
         mujoco.mj_step1(self.model, self.data)
+        self.data.sensordata[self._wrist.ravel()] = whole[-self._wrist.size :]
 
     @property
     def work_J(self) -> float:

@@ -27,7 +27,7 @@ class Truth(msgspec.Struct, frozen=True):
     `poses`, `models` and `grains_at` are for pictures: thing id -> (origin, quaternion w first) in the world and model
     (velma.model.scene.Model), furniture too; centres of the grains. m. So are the last three: where the robot
     touches a thing and the force on the thing (world frame, m and N), the strongest MOST_CONTACTS; torques of the
-    drives of the body; by side what the hand exerts on the arm in the frame of the wrist's sensor: force N, torque Nm.
+    drives of the body; by side force N and torque Nm of the arm on the hand without errors, axes of the wrist's sensor.
     """
 
     time_s: float

@@ -13,6 +13,7 @@ from velma.sim.backend import State
 Array = NDArray[np.float64]
 
 SHAPES = {"q": (15,), "v": (15,), "head": (2,), "spread": (2,), "proximal": (2, 3), "distal": (2, 3)}
+WRIST = (2, 6)
 RANGES: dict[str, tuple[Array | float, Array | float]] = {
     "q": (LOWER, UPPER),
     "head": (HEAD_LOWER, HEAD_UPPER),
@@ -54,6 +55,8 @@ def form(subject: Subject) -> Measured:
             or value.dtype != np.float64
         ]
         wrong += [] if isinstance(state.time, float) else [f"time is {type(state.time).__name__}"]
+        if state.wrist is not None and np.shape(state.wrist) != WRIST:
+            wrong.append(f"wrist is {np.shape(state.wrist)}")
         model = robot.backend.configuration()
         if model.ndim != 1 or model.dtype != np.float64:
             wrong.append(f"configuration is {model.dtype} {model.shape}")
@@ -74,7 +77,8 @@ def numbers(subject: Subject) -> Measured:
 
 def _finite(robot: Bench, state: State) -> bool:
     read = all(np.isfinite(getattr(state, name)).all() for name in (*SHAPES, "time"))
-    return read and bool(np.isfinite(robot.backend.configuration()).all())
+    felt = state.wrist is None or bool(np.isfinite(state.wrist).all())
+    return read and felt and bool(np.isfinite(robot.backend.configuration()).all())
 
 
 def inside(subject: Subject) -> Measured:

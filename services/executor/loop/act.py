@@ -36,12 +36,17 @@ class Act:
         if self.track is not None:
             self.track.pause() if paused else self.track.resume()
 
+    def interrupt(self, why: tuple[Phase, str] | None) -> tuple[Phase, str] | None:
+        """Come to rest along the path; return `why`, how it ends, at rest. None before, or while that is unknown."""
+        if self.track is not None:
+            self.track.brake()
+        return why if self._at_rest else None
+
     def judge(self, now_s: float, error: Array, *, hands_done: bool, head_done: bool) -> tuple[Phase, str] | None:
         """Return how the motion ends in this cycle and why, or None. `error` (12,): of both hands."""
-        beside = self._beside(error)
-        if beside:
-            self.track = None
-            return Phase.FAILED, beside
+        beside = self.beside(error)
+        if beside is not None:
+            return beside
         if self.cancelled:
             return (Phase.CANCELLED, "cancelled") if self._at_rest else None
         if self._ended_by is None:
@@ -58,14 +63,16 @@ class Act:
     def _at_rest(self) -> bool:
         return self.track is None or self.track.ended
 
-    def _beside(self, error: Array) -> str:
+    def beside(self, error: Array) -> tuple[Phase, str] | None:
+        """Return the end of a motion that a hand is too far from. `error` (12,): of both hands."""
         for row, side in enumerate(SIDES):
             e = error[6 * row : 6 * row + 3]
             distance = math.sqrt(e @ e)
             self._largest[row] = max(self._largest[row], distance)
             if distance > self.motion.tolerance_m:
-                return f"the {side} hand was {distance:.3f} m beside its path"
-        return ""
+                self.track = None
+                return Phase.FAILED, f"the {side} hand was {distance:.3f} m beside its path"
+        return None
 
     def _reached(self, error: Array, hands_done: bool) -> Until | None:
         """Return the rule that ends the path now, if any."""

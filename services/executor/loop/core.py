@@ -8,11 +8,13 @@ log: the process around it (`__main__`) owns those. It runs as fast as it is cal
 
 import math
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from services.executor.loop.act import Act
 from services.executor.loop.fingers import Fingers
+from services.executor.loop.grip_watch import GripWatch
 from services.executor.loop.payloads import Payloads
 from services.executor.loop.program import HandReport, HeadGoal, Mode, Motion, Phase, Report, Result, checked
 from velma.control import cartesian, damping, head, joint, limits
@@ -69,6 +71,7 @@ class LoopCore:
         self.state: State = backend.observe()
         self.setpoint: Array = self.state.q.copy()
         self.fingers, self.payloads = Fingers(), Payloads()
+        self.grips = GripWatch(backend.period_s)
         self.fingers.start_from(self.state)
         self._head_target, self._head_goal, self._head_speed = self.state.head.copy(), self.state.head.copy(), 0.0
         self.mode, self._dwell, self._release = Mode.MOTION, 0, False
@@ -105,6 +108,7 @@ class LoopCore:
         for row in (0, 1):
             self.fingers.begin(row, asked.hands()[row])
             self.payloads.take(row, asked.payloads()[row])
+        self.grips.begin(asked)
         if asked.head is not None:
             self._look(asked.head)
         return ""
@@ -204,8 +208,10 @@ class LoopCore:
         self.payloads.advance(dt)
         self.fingers.update(state, self.command, dt)
         if self.mode is Mode.DAMPING:
+            self.grips.skip()
             return damping.torque(state.v)
         terms = self.dynamics.terms(state.q)
+        self.grips.update(state, terms)
         weight = cartesian.payload_wrench(terms.rotation, self.payloads.mass, self.payloads.lever)
         if self.mode is not Mode.MOTION:
             return joint.torque(self._hold_gains, terms, self.setpoint - state.q, state.v, weight)
@@ -224,7 +230,10 @@ class LoopCore:
     def _judge(self, act: Act, state: State, error: Array) -> None:
         followed = act.track
         head_done = bool(np.abs(self._head_target - self._head_goal).max() <= HEAD_NEAR)
-        verdict = act.judge(state.time, error, hands_done=self.fingers.at_rest, head_done=head_done)
+        if self.grips.alarmed:
+            verdict = act.beside(error) or act.interrupt(self.grips.verdict)
+        else:
+            verdict = act.judge(state.time, error, hands_done=self.fingers.at_rest, head_done=head_done)
         if act.track is not followed:  # so that no force remains: the set-point is where the body is
             self.setpoint = state.q.copy()
         if verdict is not None:
@@ -243,7 +252,7 @@ class LoopCore:
         self.report = self.act.report(phase, reason, self.state.time, self._hand(0), self._hand(1))
 
     def _hand(self, row: int) -> HandReport:
-        return self.fingers.report(row, self.state)
+        return msgspec.structs.replace(self.fingers.report(row, self.state), grip=self.grips.report(row))
 
     def _fault(self, error: Exception) -> None:
         self.faults += 1

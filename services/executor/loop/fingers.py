@@ -108,12 +108,14 @@ class Fingers:
                 self._activity[row] = Activity.REST
         elif self._activity[row] is Activity.CLOSING:
             self._feel(row, state, close)
-            if (self.touched[row] | arrived).all():
+            if self.touched[row].all():
                 self._goal[row] = np.clip(self.motor[row] + close.squeeze, 0.0, FINGER_UPPER)
                 self._activity[row], self._left_s[row] = (
                     Activity.SQUEEZING,
                     close.squeeze / close.speed + close.settle_s,
                 )
+            elif (self.touched[row] | arrived).all():
+                self._activity[row] = Activity.REST  # a finger met nothing: no grip to squeeze
         else:
             self._left_s[row] -= dt
             if self._left_s[row] <= 0.0:

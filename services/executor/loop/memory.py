@@ -23,12 +23,13 @@ from services.executor.loop.core import LoopCore
 from services.executor.loop.fingers import Activity
 from services.executor.loop.program import Close, Mode, Motion, Report, Until
 from services.executor.loop.slots import Slot
+from velma.control.grip import Watch
 
 Array = NDArray[np.float64]
 
 MEMORY = "loop.memory"
 """Name of the file, beside the slots."""
-MAGIC = b"VELMAWM1"
+MAGIC = b"VELMAWM2"
 _HEAD = struct.Struct("<8s32s16s")  # magic, fingerprint of the world, its epoch
 _PLACES = {"motion": (64, 4 << 20), "even": ((4 << 20) + 64, 5 << 20), "odd": ((5 << 20) + 64, 6 << 20)}
 """Start and end of the slots [bytes]. The file is sparse. A world of 60 grains, the most, has 13 kB."""
@@ -119,6 +120,26 @@ class _Payloads(_Saved, frozen=True, array_like=True):
     goal: bytes
 
 
+class _Wrists(_Saved, frozen=True, array_like=True):
+    first: bytes
+    second: bytes
+    window: bytes
+    points: bytes
+    rotation: bytes
+    cycles: int
+
+
+class _Grips(_Saved, frozen=True, array_like=True):
+    sensed: bool
+    felt: bytes
+    error: bytes
+    low: bytes
+    high: bytes
+    load: bytes
+    down: list[bool]
+    watch: list[Watch]
+
+
 class _Impedance(_Saved, frozen=True, array_like=True):
     damping: bytes
     age: int
@@ -152,6 +173,8 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
     core: _Core
     fingers: _Fingers
     payloads: _Payloads
+    grips: _Grips
+    wrists: _Wrists
     impedance: _Impedance
     act: _Act | None
     track: _Track | None
@@ -166,6 +189,8 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
             _Core.of(core),
             _Fingers.of(core.fingers),
             _Payloads.of(core.payloads),
+            _Grips.of(core.grips),
+            _Wrists.of(core.grips.wrists),
             _Impedance.of(core.impedance),
             None if act is None else _Act.of(act),
             None if act is None or act.track is None else _Track.of(act.track),
@@ -176,6 +201,8 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
         self.core.give(core)
         self.fingers.give(core.fingers)
         self.payloads.give(core.payloads)
+        self.grips.give(core.grips)
+        self.wrists.give(core.grips.wrists)
         self.impedance.give(core.impedance)
         if self.act is None or motion is None:
             return

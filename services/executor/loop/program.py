@@ -31,7 +31,7 @@ class Move(msgspec.Struct, frozen=True, tag=True):
 
 
 class Close(msgspec.Struct, frozen=True, tag=True):
-    """Close each finger until it touches, then squeeze with all by `squeeze` [rad] and lock them.
+    """Close each finger until it touches; if all do, squeeze with all by `squeeze` [rad] and lock them.
 
     `effort` [Nm] counts as touch; `upto` [rad] is where a finger stops that meets nothing. Squeeze 0.8 deg for a rim,
     40 deg for a jar against the palm (estimates from grasping runs: the rim turns from 2 deg on).
@@ -64,10 +64,14 @@ class HeadGoal(msgspec.Struct, frozen=True):
 
 
 class Payload(msgspec.Struct, frozen=True):
-    """The load of a hand: mass [kg], and its centre [m] in the grip frame. Mass 0: nothing."""
+    """The load of a hand: mass [kg], and its centre [m] in the grip frame. Mass 0: nothing.
+
+    `content`: mass [kg] that may be in it besides, and leave it.
+    """
 
     mass: float = 0.0
     lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    content: float = 0.0
 
 
 class Until(StrEnum):
@@ -140,15 +144,28 @@ class Phase(StrEnum):
     FAILED = "failed"
     INTERRUPTED = "interrupted"  # no agent or no loop any more: the machine ended it, not the world
     CANCELLED = "cancelled"
+    LOST = "lost"  # a hand lost what it held
+    SLIPPED = "slipped"  # what a hand holds slipped in it
+
+
+class GripReport(msgspec.Struct, frozen=True):
+    """What a hand's wrist feels: a velma.control.grip.Grip ("": empty hand or no sensor), the mass in it [kg].
+
+    The mass is that of the last 0.5 s: at rest for a second, it is a weight.
+    """
+
+    felt: str = ""
+    mass: float = 0.0
 
 
 class HandReport(msgspec.Struct, frozen=True):
-    """State of a hand: which fingers touched while closing, their joints [rad], whether they are locked."""
+    """State of a hand: which fingers touched while closing, their joints [rad], whether they are locked, its grip."""
 
     touched: tuple[bool, bool, bool] = (False, False, False)
     proximal: tuple[float, float, float] = (0.0, 0.0, 0.0)
     distal: tuple[float, float, float] = (0.0, 0.0, 0.0)
     locked: bool = False
+    grip: GripReport = GripReport()
 
 
 class Report(msgspec.Struct, frozen=True):

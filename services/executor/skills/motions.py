@@ -16,6 +16,7 @@ from velma.kinematics.timing import timed
 # lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the camera itself looks
 # 5 degrees below the horizon at zero tilt.
 EYE_HEIGHT_M, CAMERA_DIP = 1.75, math.radians(5.0)
+CONTENT_KG = 0.12  # that may be in a vessel: 60 grains of 2 g, the most of a scene (velma.model.scene)
 Point = Sequence[float] | np.ndarray  # (3,) [m, world]
 LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
 
@@ -71,4 +72,4 @@ def payload(side: str, mass: float = 0.0, T_grip_object: pin.SE3 | None = None) 
     if T_grip_object is None:
         return {f"payload_{side}": Payload()}
     x, y, z = (float(v) for v in T_grip_object.translation)
-    return {f"payload_{side}": Payload(mass, (x, y, z))}
+    return {f"payload_{side}": Payload(mass, (x, y, z), CONTENT_KG)}

@@ -1,22 +1,32 @@
-"""Runs the skill of a robot command to its outcome, and updates the situation after each motion."""
+"""Runs the skill of a robot command to its outcome, and updates the situation after each motion.
+
+What a hand does not feel, the act has not done: a hand that lost its thing, or never lifted it, is opened, and the
+outcome says so.
+"""
 
 from collections.abc import Generator
+from typing import Any
+
+from msgspec.structs import replace
 
 from companion.languages import rc, rs
 from companion.languages.values import BodyPosture, Pose, Side
-from services.executor.loop.program import Motion, Phase
-from services.executor.skills import SKILLS
+from services.executor.loop.program import Motion, Open, Phase
+from services.executor.skills import SKILLS, motions
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill
 from velma import names
+from velma.control.grip import Grip
 from velma.kinematics.frames import xyz_quat
 
+OPEN_BY, OPEN_SPEED = 0.45, 2.0  # [rad], [rad/s]: half open within 0.25 s, so that it is told at once; estimates
+_MOVES_A_THING = (rc.MoveJoint, rc.MoveCartesian, rc.Pour)
 Performance = Generator[Motion, Sensed, rc.Done | rc.NotDone]
 
 
 def perform(here: Situation, command: rc.Act) -> Performance:
     """Yield motions, take the Sensed of each, return the outcome."""
-    began, sights = here.time, {}
+    began, sights, sensed = here.time, {}, None
     skill: Skill = SKILLS[type(command)](here, command)
     try:
         motion = next(skill)
@@ -26,17 +36,52 @@ def perform(here: Situation, command: rc.Act) -> Performance:
             sights.update({s.name: s for s in sensed.sights})
             if sensed.ended == Phase.CANCELLED:
                 motion = skill.throw(Cancelled())
+            elif sensed.ended == Phase.SLIPPED:
+                motion = skill.throw(NotPossible(Phase.SLIPPED, sensed.reason))
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
+            elif sensed.ended == Phase.LOST:
+                return (yield from _emptied(here, command.key, Phase.LOST, _feeling(here, sensed, Grip.LOST), began))
             else:
                 return ended(here, command.key, sensed.ended, sensed.reason, began)
     except StopIteration:
+        if unfelt := _unfelt(here, command, sensed):
+            return (yield from _emptied(here, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
         seen = tuple(_seen(here, name) for name in sights)
-        return rc.Done(command.key, posture(here), seen, held(here), here.time - began)
+        return rc.Done(command.key, posture(here), seen, held(here), here.time - began, here.weighed)
     except Cancelled:
         return ended(here, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
     except NotPossible as reason:
+        if unfelt := _unfelt(here, command, sensed):
+            return (yield from _emptied(here, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
         return ended(here, command.key, reason.kind, reason.reason, began)
+
+
+def _unfelt(here: Situation, command: rc.Act, sensed: Sensed | None) -> list[str]:
+    """Return the side of the hand that the command moved, if it does not feel what it should hold."""
+    moved = command.side if isinstance(command, _MOVES_A_THING) else ""
+    return [side for side in _feeling(here, sensed, Grip.UNSURE) if side == moved]
+
+
+def _feeling(here: Situation, sensed: Sensed | None, felt: Grip) -> list[str]:
+    """Return the sides that should hold something and feel this."""
+    grips = {} if sensed is None else sensed.grips
+    return [side for side in here.held if side in grips and grips[side].felt == felt]
+
+
+def _emptied(here: Situation, key: str, kind: str, sides: list[str], began: float) -> Performance:
+    """Open hands that do not hold what they should, so that they can move again, and return the outcome."""
+    lost = {Side(side): here.lose(side) for side in sides}
+    hands: dict[str, Any] = {}
+    for side in sides:
+        hands |= motions.hand(side, Open(OPEN_BY, OPEN_SPEED)) | motions.payload(side)
+    sensed = yield motions.still(here, key, **hands)
+    take(here, sensed)
+    for side in sides:
+        here.set_fingers(side, sensed.fingers[side])
+    words = "lost" if kind == Phase.LOST else "does not feel"
+    reason = " and ".join(f"the {side} hand {words} {name}" for side, name in lost.items())
+    return replace(ended(here, key, kind, reason, began), lost=lost)
 
 
 def take(here: Situation, sensed: Sensed) -> None:

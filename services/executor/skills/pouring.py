@@ -1,21 +1,30 @@
-"""The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen now."""
+"""The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen now.
+
+The jar is weighed in the same posture before and after: what left it was felt.
+"""
 
 import numpy as np
 
 from companion import models
 from companion.languages import rc
+from services.executor.loop.program import GripReport
 from services.executor.skills import motions
 from services.executor.skills.moving import joining
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Cancelled, Skill, failed, replan
+from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill, empty, failed, replan
 from velma import names
+from velma.control.grip import Grip
 from velma.kinematics import ik
 from velma.kinematics.tasks.pouring import Stream, follow
 from velma.kinematics.tasks.speeds import BACK_SPEED, TILT_SPEED
 
+WEIGH_S = 1.0  # [s] at rest, until the weight is true to 1 g (velma.control.grip.LOAD_S)
+LEAST_KG = 0.015  # that counts as poured: two deviations of a sensor that drifts by 0.05 N meanwhile (7.5 g, measured)
+
 
 def pour(here: Situation, command: rc.Pour) -> Skill:
-    """Pour. Raises replan if the source is not held, the destination not seen, or the tilt impossible."""
+    """Pour. Raises replan if the source is not held, the destination not seen, or the tilt impossible; empty if the
+    hand does not feel the source, failed if nothing left it."""
     held = here.held.get(command.side)
     if held is None or held.object != command.source:
         raise replan(f"the {command.side} hand does not hold {command.source}")
@@ -28,16 +37,34 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
     if q is None or tilt is None:
         raise replan(f"{command.source} cannot be tilted over {command.destination} from here")
     rim = flow.rim
-    way = [*joining(here, q), *tilt[1:]]
+    before = yield motions.along(here, command.key, joining(here, q), TILT_SPEED, watch=rim, settle_s=WEIGH_S)
+    if _grip(command, before).felt == Grip.UNSURE:
+        raise empty(f"the {command.side} hand does not feel {command.source}")
     try:
-        yield motions.along(here, command.key, way, TILT_SPEED, watch=rim, settle_s=command.hold)
-    except Cancelled:
+        yield motions.along(here, command.key, tilt[1:], TILT_SPEED, watch=rim, settle_s=command.hold)
+    except (Cancelled, NotPossible):
         reached = int(np.argmin([np.abs(x - here.q).max() for x in tilt]))
         yield motions.along(here, command.key, tilt[: reached + 1][::-1], BACK_SPEED, watch=rim)
         raise
-    empty = motions.payload(command.side, command.empty_mass, held.T_grip_object)
+    rest = motions.payload(command.side, command.empty_mass, held.T_grip_object)
     # A cancel from here on changes nothing: the jar goes upright either way.
-    yield motions.along(here, command.key, tilt[::-1][1:], BACK_SPEED, watch=rim, **empty)
+    after = yield motions.along(here, command.key, tilt[::-1][1:], BACK_SPEED, watch=rim, settle_s=WEIGH_S, **rest)
+    _weigh(here, command, before, after)
+
+
+def _grip(command: rc.Pour, sensed: Sensed) -> GripReport:
+    return sensed.grips.get(str(command.side), GripReport())
+
+
+def _weigh(here: Situation, command: rc.Pour, before: Sensed, after: Sensed) -> None:
+    """Note what the hand felt before and after; nothing without sensors. Raises failed if it is the same."""
+    grips = [_grip(command, sensed) for sensed in (before, after)]
+    if not all(grip.felt == Grip.HELD for grip in grips):
+        return
+    full, rest = (grip.mass for grip in grips)
+    if full - rest < LEAST_KG:
+        raise failed(f"nothing left {command.source}: it weighs {full:.3f} kg before and {rest:.3f} kg after the pour")
+    here.weighed = full, rest
 
 
 def _stream(here: Situation, command: rc.Pour) -> Stream:

@@ -30,7 +30,10 @@ class Held:
 
 @dataclass
 class Situation:
-    """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen, things held."""
+    """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen, things held.
+
+    `weighed`: mass in the hand before and after the pour of this act [kg].
+    """
 
     robot: Robot
     world: World
@@ -41,6 +44,7 @@ class Situation:
     seen: dict[str, pin.SE3] = field(default_factory=dict)
     held: dict[str, Held] = field(default_factory=dict)
     time: float = 0.0
+    weighed: tuple[float, float] | None = None
 
     def see(self, sights: Sequence[Sight]) -> None:
         """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
@@ -68,6 +72,13 @@ class Situation:
         pose = self.robot.grip(self.q, side) * held.T_grip_object
         self.seen[held.object] = pose
         self.world.detach(held.object, pose)
+
+    def lose(self, side: str) -> str:
+        """Note that the hand is empty, and that nobody knows where the object is; return its name."""
+        name = self.held.pop(side).object
+        self.seen.pop(name, None)
+        self.world.remove(name)
+        return name
 
     def set_fingers(self, side: str, angle: float) -> None:
         """Note the angle [rad] of the fingers of a hand."""

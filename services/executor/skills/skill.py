@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.languages import rc
-from services.executor.loop.program import Motion
+from services.executor.loop.program import GripReport, Motion
 from services.executor.receptor import Sight
 
 
 @dataclass(frozen=True)
 class Sensed:
-    """After a motion: how it ended, set-point q and measured joints (15,) [rad], fingers that touched, sights."""
+    """After a motion: how it ended, set-point q and measured joints (15,) [rad], touches, grips, sights."""
 
     ended: str
     reason: str
@@ -24,6 +24,7 @@ class Sensed:
     measured: np.ndarray
     touched: dict[str, tuple[bool, ...]]
     fingers: dict[str, float]
+    grips: dict[str, GripReport]
     head: tuple[float, float]
     sights: Sequence[Sight]
     time: float
@@ -33,7 +34,7 @@ Skill = Generator[Motion, Sensed, None]
 
 
 class NotPossible(Exception):
-    """The act cannot be done. `kind`: failed, or replan (the world is not as planned)."""
+    """The act cannot be done. `kind`: failed, replan (the world is not as planned), empty or slipped (in the hand)."""
 
     def __init__(self, kind: str, reason: str) -> None:
         self.kind, self.reason = kind, reason
@@ -55,6 +56,11 @@ def despite_cancel(make: Callable[[], Motion]) -> Generator[Motion, Sensed, Sens
 def replan(reason: str) -> NotPossible:
     """Return the exception for a world that is not as planned."""
     return NotPossible(rc.NotDoneKind.REPLAN, reason)
+
+
+def empty(reason: str) -> NotPossible:
+    """Return the exception for a hand that does not hold what it should."""
+    return NotPossible(rc.NotDoneKind.EMPTY, reason)
 
 
 def failed(reason: str) -> NotPossible:

@@ -59,15 +59,14 @@ def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
 
 
 def _thing(asking: Asking, word: str) -> str:
-    """Return the first thing that km knows by this id or kind; "" stays."""
+    """Return the first thing that km knows by this id or kind; "" stays. Raise Unanswered with km's reason."""
     if not word:
         return word
     things = asking(wm.ListObjects(), wm.Objects).objects
     for thing in things:
         if word in (thing.id, thing.kind.lower()):
             return thing.id
-    seen = ", ".join(sorted(thing.id for thing in things)) or "nothing"
-    raise Unanswered(wm.ListObjects(), f"no {word} has been seen (seen so far: {seen})")
+    return asking(wm.ObjectPose(object=word), wm.PoseOf).object
 
 
 def _side(asking: Asking, word: str) -> str:

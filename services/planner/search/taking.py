@@ -4,6 +4,7 @@ import math
 from itertools import islice
 
 import numpy as np
+import pinocchio as pin
 
 from companion.languages import rc, wm
 from companion.languages.values import Side
@@ -16,6 +17,8 @@ from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, 
 from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 
 GRASPS, CARRIES = 8, 16  # estimate: found in 0.1 s
+FLOOR_M = 0.3  # [m] height below which no hand reaches a thing: IK 0 of 15 on the floor, from 0.30 to 0.45 m some
+UPRIGHT = math.cos(math.radians(15.0))  # farther tilted, the known grasps do not fit (measured: axis 90 deg off)
 CARRY_TILT = math.radians(35.0)  # task runs with the true robot model
 ANY_TORSO = (-0.9, 0.9)  # [rad] range of the torso at a grasp; same runs; never tried for a box (face)
 TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (-1.0, 1.0)}  # [rad], same runs
@@ -62,6 +65,9 @@ def _approaches(
     wanted: int,
 ) -> list[Approach]:
     """Return solved grasps; none, with the reason noted, if there are none."""
+    if beyond := out_of_reach(geometry.pose(here.state, target.name)):
+        geometry.failed(f"{target.name} {beyond}: a person is needed")
+        return []
     found = approaches(
         geometry.robot, here.world, side, here.q, target, ways(known),
         geometry.rng("take", target.name, side, *number), torso=TORSO.get(known[0].kind, ANY_TORSO), wanted=wanted,
@@ -69,6 +75,13 @@ def _approaches(
     if not found:
         geometry.failed(f"no grasp of {target.name} with the {side} hand can be reached and pulled out")
     return found
+
+
+def out_of_reach(pose: pin.SE3) -> str:
+    """Return why no known grasp fits a thing in this pose; "" where one may."""
+    if pose.translation[2] < FLOOR_M:
+        return "fell on the floor"
+    return "lies on its side" if pose.rotation[2, 2] < UPRIGHT else ""
 
 
 def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:

@@ -116,13 +116,17 @@ class Home(Command, frozen=True):
 
 
 class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object, T_grip_object)."""
+    """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object, T_grip_object).
+
+    `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt.
+    """
 
     key: str
     body: BodyPosture
     seen: tuple[Seen, ...] = ()
     held: dict[Side, tuple[str, str, Pose]] = {}
     sim_time: float = 0.0
+    weighed: tuple[float, float] | None = None
 
 
 class NotDoneKind(StrEnum):
@@ -132,6 +136,9 @@ class NotDoneKind(StrEnum):
     BUSY = "busy"
     FAILED = "failed"
     REPLAN = "replan"  # the world is not as planned
+    LOST = "lost"  # a hand lost what it held
+    SLIPPED = "slipped"  # what a hand holds slipped in it
+    EMPTY = "empty"  # the hand does not hold what it should
     CANCELLED = "cancelled"
     INTERRUPTED = "interrupted"  # the machine was too slow, or a process died while the robot stood still
     UNKNOWN = "unknown"  # a process died while the robot moved
@@ -139,7 +146,7 @@ class NotDoneKind(StrEnum):
 
 
 class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """An act ended otherwise. `kind`: a NotDoneKind; `reason` in words."""
+    """An act ended otherwise. `kind`: a NotDoneKind; `reason` in words; `lost`: what is in no hand any more."""
 
     key: str
     kind: str
@@ -148,6 +155,7 @@ class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
     seen: tuple[Seen, ...] = ()
     held: dict[Side, tuple[str, str, Pose]] = {}
     sim_time: float = 0.0
+    lost: dict[Side, str] = {}
 
 
 class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

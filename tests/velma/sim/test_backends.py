@@ -7,13 +7,14 @@ import pytest
 
 from velma.model import scene
 from velma.model.scene import Scene
-from velma.names import FINGER_UPPER, SPEED, START
+from velma.names import FINGER_UPPER, FT_BODY, SPEED, START
 from velma.sim.backend import PERIOD_S, no_command
 from velma.sim.mock_backend import MockBackend
 from velma.sim.mujoco_backend import LOCK_DISTAL, LOCK_PROXIMAL, MujocoBackend
 from velma.sim.truth import TruthReader
 
 EMPTY = Scene("empty")
+EXACT = scene.Noise(force=0.0, force_bias=0.0, torque=0.0, torque_bias=0.0)
 
 
 def run(backend, command, seconds):
@@ -189,3 +190,41 @@ def test_mock_fingers_stop_at_what_they_meet():
     state = run(robot, command, 2.0)
     np.testing.assert_allclose(state.proximal[1], 1.2)
     np.testing.assert_allclose(state.proximal[0], 2.0)
+
+
+def test_a_wrist_carries_its_hand_upwards():
+    """At rest it reads the weight of all that hangs below the sensor, against gravity, in the sensor's axes."""
+    robot = MujocoBackend(msgspec.structs.replace(EMPTY, noise=EXACT))
+    state = run(robot, no_command(), 1.0)
+    for row, name in enumerate(FT_BODY.values()):
+        weight = 9.81 * robot.model.body_subtreemass[robot.model.body(name).id]
+        up = robot.data.body(name).xmat.reshape(3, 3).T @ (0.0, 0.0, 1.0)
+        np.testing.assert_allclose(state.wrist[row, :3], weight * up, atol=0.01)
+
+
+def test_wrist_sensors_err_as_the_scene_says():
+    """A constant error within its range and white noise of its size; the same ones for the same seed."""
+    noise = scene.Noise(seed=3, force=0.2, force_bias=1.0, torque=0.01, torque_bias=0.05)
+    true = run(MujocoBackend(msgspec.structs.replace(EMPTY, noise=EXACT)), no_command(), 1.0).wrist
+    robots = [MujocoBackend(msgspec.structs.replace(EMPTY, noise=noise)) for _ in range(2)]
+    read = []
+    for _ in range(1000):
+        for robot in robots:
+            robot.step(no_command())
+        one, other = (robot.observe().wrist for robot in robots)
+        np.testing.assert_array_equal(one, other)
+        read.append(one - true)
+    settled = np.array(read[500:])
+    np.testing.assert_allclose(settled[:, :, :3].std(axis=0), 0.2, rtol=0.25)
+    bias = np.abs(settled[:, :, :3].mean(axis=0))
+    assert bias.max() < 1.05
+    assert bias.max() > 0.1
+
+
+def test_a_restored_robot_reads_the_same_forces():
+    """The sensors tell of the last step, which the restored world has not made."""
+    one, other = (MujocoBackend(scene.load()) for _ in range(2))
+    run(one, no_command(), 0.1)
+    other.restore(one.save())
+    np.testing.assert_array_equal(one.observe().wrist, other.observe().wrist)
+    assert np.abs(other.observe().wrist).max() > 5.0

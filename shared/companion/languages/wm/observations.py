@@ -29,11 +29,19 @@ class SeenHand(Observation, frozen=True):
     pose: Pose | None = None
 
 
-class SeenContent(Observation, frozen=True):
-    """The content of `source` was poured into `destination`."""
+class FeltContent(Observation, frozen=True):
+    """`left` [kg] of the content of `source` was felt to leave it over `destination`."""
 
     source: str
     destination: str
+    left: float
+
+
+class LostObject(Observation, frozen=True):
+    """An object is not in the hand that held it, and nobody knows where it is."""
+
+    object: str
+    side: Side
 
 
 class NothingSeen(Observation, frozen=True):
@@ -48,7 +56,7 @@ class WorldLost(Observation, frozen=True):
     reason: str
 
 
-AnySight = SeenObject | SeenBody | SeenHand | SeenContent
+AnySight = SeenObject | SeenBody | SeenHand | FeltContent | LostObject
 AnyObservation = AnySight | NothingSeen | WorldLost
 
 

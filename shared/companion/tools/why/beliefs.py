@@ -84,7 +84,7 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
     """Return what is believed since one observation, and where that is from; `content`: of what was in the thing."""
     at = run.trace.begin + since
     said = [one for one in run.history.said if one.receiver == KM and abs(one.received - at) < 0.001]
-    about = [one for one in said if _tells(one, thing) and isinstance(one.content, wm.SeenContent) is content] or said
+    about = [one for one in said if _tells(one, thing) and isinstance(one.content, wm.FeltContent) is content] or said
     message = run.trace.messages.get(about[-1].identity) if about else None
     words = "; ".join(texts)
     if message is None:

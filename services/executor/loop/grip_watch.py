@@ -1,0 +1,94 @@
+"""Both hands watched by the sensors in the wrists: is what a hand has taken still in it? The law is velma.control.grip.
+
+A hand is tared when it begins to close, and watched from the payload that it is told to carry until it opens. On its
+way down to put something down it is not watched: the support takes the load.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.executor.loop.program import Close, GripReport, Motion, Open, Payload, Phase, Until
+from velma.control import grip
+from velma.control.dynamics import Terms
+from velma.control.grip import Grip, Watch
+from velma.names import SIDES
+from velma.sim.backend import State
+
+Array = NDArray[np.float64]
+
+_ENDS = {Grip.LOST: Phase.LOST, Grip.SLIPPED: Phase.SLIPPED}
+_ALARMS = frozenset((Grip.WARNED, *_ENDS))
+
+
+class GripWatch:
+    """Rows right, left. Without sensors nothing is felt and nothing is lost."""
+
+    def __init__(self, period_s: float) -> None:
+        self.wrists = grip.Wrists(period_s)
+        self._share = 1.0 - np.exp(-period_s / grip.LOAD_S)
+        self._sensed, self._felt = False, np.zeros((2, 2, 3))  # whether there are sensors; force, gravity of each hand
+        self._error = np.zeros((2, 3))  # N, of each sensor at its empty hand
+        self._low, self._high = np.zeros(2), np.zeros(2)  # kg; high 0: the hand is empty
+        self._load = np.zeros(2)
+        self._down = [False, False]
+        self._watch = [Watch(), Watch()]
+
+    def begin(self, asked: Motion) -> None:
+        """Note what a motion does with the hands."""
+        for row, (command, payload) in enumerate(zip(asked.hands(), asked.payloads(), strict=True)):
+            if isinstance(command, Close) and not self._high[row] and self._sensed:
+                self._error[row] = grip.tare(*self._felt[row])
+            if isinstance(command, Open):
+                payload = Payload()
+            if payload is not None:
+                self._expect(row, payload)
+            self._down[row] = asked.until is Until.CONTACT and asked.contact_side == SIDES[row]
+            if self._down[row] or self._watch[row].grip is Grip.SLIPPED:
+                self._watch[row] = Watch()
+
+    def _expect(self, row: int, payload: Payload) -> None:
+        if not payload.mass or not self._high[row]:
+            self._watch[row] = Watch()
+        self._low[row], self._high[row] = payload.mass, payload.mass + payload.content if payload.mass else 0.0
+
+    def update(self, state: State, terms: Terms) -> None:
+        """Take the readings of a cycle."""
+        if state.wrist is None:
+            return
+        self._sensed, self._felt = True, self.wrists.feel(state.wrist, terms.rotation, terms.position)
+        force, gravity = self._felt[:, 0] - self._error, self._felt[:, 1]
+        masses = grip.mass(force, gravity)
+        self._load += self._share * (masses - self._load)
+        if not self.wrists.settled or not self._high.any():
+            return
+        rest = grip.residual(force, gravity, masses, self._low, self._high)
+        for row in (0, 1):
+            if self._high[row] and not self._down[row]:
+                m, r, low = float(masses[row]), float(rest[row]), float(self._low[row])
+                self._watch[row] = grip.watched(self._watch[row], r, m, low)
+
+    def skip(self) -> None:
+        """A cycle without readings."""
+        self.wrists.restart()
+
+    @property
+    def alarmed(self) -> bool:
+        """Whether a hand may be losing what it holds, or has lost it."""
+        return self._watch[0].grip in _ALARMS or self._watch[1].grip in _ALARMS
+
+    @property
+    def verdict(self) -> tuple[Phase, str] | None:
+        """How the motion ends, and why, as soon as it is known; None before."""
+        grips = [watch.grip for watch in self._watch]
+        if Grip.WARNED in grips:
+            return None
+        for felt, phase in _ENDS.items():
+            if felt in grips:
+                row = grips.index(felt)
+                return phase, f"the {SIDES[row]} hand feels {max(self._load[row], 0.0):.2f} kg: {phase}"
+        return None
+
+    def report(self, row: int) -> GripReport:
+        """Return what is felt in a hand."""
+        felt = "" if not (self._sensed and self._high[row]) else str(self._watch[row].grip)
+        return GripReport(felt, float(self._load[row]))

@@ -1,0 +1,92 @@
+"""What is not in the hand is noticed, said, and no act on it succeeds: true loop, simulated physics and sensors."""
+
+import numpy as np
+import pytest
+from robot import Acting
+
+from companion.languages import rc
+from companion.languages.values import Side
+from services.executor.loop.core import LoopCore
+from velma.names import COLUMNS
+
+JAR, LEFT = "jar_1", Side.LEFT
+pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
+
+
+def slippery(core: LoopCore) -> None:
+    """The hands have no friction any more."""
+    model = core.backend.model
+    for geom in range(model.ngeom):
+        if "_Hand" in model.body(model.geom_bodyid[geom]).name:
+            model.geom_friction[geom] *= 1e-4
+
+
+class Trick:
+    """Friction goes as soon as an arm moves; never cancels anything."""
+
+    def __init__(self) -> None:
+        self.at_s: float | None = None
+
+    def __call__(self, _motion: object, core: LoopCore) -> bool:
+        if self.at_s is None and np.abs(core.state.v).max() > 0.1:
+            self.at_s = core.state.time
+            slippery(core)
+        return False
+
+
+def swing(acting: Acting) -> rc.MoveJoint:
+    """A turn of the torso with the left arm as it is."""
+    turned = acting.here.q.copy()
+    turned[COLUMNS[LEFT][0]] += 0.3
+    return acting.move(LEFT, [acting.here.q, turned])
+
+
+def test_a_jar_that_falls_is_told_within_a_second(jar_out: Acting, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The act ends as lost and names the jar; the hand is open and empty; pouring the jar is refused."""
+    trick, cycle = Trick(), jar_out.core.cycle
+
+    def tricked() -> None:
+        cycle()
+        trick(None, jar_out.core)
+
+    monkeypatch.setattr(jar_out.core, "cycle", tricked)
+    outcome = jar_out.act(swing(jar_out))
+    assert isinstance(outcome, rc.NotDone)
+    assert (outcome.kind, outcome.lost, outcome.held) == ("lost", {LEFT: JAR}, {})
+    assert outcome.reason == "the left hand lost jar_1"
+    assert JAR not in [one.object for one in outcome.seen]
+    assert trick.at_s is not None
+    assert jar_out.core.state.time - trick.at_s < 1.0
+    assert not jar_out.core.fingers.locked[1]
+    pour = rc.Pour("pour", LEFT, JAR, "bowl_1", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)
+    poured = jar_out.act(pour)
+    assert isinstance(poured, rc.NotDone)
+    assert poured.kind == "replan"
+
+
+def test_a_jar_that_is_not_lifted_is_not_taken(holding: Acting) -> None:
+    """The hand has closed on it, and slides off as it rises: the act ends, nothing is in the hand."""
+    slippery(holding.core)
+    outcome = holding.act(holding.taking[2])
+    assert isinstance(outcome, rc.NotDone)
+    assert outcome.kind in ("lost", "empty")
+    assert outcome.lost == {LEFT: JAR}
+    assert holding.truth.tilt_deg[JAR] < 10.0
+
+
+def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(before_the_jar: Acting) -> None:
+    """Before the fingers are closed to the end; the jar has been taken away since it was seen."""
+    core = before_the_jar.core
+    at = core.backend.model.joint(JAR).qposadr[0]
+    core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
+    outcome = before_the_jar.act(before_the_jar.taking[1])
+    assert isinstance(outcome, rc.NotDone)
+    assert (outcome.kind, outcome.lost, outcome.held) == ("empty", {}, {})
+    assert before_the_jar.here.world.free(core.setpoint)
+
+
+def test_what_is_carried_is_felt(jar_out: Acting) -> None:
+    """A free motion with the jar is done, and the jar weighs what it weighs."""
+    jar_out.done(swing(jar_out))
+    assert jar_out.core.report.left.grip.felt == "held"
+    assert jar_out.core.report.left.grip.mass == pytest.approx(0.26, abs=0.02)
