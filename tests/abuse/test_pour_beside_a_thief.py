@@ -92,6 +92,5 @@ def test_the_pour_ends_and_the_robot_is_whole(identity: str, tmp_path: Path) -> 
         fleet.wait(fleet.whole, "the fleet is whole")
         assert fleet.state().mode is Mode.MOTION
         assert fleet.do("look around").state == "done"
-        print(f"{identity}: {line.state} {line.text}")
     finally:
         fleet.down()
