@@ -13,7 +13,7 @@ from agent_runtime.core.events import Broken, Late, Received, Woken
 from agent_runtime.core.turn import Turn
 from companion.autonomy import WAIT_S
 from companion.design import AgentName
-from companion.languages import cmd, hfsm, sw
+from companion.languages import hfsm, sw
 from companion.languages.cmd import TaskState
 from companion.languages.sw import WorkerState
 from fipa_codec.performatives import Performative as P
@@ -28,7 +28,6 @@ RULE = "rule"
 WHO = {AgentName.PL: "the planner", AgentName.TA: "the robot"}
 _LEFT = (WorkerState.PREEMPTED, WorkerState.REPLAN)
 """Final states of a plan that ta was asked to leave: it left it, or it wanted a new one when the word came."""
-NOT_A_COMMAND = f"this is not a command; send {', '.join(sorted(one.__name__ for one in cmd.TASKS))} of language CMD"
 
 
 def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
@@ -67,10 +66,8 @@ def _tied_up(memory: Memory, turn: Turn) -> Memory:
 def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
     name, content = received.conversation, received.content
     match received.communicate.performative:
-        case P.REQUEST if isinstance(content, cmd.Task):
-            return replace(memory, arrived=(*memory.arrived, Job(name, content, turn.now)))
         case P.REQUEST:
-            turn.say(name, P.REFUSE, words.report(TaskState.FAILED, NOT_A_COMMAND))
+            return replace(memory, arrived=(*memory.arrived, Job(name, content, turn.now)))
         case P.CANCEL if (job := memory.of_hi(name)) is not None:
             return cancel(memory, turn, job, limits)
         case P.NOT_UNDERSTOOD if (job := memory.of_hi(name)) is not None:

@@ -16,6 +16,7 @@ from fipa_codec.communicate import WORD, Communicate, is_word, number_of
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import Language, Languages
 from fipa_codec.performatives import Performative
+from fipa_codec.protocols import named
 from fipa_codec.tables import Role
 
 
@@ -59,10 +60,18 @@ class Link(msgspec.Struct, frozen=True):
             raise LocalProtocolError(wrong[0], f"{self.protocol} with {self.peer!r} on {self.channel}: {wrong[1]}")
 
     def require_heard(self, performative: Performative, content: str) -> None:
-        """Raise ContentError likewise, for messages of the peer."""
+        """Raise ContentError likewise, for messages of the peer, and where an opening lacks its content."""
         wrong = None if content in self.hears.get(performative, ()) else _misfit(self.hears, performative, content)
+        wrong = wrong if wrong or content else self._lacking(performative)
         if wrong is not None:
             raise ContentError(wrong[0], f"{self.protocol} of {self.peer!r} on {self.channel}: {wrong[1]}")
+
+    def _lacking(self, act: Performative) -> tuple[str, str] | None:
+        """Return field and reason where an act without content asks for what stands in it."""
+        wanted = self.hears.get(act)
+        if not wanted or act not in named(self.protocol).openings:
+            return None
+        return "content", f"{act} has none; it carries {', '.join(wanted)}"
 
 
 def _misfit(table: dict[Performative, tuple[str, ...]], act: Performative, content: str) -> tuple[str, str] | None:

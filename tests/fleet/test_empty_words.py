@@ -1,0 +1,47 @@
+"""A word without its content, as who has a stolen key may say it: every agent answers it, and none dies of it."""
+
+import pytest
+
+from agent_runtime.core.wiring import Link
+from agent_runtime.testing.alone import Alone
+from companion.binding import wiring
+from fipa_codec.performatives import Performative
+from fipa_codec.protocols import named
+from fipa_codec.tables import Role
+from services.coordinator import behaviours as coordinator
+from services.executor import behaviours as executor
+from services.knowledge import behaviours as knowledge
+from services.planner import behaviours as planner
+from services.task import behaviours as task
+
+AGENTS = {"co": coordinator, "ex": executor, "km": knowledge, "pl": planner, "ta": task}
+"""hi is asked by nobody."""
+
+
+def openings(name: str) -> list[tuple[Link, Performative]]:
+    """What an agent is asked with, and with what."""
+    return [
+        (link, act)
+        for link in wiring(name, "test").links
+        for act in named(link.protocol).openings
+        if link.role is Role.PARTICIPANT and link.hears.get(act)
+    ]
+
+
+CASES = [(name, link, act) for name in AGENTS for link, act in openings(name)]
+
+
+def test_each_agent_is_asked_something() -> None:
+    """Else these tests would show nothing."""
+    assert {name for name, _, _ in CASES} == {*AGENTS}
+
+
+@pytest.mark.parametrize(("name", "link", "act"), CASES, ids=lambda one: getattr(one, "channel", None))
+def test_an_opening_without_content_is_not_understood(name: str, link: Link, act: Performative) -> None:
+    """At once, once, and the agent is asked again as if nothing had been."""
+    one = Alone(AGENTS[name].agent(), wiring(name, "test"))
+    state, told = one.state, len(one.told)
+    conversation = one.ask(link.peer, link.protocol, act)
+    assert one.answers(conversation) == (Performative.NOT_UNDERSTOOD,)
+    assert (one.state, len(one.told)) == (state, told)
+    assert not [line for line in one.logs if line.event == "step outside the design"]
