@@ -110,7 +110,7 @@ TIDYING = (
     Command("put the bowl on the table", _free, ("cancelled",), "take bowl_1", "cancel"),
     Command("put the jar on the table", _stands("jar_1", "table_1")),
     Command("put the jar into the cabinet", _free, ("cancelled",), "/release", "cancel"),
-    Command("clear the table", TIDY),
+    Command("put the jar into the cabinet", TIDY),
 )
 SCRIPTS = {"afternoon": AFTERNOON, "tidying": TIDYING}
 

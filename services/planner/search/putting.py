@@ -10,7 +10,7 @@ import pinocchio as pin
 from companion.languages import rc, wm
 from companion.languages.values import Side
 from services.planner.search.facts import Facts
-from services.planner.search.inserting import inserted
+from services.planner.search.inserting import BEST, inserted
 from services.planner.search.places import Inside, Surfaces, places
 from services.planner.search.situation import Held, Situation, configured, on_wire
 from services.planner.search.spots import Spot, clear, spots
@@ -55,7 +55,7 @@ def place(geometry: Geometry, state: str, side: Side, where: str = "") -> Step |
             found = _through(geometry, here, side, retreat, target)
             way = target.opening.way
         if found is not None:
-            return _placing(geometry, held, found[0], retreat, side, found[1], way)
+            return _placing(geometry, held, found[0], side, found[1], way)
     return None
 
 
@@ -100,9 +100,8 @@ def _through(
     T_held = held.T_grip_object
     outermost_first = [(T_release_grip.inverse() * T_held, fingers) for T_release_grip, fingers in reversed(retreat)]
     way = GraspWay(held.grasp, (*outermost_first, (T_held, retreat[0][1])))
-    found = _reached(
-        geometry, here, side, [placing for _, placing in inserted(geometry, here, side, held.object, target, [way])]
-    )
+    some = [placing for _, placing in inserted(geometry, here, side, held.object, target, [way])]
+    found = _reached(geometry, here, side, some[:BEST]) or _reached(geometry, here, side, some[BEST:])
     if found is None:
         geometry.failed(f"the {side} arm finds no way to put {held.object} into {target.opening.name}")
     return found
@@ -146,9 +145,7 @@ def _solved(
     return list(islice(found, PLACINGS))
 
 
-def _placing(
-    geometry: Geometry, held: Held, placing: Placing, retreat: Retreat, side: Side, path: Path, way: Way
-) -> Step:
+def _placing(geometry: Geometry, held: Held, placing: Placing, side: Side, path: Path, way: Way) -> Step:
     """Return the step of a solved placing; `path` leads above it, or to the beginning of the `way` there."""
     commands = (
         move(side, path, LOADED_SPEED),
@@ -158,14 +155,14 @@ def _placing(
             object=held.object,
             surface=placing.support,
             place=on_wire(placing.place),
-            retreat=approach_points(retreat),
+            retreat=approach_points(placing.retreat),
             way=tuple((float(x), float(y), float(z)) for x, y, z in way),
         ),
     )
     changes = (
         wm.Released(side=side),
         wm.Moved(object=held.object, pose=on_wire(placing.place), on=placing.support, exact=False),
-        *configured(side, placing.way_back[-1], retreat[0][1]),
+        *configured(side, placing.way_back[-1], placing.retreat[0][1]),
     )
     duration = (
         geometry.duration(path, LOADED_SPEED)

@@ -9,6 +9,7 @@ from companion.languages.values import Side
 from velma.model.scene import BOXES, CANONICAL, Model, load
 
 BOX, RIGHT = "box_1", Side.RIGHT
+pytestmark = pytest.mark.timeout(180)  # 75 s at a load of 12 (measured)
 
 
 @pytest.fixture(params=BOXES)

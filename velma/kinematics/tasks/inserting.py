@@ -11,13 +11,18 @@ import pinocchio as pin
 
 from velma.kinematics import ik
 from velma.kinematics.collision import World
-from velma.kinematics.frames import standing
+from velma.kinematics.frames import shifted, standing
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.placing import CLEARANCE_M, Placing, backwards, retreat_poses
 
 LEAST, TRIES = 40, 240  # of one place, of all: where it can be reached, one in ten succeeds (measured, canonical scene)
+
+
+# [m] straight on after the outermost step, the farthest that can be reached: an arm that went home with its fingers
+# still behind the opening caught on it (one of two runs)
+DRAWN_OUT_M = (0.15, 0.1, 0.05, 0.0)
 
 
 @dataclass(frozen=True)
@@ -78,15 +83,27 @@ def _reversed(
     T_grip_object: pin.SE3,
 ) -> Placing | None:
     """Return the placing that undoes an approach; None if the hand cannot get away as after every release."""
-    grip = target.pose * approach.steps[-1][0]
-    away = retreat_poses(grip, backwards(approach.steps))[-1]
+    grip, way_down = target.pose * approach.steps[-1][0], approach.way_out[::-1]
+    for distance in DRAWN_OUT_M:
+        drawn = shifted(target.pose * approach.steps[0][0], target.out * distance)
+        retreat = [*backwards(approach.steps), (grip.inverse() * drawn, approach.steps[0][1])]
+        end = _drawn_out(robot, world, side, target.name, approach, [drawn, retreat_poses(grip, retreat)[-1]])
+        if end:
+            way_back = [*approach.way_in[::-1], *end]
+            return Placing(grip * T_grip_object, support, way_down[0], way_down, way_back, retreat)
+    return None
+
+
+def _drawn_out(
+    robot: Robot, world: World, side: str, name: str, approach: Approach, poses: list[pin.SE3]
+) -> list[np.ndarray]:
+    """Return the way of the open hand from the outermost step through these grip poses; empty if there is none."""
     world.fingers(side, approach.steps[0][1])
+    path = [approach.way_in[0]]
     try:
-        with attaching.allowed(world, (target.name, f"{side}_hand")):
-            end = ik.line(robot, side, approach.way_in[0], away, accept=world.free)[1:]
+        with attaching.allowed(world, (name, f"{side}_hand")):
+            for pose in poses:
+                path += ik.line(robot, side, path[-1], pose, accept=world.free)[1:]
     except ik.PathBlocked:
-        return None
-    if not world.free(end[-1]) or not ik.comfortable(robot, end[-1], side):
-        return None
-    way_down = approach.way_out[::-1]
-    return Placing(grip * T_grip_object, support, way_down[0], way_down, [*approach.way_in[::-1], *end])
+        return []
+    return path[1:] if world.free(path[-1]) and ik.comfortable(robot, path[-1], side) else []

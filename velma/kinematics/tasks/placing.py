@@ -24,13 +24,17 @@ UP_M = 0.06  # ... and up
 
 @dataclass(frozen=True)
 class Placing:
-    """A solved place: object pose in the world, what it stands on, q above it, ways down and back (lists of (15,))."""
+    """A solved place: object pose in the world, what it stands on, q above it, ways down and back (lists of (15,)).
+
+    `retreat`: of the hand, T_release_grip and finger angle [rad], nearest first.
+    """
 
     place: pin.SE3
     support: str
     above: np.ndarray
     way_down: list[np.ndarray]
     way_back: list[np.ndarray]
+    retreat: Sequence[tuple[pin.SE3, float]]
 
 
 def placings(
@@ -75,7 +79,7 @@ def placings(
             continue
         way_back = _retreat(robot, world, side, way_down[-1], name, place, retreat)
         if way_back is not None:
-            yield Placing(place, support, above, way_down, way_back)
+            yield Placing(place, support, above, way_down, way_back, retreat)
 
 
 def backwards(approach: Sequence[tuple[pin.SE3, float]]) -> list[tuple[pin.SE3, float]]:

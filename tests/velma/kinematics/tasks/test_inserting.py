@@ -82,6 +82,20 @@ def test_the_way_in_is_free_until_it_goes_down(robot: Robot, elsewhere: World, t
                 assert all(elsewhere.free(q) for q in placing.way_back)
 
 
+def test_the_hand_is_drawn_straight_out_where_it_can_be(robot: Robot, elsewhere: World, taking, stood) -> None:
+    """On from the outermost step, through the end of the told retreat; a jar's hand, which is deep inside, far."""
+    drawn = []
+    for _, placing in some(robot, elsewhere, taking, [stood], taking.ways):
+        grips = [robot.grip(q, taking.side) for q in placing.way_back]
+        last, outermost = (grips[0] * placing.retreat[k][0] for k in (-1, -2))
+        way = last.translation - outermost.translation
+        drawn.append(float(way @ taking.target.out))
+        assert np.linalg.norm(way - drawn[-1] * taking.target.out) < 2 * NEAR
+        assert min(np.linalg.norm(grip.translation - last.translation) for grip in grips) < 2 * NEAR
+    assert min(drawn) > -NEAR
+    assert max(drawn) > 0.09 or taking.target.name != "jar_1"
+
+
 def test_a_held_thing_goes_in_as_it_is_held(robot: Robot, world: World, taking, stood) -> None:
     """Slipped a little and turned in the hand, it still arrives upright on the spot."""
     approach = taking.found[0]
