@@ -2,51 +2,14 @@
 
 import pytest
 from pretended_fleet import NAMES, Fleet
+from pretended_operator import POUR, asked, begun, say, set_level, stepped, waiting
 
 from agent_runtime.core.control import SetParameter
 from agent_runtime.core.step import OUTSIDE
-from companion.autonomy import LEVEL, STEP, WAIT_S, Level, Verb, Word
+from companion.autonomy import STEP, WAIT_S, Level, Verb
 from companion.languages.cmd import TaskState
 from services.human_interface.grammar import understand
 from services.human_interface.local import Said
-
-POUR = "pour the jar into the bowl"
-
-
-def asked(fleet: Fleet) -> str:
-    """The leaf that waits, as hi's person sees it."""
-    return next((task.asks for task in fleet.tasks if task.asks), "")
-
-
-def waiting(fleet: Fleet) -> bool:
-    """Whether ta waits and the person can see it."""
-    return fleet.up("ta") and fleet.wires.nodes["ta"].state.state == "waiting" and bool(asked(fleet))
-
-
-def say(fleet: Fleet, verb: Verb, at: str = "") -> None:
-    """The operator's word about the leaf that waits, or another one."""
-    fleet.wires.order("ta", SetParameter(STEP, str(Word(verb, at or asked(fleet)))))
-
-
-def begun(fleet: Fleet, level: Level) -> Fleet:
-    """A pour is asked for at this level; the look around at the start is over, which waits for nobody."""
-    fleet.wires.run(lambda: fleet.up("ta") and fleet.wires.nodes["ta"].state.state == "surveying")
-    fleet.wires.run(lambda: fleet.wires.nodes["ta"].state.state == "idle")
-    fleet.wires.order("ta", SetParameter(LEVEL, level.value))
-    fleet.say(POUR)
-    return fleet
-
-
-def stepped(fleet: Fleet, ended: int = 1) -> list[str]:
-    """Let plans go on until so many tasks have ended; the leaves that were asked about."""
-    leaves: list[str] = []
-    while True:
-        fleet.wires.run(lambda: fleet.ended(ended) or waiting(fleet))
-        if fleet.ended(ended):
-            return leaves
-        leaves.append(asked(fleet))
-        say(fleet, Verb.GO)
-        fleet.wires.run(lambda before=leaves[-1]: asked(fleet) != before)
 
 
 def acts(fleet: Fleet) -> int:
@@ -86,7 +49,7 @@ def test_nothing_moves_while_an_act_waits(fleet) -> None:
         say(fleet, Verb.GO)
         fleet.wires.run(lambda before=before: acts(fleet) > before)
         assert (fleet.tasks[0].text, asked(fleet)) == (leaf, "")
-    fleet.wires.order("ta", SetParameter(LEVEL, Level.AUTO.value))
+    set_level(fleet, Level.AUTO)
     assert fleet.finish() == ["done"]
     assert within_design(fleet)
 
@@ -103,7 +66,7 @@ def test_who_does_not_come_ends_the_plan_and_moves_nothing(fleet) -> None:
     assert acts(fleet) == before
     assert "within 10 min" in fleet.tasks[0].text
     assert "jar_1" in fleet.tasks[0].text
-    fleet.wires.order("ta", SetParameter(LEVEL, Level.AUTO.value))
+    set_level(fleet, Level.AUTO)
     fleet.say("look around")
     assert fleet.finish(2)[-1] == "done"
     assert within_design(fleet)
@@ -156,7 +119,7 @@ def test_a_cancel_while_an_act_waits(step: int) -> None:
         fleet.cancel()
         assert fleet.finish() == ["cancelled"]
         assert not fleet.wires.memory("ex").remembered.held
-    fleet.wires.order("ta", SetParameter(LEVEL, Level.AUTO.value))
+    set_level(fleet, Level.AUTO)
     fleet.say(POUR)
     assert fleet.finish(2)[-1] == "done"
     assert within_design(fleet)
@@ -167,7 +130,7 @@ def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds
     """Though no state of this plan has been active."""
     assert begun(fleet, Level.AUTO).finish() == ["done"]
     assert fleet.wires.memory("ex").remembered.held
-    fleet.wires.order("ta", SetParameter(LEVEL, Level.CONFIRM.value))
+    set_level(fleet, Level.CONFIRM)
     fleet.say(POUR)
     fleet.wires.run(lambda: waiting(fleet))
     fleet.cancel()
@@ -213,7 +176,7 @@ def test_a_new_plan_instead_of_the_act_that_waits(fleet) -> None:
     assert acts(fleet) == before
     assert fleet.reports() == ["Replan"]
     assert fleet.tasks[0].state == TaskState.RUNNING
-    fleet.wires.order("ta", SetParameter(LEVEL, Level.AUTO.value))
+    set_level(fleet, Level.AUTO)
     assert fleet.finish() == ["done"]
     assert within_design(fleet)
 
