@@ -28,6 +28,7 @@ class Lifted:
         posture, self.row, finger, close, self.mass = GRASPS[name]
         self.name, self.side = name, SIDES[self.row]
         self.core, truth = standing(posture, self.row, finger)
+        self.core.run(motion("tare", self.core.setpoint, tare=self.side))
         self.core.run(motion("grip", self.core.setpoint, until="touch", **{self.side: close}))
         self.closed = self.grip
         self.load = Payload(self.mass, lever(self.core, truth, self.row, name), SPARE_KG)
