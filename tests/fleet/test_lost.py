@@ -1,4 +1,4 @@
-"""Six agents with the true search, skills, loop and physics; the hands lose their friction while the jar is carried."""
+"""Six agents with the true search, skills, loop and physics; the hands lose their friction for a while."""
 
 import pytest
 from pretended_fleet import Fleet
@@ -11,9 +11,9 @@ FLOOR_M = 0.3
 
 
 class Slippery(TrueFleet):
-    """Friction is gone for a while as soon as the jar is carried."""
+    """Friction is gone for a while as soon as the jar has moved by `out` [m] towards the robot and `up` [m]."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, out: float, up: float) -> None:
         super().__init__(seed)
         self.gone_s: float | None = None
         model, cycle = self.core.backend.model, self.core.cycle
@@ -26,7 +26,7 @@ class Slippery(TrueFleet):
             now = self.core.state.time
             if self.gone_s is None:
                 jar = self.truth.pose("jar_1")[1]
-                if stood[0] - jar[0] > 0.2:  # out of the cabinet
+                if stood[0] - jar[0] > out and jar[2] - stood[2] > up:
                     self.gone_s = now
                     model.geom_friction[hands] = 0.0
             elif now - self.gone_s > FULL_S:
@@ -45,7 +45,7 @@ def reports(fleet: Fleet) -> list[tuple[float, sw.Report]]:
 @pytest.mark.timeout(900)
 def test_a_jar_that_falls_is_never_poured() -> None:
     """The robot says within a second that it lost the jar, that a person is needed, and never that it is done."""
-    fleet = Slippery(7)
+    fleet = Slippery(7, out=0.2, up=0.0)
     told: list[float] = []
     wires = fleet.wires
 
@@ -68,5 +68,22 @@ def test_a_jar_that_falls_is_never_poured() -> None:
         assert all(held.object != "jar_1" for held in scene.hands.values())
         assert "jar_1" in scene.lost or scene.things["jar_1"].pose.xyz[2] < FLOOR_M
         assert scene.contents == {}
+    finally:
+        fleet.close()
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_jar_lost_on_its_shelf_is_taken_again() -> None:
+    """It slides back through the hand that lifts it; the robot notices, looks, takes it again and pours."""
+    fleet = Slippery(7, out=-1.0, up=0.015)
+    try:
+        fleet.say("pour the jar into the bowl")
+        assert fleet.finish(limit_s=1200.0) == ["done"], fleet.tasks
+        assert fleet.gone_s is not None
+        assert any("jar_1" in report.reason for _, report in reports(fleet) if report.state is sw.WorkerState.ERROR)
+        truth = fleet.truth.read()
+        assert truth.grains_in["bowl_1"] >= 0.9 * truth.grains
+        assert fleet.wires.memory("km").scene.contents == {"jar_1": "bowl_1"}
     finally:
         fleet.close()

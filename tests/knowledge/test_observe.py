@@ -57,6 +57,22 @@ def test_relations_carry_the_time_of_the_observation_they_rest_on(kitchen: Store
     assert (jar.at, jar.related_at) == (1.2, 1.4)
 
 
+def test_what_was_lost_is_nowhere_until_it_is_seen() -> None:
+    """Not in the hand, not where it was; the newest word about it counts."""
+    scene = scene_of(
+        seen("jar_1", "jar", (0.783, -0.84, 0.875)),
+        wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0))),
+        wm.LostObject("jar_1", Side.LEFT),
+    )
+    assert scene.holder("jar_1") is None
+    assert "jar_1" not in scene.things
+    assert (scene.lost["jar_1"].kind, scene.lost["jar_1"].side) == ("Jar", Side.LEFT)
+    assert observed(scene, seen("jar_1", "jar", (0.783, -0.84, 0.875)), (1, 0)) is scene
+    again = observed(scene, seen("jar_1", "jar", (0.783, -0.84, 0.875)), (1, 9))
+    assert "jar_1" in again.things
+    assert again.lost == {}
+
+
 def test_on_the_roof_is_not_inside() -> None:
     """A jar on top of the cabinet is on it and not in it."""
     scene = scene_of(seen("c", "cabinet_no_door", (1.0, 0.0, 1.0)), seen("j", "jar", (1.0, 0.0, 1.0 + 0.35 + 0.1)))

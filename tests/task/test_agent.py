@@ -126,6 +126,40 @@ def test_a_new_world_is_told_before_anything_is_seen_in_it() -> None:
     assert isinstance(told[-1], wm.SeenBody)
 
 
+@pytest.mark.parametrize("kind", [rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY])
+def test_a_loss_is_said_at_once_and_looked_after(kind: str) -> None:
+    """co hears why before the look begins, km that nobody knows where the thing is; then a new plan is wanted."""
+    scene = Scene()
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.ex(P.FAILURE, rc.NotDone("plan/1", kind, "the left hand lost jar_1", BODY, lost={Side.LEFT: "jar_1"}))
+    assert (report := scene.hears("co", 2)).state is sw.WorkerState.ERROR
+    assert report.reason == "the left hand lost jar_1"
+    look = scene.hears("ex", 2)
+    assert isinstance(look, rc.Look)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.ex(P.INFORM, rc.Done(look.key, BODY), number=1)
+    assert scene.hears("co", 3).state is sw.WorkerState.REPLAN
+    told = [content for _, _, content in scene.heard["km"] if content is not None]
+    assert wm.LostObject("jar_1", Side.LEFT) in told
+
+
+@pytest.mark.parametrize("weighed", [None, (0.26, 0.2)])
+def test_content_is_told_only_if_it_was_felt(weighed: tuple[float, float] | None) -> None:
+    """With how much left the jar; without a weight km hears of no content."""
+    scene = Scene()
+    pour = rc.Pour("plan/1", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)
+    scene.start(plan(hfsm.ActState("pour", pour)))
+    scene.hears("ex", 1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=weighed))
+    report = scene.hears("co", 2)
+    assert report.state is sw.WorkerState.SUCCEEDED
+    felt = [content for _, _, content in scene.heard["km"] if isinstance(content, wm.FeltContent)]
+    assert [round(one.left, 3) for one in felt] == ([] if weighed is None else [0.06])
+    assert ("60 g left jar_1" in report.reason) is (weighed is not None)
+
+
 def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
     """ex answers late, so its end and ta's cancel cross; ta does not wait in `surveying` for ever."""
     scene = Scene()

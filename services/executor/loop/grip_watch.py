@@ -1,13 +1,13 @@
 """Both hands watched by the sensors in the wrists: is what a hand has taken still in it? The law is velma.control.grip.
 
-A hand is tared when it begins to close, and watched from the payload that it is told to carry until it opens. On its
-way down to put something down it is not watched: the support takes the load.
+A hand is tared as a motion says, while it is empty and free, and watched from the payload that it is told to carry
+until it opens. On its way down to put something down it is not watched: the support takes the load.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.executor.loop.program import Close, GripReport, Motion, Open, Payload, Phase, Until
+from services.executor.loop.program import GripReport, Motion, Open, Payload, Phase, Until
 from velma.control import grip
 from velma.control.dynamics import Terms
 from velma.control.grip import Grip, Watch
@@ -36,7 +36,7 @@ class GripWatch:
     def begin(self, asked: Motion) -> None:
         """Note what a motion does with the hands."""
         for row, (command, payload) in enumerate(zip(asked.hands(), asked.payloads(), strict=True)):
-            if isinstance(command, Close) and not self._high[row] and self._sensed:
+            if asked.tare == SIDES[row] and not self._high[row] and self._sensed:
                 self._error[row] = grip.tare(*self._felt[row])
             if isinstance(command, Open):
                 payload = Payload()

@@ -88,6 +88,7 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
     `knots` are joint positions (n, 15) as float64 bytes, `KNOT_S` apart; the first is near the present set-point.
     Payload None: no change. The tolerance is a hand's largest distance from its path [m]; `contact_m` is how
     much further than at the start the set-point of the hand `contact_side` must be below the hand to count as contact.
+    `tare`: side of the hand that is empty, at rest and free at the start, so that its wrist feels its own weight only.
     """
 
     key: str
@@ -102,6 +103,7 @@ class Motion(msgspec.Struct, frozen=True, tag=True):
     contact_m: float = 0.003
     settle_s: float = 0.0
     tolerance_m: float = 0.1
+    tare: str = ""
 
     def path(self) -> Array:
         """Return the knots (n, 15) [rad], read-only."""
@@ -206,6 +208,8 @@ def checked(asked: Motion) -> Motion:
         raise MotionError("knots", "not finite", "finite joint positions in rad")
     if asked.contact_side not in SIDES:
         raise MotionError("contact_side", repr(asked.contact_side), f"one of {SIDES}")
+    if asked.tare not in ("", *SIDES):
+        raise MotionError("tare", repr(asked.tare), f"one of {SIDES}, or empty")
     if asked.until is Until.TOUCH and not any(isinstance(hand, Close) for hand in asked.hands()):
         raise MotionError("until", "touch with no hand closing", "a Close for at least one hand")
     for name in ("settle_s", "tolerance_m", "contact_m"):

@@ -17,6 +17,7 @@ from velma.kinematics.tasks.speeds import APPROACH_SPEED
 
 UPTO = 1.9  # [rad] where a finger stops that touches nothing; one that holds: jar 1.47, bowl 1.66 (measured)
 SETTLE_S = 0.3  # same runs
+TARE_S = 0.3  # [s] at rest, until the filters of the wrist have forgotten the motion (velma.control.grip)
 FINGERS_NEEDED = 3
 
 
@@ -29,12 +30,14 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
     first, legs = _approach(here, side, command, poses)
     watch = here.seen[command.object].translation
     yield motions.along(
-        here, command.key, first, APPROACH_SPEED, watch=watch,
+        here, command.key, first, APPROACH_SPEED, watch=watch, settle_s=TARE_S,
         **motions.hand(side, motions.fingers(command.approach[0].fingers)),
     )  # fmt: skip
     try:
         for leg, point in zip(legs, command.approach[1:], strict=True):
             options = motions.hand(side, motions.fingers(point.fingers))
+            if point is command.approach[1]:
+                options["tare"] = str(side)  # before it touches the object
             here.set_fingers(side, point.fingers)
             yield motions.along(here, command.key, leg, APPROACH_SPEED, **options)
         close = Close(squeeze=command.squeeze, upto=UPTO, speed=command.speed, settle_s=SETTLE_S)

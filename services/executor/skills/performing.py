@@ -60,7 +60,12 @@ def perform(here: Situation, command: rc.Act) -> Performance:
 def _unfelt(here: Situation, command: rc.Act, sensed: Sensed | None) -> list[str]:
     """Return the side of the hand that the command moved, if it does not feel what it should hold."""
     moved = command.side if isinstance(command, _MOVES_A_THING) else ""
-    return [side for side in _feeling(here, sensed, Grip.UNSURE) if side == moved]
+    return [side for side in _feeling(here, sensed, Grip.UNSURE) if side == moved and _light(here, sensed, side)]
+
+
+def _light(here: Situation, sensed: Sensed | None, side: str) -> bool:
+    """Whether less than half of the thing's mass is in the hand; with more it is there, whatever touches it."""
+    return sensed is not None and sensed.grips[side].mass < here.held[side].mass / 2.0
 
 
 def _feeling(here: Situation, sensed: Sensed | None, felt: Grip) -> list[str]:
@@ -77,8 +82,9 @@ def _emptied(here: Situation, key: str, kind: str, sides: list[str], began: floa
         hands |= motions.hand(side, Open(OPEN_BY, OPEN_SPEED)) | motions.payload(side)
     sensed = yield motions.still(here, key, **hands)
     take(here, sensed)
-    for side in sides:
+    for side, name in lost.items():
         here.set_fingers(side, sensed.fingers[side])
+        here.forget(name)  # it may have been seen while it fell
     words = "lost" if kind == Phase.LOST else "does not feel"
     reason = " and ".join(f"the {side} hand {words} {name}" for side, name in lost.items())
     return replace(ended(here, key, kind, reason, began), lost=lost)

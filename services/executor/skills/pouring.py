@@ -38,7 +38,7 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
         raise replan(f"{command.source} cannot be tilted over {command.destination} from here")
     rim = flow.rim
     before = yield motions.along(here, command.key, joining(here, q), TILT_SPEED, watch=rim, settle_s=WEIGH_S)
-    if _grip(command, before).felt == Grip.UNSURE:
+    if _grip(command, before).felt == Grip.UNSURE and _grip(command, before).mass < held.mass / 2.0:
         raise empty(f"the {command.side} hand does not feel {command.source}")
     try:
         yield motions.along(here, command.key, tilt[1:], TILT_SPEED, watch=rim, settle_s=command.hold)

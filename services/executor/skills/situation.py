@@ -80,6 +80,11 @@ class Situation:
         self.world.remove(name)
         return name
 
+    def forget(self, name: str) -> None:
+        """Note that nobody knows where a thing is."""
+        if self.seen.pop(name, None) is not None:
+            self.world.remove(name)
+
     def set_fingers(self, side: str, angle: float) -> None:
         """Note the angle [rad] of the fingers of a hand."""
         self.fingers[side] = angle

@@ -19,6 +19,7 @@ GRASPS = {
     "bowl_1": (BOWL_POSTURE, 0, math.radians(60), Close(squeeze=math.radians(0.8)), 0.3),
 }
 SPARE_KG = 0.12
+pytestmark = pytest.mark.timeout(240)  # each first test also lifts the thing
 
 
 class Lifted:
@@ -28,6 +29,7 @@ class Lifted:
         posture, self.row, finger, close, self.mass = GRASPS[name]
         self.name, self.side = name, SIDES[self.row]
         self.core, truth = standing(posture, self.row, finger)
+        self.core.run(motion("tare", self.core.setpoint, tare=self.side))
         self.core.run(motion("grip", self.core.setpoint, until="touch", **{self.side: close}))
         self.closed = self.grip
         self.load = Payload(self.mass, lever(self.core, truth, self.row, name), SPARE_KG)
@@ -114,6 +116,20 @@ def test_what_was_lost_between_two_motions_ends_the_next_one(lifted):
     lifted.begin_to_move(1.0)
     lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
     assert lifted.core.report.phase is Phase.DONE
+
+
+def test_a_push_ends_the_motion_and_nothing_is_dropped(lifted):
+    """3 N from the side for 0.2 s: the motion ends as slipped, the next one is done with the thing in the hand."""
+    data, body = lifted.core.backend.data, lifted.core.backend.model.body(lifted.name).id
+    lifted.begin_to_move()
+    data.xfrc_applied[body, 1] = 3.0
+    lifted.core.hold(0.2)
+    data.xfrc_applied[body] = 0.0
+    lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
+    assert lifted.core.report.phase is Phase.SLIPPED
+    lifted.core.run(motion("still", lifted.core.setpoint, settle_s=0.5))
+    assert lifted.core.report.phase is Phase.DONE
+    assert lifted.grip.felt == Grip.HELD
 
 
 def test_a_thing_put_down_is_not_lost(lifted):

@@ -57,6 +57,31 @@ def test_a_destination_not_seen_since_is_looked_at(km, named, bowl_placed: Scene
     assert named(plan) == ["look at bowl_1", "is bowl_1 localized?", "replan"]
 
 
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        (Pose((0.7, 0.3, 0.1)), "fell on the floor: a person is needed"),
+        (Pose((0.58, -0.52, 0.815), (0.7071, 0.7071, 0.0, 0.0)), "lies on its side: a person is needed"),
+    ],
+)
+def test_what_no_grasp_fits_needs_a_person(km, beginning: Scene, pose: Pose, words: str) -> None:
+    """On the floor, or lying on a table where a standing one would be in reach."""
+    plan = km(told(beginning, wm.SeenObject("jar_1", "jar", pose, 3.0))).plan("take", "jar", "")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert f"jar_1 {words}" in plan.reason
+
+
+def test_what_a_hand_lost_needs_a_person_until_it_is_seen(km, beginning: Scene) -> None:
+    """The reason says which hand lost it; seen again, it is taken again."""
+    jar = beginning.things["jar_1"]
+    scene = told(beginning, wm.LostObject("jar_1", Side.LEFT))
+    plan = km(scene).plan("take", "jar", "")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert plan.reason == "the left hand lost jar_1, which has not been seen since: a person is needed"
+    scene = observed(scene, wm.SeenObject("jar_1", jar.model, jar.pose, 4.0), (9, 10), 4.0)
+    assert isinstance(km(scene).plan("take", "jar", ""), hfsm.HierarchicalPlan)
+
+
 def test_a_jar_out_of_reach_is_told(km, beginning: Scene) -> None:
     """On the far corner of the table no grasp is found with either hand; the reason names jar and hands."""
     scene = told(beginning, wm.SeenObject("jar_1", "jar", Pose((1.30, -0.88, 0.876)), 3.0))
