@@ -127,12 +127,11 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     plan = job.plan
     if plan is None:
         return memory
-    talk = turn.open(
-        AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=limits.acting_s(plan), parent=job.conversation
-    )
+    patience_s = limits.acting_s(plan)
+    talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=patience_s, parent=job.conversation)
     text = f"plan {job.plans} takes about {plan.duration:.0f} s"
     words.progress(turn, job, TaskState.RUNNING, text, words.steps(plan))
-    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False)
+    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False, patience_s=patience_s, asks=False)
     return replace(memory.with_job(job), choice=Choice.OPEN)
 
 

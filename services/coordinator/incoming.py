@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from agent_runtime.core.events import Broken, Late, Received, Woken
 from agent_runtime.core.turn import Turn
+from companion.autonomy import WAIT_S
 from companion.design import AgentName
 from companion.languages import cmd, hfsm, sw
 from companion.languages.cmd import TaskState
@@ -150,9 +151,10 @@ def _not_yet(memory: Memory, job: Job) -> Memory:
 
 def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
     said = received.content
-    if received.communicate.performative is P.INFORM:
-        turn.say(received.conversation, P.CONFIRM, in_reply_to=received.communicate.reply_with)
     job = memory.of_talk(received.conversation)
+    if received.communicate.performative is P.INFORM:
+        more_s = _more_time(job, said)
+        turn.say(received.conversation, P.CONFIRM, in_reply_to=received.communicate.reply_with, reply_by_s=more_s)
     if job is None:
         return memory
     if isinstance(said, sw.Report) and said.state not in sw.FINAL:
@@ -169,19 +171,28 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     return _failed(memory, turn, job, words.reason(said) or _without_reason(received))
 
 
+def _more_time(job: Job | None, said: object) -> float | None:
+    """Return how much time ta has from now on where its plan waits for an operator [s]; None: as much as before."""
+    waits = isinstance(said, sw.Report) and said.state is WorkerState.WAITING
+    return WAIT_S + job.patience_s if waits and job is not None and job.leavable else None
+
+
 def _without_reason(received: Received) -> str:
     said = received.content.state if isinstance(received.content, sw.Report) else received.communicate.performative
     return f"the robot said {said} and no reason"
 
 
 def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memory:
+    if said.state is WorkerState.WAITING:
+        words.asks(turn, job, said)
+        return memory.with_job(replace(job, at=said.at, asks=True))
     text = said.at or said.reason or said.state
     if said.state is not WorkerState.RUNNING and said.at:
         text = f"{said.state} at {said.at}" + (f": {said.reason}" if said.reason else "")
-    if text == job.at:
+    if text == job.at and not job.asks:
         return memory
     words.progress(turn, job, TaskState.RUNNING, text)
-    return memory.with_job(replace(job, at=text))
+    return memory.with_job(replace(job, at=text, asks=False))
 
 
 def _on_replan(memory: Memory, turn: Turn, job: Job, said: sw.Report, limits: Limits) -> Memory:

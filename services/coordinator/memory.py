@@ -71,6 +71,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     schedule parameters only) or ta (RUNNING).
 
     `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
+    `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for an operator.
     `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for another one;
     `suspended`: how often that was done, and `aside`: it waits for its turn since. `schedule`: parameters of its newest
     plan, () while unknown; `holds`: number of hands that are full when it is done; `asked`: pl was asked for them since
@@ -95,6 +96,8 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     asked: bool = False
     recalled: bool = False
     weighed: bool = False
+    patience_s: float = 0.0
+    asks: bool = False
 
     @property
     def begun(self) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 from agent_runtime.core.turn import Turn
 from companion.design import AgentName
-from companion.languages import cmd, hfsm
+from companion.languages import cmd, hfsm, sw
 from companion.languages.cmd import TaskReport, TaskState
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative
@@ -83,6 +83,16 @@ def progress(turn: Turn, job: Job, state: TaskState, text: str, steps: tuple[str
     """Tell hi the progress of its task; not while hi is away, since a full outbox would stop co."""
     if AgentName.HI in turn.peers and turn.holds(job.conversation):
         turn.say(job.conversation, Performative.INFORM, TaskReport(state, cut(text), steps))
+
+
+def asks(turn: Turn, job: Job, said: sw.Report) -> None:
+    """Tell hi which leaf of the plan waits for an operator, and with which hand it is done.
+
+    Also while hi is away, since nothing goes on before somebody has read it: one message for each wait.
+    """
+    if turn.holds(job.conversation):
+        text = cut(said.reason, LONGEST_TEXT - LONGEST_STEPS)
+        turn.say(job.conversation, Performative.INFORM, TaskReport(TaskState.RUNNING, text, asks=said.at))
 
 
 def done(turn: Turn, job: Job, text: str) -> None:

@@ -133,7 +133,8 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
             turn.tell(Answer(word.ticket, _status(memory, word.text, turn.now)))
             return memory
         case Tell(does="release"):
-            return _told(memory, turn, word, REFUSED, say(word.meaning.language, "released"))
+            row = "asks" if any(line.asks for line in memory.open_tasks) and not word.held else "released"
+            return _told(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
             text = answers.ANSWERS[does](memory, word.meaning.language)
             turn.tell(Answer(word.ticket, TaskLine("", ANSWERED, text, word.text, turn.now)))
@@ -269,7 +270,7 @@ def tell(memory: Memory, turn: Turn) -> Memory:
         if line is not None and news.state:
             since = turn.now if line.state != news.state else line.since
             text = news.text if news.text or news.state in FINAL else line.text
-            line = replace(line, state=news.state, text=text, since=since, steps=_steps(line, news))
+            line = replace(line, state=news.state, text=text, since=since, steps=_steps(line, news), asks=news.asks)
             memory = memory.with_task(replace(line, accepted=line.accepted or _taken(news)))
         memory = replace(memory, told=memory.told + 1)
         turn.tell(Told(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))

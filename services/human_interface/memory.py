@@ -19,7 +19,7 @@ FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
 class News(msgspec.Struct, frozen=True):
     """News of a task ("": of none). `name`: a task state or an event of hi; `state` "": no change.
 
-    `steps`: of a new plan.
+    `steps`: of a new plan; `asks`: the state of the plan that waits for an operator.
     """
 
     agent: str
@@ -28,6 +28,7 @@ class News(msgspec.Struct, frozen=True):
     task: str = ""
     state: str = ""
     steps: tuple[str, ...] = ()
+    asks: str = ""
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):

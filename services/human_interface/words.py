@@ -29,8 +29,15 @@ def news(memory: Memory, received: Received) -> tuple[News, ...]:
     if line.state in FINAL:
         return (News(AgentName.CO, TOO_LATE, text or f"it was {line.state} already", name),)
     if received.communicate.performative in (P.AGREE, P.INFORM) and isinstance(said, cmd.TaskReport):
-        return (News(ABOUT.get(said.state, AgentName.CO), said.state, text, name, said.state, said.steps),)
+        about = ABOUT.get(said.state, AgentName.CO)
+        text = asking(said.asks, text) if said.asks else text
+        return (News(about, said.state, text, name, said.state, said.steps, said.asks),)
     return (failed(name, text or f"the coordinator said {received.communicate.performative} and no reason"),)
+
+
+def asking(at: str, hand: str) -> str:
+    """Return in words that a state of the plan waits for an operator; `hand`: with which one it is done, or ""."""
+    return f"waits for you: next is '{' '.join(filter(None, (at.replace('/', ': '), hand)))}' - `roco step` to go on"
 
 
 def failed(name: str, why: str) -> News:

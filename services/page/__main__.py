@@ -99,6 +99,7 @@ async def _serve(options: Options, listener: socket.socket, address: PageAddress
     from services.page.pairing import Pairs
     from services.page.robot_eye import RobotEye
     from services.page.robot_stop import RobotStop
+    from services.page.robot_word import RobotWord
 
     class Server(uvicorn.Server):
         """A server whose signals are the loop's."""
@@ -112,7 +113,7 @@ async def _serve(options: Options, listener: socket.socket, address: PageAddress
     log = Log(NAME, options.log_level, run / "logs" / f"{NAME}.jsonl")
     hi = Hi(Path(os.environ.get("ROCO_HI_DIR") or run), os.environ.get("ROCO_HI") or HERE)
     stop, pairs, loop = RobotStop(run), Pairs(run / PAIRED_FILE), asyncio.get_running_loop()
-    page = Page(hi, stop, pairs, address.port, address.token)
+    page = Page(hi, stop, RobotWord(options), pairs, address.port, address.token)
 
     def soon(call: Callable[[], None]) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended

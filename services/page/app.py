@@ -1,7 +1,8 @@
 """The answers of the page (starlette): its files, the stream of what changes, and what a person does.
 
-Every action is one of hi's (docs/http.md), but for the stop: where the robot's loop shares this run folder its flag is
-set here first, whatever hi does. Must not know: Zenoh, threads of others.
+Every action is one of hi's (docs/http.md), but for two. The stop: where the robot's loop shares this run folder its
+flag is set here first, whatever hi does. "Go on": ta is told to begin the act that waits. Must not know: Zenoh, threads
+of others.
 """
 
 import asyncio
@@ -32,6 +33,7 @@ from services.page.guard import cookie_name
 from services.page.hi_client import Hi, HiError
 from services.page.pairing import CODE_S, KEPT_S, Pairs
 from services.page.robot_stop import RobotStop
+from services.page.robot_word import RobotWord
 from services.page.streams import Streams
 
 LONGEST_BODY = 4096
@@ -62,10 +64,11 @@ class Refused(Exception):
 class Page:
     """The page at `port`. `token`: of page.json, which `roco page` has."""
 
-    def __init__(self, hi: Hi, stop: RobotStop, pairs: Pairs, port: int, token: str) -> None:
+    def __init__(self, hi: Hi, stop: RobotStop, word: RobotWord, pairs: Pairs, port: int, token: str) -> None:
         self.streams = Streams()
         self.heard = view.Heard()
-        self._hi, self._stop, self._pairs, self._port, self._token = hi, stop, pairs, port, token
+        self._hi, self._stop, self._word = hi, stop, word
+        self._pairs, self._port, self._token = pairs, port, token
         self._room = anyio.CapacityLimiter(HI_AT_ONCE)
         self._stopping = anyio.CapacityLimiter(HI_AT_ONCE)
         self._kept: set[asyncio.Task[None]] = set()
@@ -75,7 +78,13 @@ class Page:
 
     def app(self) -> Starlette:
         """Return the application."""
-        posts = {"/say": self._say, "/first": self._first, "/cancel": self._cancel, "/pair": self._pair}
+        posts = {
+            "/say": self._say,
+            "/first": self._first,
+            "/step": self._step,
+            "/cancel": self._cancel,
+            "/pair": self._pair,
+        }
         held = {"/stop": partial(self._hold, True), "/release": partial(self._hold, False)}
         return Starlette(
             routes=[
@@ -146,6 +155,15 @@ class Page:
         urgency = min(MOST_URGENT, 1 + max(one.urgency for one in lines))
         wish = view.in_language(line.wish, language)
         return _line(await self._ask(partial(self._hi.say, Say(wish, urgency, instead=line.task))), language)
+
+    async def _step(self, fields: dict[str, str], language: str) -> Response:
+        """Let the act begin that waits, if it is the one that this browser shows."""
+        at = fields.get("at", "")
+        if not at or not any(one.asks == at for one in self.heard.tasks):
+            raise Refused(409, say(language, "passed"))
+        if not await anyio.to_thread.run_sync(partial(self._word.go, at), limiter=self._room):
+            raise Refused(503, say(language, "unreached"))
+        return JSONResponse({"state": "running", "text": say(language, "went_on"), "replies": []})
 
     async def _cancel(self, fields: dict[str, str], language: str) -> Response:
         return _line(await self._ask(partial(self._hi.cancel, fields.get("task", ""))), language)

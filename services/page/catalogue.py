@@ -25,6 +25,7 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     say: dict[str, dict[str, str]]
     state: dict[str, InWords]
     thing: dict[str, InWords]
+    leaf: dict[str, InWords]
     step: tuple[StepRow, ...]
 
 
@@ -47,6 +48,14 @@ def step(language: str, name: str) -> str:
         if found := re.fullmatch(row.of, name):
             return str(getattr(row, language)).format(*(_thing(language, one) for one in found.groups()))
     return plain(name)
+
+
+def leaf(language: str, path: str) -> str:
+    """Return a leaf of a plan in words, such as "take jar_1/grasp": its step, and what is done in it."""
+    at, _, name = path.partition("/")
+    verb = name.split("/")[-1].partition(" ")[0]
+    done = str(getattr(CATALOGUE.leaf[verb], language)) if verb in CATALOGUE.leaf else plain(name)
+    return " ".join(filter(None, (step(language, at), f"({done})" if done else "")))
 
 
 def preferred(accepted: str) -> str:

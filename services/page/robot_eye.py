@@ -1,6 +1,6 @@
 """What the robot's telemetry shows people: a picture of the head camera, and what the control loop does.
 
-Heard from Zenoh with the identity `page`, whose one right is to hear this key. Calls come from threads of Zenoh.
+Heard from Zenoh with the identity `page`, which may hear this key and nothing else. Calls come from threads of Zenoh.
 """
 
 import struct

@@ -8,7 +8,7 @@ import msgspec
 from companion.languages.cmd import TaskState
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
 from companion.wording import plain
-from services.page.catalogue import CATALOGUE, say, state, step
+from services.page.catalogue import CATALOGUE, leaf, say, state, step
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
@@ -27,7 +27,9 @@ class Heard(msgspec.Struct, frozen=True):
 
 
 class TaskView(msgspec.Struct, frozen=True):
-    """A task. `why`: the reason in the words of the one who gave it, which are English."""
+    """A task. `why`: the reason in the words of the one who gave it, which are English. `asks`: the state of its plan
+    that waits for a person, `asks_says` in words.
+    """
 
     task: str
     says: str
@@ -35,6 +37,8 @@ class TaskView(msgspec.Struct, frozen=True):
     word: str
     note: str = ""
     why: str = ""
+    asks: str = ""
+    asks_says: str = ""
 
 
 class ThingView(msgspec.Struct, frozen=True):
@@ -96,12 +100,14 @@ def _now(heard: Heard, active: TaskLine | None, language: str) -> str:
         return say(language, "stopped")
     if not heard.hi:
         return say(language, "no_hi")
+    if active is not None and active.asks:
+        return say(language, "asks_you", leaf(language, active.asks))
     return _upper(_says(active, language)) + "." if active else say(language, "idle")
 
 
 def _steps(line: TaskLine, language: str) -> tuple[str, str]:
     """The step of the plan that is done now, and the one after it."""
-    at = plain_step(line.text)
+    at = plain_step(line.asks or line.text)
     if at not in line.steps:
         return (step(language, at) if line.steps and at else state(language, line.state)), ""
     number = line.steps.index(at)
@@ -121,14 +127,24 @@ def _task(line: TaskLine, language: str) -> TaskView:
         notes.append(say(language, "urgent"))
     if line.deadline:
         notes.append(say(language, "deadline", time.strftime("%H:%M", time.localtime(line.deadline))))
+    asks_says = leaf(language, line.asks) if line.asks else ""
     return TaskView(
-        line.task, _says(line, language), line.state, state(language, line.state), ", ".join(notes), _why(line)
+        line.task,
+        _says(line, language),
+        line.state,
+        state(language, line.state),
+        ", ".join(notes),
+        _why(line),
+        line.asks,
+        asks_says,
     )
 
 
 def _why(line: TaskLine) -> str:
     """The reason that was given for the state of a task: none for a step of its plan, or for what hi itself said."""
-    by_others = line.accepted and line.state != TaskState.DONE and plain_step(line.text) not in line.steps
+    by_others = (
+        line.accepted and not line.asks and line.state != TaskState.DONE and plain_step(line.text) not in line.steps
+    )
     return plain(line.text) if by_others or line.state in (TaskState.FAILED, TaskState.CANCELLED) else ""
 
 

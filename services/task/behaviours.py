@@ -1,7 +1,8 @@
 """The behaviours of ta outside the plan, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
 
-idle -> running (the machine of the plan: running.py) -> closing -> finished -> idle; with stopping and securing before
-closing if a plan is cancelled or an act is late. Must not know: pl, geometry.
+idle -> running (the machine of the plan: running.py) -> closing -> finished -> idle; with waiting where an act waits
+for the operator (stepping.py), with stopping and securing before closing if a plan is cancelled or an act is late. Must
+not know: pl, geometry.
 """
 
 from msgspec.structs import replace
@@ -13,7 +14,7 @@ from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.performatives import Performative
-from services.task import acts, running
+from services.task import acts, running, stepping
 from services.task import plan as plans
 from services.task.memory import CONDITIONS, Memory
 from services.task.words import SURVEY
@@ -30,6 +31,7 @@ def agent() -> Agent[Memory]:
         "await_plan": await_plan,
         "survey": survey,
         "run_plan": running.run_plan,
+        "await_operator": stepping.await_operator,
         "stop_act": stop_act,
         "make_safe": running.make_safe,
         "close_plan": close_plan,

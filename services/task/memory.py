@@ -16,6 +16,13 @@ class Act(msgspec.Struct, frozen=True):
     stopped: bool = False
 
 
+class Pending(msgspec.Struct, frozen=True):
+    """The position that waits for the operator, or that the operator has `let` begin."""
+
+    position: plans.Position
+    let: bool = False
+
+
 class Soft(msgspec.Struct, frozen=True):
     """Memory that is lost with the process: the conversation of the query under way; the query is asked again."""
 
@@ -28,7 +35,7 @@ class Memory(msgspec.Struct, frozen=True):
     `at`: position in the running machine. `act`: the act under way. `looking`: that act is a look, because the outcome
     of the act before is unknown. `secured`: number of tries to put down what is held. `end`: how the plan ends, None
     before; `reason` in words. `hands`: what each hand holds by the last outcome. `survey`: tries left of a look around.
-    `acts`: counts the acts outside plans, for their keys.
+    `acts`: counts the acts outside plans, for their keys. `pending`: UNSET unless an operator is asked.
     """
 
     conversation: str = ""
@@ -45,6 +52,7 @@ class Memory(msgspec.Struct, frozen=True):
     hands: dict[Side, str] = {}
     survey: int = 0
     acts: int = 0
+    pending: Pending | msgspec.UnsetType = msgspec.UNSET
     soft: Soft = Soft()
 
     @property
@@ -52,6 +60,16 @@ class Memory(msgspec.Struct, frozen=True):
         """The running machine: that of the plan, or the one that makes it safe."""
         assert self.plan is not None
         return self.safe or self.plan.root
+
+    @property
+    def asked(self) -> plans.Position:
+        """The position that waits for the operator; () where none does."""
+        return self.pending.position if isinstance(self.pending, Pending) and not self.pending.let else ()
+
+    @property
+    def let(self) -> plans.Position:
+        """The position that the operator has let begin; () where there is none."""
+        return self.pending.position if isinstance(self.pending, Pending) and self.pending.let else ()
 
 
 def plan_taken(memory: Memory) -> bool:
@@ -72,6 +90,16 @@ def work_arrived(memory: Memory) -> bool:
 def plan_over(memory: Memory) -> bool:
     """Whether no further state of the plan will be entered."""
     return memory.end is not None
+
+
+def plan_stands(memory: Memory) -> bool:
+    """Whether the plan is over, or waits for the operator."""
+    return plan_over(memory) or bool(memory.asked)
+
+
+def operator_decided(memory: Memory) -> bool:
+    """Whether nothing waits for the operator any more."""
+    return not memory.asked
 
 
 def act_under_way(memory: Memory) -> bool:
@@ -102,6 +130,9 @@ CONDITIONS = {
     "survey_wanted": survey_wanted,
     "survey_over": lambda memory: not survey_wanted(memory),
     "plan_over": plan_over,
+    "plan_stands": plan_stands,
+    "operator_asked": lambda memory: bool(memory.asked),
+    "operator_decided": operator_decided,
     "plan_broken": lambda memory: False,
     "act_under_way": act_under_way,
     "act_settled": act_settled,

@@ -6,15 +6,16 @@ which confirms it; ta waits only for the last confirm.
 
 from collections.abc import Callable
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
-from agent_runtime.core.events import Broken, Late, Received, Started
+from agent_runtime.core.events import Broken, Late, Ordered, Received, Started
 from agent_runtime.core.turn import Turn
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.performatives import Performative
-from services.task import acts
+from services.task import acts, stepping
 from services.task import plan as plans
-from services.task.memory import Memory, Soft, way_to_safety
+from services.task.memory import Memory, Pending, Soft, way_to_safety
 from services.task.words import SURVEY
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
@@ -39,7 +40,7 @@ def always(memory: Memory, turn: Turn) -> Memory:
     observed(turn)
     match turn.event:
         case Broken(conversation=name, reason=reason) if name == memory.conversation and memory.end is None:
-            return _preempted(memory, turn, f"the conversation with co broke: {reason}")
+            return preempted(memory, turn, f"the conversation with co broke: {reason}")
     return memory
 
 
@@ -58,22 +59,25 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
     """State running: run the states of the plan, until it ends, is cancelled, or an act is late."""
     if turn.event is None:
         assert memory.plan is not None
-        return enter(memory, turn, plans.first(memory.plan.root))
+        let, position = bool(memory.let), memory.let or plans.first(memory.plan.root)
+        return enter(replace(memory, pending=UNSET), turn, position, let=let)
     memory = always(memory, turn)
     if memory.end is not None:
         return memory
     match turn.event:
         case Received(communicate=word, conversation=name) if name == memory.conversation:
-            return _preempted(memory, turn, "") if word.performative is Performative.CANCEL else memory
+            return preempted(memory, turn, "") if word.performative is Performative.CANCEL else memory
+        case Ordered() if stepping.replan_wanted(memory, turn):
+            return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, reason=stepping.WANTED)
         case _:
             return _go_on(memory, turn, _finish)
 
 
-def _preempted(memory: Memory, turn: Turn, reason: str) -> Memory:
+def preempted(memory: Memory, turn: Turn, reason: str) -> Memory:
     """End a cancelled plan: stop the act, drop the query; what is held is put down afterwards."""
     if memory.soft.question:
         turn.drop(memory.soft.question)
-    memory = acts.stop(memory, turn)
+    memory = replace(acts.stop(memory, turn), pending=UNSET)
     tell(memory, turn, sw.WorkerState.TERMINATING)
     return replace(memory, cancelled=True, end=sw.WorkerState.PREEMPTED, reason=reason, soft=Soft())
 
@@ -113,11 +117,18 @@ def _secured(memory: Memory, outcome: Outcome, reason: str) -> Memory:
 Finish = Callable[[Memory, Outcome, str], Memory]
 
 
-def enter(memory: Memory, turn: Turn, position: plans.Position, finish: Finish | None = None) -> Memory:
-    """Enter the leaf at `position`: report it, and start its act or query."""
+def enter(
+    memory: Memory, turn: Turn, position: plans.Position, finish: Finish | None = None, *, let: bool = False
+) -> Memory:
+    """Enter the leaf at `position`: report it, and start its act or query; or have it wait for the operator.
+
+    `let`: the operator let it begin.
+    """
+    leaf = plans.leaf(memory.machine, position)
+    if not let and stepping.asks(memory, turn, leaf):
+        return replace(memory, at=memory.at or position, pending=Pending(position))
     memory = replace(memory, at=position)
     tell(memory, turn, sw.WorkerState.RUNNING)
-    leaf = plans.leaf(memory.machine, position)
     if isinstance(leaf, hfsm.ActState):
         return acts.begin(memory, turn, _named(memory, leaf.command))
     if isinstance(leaf, hfsm.AskState):
@@ -217,5 +228,10 @@ def tell(memory: Memory, turn: Turn, state: sw.WorkerState, reason: str = "") ->
     """Report the position in the plan to co."""
     if not turn.holds(memory.conversation) or memory.plan is None:
         return
-    path = "/".join((*((memory.safe.name,) if memory.safe else ()), *memory.at))[-PATH_CHARS:]
-    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, at=path, reason=reason))
+    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, at=path(memory), reason=reason))
+
+
+def path(memory: Memory) -> str:
+    """Return the path of the leaf that waits or is active, as co is told of it."""
+    at = memory.asked or memory.at
+    return "/".join((*((memory.safe.name,) if memory.safe else ()), *at))[-PATH_CHARS:]

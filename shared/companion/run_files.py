@@ -76,7 +76,7 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator took it. `wish`: a
     sentence from which this task alone is understood. `replies`: sentences that answer a question. `steps`: what its
     plan does, one after the other; `text` begins with one of them while the task runs. `urgency`, `deadline` [unix s]:
-    as it was said.
+    as it was said. `asks`: path of the plan's state that waits for an operator; `text` says so then.
     """
 
     task: str
@@ -91,6 +91,7 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     steps: tuple[str, ...] = ()
     urgency: int = 0
     deadline: float = 0.0
+    asks: str = ""
 
 
 class Wish(msgspec.Struct, frozen=True):

@@ -1,5 +1,6 @@
 """Orders of the operator: what is set counts from the next step on, is journalled, kept, and replayed."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,11 @@ def reading(*entries: Parameter, name: str = "speed", kind: type = float) -> Age
 
     parameters = Parameters(Entry("server", parameter=entries))
     return Agent("server", "idle", Read(), {"idle": Behaviour(transition)}, local=Want, parameters=parameters)
+
+
+def with_parameters(agent: Agent[Any], *entries: Parameter) -> Agent[Any]:
+    """The same agent with these parameters."""
+    return dataclasses.replace(agent, parameters=Parameters(Entry("server", parameter=entries)))
 
 
 def told(one: Driven, order: Order, id: str = "1") -> str:
@@ -113,12 +119,12 @@ def test_the_record_of_an_agent_that_nobody_ordered_is_as_before() -> None:
 
 
 def test_a_step_reads_the_default_and_then_what_was_set() -> None:
-    """From the very next step on."""
+    """From the very step on in which it is told of it."""
     one = Driven(reading(SPEED), TO_ASKER)
     one.step(Local(Want(1)))
     assert told(one, SetParameter("speed", 2)) == ""
     one.step(Local(Want(2)))
-    assert one.state.memory.seen == (1.0, 2.0)
+    assert one.state.memory.seen == (1.0, 2.0, 2.0)
     assert all(type(value) is float for value in one.state.memory.seen)
 
 
@@ -141,6 +147,20 @@ def test_an_order_that_does_not_fit_is_refused_in_words(order: Order, why: str) 
     assert one.state.settings is UNSET
     assert one.state.counts == {REFUSED: 1}
     assert [told(one, SetParameter("speed", value), "2") for value in (0.5, 4.0)] == ["", ""]
+
+
+def test_a_behaviour_is_told_once_of_a_value_and_of_no_other_order() -> None:
+    """Not of a copy, though the agent obeys that again; not of what was refused. While paused it waits."""
+    one = Driven(with_parameters(recording(), SPEED), TO_ASKER)
+    for order, id in ((SetParameter("speed", 2.0), "1"), (SetParameter("speed", 2.0), "1"), (SetLevel("info"), "2")):
+        assert told(one, order, id) == ""
+    told(one, SetParameter("speed", 9.0), "3")
+    assert one.state.memory.seen == ("Ordered",)
+    for order, id in ((Pause(), "4"), (SetParameter("speed", 3.0), "5")):
+        told(one, order, id)
+    assert one.state.memory.seen == ("Ordered",)
+    told(one, Resume(), "6")
+    assert one.state.memory.seen == ("Ordered", "Ordered")
 
 
 def test_a_value_outlives_a_restart_and_a_change_of_the_design_where_it_still_fits() -> None:

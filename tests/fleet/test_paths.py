@@ -4,11 +4,13 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
+from pretended_operator import begun, say, set_level, stepped, waiting
 
 from agent_runtime.core.effects import Deed
 from agent_runtime.core.step import Core
 from agent_runtime.io.steplog import deeds
 from agent_runtime.testing.wires import Point
+from companion.autonomy import WAIT_S, Level, Verb
 from companion.design import DESIGN
 from topdown.prove.paths import Follower
 
@@ -91,4 +93,48 @@ def test_a_story_with_a_death(fleet, done, name: str, acts: int) -> None:
     fleet.wires.run(lambda: len(fleet.world.begun) >= acts)
     fleet.wires.crash(name, Point.RECORDED)
     fleet.finish()
+    assert Follower(DESIGN).follow(done) is None
+
+
+@pytest.mark.parametrize("name", ["", "co", "hi", "pl", "km", "ta", "ex"])
+def test_a_story_act_by_act(fleet, done, name: str) -> None:
+    """Each act waits for an operator; somebody dies while the first one does."""
+    begun(fleet, Level.CONFIRM)
+    fleet.wires.run(lambda: waiting(fleet))
+    if name:
+        fleet.wires.kill(name)
+        fleet.wires.run_for(5.0)
+    stepped(fleet)
+    assert fleet.finish() == ["done"]
+    assert Follower(DESIGN).follow(done) is None
+
+
+@pytest.mark.parametrize("acts", [0, 1, 4])
+@pytest.mark.parametrize("end", ["cancel", "replan", "nobody"])
+def test_a_story_in_which_an_act_that_waits_is_given_up(fleet, done, end: str, acts: int) -> None:
+    """Cancelled, planned again, or left alone until the wait is over."""
+    begun(fleet, Level.CONFIRM)
+    for _ in range(acts):
+        fleet.wires.run(lambda: waiting(fleet))
+        say(fleet, Verb.GO)
+        fleet.wires.run(lambda: not waiting(fleet))
+    fleet.wires.run(lambda: waiting(fleet))
+    if end == "cancel":
+        fleet.cancel()
+    elif end == "replan":
+        set_level(fleet, Level.HANDLING)
+        fleet.wires.run(lambda: waiting(fleet))
+        say(fleet, Verb.REPLAN)
+        stepped(fleet)
+    fleet.finish(limit_s=WAIT_S + 60.0)
+    assert Follower(DESIGN).follow(done) is None
+
+
+def test_a_story_in_which_an_act_under_way_is_given_up(fleet, done) -> None:
+    """The operator wants another plan."""
+    begun(fleet, Level.AUTO)
+    fleet.wires.run(lambda: fleet.wires.nodes["ex"].state.state == "acting" and "/" in fleet.tasks[0].text)
+    say(fleet, Verb.REPLAN, fleet.tasks[0].text)
+    fleet.finish()
+    assert fleet.reports()[0] == "Replan"
     assert Follower(DESIGN).follow(done) is None

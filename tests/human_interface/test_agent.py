@@ -490,3 +490,20 @@ def test_no_word_releases_a_stopped_robot(scene):
     """It says what does."""
     line = scene.say("go on").line
     assert (line.state, "roco release" in line.text) == ("refused", True)
+
+
+def test_an_act_that_waits_for_an_operator_is_told_until_it_begins(scene):
+    """By its path for programs, in words for people; a person who says "go on" hears who can let it begin."""
+
+    def line():
+        return [one for one in scene.shown if isinstance(one, Shown)][-1].tasks[0]
+
+    task = scene.say("take the jar").line.task
+    scene.report(task, P.AGREE, TaskState.WAITING)
+    scene.co(task, P.INFORM, TaskReport(TaskState.RUNNING, "with the left hand", asks="take jar_1/grasp"))
+    assert line().asks == "take jar_1/grasp"
+    assert line().text == "waits for you: next is 'take jar_1: grasp with the left hand' - `roco step` to go on"
+    assert "roco step" in scene.say("go on").line.text
+    scene.report(task, P.INFORM, TaskState.RUNNING, "take jar_1/grasp")
+    assert (line().asks, line().text) == ("", "take jar_1/grasp")
+    assert "roco release" in scene.say("go on").line.text

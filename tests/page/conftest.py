@@ -23,9 +23,15 @@ def house(tmp_path):
 
 
 @pytest.fixture
-def page(house):
+def connect():
+    """Where the page's router is: nowhere."""
+    return "tcp/127.0.0.1:1"
+
+
+@pytest.fixture
+def page(house, connect):
     """The page of that hi."""
-    made = PageProcess(house.run)
+    made = PageProcess(house.run, connect)
     yield made
     made.kill()
 

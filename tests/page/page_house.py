@@ -74,11 +74,11 @@ class House:
             event.content(turn)
         return memory
 
-    def report(self, task, state, text="", steps=()):
+    def report(self, task, state, text="", steps=(), asks=""):
         """The coordinator reports on a task."""
         kind = P.FAILURE if state is TaskState.FAILED else P.INFORM
         with self._lock:
-            self._wires.post("co", lambda turn: turn.say(task, kind, TaskReport(state, text, steps)))
+            self._wires.post("co", lambda turn: turn.say(task, kind, TaskReport(state, text, steps, asks)))
             self._wires.run_for(0.05)
 
     def running(self, task="hi-1-1", at="take jar_1/grasp", steps=STEPS):
@@ -93,16 +93,16 @@ class House:
 
 
 class PageProcess:
-    """`python -m services.page` of a run folder."""
+    """`python -m services.page` of a run folder; `connect`: where its router is, if it has one."""
 
-    def __init__(self, run):
-        self.run = run
+    def __init__(self, run, connect="tcp/127.0.0.1:1"):
+        self.run, self.connect = run, connect
         self.start()
 
     def start(self):
         """Start it, and wait until it says so; what one before it said counts for nothing, as in deploy/healthy."""
         before = self.said_ready()
-        settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": "tcp/127.0.0.1:1", "PATH": os.environ["PATH"]}
+        settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": self.connect, "PATH": os.environ["PATH"]}
         with (self.run / "page.log").open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "services.page"], env=settings, stdout=log, stderr=log

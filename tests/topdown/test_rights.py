@@ -1,11 +1,14 @@
 """Rights are what the rules of a design say, for any design; the router's rules are these and no wider."""
 
+import re
 import runpy
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from companion.design import DESIGN
+from topdown.check import check
 from topdown.model.design import Design, load
 from topdown.model.rights import ROUTER, Action, access_control, families, identities, rights
 
@@ -112,3 +115,21 @@ def test_the_page_has_the_matrix_of_the_design() -> None:
     script = runpy.run_path(str(ROOT / "scripts/rights"))
     page = (ROOT / "docs/security.md").read_text(encoding="utf-8")
     assert script["BEGIN"] + script["tables"]() + script["END"] in page
+
+
+def test_a_writer_with_a_reach_writes_to_no_other_peers() -> None:
+    """The page orders ta, and may put nothing else; the operator orders all."""
+    mine = {one.key for one in rights(DESIGN, "s") if one.identity == "page" and one.action == Action.PUT}
+    assert mine == {"roco/s/_/control/page/ta"}
+    orders = {one.key for one in rights(DESIGN, "s") if one.identity == "operator" and one.action == Action.PUT}
+    assert orders == {f"roco/s/_/control/operator/{agent}" for agent in DESIGN.agents}
+
+
+@pytest.mark.parametrize(
+    ("pair", "wrong"), [(("pgae", "ta"), "'pgae'.*no writer"), (("page", "tb"), "'tb'.*no reader")]
+)
+def test_a_reach_of_nobody_is_found(pair: tuple[str, str], wrong: str) -> None:
+    """Else a slip of the pen would let the writer reach all."""
+    houses = tuple(replace(one, reach=(pair,)) if one.reach else one for one in DESIGN.file.house)
+    found = check(Design(replace(DESIGN.file, house=houses), DESIGN.path))
+    assert [re.search(wrong, one.wrong) is not None for one in found if one.where == "house control"] == [True]

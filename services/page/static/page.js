@@ -63,7 +63,7 @@ function show(view) {
   set("step", view.step);
   set("next", view.next);
   set("why", view.active && view.active.why ? fill(words.why, view.active.why) : "");
-  part("now-acts", view.active, before.active, () => (view.active ? [cancelButton(view.active)] : []));
+  part("now-acts", view.active, before.active, () => (view.active ? [...goOn(view.active), cancelButton(view.active)] : []));
   part("queue", view.queue, before.queue, () => view.queue.map(waiting));
   part("ended", view.ended, before.ended, () => view.ended.map(ended));
   part("things", view.things, before.things, () => view.things.map(thing));
@@ -98,6 +98,13 @@ function button(text, key, label, act) {
   if (label) made.setAttribute("aria-label", label);
   made.addEventListener("click", () => act(made));
   return made;
+}
+
+function goOn(task) {
+  if (!task.asks) return [];
+  const made = button(words.go_on, "go " + task.asks, fill(words.go_on_of, task.asks_says), () => send("/step", { at: task.asks }));
+  made.className = "main";
+  return [made];
 }
 
 const cancelButton = (task) =>

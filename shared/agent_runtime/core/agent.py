@@ -44,7 +44,7 @@ class Behaviour(Generic[M]):
     `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is entered (at a start
     of the process with Started instead), then once per event. It must not change the memory it is given.
     `takes(memory, event)` is asked of every Received, Local and Late; one not taken waits in the inbox, unreceipted,
-    in order. Started, Woken and PeerChanged are handed over always; ignore those you do not know.
+    in order. Started, Woken, PeerChanged and Ordered are handed over always; ignore those you do not know.
     """
 
     transition: Callable[[M, Turn], M]
@@ -77,10 +77,10 @@ class Agent(Generic[M]):
     """The table of an agent with its bindings; `memory` is the memory of the first start.
 
     Memory is a frozen msgspec Struct and is journalled whole whenever it changes, except a field named `soft`, if
-    there is one: that one is lost by a death and comes back as `type(soft)()`. `local` is the union of Structs that
-    `Local` events carry. `rows`: what the design says of its steps; a message that no row of the state names waits in
-    the inbox, and a step that fits no row is logged and counted. None: not said. `parameters`: values that an operator
-    may set while it runs; None: there are none.
+    there is one: that one is lost by a death and comes back as `type(soft)()`. A field that is UNSET stands in no
+    record. `local` is the union of Structs that `Local` events carry. `rows`: what the design says of its steps; a
+    message that no row of the state names waits in the inbox, and a step that fits no row is logged and counted. None:
+    not said. `parameters`: values that an operator may set while it runs; None: there are none.
     """
 
     name: str

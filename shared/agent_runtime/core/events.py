@@ -138,7 +138,7 @@ class LinkChanged(Event, frozen=True):
 
 
 class Ordered(Event, frozen=True):
-    """An order of the operator; obeyed, or refused with a reason, and then over."""
+    """An order of the operator; obeyed, or refused with a reason. A behaviour is told of a parameter that was set."""
 
     command: Command
 

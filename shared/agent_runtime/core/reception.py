@@ -60,8 +60,8 @@ def note(agent: Agent[Any], wiring: Wiring, state: CoreState, out: Out, event: A
         case Tick():
             streams.on_time(state, out, wiring, now)
             _forget_unanswered(state, now)
-        case Ordered(command=command):
-            _obey(agent, state, out, command)
+        case Ordered():
+            _obey(agent, state, out, event)
         case Next():
             pass
         case _:
@@ -74,9 +74,10 @@ def _arrive(wiring: Wiring, state: CoreState, out: Out, event: Arrived) -> None:
         admit(state, out, wiring, event)
 
 
-def _obey(agent: Agent[Any], state: CoreState, out: Out, command: control.Command) -> None:
-    """Obey an order, or say why not; either way the answer names it."""
-    order, parameters = control.worded(command.order), agent.parameters
+def _obey(agent: Agent[Any], state: CoreState, out: Out, event: Ordered) -> None:
+    """Obey an order, or say why not; either way the answer names it. Of a copy the behaviour is not told again."""
+    command, parameters = event.command, agent.parameters
+    order, copy = control.worded(command.order), command.id == state.soft.answer.id
     try:
         settings = control.obeyed(state.now_set, command.order, parameters)
     except ValueError as error:
@@ -88,6 +89,8 @@ def _obey(agent: Agent[Any], state: CoreState, out: Out, command: control.Comman
     state.soft.parameters = control.values(settings, parameters)[0]
     out.durable = True
     out.log("ordered", order=order)
+    if isinstance(command.order, control.SetParameter) and not copy:
+        _queue(state, Waiting(event, forced=True))
 
 
 def _settles(wiring: Wiring, state: CoreState, out: Out, event: Receipted, now: float) -> bool:

@@ -248,8 +248,9 @@ _decoder = msgspec.msgpack.Decoder(Record)
 
 
 def encode_memory(memory: Any) -> bytes:
-    """Return the memory without its soft field."""
-    return _encoder.encode({name: getattr(memory, name) for name in memory.__struct_fields__ if name != "soft"})
+    """Return the memory without its soft field, and without what is UNSET."""
+    hard = {name: getattr(memory, name) for name in memory.__struct_fields__ if name != "soft"}
+    return _encoder.encode({name: value for name, value in hard.items() if value is not msgspec.UNSET})
 
 
 def same_memory(old: Any, new: Any) -> bool:

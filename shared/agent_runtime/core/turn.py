@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from agent_runtime.core import streams
 from agent_runtime.core.effects import Out
 from agent_runtime.core.errors import BehaviourError
-from agent_runtime.core.events import Broken, Late, Local, PeerChanged, Received, Settled, Started, Woken
+from agent_runtime.core.events import Broken, Late, Local, Ordered, PeerChanged, Received, Settled, Started, Woken
 from agent_runtime.core.state import CoreState, Due, Held, anybodys
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.communicate import Communicate
@@ -25,7 +25,7 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
 V = TypeVar("V", bool, int, float, str)
-Seen = Received | Late | Broken | Woken | Local | PeerChanged | Settled | Started
+Seen = Received | Late | Broken | Woken | Local | PeerChanged | Settled | Started | Ordered
 """Types of `turn.event`, besides None (the state was just entered)."""
 # Before Python 3.12 a member found by its class takes 0.1 us.
 _DURABLE, _LATEST = Delivery.DURABLE, Delivery.LATEST

@@ -17,9 +17,10 @@ from typing import Any
 import msgspec
 
 from agent_runtime.core.agent import Agent
+from agent_runtime.core.control import Command, Order
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.errors import RuntimeFault
-from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, PeerChanged, Started, Tick
+from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, Ordered, PeerChanged, Started, Tick
 from agent_runtime.core.recent import preceding, receipted
 from agent_runtime.core.state import CoreState, restored
 from agent_runtime.core.step import Core
@@ -137,6 +138,11 @@ class Wires:
     def post(self, agent: str, content: Any, delay_s: float = 0.0) -> None:
         """A word from the agent's own side, as a device would post it; repeated until the agent is up."""
         self._at(self.now + delay_s, lambda: self._local(agent, content))
+
+    def order(self, agent: str, what: Order) -> None:
+        """An order of the operator, put once: one for an agent that is down is lost."""
+        command = Command(f"order-{next(self._order)}", what)
+        self._at(self.now, lambda: self._happen(agent, Ordered(command)))
 
     def crash(self, agent: str, point: Point = Point.BEFORE, *, in_steps: int = 1, restart_s: float = 0.5) -> None:
         """Kill the agent at this point of its nth step from now; it comes back `restart_s` later."""

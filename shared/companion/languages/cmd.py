@@ -70,11 +70,15 @@ class TaskState(StrEnum):
 
 
 class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """State of a task, in words for a person. `steps`: with a new plan, what it does one after the other."""
+    """State of a task, in words for a person. `steps`: with a new plan, what it does one after the other.
+
+    `asks`: the path of the plan's state that waits for an operator; then `text` says with which hand it is done.
+    """
 
     state: TaskState
     text: str = ""
     steps: tuple[str, ...] = ()
+    asks: str = ""
 
 
 Task = PourInto | Take | Bring | SwapHands | PutDown | LookAround

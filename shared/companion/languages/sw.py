@@ -9,10 +9,11 @@ import msgspec
 
 
 class WorkerState(StrEnum):
-    """The states ta reports; the last four end the plan."""
+    """The states ta reports; the last four end the plan. Waiting, for an operator, is ours."""
 
     IDLE = "Idle"
     RUNNING = "Running"
+    WAITING = "Waiting"
     ERROR = "Error"
     TERMINATING = "Terminating"
     SUCCEEDED = "Succeeded"
@@ -25,7 +26,9 @@ FINAL = frozenset({WorkerState.SUCCEEDED, WorkerState.FAILED, WorkerState.PREEMP
 
 
 class Report(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """ta's state; while Running, the path of the plan's current state; the reason in words where there is one."""
+    """ta's state; `at`: the path of the plan's current state, while Waiting of the next one; `reason` in words, or with
+    which hand the next one is done.
+    """
 
     state: WorkerState
     at: str = ""

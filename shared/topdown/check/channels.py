@@ -54,3 +54,10 @@ def _houses(design: Design) -> Iterator[Finding]:
             wrong = f"its key {house.key!r} lacks system or owner"
             right = "name {system} and {owner} in it"
             yield Finding(Kind.NO_OWNER, f"house {house.kind}", wrong, right, ("house", index, "key"))
+        for number, pair in enumerate(house.reach):
+            for name, kind, known in zip(pair, ("writer", "reader"), (house.writers, house.readers), strict=True):
+                if name not in known:
+                    wrong, right = f"reach names {name!r}, which is no {kind} of it", f"one of {', '.join(known)}"
+                    yield Finding(
+                        Kind.UNDEFINED, f"house {house.kind}", wrong, right, ("house", index, "reach", number)
+                    )

@@ -36,6 +36,7 @@ _CAUSES: dict[str, tuple[Cause, ...]] = {
     "PeerChanged": (Cause.BACK, Cause.OWN),
     "Woken": (Cause.OWN, Cause.LATE),
     "Local": (Cause.OWN, Cause.PERSON),
+    "Ordered": (Cause.OWN, Cause.PERSON),
     "Settled": (Cause.OWN,),
 }
 NOT_UNDERSTOOD = ("Broken",)

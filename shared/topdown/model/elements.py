@@ -38,12 +38,16 @@ class System(Entry, frozen=True):
 
 
 class House(Entry, frozen=True):
-    """Traffic other than communicates (liveliness, receipts, pings ...): its key template, its writers and readers."""
+    """Traffic other than communicates (liveliness, receipts, pings ...): its key template, its writers and readers.
+
+    `reach`: pairs of a writer and a peer; a writer that is named here writes to no other peers.
+    """
 
     kind: str
     key: str
     writers: tuple[str, ...]
     readers: tuple[str, ...]
+    reach: tuple[tuple[str, str], ...] = ()
     text: str = ""
 
 

@@ -202,7 +202,8 @@ def _ears(design: Design, system: str, identity: str) -> dict[Action, list[str]]
 
 def _of_house(design: Design, system: str, house: House) -> Iterator[Family]:
     for owner in house.writers:
-        peers = design.peers(owner) if owner in design.agents else design.agents
+        named = [peer for writer, peer in house.reach if writer == owner]
+        peers = named or (design.peers(owner) if owner in design.agents else design.agents)
         for peer in sorted(peers) if _PEER in house.key else [""]:
             key = design.house_key(house.kind, system=system, owner=owner, peer=peer)
             yield Family(key=key, what=house.kind, owner=owner, peer=peer, token=_is_token(house))

@@ -1,0 +1,40 @@
+"""The operator's word to ta, as the page gives it: begin the act that waits. Put on ta's control key, the one that the
+identity `page` may write. Blocks: for threads only.
+"""
+
+import secrets
+import time
+
+import msgspec
+
+from agent_runtime.core.control import KIND, Command, SetParameter
+from agent_runtime.io import message_size
+from agent_runtime.io.options import Options
+from agent_runtime.io.secured import client_tls
+from agent_runtime.io.sessions import open_client
+from companion.autonomy import STEP, Verb, Word
+from companion.design import DESIGN, AgentName
+from services.page.robot_eye import IDENTITY
+
+ROUTER_S = 3.0
+"""How long the router is waited for (estimate: it answers in milliseconds)."""
+
+
+class RobotWord:
+    """What says the word. Whether ta took it is seen by what hi tells next; a word that comes twice does nothing."""
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._key = DESIGN.house_key(KIND, system=options.system, owner=IDENTITY, peer=AgentName.TA)
+
+    def go(self, at: str) -> bool:
+        """Let the act at this path of the plan begin. Return whether the router took the word."""
+        until = time.monotonic() + ROUTER_S
+        tls = client_tls(self._options.keys, IDENTITY) if self._options.keys else None
+        session = open_client(self._options.connect, lambda: time.monotonic() > until, tls=tls)
+        if session is None:
+            return False
+        order = SetParameter(STEP, str(Word(Verb.GO, at)))
+        message_size.put(session, self._key, msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)))
+        session.close()  # type: ignore[no-untyped-call]
+        return True

@@ -1,0 +1,55 @@
+"""Words between an operator and ta: which acts wait for the operator, and what lets one begin.
+
+Both are parameters of ta in the design (docs/parameters.md). A leaf of a plan is named by its path, as in reports.
+"""
+
+from enum import StrEnum
+
+import msgspec
+
+from companion.languages import rc
+
+LEVEL, STEP = "autonomy", "step"
+"""Names of the parameters: the level of autonomy, and the operator's last word."""
+WAIT_S = 600.0
+"""Longest that a plan waits for the operator [s]; estimate: who does not come within ten minutes has gone."""
+
+
+class Level(StrEnum):
+    """Levels of autonomy."""
+
+    AUTO = "auto"
+    HANDLING = "handling"
+    CONFIRM = "confirm"
+
+
+ASKED: dict[str, tuple[type[rc.Command], ...]] = {
+    Level.AUTO: (),
+    Level.HANDLING: (rc.Grasp, rc.Release, rc.Pour),
+    Level.CONFIRM: (rc.Command,),
+}
+"""The acts that wait for the operator at each level."""
+
+
+class Verb(StrEnum):
+    """`go`: begin the act that waits. `replan`: end the act under way, or give up the one that waits; plan again."""
+
+    GO = "go"
+    REPLAN = "replan"
+
+
+class Word(msgspec.Struct, frozen=True):
+    """What the operator wants of the leaf `at`: of no other one, so that a word that comes late does nothing."""
+
+    verb: Verb
+    at: str
+
+    def __str__(self) -> str:
+        """Return it as the value of the parameter."""
+        return f"{self.verb} {self.at}"
+
+
+def read(text: str) -> Word | None:
+    """Return the word that a value of the parameter says, None where it says none."""
+    verb, _, at = text.partition(" ")
+    return Word(Verb(verb), at) if verb in [*Verb] and at else None
