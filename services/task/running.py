@@ -13,14 +13,13 @@ from agent_runtime.core.events import Broken, Late, Ordered, Received, Started
 from agent_runtime.core.turn import Turn
 from companion.languages import hfsm, rc, sw, wm
 from fipa_codec.performatives import Performative
-from services.task import acts, stepping
+from services.task import acts, orders
 from services.task import plan as plans
 from services.task.memory import Memory, Pending, Soft, way_to_safety
 from services.task.words import SURVEY
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
 ATTEMPTS = 2  # to put down what is held: the second one starts elsewhere, with newer observations (estimate)
-PATH_CHARS = 200  # a report must stay within its 400 bytes
 Outcome = hfsm.Outcome
 
 ENDS = {
@@ -73,8 +72,8 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
     match turn.event:
         case Received(communicate=word, conversation=name) if name == memory.conversation:
             return preempted(memory, turn, "") if word.performative is Performative.CANCEL else memory
-        case Ordered() if stepping.replan_wanted(memory, turn):
-            return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, reason=stepping.WANTED)
+        case Ordered() if orders.replan_wanted(memory, turn):
+            return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, reason=orders.WANTED)
         case _:
             return _go_on(memory, turn, _finish)
 
@@ -131,7 +130,7 @@ def enter(
     `let`: the operator let it begin.
     """
     leaf = plans.leaf(memory.machine, position)
-    if not let and stepping.asks(memory, turn, leaf):
+    if not let and orders.asks(memory, turn, leaf):
         return replace(memory, at=memory.at or position, pending=Pending(position))
     memory = replace(memory, at=position)
     tell(memory, turn, sw.WorkerState.RUNNING)
@@ -186,7 +185,7 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
 def _look(memory: Memory, turn: Turn, outcome: rc.NotDone) -> Memory:
     """Look around after an act that left the world unknown, without moving an arm; then plan again. Say why at once."""
     memory = replace(memory, looking=True, reason=outcome.reason)
-    tell(memory, turn, sw.WorkerState.ERROR, outcome.reason[:PATH_CHARS])
+    tell(memory, turn, sw.WorkerState.ERROR, outcome.reason[: orders.PATH_CHARS])
     return acts.begin(memory, turn, replace(SURVEY, key=f"{outcome.key}.look"))
 
 
@@ -240,10 +239,4 @@ def tell(memory: Memory, turn: Turn, state: sw.WorkerState, reason: str = "") ->
     """Report the position in the plan to co."""
     if not turn.holds(memory.conversation) or memory.plan is None:
         return
-    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, at=path(memory), reason=reason))
-
-
-def path(memory: Memory) -> str:
-    """Return the path of the leaf that waits or is active, as co is told of it."""
-    at = memory.asked or memory.at
-    return "/".join((*((memory.safe.name,) if memory.safe else ()), *at))[-PATH_CHARS:]
+    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, at=orders.path(memory), reason=reason))

@@ -1,4 +1,4 @@
-"""An operator lets the plan go on: which acts wait for a word, and what a word does (levels: companion.autonomy).
+"""State waiting: an act waits for the operator, and what a word about it does.
 
 ta waits between two leaves, with no act under way; the plan can be cancelled meanwhile. Putting down what a cancelled
 plan holds waits for nobody.
@@ -7,32 +7,19 @@ plan holds waits for nobody.
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from agent_runtime.core.control import SetParameter
 from agent_runtime.core.events import Ordered, Received, Woken
 from agent_runtime.core.turn import Turn
-from companion import autonomy
-from companion.autonomy import ASKED, LEVEL, WAIT_S, Verb
+from companion.autonomy import WAIT_S, Verb
 from companion.languages import hfsm, sw
 from companion.languages.values import Side
 from fipa_codec.performatives import Performative
 from services.task import plan as plans
 from services.task import running
 from services.task.memory import Memory, Pending
+from services.task.orders import WANTED, asks, path, verb_about
 
 NOBODY = "nobody came"
 """Wake-up at the end of the wait."""
-WANTED = "the operator wants a new plan"
-
-
-def asks(memory: Memory, turn: Turn, leaf: plans.Leaf) -> bool:
-    """Whether a leaf waits for the operator at the present level; what makes a cancelled plan safe never does."""
-    level = turn.parameter(LEVEL, str)
-    return memory.safe is None and isinstance(leaf, hfsm.ActState) and isinstance(leaf.command, ASKED[level])
-
-
-def replan_wanted(memory: Memory, turn: Turn) -> bool:
-    """Whether this event is the operator's word to end the act under way, which is none of looking around."""
-    return memory.act is not None and not memory.looking and _verb(turn, running.path(memory)) is Verb.REPLAN
 
 
 def await_operator(memory: Memory, turn: Turn) -> Memory:
@@ -56,7 +43,7 @@ def _answered(memory: Memory, turn: Turn) -> Memory:
             return running.preempted(memory, turn, "") if cancelled else memory
         case Woken(name=name) if name == NOBODY:
             held = f"; the robot holds {', '.join(memory.hands.values())}" if memory.hands else ""
-            words = f"nobody let “{running.path(memory)}” begin within {WAIT_S / 60:.0f} min{held}"
+            words = f"nobody let “{path(memory)}” begin within {WAIT_S / 60:.0f} min{held}"
             return replace(memory, end=sw.WorkerState.FAILED, reason=words, pending=UNSET)
         case Ordered():
             return _ordered(memory, turn)
@@ -65,7 +52,7 @@ def _answered(memory: Memory, turn: Turn) -> Memory:
 
 def _ordered(memory: Memory, turn: Turn) -> Memory:
     """Take a word about the leaf that waits, or a level at which it need not wait."""
-    verb = _verb(turn, running.path(memory))
+    verb = verb_about(turn, path(memory))
     if verb is Verb.REPLAN:
         following = plans.after(memory.machine, memory.asked, hfsm.Outcome.REPLAN)
         if isinstance(following, hfsm.Outcome):
@@ -73,19 +60,6 @@ def _ordered(memory: Memory, turn: Turn) -> Memory:
         return replace(memory, pending=Pending(following, let=True))
     free = verb is Verb.GO or not asks(memory, turn, plans.leaf(memory.machine, memory.asked))
     return replace(memory, pending=Pending(memory.asked, let=True)) if free else memory
-
-
-def _verb(turn: Turn, at: str) -> Verb | None:
-    """Return what the operator wants of this leaf, where the event is a word about it."""
-    match turn.event:
-        case Ordered(command=command) if (
-            isinstance(command.order, SetParameter) and command.order.name == autonomy.STEP
-        ):
-            word = autonomy.read(str(command.order.value))
-            if word is not None and word.at == at:
-                return word.verb
-            turn.log("word of the operator about another leaf", at=at, word=str(command.order.value))
-    return None
 
 
 def _hand(memory: Memory) -> str:

@@ -85,7 +85,8 @@ def allowed(design: Design, identity: str, action: str, key: str) -> bool:
     kind, owner, *peer = rest
     house: House = design.houses[kind]
     addressed = peer if "{peer}" in house.key else []
-    reached = design.peers(owner) if owner in design.agents else tuple(design.agents)
+    named = [other for writer, other in house.reach if writer == owner]
+    reached = named or (design.peers(owner) if owner in design.agents else tuple(design.agents))
     if owner not in house.writers or (addressed and addressed[0] not in reached):
         return False
     write, read = ("token", "watch") if kind == "alive" else ("put", "subscribe")

@@ -73,7 +73,7 @@ def _table(design: Design, name: str, uses: list[elements.Protocol]) -> str:
         flat = ", ".join(f"({', '.join(parts)})" for parts in entries)
         line = f'    "{use.name}": ClassInterfaceInfo([{flat}]),'
         opening = (f'    "{use.name}": ClassInterfaceInfo(', "        [")
-        rows = (wrapped("            (", entry, "),") for entry in entries)
+        rows = (wrapped("            (", [_union(part, 16) for part in entry], "),") for entry in entries)
         lines += [line] if len(line) <= WIDTH else [*opening, *rows, "        ]", "    ),"]
     return "\n".join((*lines, "}"))
 
@@ -82,6 +82,11 @@ def _entry(entry: elements.InterfaceEntry) -> tuple[str, ...]:
     arguments = ", ".join(_dotted(name) for name in entry.arguments)
     answers = " | ".join(_dotted(name) for name in entry.answers) or "None"
     return f'"{entry.performative}"', f'"{entry.name}"', f"[{arguments}]", answers
+
+
+def _union(words: str, indent: int) -> str:
+    """Return an expression that stands on a line of its own, a union that is too long for that in several."""
+    return words if indent + len(words) < WIDTH else words.replace(" | ", f"\n{' ' * indent}| ")
 
 
 def _dotted(name: str) -> str:
