@@ -40,12 +40,8 @@ TASKS: dict[str, tuple[str, ...]] = {
 }
 """Tasks that can be asked for, with what their arguments are."""
 MOST_REJECTED, LONGEST_WHY = 24, 100  # of a search, the first ones; characters of a reason: 4 kB hold them (estimates)
-GRASPS_TRIED = (
-    "1",
-    "2",
-    "3",
-    "4",
-)  # from which a thing is to be held out, or put there (estimate: it takes seconds)
+GRASPS_TRIED = ("1", "2", "3", "4")
+"""From which a thing is to be held out, or put there. Estimate: a try takes seconds."""
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 
@@ -202,16 +198,16 @@ class Search:
         return state
 
     def a_tell(self, state: _State, text: str) -> _State:
-        """Return a sentence for the person at the end."""
+        """Note a sentence that the person is told at the end."""
         state.told = (*state.told, text)
         return state
 
     def a_stays(self, state: _State, name: str) -> _State:
-        """Return a thing is left where it is, for the reason that was noted last."""
+        """Leave a thing where it is, and tell the reason that was noted last."""
         return self.a_tell(state, f"{name} stays: {self.geometry.why[-1]}")
 
     def a_some_done(self, state: _State) -> _State | bool:
-        """Return not applicable if nothing was done at all: what is told are the reasons then."""
+        """Return False, not applicable, if nothing was done at all: then the reasons are told."""
         return state if state.steps else False
 
     def a_end(self, state: _State) -> _State:

@@ -152,7 +152,7 @@ class Methods:
         return [("a_place", side), ("a_home", side)]
 
     def put_at_nothing(self, km: str, name: str, where: str) -> Subtasks | None:
-        """Return it stands there already."""
+        """Do nothing where it stands there already."""
         if holder := self.facts.holder(km, name):
             return self._not(f"the {holder} hand holds {name}")
         return [] if self.facts.at(km, name, where) else self._not(f"{name} stands elsewhere")
@@ -176,7 +176,7 @@ class Methods:
         return [("a_take_to", name, hand, number, where), ("a_place", hand, where), ("a_home", hand)]
 
     def clear_nothing(self, km: str) -> Subtasks | None:
-        """Return no thing that can be taken stands on a table."""
+        """Do nothing where no thing that can be taken stands on a table, and say so."""
         return self._not("something is on a table") if self._on_tables(km) else [("a_tell", "nothing is on a table")]
 
     def clear_things(self, km: str) -> Subtasks | None:
