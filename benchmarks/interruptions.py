@@ -80,13 +80,13 @@ class _SafeSince:
         self.fleet = fleet
         self.at: float | None = None
 
-    def looked(self) -> bool:
+    def look(self) -> None:
+        """Note the time, if this is the first look at a safe world since an unsafe one."""
         truth = self.fleet.truth()
         if unsafe(truth):
             self.at = None
         elif self.at is None:
             self.at = truth.time_s
-        return True
 
 
 def _interrupted(fleet: WatchedFleet, phase: str, kind: str) -> dict[str, Any]:
@@ -102,7 +102,12 @@ def _interrupted(fleet: WatchedFleet, phase: str, kind: str) -> dict[str, Any]:
         other = fleet.say("look around", urgency=1).task
         left = lambda: fleet.line(task).state in ("suspended", *ENDED)  # noqa: E731
     safe = _SafeSince(fleet)
-    fleet.wait(lambda: safe.looked() and left(), "the pour is left", 600.0)
+
+    def done() -> bool:
+        safe.look()
+        return left()
+
+    fleet.wait(done, "the pour is left", 600.0)
     after, line = fleet.truth(), fleet.line(task)
     found: dict[str, Any] = {"state": line.state, "text": line.text[:120], "held": held(before)}
     found |= {"left_s": round(after.time_s - before.time_s, 1), "unsafe": unsafe(after)}

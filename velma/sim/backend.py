@@ -33,9 +33,7 @@ class State(msgspec.Struct):
     spread: Array  # (2,) rad
     proximal: Array  # (2, 3) rad, fingers one, two, three
     distal: Array  # (2, 3) rad
-    wrist: Array | None = (
-        None  # (2, 6) force N and torque Nm of the arm on the hand, axes of the sensor; None: no sensor
-    )
+    wrist: Array | None = None  # (2, 6) N, Nm of the arm on the hand, axes of the sensor; None: no sensor
 
 
 class Command(msgspec.Struct):
