@@ -12,7 +12,7 @@ from services.executor.loop.program import Open, Until
 from services.executor.skills import emergency_place, motions, own_paths
 from services.executor.skills.moving import straight
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Skill, despite_cancel, failed, replan
+from services.executor.skills.skill import Skill, despite_cancel, despite_slips, failed, replan
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
@@ -29,22 +29,30 @@ JOIN_LIMIT = 1.2  # [rad] a joint may move on the way to above the place before 
 
 
 def release(here: Situation, command: rc.Release) -> Skill:
-    """Put the object down; nothing if the hand does not hold it. Raises replan if the place cannot be reached."""
-    side = command.side
-    held = here.held.get(side)
+    """Put the object down; nothing if the hand does not hold it. Raises replan if the place cannot be reached.
+
+    What slips on the way is all the more put down.
+    """
+    held = here.held.get(command.side)
     if held is None or held.object != command.object:
         return
+    yield from despite_slips(lambda: _lower(here, command))
+    yield from _let_go(here, command.side, command)
+
+
+def _lower(here: Situation, command: rc.Release) -> Skill:
+    """Carry the object to above its place and go down to contact."""
+    side = command.side
     place, path = _place(here, side, command)
     if path:
         yield motions.along(here, command.key, path, LOADED_SPEED, watch=place.translation, settle_s=0.2)
     # The object was seen in the hand again: go down so that it arrives level.
-    target = shifted(place * held.T_grip_object.inverse(), np.array([0.0, 0.0, -BELOW_M]))
+    target = shifted(place * here.held[side].T_grip_object.inverse(), np.array([0.0, 0.0, -BELOW_M]))
     down = straight(here, side, here.q, target)
     yield motions.along(
         here, command.key, down, DOWN_SPEED, until=Until.CONTACT, contact_side=str(side), contact_m=CONTACT_M,
         settle_s=SETTLE_S,
     )  # fmt: skip
-    yield from _let_go(here, side, command)
 
 
 def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, list[np.ndarray]]:

@@ -30,6 +30,8 @@ class Sensed:
     time: float
 
 
+SLIPS = 3  # estimate: a bowl that is tilted settles once or twice in the fingers (seen on the way to a free spot)
+
 Skill = Generator[Motion, Sensed, None]
 
 
@@ -51,6 +53,17 @@ def despite_cancel(make: Callable[[], Motion]) -> Generator[Motion, Sensed, Sens
         return (yield make())
     except Cancelled:
         return (yield make())
+
+
+def despite_slips(make: Callable[[], Skill]) -> Skill:
+    """Run the skill that `make` returns, again from where the hand is after each of a few slips."""
+    for _ in range(SLIPS):
+        try:
+            return (yield from make())
+        except NotPossible as reason:
+            if reason.kind != rc.NotDoneKind.SLIPPED:
+                raise
+    return (yield from make())
 
 
 def replan(reason: str) -> NotPossible:

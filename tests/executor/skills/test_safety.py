@@ -8,7 +8,7 @@ from robot import LIFT_M, Acting, CancelWhen
 from companion.languages import rc
 from companion.languages.values import Pose, Side
 from services.executor.loop.core import LoopCore
-from services.executor.loop.program import Close, Motion, Move, Open
+from services.executor.loop.program import Close, Motion, Move, Open, Phase
 from velma.kinematics import ik
 from velma.kinematics.frames import standing, xyz_quat
 from velma.names import ARM, START
@@ -115,6 +115,24 @@ def test_cancelled_on_the_way_down_it_is_still_held(jar_out: Acting) -> None:
     assert set(outcome.held) == {LEFT}
     assert jar_out.truth.fingers_on[JAR]["left"] >= 3
     jar_out.done(jar_out.put_down(JAR, LEFT))
+    stands(jar_out)
+
+
+def test_what_slips_while_it_is_put_down_is_put_down(jar_out: Acting, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pushed with 3 N for 0.2 s, which ends a motion as slipped, it is lowered from there, and stands."""
+    core, cycle = jar_out.core, jar_out.core.cycle
+    force, pushed_at, slipped = core.backend.data.xfrc_applied[core.backend.model.body(JAR).id], [], []
+
+    def pushed() -> None:
+        cycle()
+        if not pushed_at and np.abs(core.state.v).max() > 0.1:
+            pushed_at.append(core.state.time)
+        force[1] = 3.0 if pushed_at and core.state.time - pushed_at[0] < 0.2 else 0.0
+        slipped.extend([core.report.reason] if core.report.phase is Phase.SLIPPED else ())
+
+    monkeypatch.setattr(core, "cycle", pushed)
+    jar_out.done(jar_out.put_down(JAR, LEFT))
+    assert len(slipped) == 1
     stands(jar_out)
 
 
