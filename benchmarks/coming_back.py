@@ -5,7 +5,7 @@ With --silence routers alone are killed, of two in turn the one that all use; si
 
     python benchmarks/coming_back.py --kills 20
     cd examples/depot && python ../../benchmarks/coming_back.py --silence --routers 2
-    python benchmarks/coming_back.py --target deploy --processes router,monitor,hi,co,pl,km,ta,ex
+    python benchmarks/coming_back.py --target deploy --called containers --processes router,monitor,hi,co,pl,km,ta,ex
 
 With --target the fleet is up already, in containers too, and `roco fault kill` does it and looks. `--table` writes the
 tables of docs/reliability.md.
@@ -75,8 +75,8 @@ def killed_by_order(target: str, name: str) -> float:
     return fault.ended - fault.began
 
 
-def ordered(target: str, names: list[str], kills: int, out: Path) -> None:
-    """Kill the processes of a fleet that is up, in turn."""
+def ordered(target: str, called: str, names: list[str], kills: int, out: Path) -> None:
+    """Kill the processes of a fleet that is up, in turn; results are of a fleet `called` so."""
     seen: dict[str, list[float]] = {name: [] for name in names}
     load = os.getloadavg()[0]
     for number in range(kills):
@@ -85,7 +85,7 @@ def ordered(target: str, names: list[str], kills: int, out: Path) -> None:
         typer.echo(f"{number + 1} of {kills}", err=True)
     loads = [round(load, 2), round(os.getloadavg()[0], 2)]
     for name, times in seen.items():
-        _told(out, {"target": target, "process": name, "kills": kills, "load": loads, "ready_s": figures(times)})
+        _told(out, {"target": called, "process": name, "kills": kills, "load": loads, "ready_s": figures(times)})
 
 
 def without_router(run: Path, name: str) -> float:
@@ -138,6 +138,7 @@ def main(
     routers: Annotated[int, typer.Option(min=1, max=2)] = 1,
     silence: Annotated[bool, typer.Option(help="of the routers alone: how long agents have none")] = False,
     target: Annotated[str, typer.Option(help="a fleet that is up: a compose project, or a run's folder")] = "",
+    called: Annotated[str, typer.Option(help="its name in the table")] = "",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     table: Annotated[bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")] = False,
 ) -> None:
@@ -146,7 +147,7 @@ def main(
         tables.put(PAGE, BEGIN, printed(tables.read(out)), END)
         return
     if target:
-        ordered(target, processes.split(","), kills, out)
+        ordered(target, called or target, processes.split(","), kills, out)
         return
     run = Path(tempfile.mkdtemp(prefix="coming-back-")) / "run"
     subprocess.run([ROCO, "up", "--out", str(run), "--routers", str(routers)], check=True, stdout=sys.stderr)
