@@ -6,6 +6,7 @@ dropped meanwhile. Appends a line per seed to a results file and skips seeds tha
 
     python benchmarks/afternoon.py --seeds 1-10 --out benchmarks/results/afternoon.jsonl
     python benchmarks/afternoon.py --script tidying --seeds 1-3 --out benchmarks/results/tidying.jsonl
+    python benchmarks/afternoon.py --table
 """
 
 import os
@@ -28,6 +29,9 @@ from services.knowledge.relations import relate
 from services.knowledge.scene import Scene, Thing
 from velma.sim.truth import Truth
 
+RESULTS = Path(__file__).parent / "results"
+PAGE = Path(__file__).parents[1] / "docs/scheduling.md"
+BEGIN, END = "<!-- afternoon: python benchmarks/afternoon.py --table -->\n", "<!-- /afternoon -->\n"
 Verdict = Callable[[Truth], str]
 CABINET = ("cabinet_2", "cabinet_2")
 """What a thing in the cabinet stands on, and what it is in."""
@@ -168,12 +172,34 @@ def _interrupted(fleet: WatchedFleet, task: str, how: str) -> dict[str, Any]:
     return {"other": "" if line.state == "done" else f"{how}: {line.state}: {line.text}"}
 
 
+def printed() -> str:
+    """Return the table of all scripts."""
+    rows = ["| script | seeds | as wanted | nothing dropped | load | not as wanted |", "|---|---|---|---|---|---|"]
+    for script in SCRIPTS:
+        lines = tables.read(RESULTS / f"{script}.jsonl")
+        loads = [line["load"] for line in lines]
+        good, whole = sum(line["good"] for line in lines), sum(not line.get("dropped") for line in lines)
+        wrong = "; ".join(f"seed {line['seed']}: {_wrong(line)}" for line in lines if not line["good"])
+        rows.append(f"| {script} | {len(lines)} | {good} | {whole} | {min(loads):.0f} to {max(loads):.0f} | {wrong} |")
+    return "\n".join(rows) + "\n"
+
+
+def _wrong(line: dict[str, Any]) -> str:
+    """Return the first thing that was not as wanted in a run."""
+    wrong = [f"“{one['say']}”: {one['wrong']}" for one in line["commands"] if one["wrong"]]
+    return str((wrong or [line.get("failure") or line.get("dropped")])[0])
+
+
 def main(
     seeds: Annotated[str, typer.Option(help="first-last")] = "1-10",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("afternoon.jsonl"),
     script: Annotated[str, typer.Option(help="afternoon or tidying")] = "afternoon",
+    table: Annotated[bool, typer.Option("--table", help="write the table into docs/scheduling.md, and end")] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
+    if table:
+        tables.put(PAGE, BEGIN, printed(), END)
+        return
     first, last = (int(x) for x in seeds.split("-"))
     known = {line["seed"] for line in tables.read(out)}
     base = Path(tempfile.mkdtemp(prefix="afternoon-"))
@@ -184,8 +210,7 @@ def main(
         out.parent.mkdir(parents=True, exist_ok=True)
         with out.open("ab") as file:
             file.write(msgspec.json.encode(line) + b"\n")
-        wrong = [f"{one['say']}: {one['wrong']}" for one in line["commands"] if one["wrong"]]
-        told = "good" if line["good"] else f"FAILED: {wrong or line.get('failure') or line.get('dropped')}"
+        told = "good" if line["good"] else f"FAILED: {_wrong(line)}"
         typer.echo(f"seed {seed}: {told}, {len(line['commands'])} commands, {line['wall_s']} s, load {line['load']}")
 
 

@@ -19,11 +19,19 @@ class Holding(msgspec.Struct, frozen=True):
     mass: float
 
 
+class Unfinished(msgspec.Struct, frozen=True):
+    """A pour that was begun: into which thing, and the mass that the hand felt before the first tilt [kg]."""
+
+    destination: str
+    mass: float
+
+
 class Remembered(msgspec.Struct, frozen=True):
     """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first message of the loop.
 
     `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
-    `time`: simulated [s]. `epoch`: name of the simulated world in which all that is so, "" of a real one.
+    `unfinished`: pours that were begun and not ended, by source. `time`: simulated [s].
+    `epoch`: name of the simulated world in which all that is so, "" of a real one.
     """
 
     q: tuple[float, ...] = ()
@@ -31,6 +39,7 @@ class Remembered(msgspec.Struct, frozen=True):
     fingers: dict[Side, float] = {}
     seen: dict[str, rs.Seen] = {}
     held: dict[Side, Holding] = {}
+    unfinished: dict[str, Unfinished] = {}
     time: float = 0.0
     epoch: str = ""
 

@@ -44,6 +44,7 @@ class Stage:
             here.set_fingers(str(side), angle)
         for side, one in kept.held.items():
             here.take(str(side), Held(one.object, one.grasp, transform(one.pose), one.mass))
+        here.unfinished = dict(kept.unfinished)
         return here
 
     def sensed(self, felt: Felt) -> Sensed:
@@ -73,7 +74,8 @@ def remembered(here: Situation, epoch: str) -> Remembered:
     }
     fingers = {Side(side): float(angle) for side, angle in here.fingers.items()}
     head = (float(here.head[0]), float(here.head[1]))
-    return Remembered(tuple(float(x) for x in here.q), head, fingers, seen, held, float(here.time), epoch)
+    q, time = tuple(float(x) for x in here.q), float(here.time)
+    return Remembered(q, head, fingers, seen, held, dict(here.unfinished), time, epoch)
 
 
 def serve(link: Link) -> None:

@@ -25,6 +25,7 @@ UPRIGHT = 0.1  # [rad] of a thing that may be put back as it stood (estimate)
 LARGEST_TILT = 1.05  # [rad] on the way; a tilted object may go upright on it (estimate)
 SPACING_M, MARGIN_M = 0.06, 0.05  # of the spots tried on a surface, and from its edge (estimates)
 CLEAR_M = 0.20  # to other things standing there, centre to centre (estimate)
+NEAR_M, REACH_M = 0.35, 0.9  # of a spot from the shoulder (estimates); and as far as the hand is now
 TRIES, WAYS = 120, 4
 
 
@@ -102,6 +103,7 @@ def _spots(here: Situation, held: Held, radius: float, side: str) -> list[tuple[
     """Return spots (3,) clear of everything seen, nearest to the shoulder of the arm first."""
     sign = 1.0 if side == "left" else -1.0
     shoulder = np.array([0.0, 0.27 * sign, 1.35])  # proghtn-backstream@019fd34: shoulder centres
+    reach = max(REACH_M, float(np.linalg.norm(held_pose(here, side).translation - shoulder)) + SPACING_M)
     others = [
         p.translation for n, p in here.seen.items() if models.MODELS[here.models[n]].moveable and n != held.object
     ]
@@ -112,6 +114,6 @@ def _spots(here: Situation, held: Held, radius: float, side: str) -> list[tuple[
             for y in np.arange(-half[1], half[1] + 1e-9, SPACING_M):
                 spot = frame.act(np.array([x, y, 0.0]))
                 clear = all(np.linalg.norm((spot - o)[:2]) > CLEAR_M or abs(spot[2] - o[2]) > 0.3 for o in others)
-                if clear and 0.35 < np.linalg.norm(spot - shoulder) < 0.9:
+                if clear and NEAR_M < np.linalg.norm(spot - shoulder) < reach:
                     spots.append((name, spot))
     return sorted(spots, key=lambda s: float(np.linalg.norm(s[1] - shoulder)))

@@ -1,6 +1,7 @@
 """The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen now.
 
-The jar is weighed in the same posture before and after: what left it was felt.
+The jar is weighed in the same posture before and after: what left it was felt. A pour that goes on after an
+interruption counts from the weight before its first tilt.
 """
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from companion import models
 from companion.languages import rc
 from services.executor.loop.program import GripReport
+from services.executor.remembered import Unfinished
 from services.executor.skills import motions
 from services.executor.skills.moving import joining
 from services.executor.skills.situation import Situation
@@ -40,6 +42,7 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
     before = yield motions.along(here, command.key, joining(here, q), TILT_SPEED, watch=rim, settle_s=WEIGH_S)
     if _grip(command, before).felt == Grip.UNSURE and _grip(command, before).mass < held.mass / 2.0:
         raise empty(f"the {command.side} hand does not feel {command.source}")
+    _begin(here, command, before)
     try:
         yield motions.along(here, command.key, tilt[1:], TILT_SPEED, watch=rim, settle_s=command.hold)
     except (Cancelled, NotPossible):
@@ -49,19 +52,30 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
     rest = motions.payload(command.side, command.empty_mass, held.T_grip_object)
     # A cancel from here on changes nothing: the jar goes upright either way.
     after = yield motions.along(here, command.key, tilt[::-1][1:], BACK_SPEED, watch=rim, settle_s=WEIGH_S, **rest)
-    _weigh(here, command, before, after)
+    _weigh(here, command, after)
 
 
 def _grip(command: rc.Pour, sensed: Sensed) -> GripReport:
     return sensed.grips.get(str(command.side), GripReport())
 
 
-def _weigh(here: Situation, command: rc.Pour, before: Sensed, after: Sensed) -> None:
-    """Note what the hand felt before and after; nothing without sensors. Raises failed if it is the same."""
-    grips = [_grip(command, sensed) for sensed in (before, after)]
-    if not all(grip.felt == Grip.HELD for grip in grips):
+def _begin(here: Situation, command: rc.Pour, before: Sensed) -> None:
+    """Note the mass before the first tilt, also of an earlier pour into the same thing; none without sensors."""
+    grip, earlier = _grip(command, before), here.unfinished.pop(command.source, None)
+    if grip.felt != Grip.HELD:
         return
-    full, rest = (grip.mass for grip in grips)
+    mass = grip.mass
+    if earlier is not None and earlier.destination == command.destination:
+        mass = max(mass, earlier.mass)
+    here.unfinished[command.source] = Unfinished(command.destination, mass)
+
+
+def _weigh(here: Situation, command: rc.Pour, after: Sensed) -> None:
+    """Note what the hand felt before and after; nothing without sensors. Raises failed if it is the same."""
+    begun, grip = here.unfinished.pop(command.source, None), _grip(command, after)
+    if begun is None or grip.felt != Grip.HELD:
+        return
+    full, rest = begun.mass, grip.mass
     if full - rest < LEAST_KG:
         raise failed(f"nothing left {command.source}: it weighs {full:.3f} kg before and {rest:.3f} kg after the pour")
     here.weighed = full, rest

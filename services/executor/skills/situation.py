@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from companion import models
 from services.executor.receptor import Sight
+from services.executor.remembered import Unfinished
 from velma import names
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
@@ -32,7 +33,8 @@ class Held:
 class Situation:
     """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen, things held.
 
-    `weighed`: mass in the hand before and after the pour of this act [kg].
+    `unfinished`: pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour
+    of this act [kg].
     """
 
     robot: Robot
@@ -43,6 +45,7 @@ class Situation:
     fingers: dict[str, float] = field(default_factory=lambda: {"left": 0.0, "right": 0.0})
     seen: dict[str, pin.SE3] = field(default_factory=dict)
     held: dict[str, Held] = field(default_factory=dict)
+    unfinished: dict[str, Unfinished] = field(default_factory=dict)
     time: float = 0.0
     weighed: tuple[float, float] | None = None
 
@@ -76,6 +79,7 @@ class Situation:
     def lose(self, side: str) -> str:
         """Note that the hand is empty, and that nobody knows where the object is; return its name."""
         name = self.held.pop(side).object
+        self.unfinished.pop(name, None)
         self.seen.pop(name, None)
         self.world.remove(name)
         return name

@@ -32,14 +32,14 @@ class Methods:
         return None
 
     def pour_held(self, km: str, source: str, destination: str) -> Subtasks | None:
-        """Return the source is held, the pose of the destination known, nothing around it: tilt."""
+        """Tilt a source that is held over a destination that stands free and was seen there."""
         side = self.facts.holder(km, source)
         if not side:
             return self._not(f"no hand holds {source}")
         return [("a_pour", source, destination, side)] if self._open(km, destination) else None
 
     def pour_into_standing(self, km: str, side: Side, source: str, destination: str) -> Subtasks | None:
-        """Return the pose of the destination is known, nothing around it: take the source and tilt it."""
+        """Take the source and tilt it over a destination that stands free and was seen there."""
         if holder := self.facts.holder(km, source):
             return self._not(f"the {holder} hand holds {source} already")
         if not self._open(km, destination):
@@ -47,13 +47,13 @@ class Methods:
         return [(TaskName.TAKE, source, side), ("a_pour", source, destination, side)]
 
     def pour_into_held(self, km: str, source: str, destination: str) -> Subtasks | None:
-        """Return the destination is held: put it down, look at it, plan again."""
+        """Put a destination that is held down, look at it, plan again."""
         if self.facts.holder(km, destination) is None:
             return self._not(f"no hand holds {destination}")
         return [(TaskName.PUT_DOWN, destination), ("localize", destination)]
 
     def pour_into_unseen(self, km: str, source: str, destination: str) -> Subtasks | None:
-        """Return the destination was put down and not seen since: look at it, plan again."""
+        """Look at a destination that was put down and not seen since, plan again."""
         if holder := self.facts.holder(km, destination):
             return self._not(f"the {holder} hand holds {destination}")
         if self.facts.exact(km, destination):
@@ -89,14 +89,14 @@ class Methods:
         return False
 
     def take_nothing(self, km: str, name: str, side: str) -> Subtasks | None:
-        """Return the wanted hand holds it already."""
+        """Do nothing where the wanted hand holds it already."""
         holder = self.facts.holder(km, name)
         if holder is None:
             return self._not(f"no hand holds {name}")
         return [] if side in ("", holder) else self._not(f"the {holder} hand holds {name}, not the {side} one")
 
     def take_over(self, km: str, name: str, side: str) -> Subtasks | None:
-        """Return the other hand holds it: put it down, look at it, plan again."""
+        """Put down what the other hand holds, look at it, plan again."""
         holder = self.facts.holder(km, name)
         if holder is None:
             return self._not(f"no hand holds {name}")
