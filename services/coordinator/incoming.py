@@ -132,7 +132,8 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory if turn.holds(job.talk) else _informed(memory, turn, job, received.content, limits)
     if isinstance(received.content, hfsm.HierarchicalPlan):
         plan = replace(received.content, rejected=())
-        return memory.with_job(replace(_with_schedule(job, plan), stage=Stage.PLANNED, plan=plan))
+        meant = job.meant or words.settled(job.command, plan)
+        return memory.with_job(replace(_with_schedule(job, plan), stage=Stage.PLANNED, plan=plan, meant=meant))
     if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
         return _not_yet(memory, job)
     why = words.reason(received.content) or f"the planner said {received.communicate.performative} and no reason"

@@ -70,6 +70,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING; WAITING: about its
     schedule parameters only) or ta (RUNNING).
 
+    `meant`: the task for pl since its first plan, where that plan settled which thing and hand the words mean.
     `arrived`: unix time [s]; `plans`: number requested; `at`: the last state of the plan that hi was told.
     `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for an operator.
     `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for another one;
@@ -86,6 +87,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     plans: int = 0
     looks: int = 0
     plan: hfsm.HierarchicalPlan | None = None
+    meant: hfsm.Task | None = None
     at: str = ""
     cancelling: bool = False
     suspending: bool = False

@@ -22,7 +22,7 @@ LOOKS = "the robot looks around first"
 
 def network(job: Job) -> hfsm.GroundTaskNetwork:
     """Return the task network of a command, named by task and number of the plan."""
-    return hfsm.GroundTaskNetwork(f"{job.conversation}-plan{job.plans}", (ground_task(job.command),))
+    return hfsm.GroundTaskNetwork(f"{job.conversation}-plan{job.plans}", (job.meant or ground_task(job.command),))
 
 
 def ground_task(command: cmd.Task) -> hfsm.Task:
@@ -44,6 +44,17 @@ def ground_task(command: cmd.Task) -> hfsm.Task:
             return hfsm.Task(hfsm.TaskName.CLEAR_TABLE, ())
         case cmd.LookAround():
             return hfsm.Task(hfsm.TaskName.LOOK_AROUND, ())
+
+
+def settled(command: cmd.Task, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
+    """Return the task that later plans are for, where this plan settled what the words mean; None for the same task.
+
+    Hands can be swapped only while one of them is full: the plan says which thing is in which hand at its end.
+    """
+    match command, tuple(plan.holds.items()):
+        case cmd.SwapHands(), ((side, thing),):
+            return hfsm.Task(hfsm.TaskName.BRING, (thing, side))
+    return None
 
 
 def report(state: TaskState, text: str) -> TaskReport:

@@ -1,11 +1,13 @@
 """Every row of co's side of C1, C2 and C3, one after another."""
 
 import pytest
+from msgspec.structs import replace
 from partners_of_co import Scene, a_plan, no_plan, refuse_plans, stop_planning
 
 from agent_runtime.testing.wires import Point
 from companion.languages import cmd, hfsm
 from companion.languages.sw import FINAL, WorkerState
+from companion.languages.values import Side
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative as P
@@ -106,6 +108,20 @@ def test_replan_asks_for_another_plan_of_the_same_task(scene):
     scene.ta(WorkerState.SUCCEEDED)
     assert scene.said(name)[-1] == "inform done"
     assert scene.at_rest()
+
+
+@pytest.mark.parametrize("named", ["", "jar_1"])
+def test_a_swap_means_the_same_thing_in_its_second_plan(scene, named):
+    """Amid the swap it is in no hand: the first plan said which thing goes into which hand."""
+    scene.command(cmd.SwapHands(named))
+    plan = replace(a_plan(), holds={Side.RIGHT: "jar_1"})
+    scene.pl(P.INFORM, plan)
+    scene.ta(WorkerState.REPLAN, reason="the right hand cannot move straight")
+    scene.pl(P.INFORM, plan)
+    scene.ta(WorkerState.REPLAN, reason="once more")
+    tasks = [content.tasks for act, content in scene.heard("pl") if act is P.REQUEST]
+    again = (hfsm.Task("bring", ("jar_1", "right")),)
+    assert tasks == [(hfsm.Task("swap_hands", (named,)),), again, again]
 
 
 def test_replans_are_bounded():
