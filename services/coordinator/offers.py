@@ -1,4 +1,4 @@
-"""What the tasks of co offer to its scheduler, the queue that comes of it, its decisions. Must not know: messages."""
+"""Offers of co's tasks to its scheduler, the resulting queue, and its decisions. Must not know: messages."""
 
 import math
 from collections.abc import Iterable

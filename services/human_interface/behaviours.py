@@ -203,7 +203,7 @@ def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Me
 
 
 def _i_will(tasks: tuple[cmd.Task, ...], language: str, now: float) -> str:
-    """What will be done, in which order, from when on and until when."""
+    """Return a sentence that says what will be done, in which order, from when on and until when."""
     text = in_words(tasks, language)
     if any(task.urgency for task in tasks):
         text = say(language, "urgent", text)

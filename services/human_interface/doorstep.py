@@ -47,7 +47,7 @@ class Doorstep:
 
 
 class Bounded(socket.SocketIO):
-    """What is read of a connection: for REQUEST_S at most, and LONGEST_REQUEST bytes.
+    """Bounded reader of a connection: for at most REQUEST_S, and at most LONGEST_REQUEST bytes.
 
     Raise TimeoutError and ConnectionAbortedError beyond.
     """

@@ -27,7 +27,7 @@ def wishes(context: Context) -> tuple[Wish, ...]:
 
 
 def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, cmd.Task]]:
-    """What can be done with a thing."""
+    """Yield what can be done with a thing: the verb and the task."""
     yield "take", cmd.Take(name)
     yield "put", cmd.PutDown(name)
     for into in things:

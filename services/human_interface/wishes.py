@@ -18,7 +18,7 @@ EXAMPLE = {
     "pl": {"pour": "wlej zawartość słoika do miski", "take": "weź słoik"},
 }
 USE = {"pour": ("pour", "pour"), "fill": ("pour", "pour"), "place": ("take", "put")}
-"""What its things must be good for (catalogue: can), by wish; else one is taken."""
+"""Uses that the things of a wish must be good for (catalogue: can), by wish; else one is taken."""
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
 
@@ -30,7 +30,7 @@ class Option(msgspec.Struct, frozen=True):
 
 
 class Context(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What was talked of: things, last one first; options of the last question; what a look around told last."""
+    """Context of the talk: things mentioned, last one first; options of the last question; the last look around."""
 
     mentioned: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()
@@ -85,7 +85,7 @@ def outcome(meaning: Meaning, context: Context) -> Outcome:
 
 
 def _without_task(meaning: Meaning, context: Context) -> Outcome:
-    """What comes of questions, answers and the like, which stand alone."""
+    """Return the outcome of a question, an answer and the like, which stand alone."""
     language, clauses = meaning.language, meaning.clauses
     clause = clauses[0]
     if len(clauses) > 1:
@@ -104,7 +104,7 @@ def _without_task(meaning: Meaning, context: Context) -> Outcome:
 
 
 def _named(meaning: Meaning, context: Context) -> Outcome:
-    """What comes of the name of a thing alone: the option that was offered of that name, or the wish to have it."""
+    """Return the outcome of a thing's name alone: the option offered under that name, or the wish to have it."""
     thing, language = meaning.clauses[0].things[0], meaning.language
     if thing.quality or thing.ref or len(thing.kinds) != 1 or meaning.guessed:
         return Ask(_not_understood(Meaning(language, why="sorry", strange="" if thing.kinds else thing.said)))

@@ -257,7 +257,7 @@ def _line(line: TaskLine, language: str) -> Response:
 
 
 async def _of_hi(call: Callable[[], Awaitable[T]]) -> T:
-    """What hi answers. Raise Refused with its sentence."""
+    """Return hi's answer. Raise Refused with the sentence of hi's error."""
     try:
         return await call()
     except HiError as error:

@@ -17,7 +17,7 @@ from services.page.pairing import Bucket, Pairs
 OPEN_TO_ALL = ("/", "/pair", "/code", "/static/page.css", "/static/pair.js", "/static/icon.svg")
 """The door: it shows nothing of the robot. /code wants the token of page.json instead of a cookie."""
 BURST, PER_S = 12.0, 2.0
-"""What a browser asks for: at once, then a second (estimate: a person clicks less). A stop is never one too many."""
+"""Requests of a browser: at once, then per second (estimate: a person clicks less). A stop is not counted."""
 PAIR_BURST, PAIR_PER_S = 6.0, 0.5
 """Tries of codes, of all who are not paired together."""
 HEADERS = {

@@ -14,10 +14,10 @@ import msgspec
 from agent_runtime.io.run_files import write_secret
 
 CODE_S = 300.0
-"""How long a code can be used; estimate: to walk to another room."""
+"""Life of a code [s]; estimate: to walk to another room."""
 TRIES = 5
 KEPT_S = 30 * 86_400.0
-"""How long a browser stays paired (estimate); the run folder, where this is kept, seldom lives as long."""
+"""Time that a browser stays paired [s] (estimate); the run folder, where this is kept, seldom lives as long."""
 MOST = 32
 """Paired browsers; another one ends the oldest (estimate: a household has some)."""
 

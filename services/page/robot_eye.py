@@ -1,4 +1,4 @@
-"""What the robot's telemetry shows people: a picture of the head camera, and what the control loop does.
+"""Robot telemetry that people see: a picture of the head camera, and the mode of the control loop.
 
 Heard from Zenoh with the identity `page`, which may hear this key and nothing else. Calls come from threads of Zenoh.
 """

@@ -17,11 +17,11 @@ from companion.design import DESIGN, AgentName
 from services.page.robot_eye import IDENTITY
 
 ROUTER_S = 3.0
-"""How long the router is waited for (estimate: it answers in milliseconds)."""
+"""Longest wait for the router [s] (estimate: it answers in milliseconds)."""
 
 
 class RobotWord:
-    """What says the word. Whether ta took it is seen by what hi tells next; a word that comes twice does nothing."""
+    """Sender of the operator's word. What hi tells next shows whether ta took it; a repeated word does nothing."""
 
     def __init__(self, options: Options) -> None:
         self._options = options

@@ -1,4 +1,4 @@
-"""What browsers are told as it changes: server-sent events, newest wins, so that a slow reader costs no memory."""
+"""Server-sent events that tell browsers of changes; the newest wins, so that a slow reader costs no memory."""
 
 import asyncio
 from collections.abc import AsyncIterator

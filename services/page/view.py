@@ -1,4 +1,4 @@
-"""What a browser shows, in its language, from what hi and the robot's telemetry tell. Pure. Must not know: HTTP."""
+"""View that a browser shows, in its language, made from hi and the robot's telemetry. Pure. Must not know: HTTP."""
 
 import math
 import time
@@ -16,7 +16,7 @@ MOST_ENDED = 5
 
 
 class Heard(msgspec.Struct, frozen=True):
-    """What the page knows. `hi`: whether hi answers; `mode`: of the control loop, "" where nobody told."""
+    """Knowledge of the page. `hi`: whether hi answers; `mode`: of the control loop, "" where nobody told."""
 
     hi: bool = False
     held: bool = False
@@ -91,7 +91,10 @@ def view(heard: Heard, language: str) -> View:
 
 
 def _order(line: TaskLine) -> tuple[bool, int, float]:
-    """What is under way, then as the coordinator takes it: by urgency and deadline; the sort keeps the order said."""
+    """Return the sort key of a task: active first, then as the coordinator takes them, by urgency and deadline.
+
+    Of equal keys the sort keeps the order in which they were said.
+    """
     return line.state not in ACTIVE, -line.urgency, line.deadline or math.inf
 
 

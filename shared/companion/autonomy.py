@@ -39,7 +39,7 @@ class Verb(StrEnum):
 
 
 class Word(msgspec.Struct, frozen=True):
-    """What the operator wants of the leaf `at`: of no other one, so that a word that comes late does nothing."""
+    """Word of the operator to the leaf `at` and to no other one, so that a word that comes late does nothing."""
 
     verb: Verb
     at: str

@@ -195,7 +195,7 @@ def envelope_size(communicate: Communicate) -> int:
 
 
 UNREADABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError, MemoryError)
-"""What msgspec raises on foreign bytes: wrong ones, nested too deeply, text that is not UTF-8, wrong lengths."""
+"""Errors that msgspec raises on foreign bytes: malformed, nested too deeply, not UTF-8, wrong lengths."""
 
 
 def explain(error: Exception, whole: str, letters: dict[str, str] | None = None) -> tuple[str, str]:

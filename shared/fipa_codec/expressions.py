@@ -22,7 +22,7 @@ Symbol = Annotated[str, msgspec.Meta(pattern=r"\A[!-~]+\Z", max_length=128)]
 
 
 class Quantifier(StrEnum):
-    """How many objects a descriptor denotes."""
+    """Number of objects that a descriptor denotes."""
 
     IOTA = "iota"
     """The only one."""

@@ -13,7 +13,7 @@ from fipa_codec.tables import Protocol
 
 
 class Needs(StrEnum):
-    """What is required of the reply-with of a message."""
+    """Requirement on the reply-with of a message."""
 
     NOTHING = "nothing"
     """It may have one (SC00061G: the parameter is optional)."""

@@ -20,7 +20,7 @@ WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
 
 
 class Found(NamedTuple):
-    """What a search found: steps, the thing to be localized before the same task is planned again ("" if the steps do
+    """Result of a search: steps, the thing to be localized before the same task is planned again ("" if the steps do
     the whole task), and what is told to the person when they are done.
     """
 

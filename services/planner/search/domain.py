@@ -169,7 +169,7 @@ class Search:
 
     @property
     def rejected(self) -> tuple[Rejected, ...]:
-        """What was tried and left, in this order."""
+        """Methods that were tried and rejected, in this order."""
         return tuple(self._rejected)
 
     def _with(self, method: Callable[..., Subtasks | None]) -> list[Callable[..., Subtasks | None]]:

@@ -28,7 +28,7 @@ NEXT_M = 0.08  # between two of them (estimate)
 
 @dataclass(frozen=True)
 class Surfaces:
-    """What a thing may be put on from above: furniture, all of it where none is named; there a single spot, if any."""
+    """Furniture that a thing may be put on from above, all of it where none is named; there a single spot, if any."""
 
     on: tuple[str, ...] = ()
     spot: Spot | None = None

@@ -1,4 +1,4 @@
-"""What an agent takes next: of the inbox, of wake-ups, of late and of lost conversations; and when to look again."""
+"""Choice of the next event: from the inbox, wake-ups, late and lost conversations; and when to look again."""
 
 from collections.abc import Sequence
 from typing import Any

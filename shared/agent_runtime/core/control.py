@@ -47,14 +47,14 @@ class Command(msgspec.Struct, frozen=True):
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """What became of the command `id`: obeyed, or refused with the reason `why`."""
+    """Result of the command `id`: obeyed, or refused with the reason `why`."""
 
     id: str = ""
     why: str = ""
 
 
 class Settings(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What orders have set, in the journal. `level` "": as the process was started; `parameters`: those set."""
+    """Settings made by orders, kept in the journal. `level` "": as the process was started; `parameters`: those set."""
 
     paused: bool = False
     level: str = ""

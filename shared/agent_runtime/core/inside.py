@@ -1,4 +1,4 @@
-"""What an agent has at hand, for people who look into it: its inbox, open conversations, and last steps. Pure."""
+"""Inside of an agent, for people who look into it: its inbox, open conversations, and last steps. Pure."""
 
 from collections import deque
 

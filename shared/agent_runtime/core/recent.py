@@ -1,4 +1,4 @@
-"""Which words were taken under the newest numbers of a stream, so that another word under one of them is no copy.
+"""Which words were taken under the newest numbers of a stream, so that another word under one of them is not a copy.
 
 Whoever has an agent's key can say a word under its next number; the agent's own word under that number comes later. So
 a receipt names the word it is for by its digest, and a word that is not the one that was taken is refused. A word says

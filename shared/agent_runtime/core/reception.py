@@ -1,4 +1,4 @@
-"""What an event does before anything is taken: bookkeeping of streams, peers, orders and the router.
+"""Reception of an event, before anything is taken: bookkeeping of streams, peers, orders and the router.
 
 What the behaviour is to be told is put into the inbox.
 """

@@ -1,4 +1,4 @@
-"""What a sender does about words that another said under its numbers: it says its own again, under new ones.
+"""Renumbering: a sender whose numbers another used for its words says its own words again, under new numbers.
 
 Whoever has this agent's key can do so. The receiver's receipt names the word that it took by its digest (recent), or
 says that a word was refused. Order is kept: what follows a refused word in the outbox gets new numbers, too, and each

@@ -164,7 +164,7 @@ class CoreState(Record, kw_only=True):
 
     @property
     def now_set(self) -> Settings:
-        """What the operator has set."""
+        """Settings made by the operator; NOTHING_SET if there are none."""
         return NOTHING_SET if self.settings is msgspec.UNSET else self.settings
 
     @property

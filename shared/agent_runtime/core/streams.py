@@ -30,8 +30,8 @@ OUTBOX_BOUND = 16
 held more than 5."""
 ANSWERS_BOUND = 4 * OUTBOX_BOUND
 """Such messages at which others add nothing to them: slots kept for answers. A full outbox of openings, and three
-answers (agree, result, reply to a cancel) to each opening in the peer's. What the peer itself says may add as many
-again: a word to each of so many that it said; beyond that it floods."""
+answers (agree, result, reply to a cancel) to each opening in the peer's. Messages of the peer itself may add as many
+again: one word in answer to each; a peer that says more floods."""
 
 
 LAST_WORDS = 64
@@ -242,7 +242,7 @@ def say_last(state: CoreState, out: Out, communicate: Communicate, now: float) -
 
 
 def forget_last(state: CoreState, peer: str) -> None:
-    """Say no last words to a peer that is gone, or lives anew: it knows nothing of those conversations."""
+    """Say no last words to a peer that is gone or has restarted: it knows nothing of those conversations."""
     for name in [name for name, one in state.soft.last.items() if one.communicate.receiver == peer]:
         del state.soft.last[name]
     state.soft.over = tuple(one for one in state.soft.over if one[0] != peer)

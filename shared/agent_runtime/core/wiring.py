@@ -179,7 +179,7 @@ def parse_life(chunk: str) -> tuple[int, str] | None:
 
 
 HOUSE = "_"
-"""Stands in the keys of what is no communicate, where those have the channel."""
+"""Chunk of a key that is not a communicate's, in the place of the channel."""
 
 
 def service_key(system: str, kind: str, owner: str, *peer: str) -> str:

@@ -6,7 +6,7 @@ from agent_runtime.io.logs import Log
 
 
 class Floods:
-    """What was said of it so far."""
+    """Writer of the log lines about dropped messages and the full step log; it remembers what it has logged."""
 
     def __init__(self, log: Log) -> None:
         self._log = log

@@ -1,4 +1,4 @@
-"""What an agent does while its disk takes nothing: it says so once, keeps what happens in order, and tries again.
+"""Behaviour of an agent whose disk is full: it says so once, keeps the events in order, and tries again.
 
 A step whose record cannot be written has not happened: nothing of it was receipted, sent or told. So the event waits,
 with those behind it, until there is room; peers send again what no receipt covers.

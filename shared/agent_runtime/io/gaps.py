@@ -21,7 +21,7 @@ MOST_OPEN = 1000
 
 
 class _Source(msgspec.Struct):
-    """What was heard of one since it reached its router as its `link`-th time: the greatest number, and the last time.
+    """Record of a source since it reached its router for the `link`-th time: its greatest number, when last heard.
 
     `missing`: those below it that were not heard, in the order in which that was noticed, with the time at which the
     one before them was heard, and that of the one behind them [unix s].

@@ -1,4 +1,4 @@
-"""What an agent hears of the router, as it came off the wire: nothing is decoded yet."""
+"""Samples that an agent hears from the router, as they came off the wire: nothing is decoded yet."""
 
 import msgspec
 

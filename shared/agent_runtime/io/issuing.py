@@ -45,7 +45,7 @@ class Seat(msgspec.Struct, frozen=True):
 
 
 class Issued(msgspec.Struct, frozen=True):
-    """A folder of keys and until when they hold; `anew`: they were made now."""
+    """A folder of keys and the time until which they are valid; `anew`: whether they were made now."""
 
     folder: str
     systems: tuple[str, ...]
@@ -116,7 +116,7 @@ def _make(
             where.chmod(OWNER_ONLY)
     for seat in sorted(places, key=lambda one: one.identity in ROUTERS):  # the routers' last: they look for new ones
         routes = seat.identity in ROUTERS
-        if routes:  # what was revoked is of an authority that is no more
+        if routes:  # the revoked keys are of an authority that was replaced
             (seat.folder / REVOKED).unlink(missing_ok=True)
         keys.publish(seat.folder, issuer, rights if routes else None)
         joins = linked or seat.identity in ROUTERS[1:]

@@ -1,7 +1,7 @@
 """The journal: an append-only file with one synced record per durable step (write-ahead; the last record wins).
 
 Each record is the whole durable state, so the last one is the state. A torn tail (killed while writing) was neither
-receipted nor sent, hence it is cut off; a damaged record with whole ones behind it is no kill's work, and the file is
+receipted nor sent, hence it is cut off; a damaged record with whole ones behind it is not from a kill, and the file is
 refused (repair.py). At open, and whenever the file has grown past COMPACT_BYTES, it is rewritten with one record. A
 write that fails leaves the file as it was before, whatever part of it came through. It knows bytes only, not what they
 mean.

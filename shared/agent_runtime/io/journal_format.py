@@ -19,9 +19,9 @@ LARGEST_RECORD = 256 * 1024 * 1024  # estimate: a length beyond it is garbage
 
 
 class Scan(msgspec.Struct, frozen=True):
-    """What a file holds. `good`: records, `last`: the newest of them, `end`: the offset behind it.
+    """Contents of a file. `good`: records, `last`: the newest of them, `end`: the offset behind it.
 
-    `damaged`: offsets at which bytes begin that are no record and have whole records behind them.
+    `damaged`: offsets at which bytes begin that are not a record and have whole records behind them.
     """
 
     good: int

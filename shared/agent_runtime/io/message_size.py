@@ -1,4 +1,4 @@
-"""How long a message may be: the sender looks before it puts, as a router drops what is too long and tells nobody."""
+"""Largest size of a message: the sender checks before it puts, since a router silently drops what is too long."""
 
 from typing import Any
 

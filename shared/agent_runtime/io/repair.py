@@ -19,7 +19,7 @@ WHY = "this agent's journal was damaged, and what it knew of this conversation i
 
 
 class Repaired(msgspec.Struct, frozen=True):
-    """What became of a journal. `kept`: its bytes as they were, "" where nothing was wrong. `lost`: in words."""
+    """Result of a repair. `kept`: the journal's bytes as they were, "" where nothing was wrong. `lost`: in words."""
 
     path: str
     good: int

@@ -158,8 +158,9 @@ class Shell:
         first = self._state.incarnation == 1
         self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
         self._happen(Started(first))
-        # What is there now stays: no collection need look at it again (34 ms each in km, at times amid an answer). What
-        # steps leave is free without one: a question took 1.43 instead of 1.44 of a get (benchmarks/communicates.py).
+        # Objects made so far stay: no collection need look at them again (34 ms each in km, at times amid an answer).
+        # Those that steps leave are freed without one: a question took 1.43 instead of 1.44 of a get
+        # (benchmarks/communicates.py).
         gc.collect()
         gc.freeze()
         gc.set_threshold(COLLECT_AFTER)

@@ -24,7 +24,7 @@ _encoder = msgspec.msgpack.Encoder(enc_hook=repr)
 
 
 class Put(msgspec.Struct, frozen=True):
-    """What a step puts out now. `sends`: as on the wire; `tells`: the words to the devices, as they are hashed."""
+    """Output of a step run now. `sends`: as on the wire; `tells`: the words to the devices, as they are hashed."""
 
     record: bytes | None
     receipts: tuple[Receipt, ...]

@@ -14,7 +14,7 @@ from fipa_codec.communicate import is_label, is_word
 
 
 class Escape(NamedTuple):
-    """How one kind of text is escaped; `mark`: what stands before two hexadecimal digits."""
+    """Escaping of one kind of text; `mark`: the characters before two hexadecimal digits."""
 
     fits: Callable[[str], bool]
     prefix: str

@@ -16,7 +16,7 @@ ANSWERS = (
     Row(S.AGREED, RECEIVE, P.FAILURE, PLAIN, S.FAILED),
     Row(S.AGREED, RECEIVE, P.INFORM, PLAIN, S.DONE),
 )
-"""What answers a request or a query (SC00026H, SC00027H), from the view of the initiator."""
+"""Rows of the answers to a request or a query (SC00026H, SC00027H), from the view of the initiator."""
 ENDED = (S.DONE, S.FAILED, S.REFUSED)
 """States after the last of them."""
 OPEN = {

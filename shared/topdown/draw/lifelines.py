@@ -1,4 +1,4 @@
-"""What was said among any number of agents, as a sequence diagram: a lifeline each, one arrow below the other.
+"""Sequence diagram of the messages among any number of agents: a lifeline each, one arrow below the other.
 
 Of the two roles of a protocol, with what may be said: topdown.draw.sequence.
 """

@@ -235,7 +235,7 @@ class Followed:
         return Said(act, kinds, label, answers, self.durable)
 
     def mislabelled(self, role: Role, act: Performative, label: str) -> str:
-        """What is wrong with the label of a message that is said again, "" where nothing is (fipa_codec.labels).
+        """Return what is wrong with the label of a repeated message, "" where nothing is (fipa_codec.labels).
 
         A repeated opening has the same one. A new round has none of an earlier round or of a cancel; nor has a cancel,
         but for that of its opening.
@@ -275,7 +275,7 @@ class Followed:
             self.sides[role.other].hear(said._replace(sure=False))
 
     def _waiting(self, role: Role, label: str) -> dict[Performative, tuple[Kind, ...]]:
-        """What `role` said under this label and may have answered: all but a cancel that was answered."""
+        """Return the acts that `role` said under this label and may have answered: all but an answered cancel."""
         uses = self._labels[role].get(label, {})
         if label not in self._answered[role]:
             return uses

@@ -29,7 +29,7 @@ class Done(Protocol):
     def owed(self) -> tuple[str, ...]: ...
 
 
-# Classes of events that are no message -> causes of the rows they may be. A wake may be a patience that is over.
+# Classes of events other than messages -> causes of the rows they may be. A wake may be a patience that is over.
 _CAUSES: dict[str, tuple[Cause, ...]] = {
     "Started": (Cause.RESTART,),
     "Late": (Cause.LATE,),

@@ -34,7 +34,7 @@ class Verdict(StrEnum):
     NOT_ENTITLED = "not entitled"
     """An agent that the design does not know, or one that may not say this act in this protocol to that receiver."""
     MALFORMED = "malformed"
-    """Bytes that are no communicate."""
+    """Bytes that are not a communicate."""
 
 
 FINE = frozenset({Verdict.LEGAL, Verdict.COPY, Verdict.SLOW, Verdict.NOT_JUDGED})

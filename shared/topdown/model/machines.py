@@ -26,7 +26,7 @@ SETTLED, UNSETTLED = "settled", "unsettled"
 WAITING, SERVED = "waiting", "served"
 """Words for a conversation that waits for its turn, as a row's `waits` said, and for one that does not."""
 WORDS = frozenset((SETTLED, UNSETTLED, WAITING, SERVED))
-"""Words of guards that are no states: a protocol's state of the same name is not meant (request-when has `waiting`)."""
+"""Words of guards, not states: a protocol's state of the same name is not meant (request-when has `waiting`)."""
 
 
 class Cause(StrEnum):

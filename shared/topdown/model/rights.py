@@ -3,7 +3,7 @@
 Default deny. An agent may put exactly the communicates that the design lets it say (sender, receiver, protocol,
 performative) and hear exactly what is said to it; of samples that are not communicates it may write its own keys where
 the design has it among the writers, and read where it is among the readers. What names a peer in its key goes to that
-peer, and to readers that are no agents. Nobody queries and nobody answers queries: requests are communicates.
+peer, and to readers that are not agents. Nobody queries and nobody answers queries: requests are communicates.
 
 An identity is the common name (CN) of a certificate. The router compares it with the sender in the key, and the
 receiving agent compares the key with the sender in the communicate: so a sender is who holds the private key of that
@@ -180,7 +180,7 @@ def _all_of(design: Design, system: str) -> str:
 
 
 def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> Iterator[dict[str, Any]]:
-    """A rule, none where there are no keys: Zenoh refuses an empty one."""
+    """Yield a rule; none without keys, since Zenoh refuses an empty one."""
     if keys:
         yield {"id": name, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
 

@@ -148,7 +148,7 @@ class _Streams:
                 yield Command(me, what, (here, *room, *guards), (to(me, row.to), *effects), fair)
 
     def _owed(self, role: Role, state: str, most: int = 2) -> int:
-        """How many words a role owes at once in a state: no longer chain than `most` is looked at."""
+        """Return the number of words that a role owes at once in a state, counting at most `most` of a chain."""
         table = self.pair.tables[role]
         if state not in table.urgent or not most:
             return 0
@@ -162,7 +162,7 @@ class _Streams:
             yield Command(me, f"{row.word} <- {stream.me}", everything, (to(me, row.to), *effects))
 
     def _wrong(self, role: Role) -> Iterator[Command]:
-        """Receptions without a row, and answers that are owed where there is no room."""
+        """Yield receptions without a row, and answers that are owed while the queue has no room."""
         me, stream, table = self.pair.players.named(role), self.out[role.other], self.pair.tables[role]
         for state, word, forgotten in self.pair.untaken(role):
             text = self._text(self.pair.wrong_words(role, state, word, forgotten))

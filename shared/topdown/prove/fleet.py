@@ -30,7 +30,7 @@ Found = Any
 
 
 class Faults(NamedTuple):
-    """How many faults may happen in all (ANY: no limit): deaths, losses, copies, waits that are over.
+    """Bound on the faults that may happen in all (ANY: no limit): deaths, losses, copies, waits that are over.
 
     `gone`: an agent that may die for good, at any time; rest then means that all of `waiting` are idle, and after that
     death waits that are over count as what will happen. `boot`: all begins with the start of all agents, not at rest.

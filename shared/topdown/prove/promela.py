@@ -2,7 +2,7 @@
 
 One process, one loop, one `d_step` for each command: spin stores exactly the states that are explored here. What is
 wrong is an assertion, a deadlock an invalid end state; in nets with faults it is an assertion as well, since a fault
-that may still happen is no way out. Whether rest can be reached from everywhere is a branching property, which spin
+that may still happen is not a way out. Whether rest can be reached from everywhere is a branching property, which spin
 does not check. Verify with: spin -a -o1 -o2 FILE; gcc -DSAFETY -DNOREDUCE -o pan pan.c; ./pan -m1000000 -c0
 (-o1 -o2: else spin leaves out variables that nobody asks, and stores fewer states).
 """

@@ -70,7 +70,7 @@ def failure(history: History) -> str | None:
         return f"nobody asked to pour, but to {asked(command)}"
     if command is None:
         return "; ".join(_not_whole(history)) or "no command of a person was heard"
-    # What plans say comes first: where one failed, an empty bowl follows from that and needs no words.
+    # Reasons from plans come first: where one failed, an empty bowl follows from that and needs no words.
     reasons = list(_of_plans(history, command)) or list(_of_truth(history))
     return "; ".join((*_not_whole(history), *reasons)) if reasons else None
 

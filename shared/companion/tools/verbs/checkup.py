@@ -50,7 +50,7 @@ def loop(fleet: Target, now: Look) -> Iterator[Check]:
 
 
 def _paced(measured: pace.Pace | None, remedy: str) -> Iterator[Check]:
-    """What was measured, if anything was, and whether the loop has a real-time priority."""
+    """Yield the checks of the measured pace and of the loop's real-time priority; nothing without a measurement."""
     if measured is None:
         return
     if measured.held:

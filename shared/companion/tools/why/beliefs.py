@@ -1,4 +1,4 @@
-"""What km believes of a thing and since when: by which observation, told by whom, seen in which act.
+"""Beliefs of km about a thing and since when: by which observation, told by whom, seen in which act.
 
 Asked of km's own dataset, as by `roco ask`; the observation is the message of that time in the trace.
 """
