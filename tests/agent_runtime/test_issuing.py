@@ -51,10 +51,10 @@ def test_what_holds_is_kept(tmp_path: Path) -> None:
     """As long as it holds for the days asked; then all of it is new."""
     first = issue(tmp_path, DESIGN, ("roco",), now=NOW, apart=True)
     kept = issue(tmp_path, DESIGN, ("roco",), now=NOW + 3 * DAY, apart=True, keep_days=3.5)
-    assert (kept.anew, kept.until) == (False, first.until)
+    assert (kept.made_now, kept.until) == (False, first.until)
     before = (tmp_path / "co/co.key").read_bytes()
     anew = issue(tmp_path, DESIGN, ("roco",), now=NOW + 4 * DAY, apart=True, keep_days=3.5)
-    assert (anew.anew, anew.until) == (True, NOW + 11 * DAY)
+    assert (anew.made_now, anew.until) == (True, NOW + 11 * DAY)
     assert (tmp_path / "co/co.key").read_bytes() != before
 
 
@@ -77,8 +77,8 @@ def test_what_lacks_anything_is_made_anew(tmp_path: Path, how: str) -> None:
     issue(tmp_path / "made", DESIGN, ("roco",))
     issue(tmp_path / "other", DESIGN, ("roco",))
     SPOILED[how](tmp_path / "made", tmp_path / "other")
-    assert issue(tmp_path / "made", DESIGN, ("roco",), keep_days=1.0).anew
-    assert not issue(tmp_path / "made", DESIGN, ("roco",), keep_days=1.0).anew
+    assert issue(tmp_path / "made", DESIGN, ("roco",), keep_days=1.0).made_now
+    assert not issue(tmp_path / "made", DESIGN, ("roco",), keep_days=1.0).made_now
 
 
 @pytest.mark.parametrize("change", [{"systems": ("velma1",)}, {"hosts": ("localhost", "robot.lan")}])
@@ -86,4 +86,4 @@ def test_what_is_for_another_use_is_made_anew(tmp_path: Path, change: dict[str, 
     """Another system, or a host that the router's certificate does not name."""
     issue(tmp_path, DESIGN, ("roco",))
     asked = {"systems": ("roco",), "hosts": ("localhost",)} | change
-    assert issue(tmp_path, DESIGN, asked["systems"], hosts=asked["hosts"], keep_days=1.0).anew
+    assert issue(tmp_path, DESIGN, asked["systems"], hosts=asked["hosts"], keep_days=1.0).made_now

@@ -45,13 +45,13 @@ class Seat(msgspec.Struct, frozen=True):
 
 
 class Issued(msgspec.Struct, frozen=True):
-    """A folder of keys and the time until which they are valid; `anew`: whether they were made now."""
+    """A folder of keys. `until`: end of their validity (UTC); `made_now`: whether they were made, not kept."""
 
     folder: str
     systems: tuple[str, ...]
     identities: tuple[str, ...]
     until: dt.datetime
-    anew: bool
+    made_now: bool
 
 
 def seats(

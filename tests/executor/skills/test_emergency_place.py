@@ -1,4 +1,4 @@
-"""Where a cancelled task puts down what is held. Geometry alone; the robot's set-point is one of a real task."""
+"""Places where a cancelled task puts down a held thing. Geometry alone; the robot's set-point is one of a real task."""
 
 import numpy as np
 import pinocchio as pin
@@ -32,7 +32,7 @@ def far_out() -> Situation:
 
 
 def test_what_is_held_far_out_is_put_down_there(far_out: Situation) -> None:
-    """A spot as far from the shoulder as the hand is now can be reached, although most that far away cannot."""
+    """A spot as far from the shoulder as the hand is now can be reached."""
     found = emergency_place.free_spot(far_out, LEFT, RETREAT)
     assert found is not None
     place, path = found

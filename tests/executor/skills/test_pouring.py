@@ -19,7 +19,7 @@ from velma.kinematics.frames import standing
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, tiltings
 
 JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
-FULL, HALF, EMPTY = 0.26, 0.23, 0.20
+FULL, HALF, EMPTY = 0.26, 0.23, 0.20  # [kg] the jar of the canonical scene with all, half, none of its content
 BEFORE, TILTED = 0, 1  # motions of a pour
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
@@ -79,7 +79,7 @@ def test_a_pour_that_goes_on_counts_from_its_beginning(left: float, over_the_bow
 def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
     """What left the jar before, did not go there."""
     here, command = over_the_bowl
-    here.models["bowl_2"] = here.models[BOWL]
+    here.models = {**here.models, "bowl_2": here.models[BOWL]}  # those of `here` are shared by all tests
     poured(here, command, FULL, EMPTY, cancelled=TILTED)
     here.place("bowl_2", here.seen[BOWL])
     here.forget(BOWL)

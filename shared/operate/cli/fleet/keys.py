@@ -88,7 +88,7 @@ def words(made: issuing.Issued, *, apart: bool) -> str:
     use = "ROCO_TLS_DIR=<an identity's folder>" if apart else f"ROCO_TLS_DIR={made.folder}"
     return (
         f"{made.folder}: {', '.join(made.identities)}, and {RIGHTS} for the router of {named}"
-        f"{'' if made.anew else ' (kept as they were)'}\n"
+        f"{'' if made.made_now else ' (kept as they were)'}\n"
         f"they hold until {made.until:%Y-%m-%d %H:%M} UTC; {use} makes a process use them"
     )
 
