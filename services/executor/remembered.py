@@ -20,10 +20,15 @@ class Holding(msgspec.Struct, frozen=True):
 
 
 class Unfinished(msgspec.Struct, frozen=True):
-    """A pour that was begun: into which thing, and the mass that the hand felt before the first tilt [kg]."""
+    """A pour that was begun: into which thing, and what the hand felt of the source [kg].
+
+    `full`: the mass before the tilt, with what had left in earlier tilts. `left`: the mass that left in all tilts, None
+    while the last one has not been weighed.
+    """
 
     destination: str
-    mass: float
+    full: float
+    left: float | None = None
 
 
 class Remembered(msgspec.Struct, frozen=True):

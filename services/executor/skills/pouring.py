@@ -1,7 +1,7 @@
 """The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen now.
 
 The jar is weighed in the same posture before and after: what left it was felt. A pour that goes on after an
-interruption counts from the weight before its first tilt.
+interruption adds what left in the earlier tilts; what is taken out of the jar between two tilts was not poured.
 """
 
 import numpy as np
@@ -47,7 +47,10 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
         yield motions.along(here, command.key, tilt[1:], TILT_SPEED, watch=rim, settle_s=command.hold)
     except (Cancelled, NotPossible):
         reached = int(np.argmin([np.abs(x - here.q).max() for x in tilt]))
-        yield motions.along(here, command.key, tilt[: reached + 1][::-1], BACK_SPEED, watch=rim)
+        back = tilt[: reached + 1][::-1]
+        _interrupt(
+            here, command, (yield motions.along(here, command.key, back, BACK_SPEED, watch=rim, settle_s=WEIGH_S))
+        )
         raise
     rest = motions.payload(command.side, command.empty_mass, held.T_grip_object)
     # A cancel from here on changes nothing: the jar goes upright either way.
@@ -60,14 +63,22 @@ def _grip(command: rc.Pour, sensed: Sensed) -> GripReport:
 
 
 def _begin(here: Situation, command: rc.Pour, before: Sensed) -> None:
-    """Note the mass before the first tilt, also of an earlier pour into the same thing; none without sensors."""
+    """Note the mass before the tilt, and what left in earlier tilts into the same thing; none without sensors."""
     grip, earlier = _grip(command, before), here.unfinished.pop(command.source, None)
     if grip.felt != Grip.HELD:
         return
-    mass = grip.mass
+    full = grip.mass
     if earlier is not None and earlier.destination == command.destination:
-        mass = max(mass, earlier.mass)
-    here.unfinished[command.source] = Unfinished(command.destination, mass)
+        full = max(full, earlier.full) if earlier.left is None else full + earlier.left
+    here.unfinished[command.source] = Unfinished(command.destination, full)
+
+
+def _interrupt(here: Situation, command: rc.Pour, after: Sensed) -> None:
+    """Note what has left the source when a pour is interrupted; nothing if the hand does not feel it."""
+    begun, grip = here.unfinished.get(command.source), _grip(command, after)
+    if begun is not None and grip.felt == Grip.HELD:
+        left = max(0.0, begun.full - grip.mass)
+        here.unfinished[command.source] = Unfinished(begun.destination, begun.full, left)
 
 
 def _weigh(here: Situation, command: rc.Pour, after: Sensed) -> None:
@@ -75,7 +86,7 @@ def _weigh(here: Situation, command: rc.Pour, after: Sensed) -> None:
     begun, grip = here.unfinished.pop(command.source, None), _grip(command, after)
     if begun is None or grip.felt != Grip.HELD:
         return
-    full, rest = begun.mass, grip.mass
+    full, rest = begun.full, grip.mass
     if full - rest < LEAST_KG:
         raise failed(f"nothing left {command.source}: it weighs {full:.3f} kg before and {rest:.3f} kg after the pour")
     here.weighed = full, rest

@@ -11,6 +11,7 @@ from companion import models
 from companion.languages import rc
 from companion.languages.values import Side
 from services.executor.loop.program import GripReport, Motion
+from services.executor.remembered import Unfinished
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Sensed
@@ -74,6 +75,22 @@ def test_a_pour_that_goes_on_counts_from_its_beginning(left: float, over_the_bow
     assert isinstance(outcome, rc.Done)
     assert outcome.weighed == (FULL, EMPTY)
     assert isinstance(poured(here, command, EMPTY, EMPTY), rc.NotDone), "a third one pours nothing"
+
+
+def test_content_taken_out_between_two_tilts_was_not_poured(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """Nothing left in the first tilt, somebody empties the jar, nothing leaves in the second: the pour fails."""
+    here, command = over_the_bowl
+    poured(here, command, FULL, FULL, cancelled=TILTED)
+    assert isinstance(poured(here, command, EMPTY, EMPTY), rc.NotDone)
+
+
+def test_a_tilt_that_was_not_weighed_counts_from_its_beginning(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """The skill process dies while the jar is tilted: the next one has the weight before that tilt from the journal."""
+    here, command = over_the_bowl
+    here.unfinished[JAR] = Unfinished(BOWL, FULL)
+    outcome = poured(here, command, EMPTY, EMPTY)
+    assert isinstance(outcome, rc.Done)
+    assert outcome.weighed == (FULL, EMPTY)
 
 
 def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
