@@ -4,6 +4,7 @@ km's store, pl's search, the plan's state machine, ex's skills, the loop and the
 communicates between them are left out. Appends one line per seed to a results file and skips seeds that stand there.
 
     python benchmarks/pour_one_process.py --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
+    python benchmarks/pour_one_process.py --scene env2 --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
 """
 
 import time
@@ -27,7 +28,7 @@ from services.planner.search.search import search
 from services.task import plan as plans
 from services.task.words import SURVEY
 from velma.kinematics.robot import Robot
-from velma.model.scene import load, vary
+from velma.model.scene import CANONICAL, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
@@ -37,9 +38,9 @@ MOST_PLANS = 6
 class Run:
     """One world, one robot, one memory of it."""
 
-    def __init__(self, seed: int, verbose: bool = False) -> None:
+    def __init__(self, seed: int, verbose: bool = False, name: str = CANONICAL.stem) -> None:
         self.seed, self.verbose = seed, verbose
-        scene = vary(load(), seed)
+        scene = vary(load(CANONICAL.with_stem(name)), seed)
         self.backend = MujocoBackend(scene)
         self.truth = TruthReader(self.backend)
         self.body = InProcess(LoopCore(self.backend), receptor(scene))
@@ -132,17 +133,17 @@ class Run:
         return "too many plans"
 
 
-def measured(seed: int, verbose: bool) -> dict[str, object]:
+def measured(seed: int, verbose: bool, name: str = CANONICAL.stem) -> dict[str, object]:
     """One seed, as a line of the results file."""
     began = time.perf_counter()
-    run = Run(seed, verbose)
+    run = Run(seed, verbose, name)
     failure = run.pour()
     truth = run.truth.read()
     poured = truth.grains_in.get("bowl_1", 0) / max(1, truth.grains)
-    held = truth.fingers_on.get("jar_1", {}).get("left", 0) >= 3
+    held = max(truth.fingers_on.get("jar_1", {}).values(), default=0) >= 3
     good = not failure and poured >= 0.9 and held and truth.tilt_deg["bowl_1"] < 10.0
     return {
-        "seed": seed, "success": good, "failure": failure, "poured": round(poured, 3), "held": held,
+        "scene": name, "seed": seed, "success": good, "failure": failure, "poured": round(poured, 3), "held": held,
         "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2), "sim_time_s": round(run.here.time, 1),
         "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans, "work_J": round(truth.work_J, 1),
         "acts": run.acts,
@@ -152,16 +153,18 @@ def measured(seed: int, verbose: bool) -> dict[str, object]:
 def main(
     seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
+    scene: Annotated[str, typer.Option(help="a scene of velma/model/scenes")] = CANONICAL.stem,
     verbose: Annotated[bool, typer.Option()] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
     first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
-    known = {msgspec.json.decode(line)["seed"] for line in out.read_bytes().splitlines()} if out.exists() else set()
+    lines = [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
+    known = {line["seed"] for line in lines if line.get("scene", CANONICAL.stem) == scene}
     for seed in range(first, last + 1):
         if seed in known:
             continue
-        result = measured(seed, verbose)
+        result = measured(seed, verbose, scene)
         with out.open("ab") as file:
             file.write(msgspec.json.encode(result) + b"\n")
         typer.echo(f"seed {seed}: {'poured' if result['success'] else 'FAILED'} {result['failure']} {result['poured']} "

@@ -73,10 +73,10 @@ class Brake(Message, frozen=True):
 
 
 class Setup(msgspec.Struct, frozen=True):
-    """To a new process: the file of the scene ("" for the canonical one), the seed that varies it (None: none)."""
+    """To a new process: the file of the scene ("" for the canonical one), the seed that varies it (0: none)."""
 
     scene: str = ""
-    seed: int | None = None
+    seed: int = 0
 
 
 class Perform(Message, frozen=True):

@@ -22,7 +22,7 @@ from velma.sim.mujoco_backend import compiled
 def scene_of(setup: Setup) -> Scene:
     """Return the scene of the loop: from its file or the canonical one, varied by the seed. Raises VelmaError."""
     asked = scenes.load(Path(setup.scene)) if setup.scene else scenes.load()
-    return asked if setup.seed is None else scenes.vary(asked, setup.seed)
+    return scenes.vary(asked, setup.seed)
 
 
 def things(scene: Scene) -> dict[str, str]:

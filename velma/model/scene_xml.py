@@ -16,7 +16,7 @@ import yaml
 from velma.model import surfaces
 from velma.model.build import HERE, ROBOT_XML, quat_wxyz, text
 from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
-from velma.model.scene import BOXES, Model, Scene, Thing
+from velma.model.scene import BOXES, TABLES, Model, Scene, Thing
 from velma.names import FT_BODY
 
 Numbers = Mapping[str, Any]
@@ -78,13 +78,14 @@ def _classes(default: ET.Element, contact: Numbers) -> None:
     hidden = {"group": SHAPE_GROUP, "mass": "0"}
     add_class(default, "jar", **hidden, **masks(Kind.OBJECT, thing), **words("object"))
     add_class(default, "box", **masks(Kind.OBJECT, thing), material="carton", mass="0", **words("object"))
+    add_class(default, "lid", **masks(Kind.OBJECT, thing), material="steel", mass="0", **words("object"))
     add_class(default, "inner", **hidden, **masks(Kind.INNER, Kind.GRAIN), **words("inner"))
     add_class(default, "bowl", **hidden, **masks(Kind.OBJECT | Kind.INNER, thing | Kind.GRAIN), **words("object"))
     add_class(default, "grain", **masks(Kind.GRAIN, Kind.GRAIN | Kind.INNER | Kind.WORLD), **words("grain"))
 
 
 def _body(world: ET.Element, thing: Thing, *, free: bool) -> ET.Element:
-    place = {"pos": text(thing.xyz), "quat": text(quat_wxyz((0.0, 0.0, thing.yaw)))}
+    place = {"pos": text(thing.xyz), "quat": text(quat_wxyz((thing.roll, thing.pitch, thing.yaw)))}
     body = ET.SubElement(world, "body", {"name": thing.id, **place})
     if free:
         ET.SubElement(body, "freejoint", name=thing.id)
@@ -150,6 +151,16 @@ def _box(world: ET.Element, thing: Thing) -> None:
     _geom(body, "side", "box", (x / 2, y / 2, z / 2), **{"class": "box"})
 
 
+def _lid(world: ET.Element, thing: Thing) -> None:
+    """Add a flat cylinder; its inertia is that of its mass spread evenly."""
+    lid, body = objects()[thing.model], _body(world, thing, free=True)
+    radius, height, mass = lid["radius"], lid["height"], lid["mass"]
+    across = mass / 12 * (3 * radius**2 + height**2)
+    about = text((across, across, mass / 2 * radius**2))
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=text([mass]), diaginertia=about)
+    _geom(body, "side", "cylinder", (radius, height / 2), **{"class": "lid"})
+
+
 def _look(body: ET.Element, mesh: str) -> None:
     for part in surfaces.VESSELS[mesh]:
         look = {"class": LOOK_CLASS, "mesh": part.mesh, "material": part.material}
@@ -187,7 +198,8 @@ def _stacked(radius: float) -> Iterator[tuple[float, float, float]]:
 _DRAW = {
     Model.JAR: _jar,
     Model.BOWL: _bowl,
+    Model.LID: _lid,
     Model.CABINET: _furniture,
-    Model.TABLE: _furniture,
+    **dict.fromkeys(TABLES, _furniture),
     **dict.fromkeys(BOXES, _box),
 }

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from velma.model.scene import Model
+from velma.model.scene import TABLES, Model
 
 SEGMENTS = 48  # of a full turn; looks smooth in a picture
 
@@ -70,7 +70,7 @@ MATERIALS = {
 
 def material(model: Model, part: str) -> str:
     """Return the material of a part of a piece of furniture."""
-    if model is Model.TABLE:
+    if model in TABLES:
         return "wood_light" if part == "top" else "steel"
     return "wood_thin" if part in ("back", "left_side", "right_side", "top") else "wood"
 

@@ -12,7 +12,7 @@ import numpy as np
 from velma.model.scene import Scene, checked
 from velma.model.scene_xml import WRIST_SENSORS, scene_xml
 from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
-from velma.sim import wrist_noise
+from velma.sim import overlaps, wrist_noise
 from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
@@ -52,6 +52,7 @@ class MujocoBackend:
         self._limits()
         self.data.qpos[self._q] = START
         mujoco.mj_step1(model, self.data)
+        overlaps.refuse(scene, model, self.data)
         self._state = at_rest()
         self._state.wrist = np.zeros((2, 6))
         self._errors = wrist_noise.table(scene.noise)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from velma.model.scene import MOVEABLE, Model, Scene
+from velma.model.scene import MOVEABLE, TABLES, Model, Scene
 from velma.model.scene_xml import grain_name, objects
 from velma.names import SIDES
 from velma.sim.forces import Forces
@@ -63,7 +63,7 @@ class TruthReader:
         grains = np.isin(np.arange(model.nbody), self._grain_bodies)
         self._forces = Forces(model, backend.data, self._is_robot, grains)
         self._is_furniture = np.isin(
-            np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(Model.CABINET, Model.TABLE)]
+            np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(Model.CABINET, *TABLES)]
         )
 
     def read(self) -> Truth:

@@ -43,9 +43,7 @@ def main(
     scene_file: Annotated[
         str, typer.Option("--scene", envvar="ROCO_SCENE", help="TOML file of the scene; empty: the canonical one")
     ] = "",
-    seed: Annotated[
-        int | None, typer.Option(envvar="ROCO_SEED", help="vary the scene by this seed; without one it stays as it is")
-    ] = None,
+    seed: Annotated[int, typer.Option(envvar="ROCO_SEED", help="vary the scene by this seed; 0: as it is written")] = 0,
     speed: Annotated[Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: only acts, fast")] = Speed.REAL,
     backend: Annotated[
         str, typer.Option(envvar="ROCO_BACKEND", help=f"{', '.join(SHORT)}, or package.module:function that makes one")
@@ -61,9 +59,7 @@ def main(
     signal.signal(signal.SIGINT, end)
     try:
         world = scene.load(Path(scene_file)) if scene_file else scene.load()
-        if seed is not None:
-            world = scene.vary(world, seed)
-        robot = maker(backend, world)()
+        robot = maker(backend, scene.vary(world, seed))()
     except VelmaError as error:
         typer.echo(f"loop: {error}", err=True)
         raise typer.Exit(2) from None

@@ -22,7 +22,7 @@ from services.planner.search.methods import Methods, Subtasks
 from services.planner.search.pouring import pour
 from services.planner.search.putting import home, offer, place
 from services.planner.search.steps import Geometry, Step
-from services.planner.search.taking import carry, take
+from services.planner.search.taking import carry, in_the_way, take
 
 os.environ.setdefault("GTPYHOP_QUIET", "true")  # else it prints a greeting when imported
 import gtpyhop
@@ -42,6 +42,8 @@ TASKS: dict[str, tuple[str, ...]] = {
 MOST_REJECTED, LONGEST_WHY = 24, 100  # of a search, the first ones; characters of a reason: 4 kB hold them (estimates)
 GRASPS_TRIED = ("1", "2", "3", "4")
 """From which a thing is to be held out, or put there. Estimate: a try takes seconds."""
+CLEARED = (1, 2)
+"""Which of the things beside a wanted one are put aside, from the nearest on. Estimate: a try takes seconds."""
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 
@@ -88,6 +90,7 @@ class Search:
             self._action("a_look", lambda s, n: look(self.geometry, s.km, n)),
             self._action("a_look_around", lambda s: look_around()),
             self._action("a_pour", lambda s, a, b, side: pour(self.geometry, s.km, a, b, Side(side))),
+            self.a_in_the_way,
             self.a_replan,
             self.a_tell,
             self.a_stays,
@@ -106,6 +109,9 @@ class Search:
         self._bind("set_at", *(self._numbered(methods.set_at_try, number) for number in GRASPS_TRIED))
         self._bind(TaskName.CLEAR_TABLE, methods.clear_nothing, methods.clear_things)
         self._bind("clear_away", methods.clear_into_cabinet, methods.clear_not)
+        self._bind("put_aside", *both(methods.put_aside_with))
+        for task in (TaskName.TAKE, TaskName.BRING, TaskName.PUT_AT, "put_aside"):
+            self._bind(task, *(self._after_clearing(task, number) for number in CLEARED))
         for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN, TaskName.PUT_AT):
             self._bind(task, self._after_arms_home(task))
         self._bind("localize", methods.localize)
@@ -162,6 +168,14 @@ class Search:
 
         return after_arms_home
 
+    def _after_clearing(self, task: str, number: int) -> Callable[..., Subtasks | None]:
+        """Return the method of a task that puts the n-th nearest thing beside its first one aside."""
+
+        def after_clearing(km: str, *arguments: str) -> Subtasks | None:
+            return self.methods.after_clearing(km, number, task, arguments)
+
+        return after_clearing
+
     def _reject(self, method: str, arguments: tuple[str, ...], why: str) -> None:
         """Note what was tried and left; the same thing for the same reason once."""
         if len(self._rejected) < MOST_REJECTED:
@@ -191,6 +205,13 @@ class Search:
         return numbered
 
     # --- actions without a step ---------------------------------------------------------------------------------------
+
+    def a_in_the_way(self, state: _State, name: str, *others: str) -> _State | bool:
+        """Return False, not applicable, if a hand reaches the thing beside the others, or not even without them."""
+        if in_the_way(self.geometry, state.km, name, others):
+            return state
+        self._reject("in_the_way", (name, *others), "they are not what is in the way")
+        return False
 
     def a_replan(self, state: _State, name: str) -> _State:
         """Return the rest has to be planned again when the thing is localized."""

@@ -11,6 +11,7 @@ from services.planner.search.asking import Asking
 from velma import names
 
 SAME_PLACE_M = 0.05  # nearer to where it stood before, a thing is there again (estimate)
+BESIDE_M, LEVEL_M = 0.4, 0.3  # nearer than this a thing may be in a hand's way to another one; in height (estimates)
 HOME_WITHIN = 0.1  # [rad] of each joint (estimate: more than the impedance control leaves)
 
 
@@ -48,6 +49,21 @@ class Facts:
     def moveable(self, state: str) -> tuple[str, ...]:
         """Return all things that can be taken."""
         return tuple(one.id for one in self._ask(wm.MoveableObjects(state=state), wm.Objects).objects)
+
+    def beside(self, state: str, name: str) -> list[str]:
+        """Return what stands near the thing and can be taken, nearest first; nothing that the plan itself put there."""
+        others = self._near(state, name, BESIDE_M, LEVEL_M)
+        return [one for one in others if self.holder(state, one) is None and self.exact(state, one)]
+
+    def _near(self, state: str, name: str, radius: float, height: float) -> list[str]:
+        """Return the other moveable things within a distance and a difference of height [m], nearest first."""
+        at = {
+            one: np.array(self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose.xyz)
+            for one in self.moveable(state)
+        }
+        away = {one: xyz - at[name] for one, xyz in at.items() if one != name}
+        distance = {one: float(np.hypot(x, y)) for one, (x, y, z) in away.items() if abs(z) < height}
+        return sorted((one for one, far in distance.items() if far < radius), key=distance.__getitem__)
 
     def origin(self, state: str, name: str) -> wm.PoseOf:
         """Return where the thing stood before it was taken."""

@@ -203,6 +203,22 @@ class Methods:
         away = [side for side in Side if not self.facts.in_hand(km, side) and not self.facts.at_home(km, side)]
         return [*(("a_home", side) for side in away), (task, *arguments)] if away else self._not("no empty arm is away")
 
+    def after_clearing(self, km: str, number: int, task: str, arguments: tuple[str, ...]) -> Subtasks | None:
+        """Put the n-th nearest thing beside the wanted one aside, then do the task."""
+        name = arguments[0]
+        if holder := self.facts.holder(km, name):
+            return self._not(f"the {holder} hand holds {name}")
+        near = self.facts.beside(km, name)
+        if len(near) < number:
+            return self._not(f"not {number} things are beside {name}" if near else f"nothing is beside {name}")
+        return [("a_in_the_way", name, *near), ("put_aside", near[number - 1]), (task, *arguments)]
+
+    def put_aside_with(self, km: str, hand: Side, name: str) -> Subtasks | None:
+        """Take it with this hand, if it is empty, put it down where there is room, and bring the hand home."""
+        if held := self.facts.in_hand(km, hand):
+            return self._not(f"the {hand} hand holds {held}")
+        return [("a_take", name, hand), ("a_place", hand), ("a_home", hand)]
+
     def localize(self, km: str, name: str) -> Subtasks | None:
         """Look at it; the rest needs a new plan."""
         return [("a_look", name), ("a_replan", name)]

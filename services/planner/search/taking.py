@@ -55,6 +55,19 @@ def reachable(geometry: Geometry, state: str, name: str, side: Side) -> bool:
     return geometry.reachable[key]
 
 
+def in_the_way(geometry: Geometry, state: str, name: str, others: tuple[str, ...]) -> bool:
+    """Whether an empty hand can grasp a thing only when others are gone; the reason is noted if not."""
+    for side in Side:
+        here, known = geometry.at(state), preferred(geometry, state, name)
+        if side in here.held or reachable(geometry, state, name, side):
+            continue
+        for other in others:
+            here.world.remove(other)
+        if _approaches(geometry, here, side, _target(geometry, state, name, known[0].out), known, (), 1):
+            return True
+    return False
+
+
 def _approaches(
     geometry: Geometry,
     here: Situation,

@@ -69,7 +69,9 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
         speed: Annotated[
             Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
         ] = Speed.REAL,
-        seed: Annotated[int, typer.Option(envvar="ROCO_SEED", help="Varies poses and noise.")] = _DEFAULT.seed,
+        seed: Annotated[
+            int, typer.Option(envvar="ROCO_SEED", help="Varies poses and noise; 0: nothing.")
+        ] = _DEFAULT.seed,
         scene: Annotated[
             str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
         ] = "",

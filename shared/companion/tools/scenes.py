@@ -16,8 +16,9 @@ def possible(names: tuple[str, ...], scene: str, seed: int) -> None:
         return
     from velma.errors import SceneError  # numpy: half of a start's time, and most starts name no scene
     from velma.model import scene as scenes
+    from velma.sim.mujoco_backend import MujocoBackend
 
     try:
-        scenes.vary(scenes.load(Path(scene)), seed)
+        MujocoBackend(scenes.vary(scenes.load(Path(scene)), seed))
     except (SceneError, OSError) as error:
         raise ValueError(str(error) if scene in str(error) else f"{scene}: {error}") from error

@@ -36,7 +36,7 @@ def main(
     speed: Annotated[
         Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
     ] = Speed.REAL,
-    seed: Annotated[int, typer.Option(min=0, envvar="ROCO_SEED", help="Varies poses and noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, envvar="ROCO_SEED", help="Varies poses and noise; 0: nothing.")] = 1,
     scene: Annotated[
         str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
     ] = "",

@@ -23,7 +23,7 @@ def roco(*words: object) -> Result:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("up", "--seed", "x", "--format", "json"), "'x' is not a valid int"),
+        (("up", "--seed", "x", "--format", "json"), "'x' is not a seed"),
         (("up", "--format=json", "--nonsense"), "--nonsense"),
         (("nonsense", "--format", "json"), "nonsense"),
         (("agent", "nonsense", "--format", "json"), "nonsense"),
@@ -60,7 +60,7 @@ def test_the_version_is_that_of_the_package() -> None:
 @pytest.mark.parametrize("verb", [("up",), ("demo",), ("experiment", "pour")])
 @pytest.mark.parametrize(
     ("options", "said"),
-    [(("--seed", "-1"), "-1 is not in the range"), (("--scene", "far.toml"), "thing jar_1 is ((100.0, 0.0, 0.0)")],
+    [(("--seed", "-1"), "'-1' is not a seed"), (("--scene", "far.toml"), "is (100.0, 0.0, 0.0, ")],
 )
 def test_seed_and_scene_are_looked_at_before_anything_starts(
     verb: tuple[str, ...], options: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

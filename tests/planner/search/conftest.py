@@ -20,7 +20,7 @@ from services.planner.search.search import search
 from services.task.words import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat
-from velma.model.scene import load
+from velma.model import scene as model
 from velma.sim.mujoco_backend import MujocoBackend
 
 SEED = 7
@@ -68,10 +68,8 @@ def steps(plan: hfsm.HierarchicalPlan | hfsm.NoPlan) -> list[str]:
     return [state.name for state in plan.root.states]
 
 
-@pytest.fixture(scope="session")
-def beginning() -> Scene:
-    """The robot stands in its start posture and has looked around, with the noise of its receptor."""
-    scene = load()
+def surveyed(scene: model.Scene) -> Scene:
+    """What km knows when the robot stands in its start posture and has looked around, with the receptor's noise."""
     backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.things(scene)
     qpos, store = backend.configuration().copy(), Store.open()
     told: list[wm.AnyObservation] = []
@@ -87,6 +85,18 @@ def beginning() -> Scene:
     for count, observation in enumerate(told):
         store.write(observed(store.scene, observation, (1, count), 1.0))
     return store.scene
+
+
+@pytest.fixture(scope="session")
+def beginning() -> Scene:
+    """The canonical scene after the survey."""
+    return surveyed(model.load())
+
+
+@pytest.fixture(scope="session")
+def env2() -> Scene:
+    """The second recorded scene after the survey: a box is beside the jar in the cabinet, another before the bowl."""
+    return surveyed(model.load(model.CANONICAL.parent / "env2.toml"))
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ import math
 import msgspec
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,8 +14,10 @@ from velma.errors import SceneError
 from velma.model import scene
 from velma.model.scene import Model, Scene, Spread, Thing
 from velma.model.scene_xml import objects, scene_xml
+from velma.sim.mujoco_backend import MujocoBackend
 
 CANONICAL = scene.load()
+SCENES = sorted(scene.CANONICAL.parent.glob("*.toml"))
 
 
 def inside(whole, thing):
@@ -54,7 +57,7 @@ def test_variation_stays_in_its_spread(seed):
     assert scene.checked(varied) is varied
 
 
-@pytest.mark.parametrize("path", sorted(scene.CANONICAL.parent.glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_every_scene_of_ours_loads_compiles_and_varies(path):
     """The files beside the canonical one are scenes too."""
     whole = scene.vary(scene.load(path), 2)
@@ -78,6 +81,77 @@ def test_a_seed_is_a_scene():
     assert scene.vary(CANONICAL, 5).noise.seed == 5
 
 
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_seed_0_is_the_scene_as_written(path):
+    """Nothing is moved, and the noise has the seed of the file."""
+    assert scene.vary(scene.load(path), 0) == scene.load(path)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_no_seed_makes_things_overlap(path):
+    """Each varied scene starts with its things free of each other and of the robot."""
+    for seed in range(12):
+        MujocoBackend(scene.vary(scene.load(path), seed))
+
+
+def test_a_thing_in_a_cabinet_moves_with_it():
+    """A box that no seed moves by itself keeps its place and angle in the cabinet."""
+    before = scene.load(scene.CANONICAL.parent / "env2.toml")
+    after = scene.vary(before, 3)
+    (box, cabinet), (box_3, cabinet_3) = (
+        [one.find(name) for name in ("box_1", "cabinet_2")] for one in (before, after)
+    )
+    assert cabinet_3 != cabinet
+    assert inside(after, box_3) == pytest.approx(inside(before, box))
+    assert box_3.yaw - cabinet_3.yaw == pytest.approx(box.yaw - cabinet.yaw)
+
+
+@settings(max_examples=30, deadline=None)
+@given(angles=st.tuples(*[st.floats(-3.0, 3.0)] * 3))
+def test_a_thing_may_lie_or_lean(angles):
+    """Its axes are those of Rz(yaw) Ry(pitch) Rx(roll)."""
+    yaw, pitch, roll = angles
+    whole = Scene("jar", (Thing("jar_1", Model.JAR, (0, 0, 1), yaw=yaw, pitch=pitch, roll=roll),))
+    model = mujoco.MjModel.from_xml_string(scene_xml(whole))
+    turned = np.zeros(9)
+    mujoco.mju_quat2Mat(turned, model.body("jar_1").quat)
+    assert turned.reshape(3, 3) == pytest.approx(pin.rpy.rpyToMatrix(roll, pitch, yaw), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("moved", "words"),
+    [
+        (Thing("jar_2", Model.JAR, (0.85, 0.37, 1.29)), "thing jar_2|thing jar_1"),
+        (Thing("box_9", Model.BOX3, (0.0, 0.0, 1.0)), "inside the robot"),
+        (Thing("box_9", Model.BOX3, (2.0, 2.0, 0.0)), "inside the floor"),
+        (Thing("jar_9", Model.LID, (1.087, 0.434, 0.76)), "inside table_2"),
+    ],
+)
+def test_things_that_overlap_are_refused(moved, words):
+    """Named with the depth and what they are in."""
+    whole = msgspec.structs.replace(CANONICAL, things=(*CANONICAL.things, moved))
+    with pytest.raises(SceneError, match=words):
+        MujocoBackend(whole)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "line"),
+    [
+        ('model = "jar"', 'model = "cup"', 25),
+        ("grains = 30", "grains = 300", 39),
+        ("position = 0.004", 'position = "no"', 42),
+        ('id = "bowl_1"', 'id = "bowl"', 31),
+        ('inside = "cabinet_2"', 'inside = "shed_1"', 28),
+    ],
+)
+def test_the_error_names_file_and_line(tmp_path, before, after, line):
+    """Of what is wrong: an editor can jump there."""
+    path = tmp_path / "mine.toml"
+    path.write_text(scene.CANONICAL.read_text().replace(before, after, 1))
+    with pytest.raises(SceneError, match=rf"mine\.toml:{line}\b"):
+        scene.load(path)
+
+
 def test_leaving_a_thing_out_does_not_move_the_others():
     """Each thing draws from its own stream."""
     bowl = scene.vary(CANONICAL, 3).find("bowl_1")
@@ -90,7 +164,14 @@ def test_leaving_a_thing_out_does_not_move_the_others():
         ({"things": (*CANONICAL.things, CANONICAL.things[0])}, "one thing for each id"),
         ({"things": (Thing("jar_1", Model.JAR, (0, 0, 1), inside="shed_1"),)}, "id of a cabinet"),
         ({"things": (Thing("jar_1", Model.JAR, (0, math.nan, 1)),)}, "metres and radians"),
-        ({"content": scene.Content(inside="bowl_1")}, "not of a bowl"),
+        ({"things": (Thing("left_arm_7_link", Model.JAR, (0, 0, 1)),)}, "as jar_1"),
+        ({"things": (Thing("grain_3", Model.JAR, (0, 0, 1)),)}, "not grain_1"),
+        ({"things": (Thing("jar_1", Model.JAR, (0, 0, 1), on="cabinet_2"),)}, "id of a table"),
+        ({"content": scene.Content(inside="bowl_1")}, r"id of a jar .* one of \['jar_1'\]"),
+        ({"content": scene.Content(inside="jar_7")}, r"one of \['jar_1'\]"),
+        ({"things": (Thing("jar_1", Model.JAR, (0, 0, 1), roll=1.0),)}, "upright"),
+        ({"spread": Spread(cabinet=math.nan)}, "smaller number first"),
+        ({"spread": Spread(jar_depth=(0.1, -0.1))}, "smaller number first"),
         ({"content": scene.Content(grains=500)}, "from 0 to 60"),
         ({"noise": scene.Noise(position=3.0)}, "from 0 to 0.1"),
     ],
@@ -122,13 +203,15 @@ def test_a_missing_file_is_refused(tmp_path):
 
 @pytest.mark.parametrize("missing", ["jar_1", "bowl_1", "cabinet_2", None])
 def test_any_thing_may_be_missing(missing):
-    """The model compiles without jar, bowl or cabinet; without the jar there is no content either."""
+    """The model compiles without jar, bowl or cabinet."""
     things = tuple(
         msgspec.structs.replace(t, inside=None) if missing == "cabinet_2" else t
         for t in CANONICAL.things
         if t.id != missing
     )
-    model = mujoco.MjModel.from_xml_string(scene_xml(scene.checked(msgspec.structs.replace(CANONICAL, things=things))))
+    content = None if missing == "jar_1" else CANONICAL.content
+    whole = msgspec.structs.replace(CANONICAL, things=things, content=content)
+    model = mujoco.MjModel.from_xml_string(scene_xml(scene.checked(whole)))
     names = {model.body(k).name for k in range(model.nbody)}
     assert missing not in names
     assert ("grain_0" in names) == (missing != "jar_1")

@@ -15,6 +15,7 @@ from operate.cli import interrupts
 from operate.cli.fleet import running_fleets, starting, up, view
 from operate.cli.fleet.up import Speed
 from operate.cli.output import Form, Format, problems, waiting
+from operate.cli.seeds import Seed
 from operate.cli.terminal.watch import Watch
 from operate.system import here
 
@@ -29,7 +30,7 @@ Page = Annotated[bool, typer.Option("--page", help="Open the person's page in a 
 
 
 def demo(
-    seed: up.Seed = 1,
+    seed: Seed = 1,
     out: up.Out = None,
     another: up.Another = "",
     speed: DemoRate = None,

@@ -2,8 +2,9 @@
 
 from operate.cli.fleet.up import Rate, SceneFile, Speed
 from operate.cli.output import Form, Format
-from operate.cli.runs.experiment import Count, FirstSeed, MostLoad, Place, Resume, Timeout, repeated
+from operate.cli.runs.experiment import Count, MostLoad, Place, Resume, Timeout, repeated
 from operate.cli.runs.trials import Asked
+from operate.cli.seeds import FirstSeed
 
 
 def pour(

@@ -21,7 +21,8 @@ from operate.cli.fleet import running_fleets
 from operate.cli.fleet.up import Rate, Speed
 from operate.cli.output import Form, Format, problems, tell_problem
 from operate.cli.runs import trials
-from operate.cli.runs.experiment import FirstSeed, span
+from operate.cli.runs.experiment import span
+from operate.cli.seeds import FirstSeed
 from operate.system import here
 
 RESULTS_FILE = "chaos.jsonl"

@@ -15,6 +15,7 @@ from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import running_fleets, starting, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_problem, waiting
 from operate.cli.runs import folders
+from operate.cli.seeds import Seed
 from operate.cli.terminal.watch import Watch
 from operate.system import here
 
@@ -26,7 +27,6 @@ class Speed(StrEnum):
     MAX = "max"
 
 
-Seed = Annotated[int, typer.Option(min=0, help="Varies what a system leaves to chance, such as poses and noise.")]
 Rate = Annotated[Speed, typer.Option(help="1: real time; max: as fast as the machine can.")]
 SceneFile = Annotated[
     Path | None, typer.Option(exists=True, dir_okay=False, help="A scene's TOML file; else the system's own scene.")

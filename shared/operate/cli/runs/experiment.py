@@ -22,6 +22,7 @@ from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, SceneFile, Speed
 from operate.cli.output import Form, Format, problems, tell_problem
 from operate.cli.runs import machine, trials
+from operate.cli.seeds import FirstSeed
 
 FIRST_S = 75.0  # a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)
 DONE, GOOD = "done", "succeeded"
@@ -95,7 +96,6 @@ class Watch:
 
 
 Count = Annotated[int, typer.Option(min=1, help="How many runs.")]
-FirstSeed = Annotated[int, typer.Option(min=0, help="Of the first run; each next one takes the next.")]
 Place = Annotated[Path | None, typer.Option(help="The experiment's folder; else experiments/<time>.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the experiment in --out.")]
 Timeout = Annotated[float, typer.Option(min=1.0, help="A run that takes more seconds is ended: a failure.")]
