@@ -3,6 +3,7 @@
 One fleet at rest, each process in turn; noticed: the supervisor says that it does not run. Appends to a results file.
 With --silence routers alone are killed, of two in turn the one that all use; silence: until each agent has a router.
 
+    python benchmarks/coming_back.py --hanging
     python benchmarks/coming_back.py --kills 20
     cd examples/depot && python ../../benchmarks/coming_back.py --silence --routers 2
     python benchmarks/coming_back.py --target deploy --called containers --processes router,monitor,hi,co,pl,km,ta,ex
@@ -62,6 +63,44 @@ def killed(run: Path, name: str) -> tuple[float, float]:
     noticed = after(lambda: status(run, name).state is not ProcessState.READY)
     rest = after(lambda: status(run, name).state is ProcessState.READY and status(run, name).pid != before.pid)
     return noticed, noticed + rest
+
+
+def noticed_hang(run: Path, name: str, begin: signal.Signals) -> float:
+    """Freeze a process (SIGSTOP), or hang its Python loop (SIGUSR1); return after how long that was told [s].
+
+    The frozen one goes on; the hung one is killed and waited for until it is ready again.
+    """
+    before = status(run, name)
+    os.kill(before.pid, begin)
+    noticed = after(lambda: status(run, name).note.startswith("hangs"))
+    if begin is signal.SIGSTOP:
+        os.kill(before.pid, signal.SIGCONT)
+        after(lambda: not status(run, name).note)
+    else:
+        after(lambda: _again(run, name, before.pid))
+    return noticed
+
+
+def with_hanging(where: Path) -> dict[str, str]:
+    """Return an environment in which SIGUSR1 hangs the main thread of a Python process, and of none else."""
+    where.mkdir()
+    hang = "import signal\ndef hang(number, frame):\n    while True: pass\nsignal.signal(signal.SIGUSR1, hang)\n"
+    (where / "sitecustomize.py").write_text(hang)
+    return {**os.environ, "PYTHONPATH": str(where)}
+
+
+def hangs(run: Path, names: list[str], times: int, out: Path) -> None:
+    """Freeze and hang each process in turn, and say how long that took to be told."""
+    for how, begin in (("freeze", signal.SIGSTOP), ("hung loop", signal.SIGUSR1)):
+        seen: dict[str, list[float]] = {name: [] for name in names}
+        load = os.getloadavg()[0]
+        for number in range(times):
+            for name in names:
+                seen[name].append(noticed_hang(run, name, begin))
+            typer.echo(f"{how}: {number + 1} of {times}", err=True)
+        loads = [round(load, 2), round(os.getloadavg()[0], 2)]
+        for name, found in seen.items():
+            _told(out, {"hang": how, "of": name, "times": times, "load": loads, "noticed_s": figures(found)})
 
 
 def killed_by_order(target: str, name: str) -> float:
@@ -137,6 +176,9 @@ def main(
     processes: Annotated[str, typer.Option()] = ",".join(PROCESSES),
     routers: Annotated[int, typer.Option(min=1, max=2)] = 1,
     silence: Annotated[bool, typer.Option(help="of the routers alone: how long agents have none")] = False,
+    hanging: Annotated[
+        bool, typer.Option("--hanging", help="freeze and hang instead, and see when it is told")
+    ] = False,
     target: Annotated[str, typer.Option(help="a fleet that is up: a compose project, or a run's folder")] = "",
     called: Annotated[str, typer.Option(help="its name in the table")] = "",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
@@ -149,8 +191,16 @@ def main(
     if target:
         ordered(target, called or target, processes.split(","), kills, out)
         return
-    run = Path(tempfile.mkdtemp(prefix="coming-back-")) / "run"
-    subprocess.run([ROCO, "up", "--out", str(run), "--routers", str(routers)], check=True, stdout=sys.stderr)
+    base = Path(tempfile.mkdtemp(prefix="coming-back-"))
+    run, environment = base / "run", with_hanging(base / "hang") if hanging else None
+    up = [ROCO, "up", "--out", str(run), "--routers", str(routers)]
+    subprocess.run(up, check=True, stdout=sys.stderr, env=environment)
+    if hanging:
+        try:
+            hangs(run, processes.split(","), kills, out)
+        finally:
+            subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
+        return
     if silence:
         load = os.getloadavg()[0]
         try:
@@ -192,10 +242,24 @@ def printed(lines: list[dict[str, Any]]) -> str:
     kills = [f"{line['kills']}, {_loads(line)}" for line in of]
     rows += [f"| kills of each, load | | {' | '.join(kills)} |", "", "| routers | silence | load |", "|---|---|---|"]
     silences = [line for line in lines if "silence_s" in line]
-    return (
-        "\n".join((*rows, *(f"| {one['routers']} | {_times(one['silence_s'])} | {_loads(one)} |" for one in silences)))
-        + "\n"
+    rows += [f"| {one['routers']} | {_times(one['silence_s'])} | {_loads(one)} |" for one in silences]
+    return "\n".join((*rows, *_hung([line for line in lines if "hang" in line]))) + "\n"
+
+
+def _hung(lines: list[dict[str, Any]]) -> list[str]:
+    """Return a table of the times until a hang was told."""
+    if not lines:
+        return []
+    found = {(line["hang"], line["of"]): line for line in lines}
+    ways = list(dict.fromkeys(line["hang"] for line in lines))
+    rows = ["", f"| process | {' | '.join(f'{way}: told after' for way in ways)} |", "|---" * (len(ways) + 1) + "|"]
+    for process in dict.fromkeys(line["of"] for line in lines):
+        cells = (_times(found.get((way, process), {}).get("noticed_s")) for way in ways)
+        rows.append(f"| {process} | {' | '.join(cells)} |")
+    loads = (
+        f"{one['times']}, {_loads(one)}" for one in (next(v for k, v in found.items() if k[0] == way) for way in ways)
     )
+    return [*rows, f"| times of each, load | {' | '.join(loads)} |"]
 
 
 def _times(told: dict[str, float] | None) -> str:

@@ -19,7 +19,7 @@ SETTLED_S = 30.0  # ready for so long: earlier failures are forgotten
 ATTEMPTS = 6  # in a row without being ready once (about 6 s): given up
 MOST_DEATHS, WINDOW_S = 15, 120.0  # of a process that gets ready: given up; estimate: a death each 6 s with its pauses
 PERIOD_S = 0.05  # between two looks; estimate: a death is seen soon enough, and 20 looks a second cost next to nothing
-LATE_S = 2.5  # without a heartbeat, which comes each second: it is told
+LATE_S = 1.9  # without a heartbeat, which comes each second: it is told; a hang is seen within 2 s of its begin
 BORN_WITHIN_S = 60.0  # to the first heartbeat; estimate: a fleet needs 9 s at a load of 5 (benchmarks)
 OFF = "stopped by hand"
 """Note of what shall not run until somebody says so."""
