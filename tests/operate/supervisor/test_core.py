@@ -257,13 +257,13 @@ def silent(world: World, name: str, seconds: float) -> list[core.Action]:
 
 
 def test_one_that_hangs_is_told_then_killed_once_then_started_again() -> None:
-    """After two and a half seconds, after six; the note of its restart says why."""
+    """After two seconds, after six; the note of its restart says why."""
     world = World()
     world.all_ready()
     world.fleet = core.look(world.fleet, frozenset(world.fleet.known))
-    assert silent(world, "ta", 2.4) == []
+    assert silent(world, "ta", 1.8) == []
     assert world.fleet.known["ta"].note == ""
-    assert silent(world, "ta", 3.4) == []
+    assert silent(world, "ta", 4.0) == []
     assert world.fleet.known["ta"].note == "hangs: no heartbeat for 5 s"
     assert silent(world, "ta", 0.25) == [core.Kill("ta")]
     assert world.fleet.known["ta"].note == "killed: it hung, no heartbeat for 6 s"

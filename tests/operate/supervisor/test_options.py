@@ -29,7 +29,7 @@ def supervisor(run: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     ("words", "said"),
     [
         (("--seed", "-1"), "-1 is not in the range"),
-        (("--scene", "far.toml"), "supervisor: far.toml: scene: thing jar_1"),
+        (("--scene", "far.toml"), "supervisor: scene: thing jar_1 (far.toml:"),
         (("--scene", "nowhere.toml"), "nowhere.toml"),
         (("--scene", "."), "directory"),
         (("--only", "nobody"), "supervisor: no process is called nobody"),
