@@ -33,6 +33,15 @@ with interrupts.heard(), open("words", "wb") as words:
     view.shown((sys.executable, "-c", sys.argv[1]), words)
 """
 
+
+@pytest.fixture(autouse=True)
+def _terminal_that_can_close() -> Iterator[None]:
+    """SIGHUP has its default: a suite under nohup ignores it, and so would all that it starts."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 Roco = Callable[..., "subprocess.Popen[str]"]
 
 
