@@ -3,7 +3,8 @@
 One fleet at rest, each process in turn; noticed: the supervisor says that it does not run. Appends to a results file.
 With --silence routers alone are killed, of two in turn the one that all use; silence: until each agent has a router.
 
-    python benchmarks/coming_back.py --hanging
+    python benchmarks/coming_back.py --hang freeze
+    python benchmarks/coming_back.py --hang loop --processes hi,co,pl,km,ta,ex
     python benchmarks/coming_back.py --kills 20
     cd examples/depot && python ../../benchmarks/coming_back.py --silence --routers 2
     python benchmarks/coming_back.py --target deploy --called containers --processes router,monitor,hi,co,pl,km,ta,ex
@@ -89,18 +90,20 @@ def with_hanging(where: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(where)}
 
 
-def hangs(run: Path, names: list[str], times: int, out: Path) -> None:
-    """Freeze and hang each process in turn, and say how long that took to be told."""
-    for how, begin in (("freeze", signal.SIGSTOP), ("hung loop", signal.SIGUSR1)):
-        seen: dict[str, list[float]] = {name: [] for name in names}
-        load = os.getloadavg()[0]
-        for number in range(times):
-            for name in names:
-                seen[name].append(noticed_hang(run, name, begin))
-            typer.echo(f"{how}: {number + 1} of {times}", err=True)
-        loads = [round(load, 2), round(os.getloadavg()[0], 2)]
-        for name, found in seen.items():
-            _told(out, {"hang": how, "of": name, "times": times, "load": loads, "noticed_s": figures(found)})
+HANGS = {"freeze": signal.SIGSTOP, "loop": signal.SIGUSR1}
+
+
+def hangs(run: Path, how: str, names: list[str], times: int, out: Path) -> None:
+    """Freeze or hang each process in turn, and say how long that took to be told."""
+    seen: dict[str, list[float]] = {name: [] for name in names}
+    load = os.getloadavg()[0]
+    for number in range(times):
+        for name in names:
+            seen[name].append(noticed_hang(run, name, HANGS[how]))
+        typer.echo(f"{number + 1} of {times}", err=True)
+    loads = [round(load, 2), round(os.getloadavg()[0], 2)]
+    for name, found in seen.items():
+        _told(out, {"hang": how, "of": name, "times": times, "load": loads, "noticed_s": figures(found)})
 
 
 def killed_by_order(target: str, name: str) -> float:
@@ -176,9 +179,7 @@ def main(
     processes: Annotated[str, typer.Option()] = ",".join(PROCESSES),
     routers: Annotated[int, typer.Option(min=1, max=2)] = 1,
     silence: Annotated[bool, typer.Option(help="of the routers alone: how long agents have none")] = False,
-    hanging: Annotated[
-        bool, typer.Option("--hanging", help="freeze and hang instead, and see when it is told")
-    ] = False,
+    hang: Annotated[str, typer.Option(help="freeze, or loop: hang so instead, and see when it is told")] = "",
     target: Annotated[str, typer.Option(help="a fleet that is up: a compose project, or a run's folder")] = "",
     called: Annotated[str, typer.Option(help="its name in the table")] = "",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
@@ -192,12 +193,12 @@ def main(
         ordered(target, called or target, processes.split(","), kills, out)
         return
     base = Path(tempfile.mkdtemp(prefix="coming-back-"))
-    run, environment = base / "run", with_hanging(base / "hang") if hanging else None
+    run, environment = base / "run", with_hanging(base / "hang") if hang else None
     up = [ROCO, "up", "--out", str(run), "--routers", str(routers)]
     subprocess.run(up, check=True, stdout=sys.stderr, env=environment)
-    if hanging:
+    if hang:
         try:
-            hangs(run, processes.split(","), kills, out)
+            hangs(run, hang, processes.split(","), kills, out)
         finally:
             subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
         return
