@@ -26,6 +26,7 @@ from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 from services.planner.search.search import search
 from services.task import plan as plans
+from services.task.running import LOOK_FIRST, OF_KIND
 from services.task.words import SURVEY
 from velma.kinematics.robot import Robot
 from velma.model.scene import CANONICAL, load, vary
@@ -118,7 +119,9 @@ class Run:
         done = self.act(leaf.command)
         if isinstance(done, rc.Done):
             return hfsm.Outcome.SUCCEEDED, ""
-        return (hfsm.Outcome.REPLAN if done.kind == "replan" else hfsm.Outcome.FAILED), done.reason
+        if done.kind in LOOK_FIRST:
+            self.act(SURVEY)
+        return OF_KIND.get(done.kind, hfsm.Outcome.FAILED), done.reason
 
     def pour(self) -> str:
         """The task; returns why it failed, or nothing."""

@@ -28,13 +28,13 @@ ENDS = {
     Outcome.REPLAN: sw.WorkerState.REPLAN,
     Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
 }
-_LOOK_FIRST = (rc.NotDoneKind.UNKNOWN, rc.NotDoneKind.NEW_WORLD, rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY)
+LOOK_FIRST = (rc.NotDoneKind.UNKNOWN, rc.NotDoneKind.NEW_WORLD, rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY)
 _PLAN_AGAIN = (
     rc.NotDoneKind.REPLAN,
     rc.NotDoneKind.SLIPPED,
     rc.NotDoneKind.BUSY,
     rc.NotDoneKind.INTERRUPTED,
-    *_LOOK_FIRST,
+    *LOOK_FIRST,
 )
 OF_KIND: dict[str, Outcome] = dict.fromkeys(_PLAN_AGAIN, Outcome.REPLAN)
 """Kinds of NotDone after which a new plan may succeed: the world is not as planned, or the machine failed."""
@@ -177,7 +177,7 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
         memory = replace(memory, reason=memory.reason or outcome.reason)
-    if outcome.kind in _LOOK_FIRST and memory.safe is None:
+    if outcome.kind in LOOK_FIRST and memory.safe is None:
         return _look(memory, turn, outcome)
     return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), outcome.reason, finish)
 

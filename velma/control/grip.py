@@ -26,9 +26,11 @@ HAND_KG = 1.2421  # below the sensor: sum of robot.yaml (a test adds it up)
 SENSOR_TO_GRIP = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])[:, None]  # VR: the left palm is turned by half a turn
 POINT_M = -0.02  # c along z of the grip: 0.105 m before the sensor, the least error of the hand's mass centre in motion
 CUTOFF_HZ, WINDOW = 12.0, 25  # of each of two low-passes; samples of the mean after them: 50 ms
-ARM_N, WARN_N = 0.2, 0.5  # N; normal maxima of r: jar 0.17, bowl 0.05, with noise of 0.3 N 0.26
+# N; normal maxima of r: jar 0.17, bowl 0.05, with noise of 0.3 N 0.26; a bowl that was turned by 45 deg 0.52 (seed 10)
+ARM_N, WARN_N = 0.2, 0.6
 LOAD_S = 0.15  # s, time constant of the weight: settled to 0.1 % after 1 s at rest, noise of 0.1 N is 1 g
 CALM_CYCLES, LIGHT_CYCLES = 25, 50  # 50, 100 ms
+WARN_CYCLES = 5  # 10 ms: no single reading
 OVER_CYCLES = 250  # 0.5 s: longer than a jar takes to slide out of a tilted hand (0.44 s, measured)
 
 
@@ -119,7 +121,7 @@ class Watch(msgspec.Struct, frozen=True):
 _Row = tuple[Grip, Callable[[Watch], bool], Grip]
 _NEXT: tuple[_Row, ...] = (
     (Grip.UNSURE, lambda w: w.calm >= CALM_CYCLES, Grip.HELD),
-    (Grip.HELD, lambda w: w.over > 0, Grip.WARNED),
+    (Grip.HELD, lambda w: w.over >= WARN_CYCLES, Grip.WARNED),
     (Grip.WARNED, lambda w: w.light >= LIGHT_CYCLES, Grip.LOST),
     # With more than half of its mass in the hand it is not lost, but it meets something.
     (Grip.WARNED, lambda w: w.calm >= CALM_CYCLES or w.over >= OVER_CYCLES, Grip.SLIPPED),
@@ -129,7 +131,8 @@ _NEXT: tuple[_Row, ...] = (
 def watched(before: Watch, r: float, m: float, low: float) -> Watch:
     """Return what is felt one cycle later: residual r [N], mass m [kg] in a hand that holds at least `low` [kg].
 
-    A reading that is not a number counts as none. What slipped or was lost stays so.
+    A reading that is not a number counts as none. What slipped or was lost stays so. A hand that lost its thing feels
+    about nothing; less than that is a push from below.
     """
     small = r < (ARM_N if before.grip is Grip.UNSURE else WARN_N)
     over = r > WARN_N
@@ -137,7 +140,7 @@ def watched(before: Watch, r: float, m: float, low: float) -> Watch:
         before.grip,
         before.calm + 1 if small else 0,
         before.over + 1 if over else 0,
-        before.light + 1 if over and m < low / 2.0 else 0,
+        before.light + 1 if over and abs(m) < low / 2.0 else 0,
     )
     for grip, reached, following in _NEXT:
         if before.grip is grip and reached(now):

@@ -100,6 +100,7 @@ class Search:
         methods, both = self.methods, self._with
         self._bind(TaskName.POUR, methods.pour_held, methods.pour_into_held, methods.pour_into_unseen)
         self._bind(TaskName.POUR, *both(methods.pour_into_standing), *both(methods.pour_taking_both))
+        self._bind(TaskName.POUR, *both(methods.pour_taken_again))
         self._bind(TaskName.TAKE, methods.take_nothing, methods.take_over, *both(methods.take_with))
         self._bind(TaskName.BRING, *both(methods.bring_with))
         self._bind("hold_out", *(self._numbered(methods.hold_out_at_try, number) for number in GRASPS_TRIED))

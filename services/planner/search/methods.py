@@ -76,6 +76,18 @@ class Methods:
             ("localize", destination),
         ]
 
+    def pour_taken_again(self, km: str, hand: Side, source: str, destination: str) -> Subtasks | None:
+        """Put the source down, and take it with this hand by another grasp: as it is held it cannot be tilted there."""
+        holder = self.facts.holder(km, source)
+        if holder is None:
+            return self._not(f"no hand holds {source}")
+        if hand is not holder and (held := self.facts.in_hand(km, hand)):
+            return self._not(f"the {hand} hand holds {held}")
+        if not self._open(km, destination):
+            return None
+        taken = [(TaskName.TAKE, source, hand), ("a_pour", source, destination, hand)]
+        return [(TaskName.PUT_DOWN, source), ("a_look", source), *taken]
+
     def _open(self, km: str, name: str) -> bool:
         """Whether the thing was seen where it stands, and is not inside another one."""
         if holder := self.facts.holder(km, name):
