@@ -72,14 +72,32 @@ def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
 def straight(here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None) -> list[np.ndarray]:
     """Return postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
 
-    The torso moves only if the arm alone does not reach.
+    The torso moves only if the arm alone does not reach. A line that is blocked by the margin alone, or leads out of what
+    touches already, is taken all the same: poses are seen again at a grasp, and differ by more than the margin.
     """
-    with suppress(ik.PathBlocked):
-        return ik.line(here.robot, side, q, target, accept=accept)[1:]
+    for columns in (names.ARM[side], names.COLUMNS[side]):
+        with suppress(ik.PathBlocked):
+            return ik.line(here.robot, side, q, target, accept=accept, columns=columns)[1:]
     try:
-        return ik.line(here.robot, side, q, target, accept=accept, columns=names.COLUMNS[side])[1:]
+        outwards = None if accept is None else _outwards(here, q)
+        return ik.line(here.robot, side, q, target, accept=outwards, columns=names.COLUMNS[side])[1:]
     except ik.PathBlocked as blocked:
         raise replan(f"the {side} hand cannot move straight: {blocked}") from None
+
+
+def _outwards(here: Situation, q: np.ndarray) -> Callable[[np.ndarray], bool]:
+    """Return whether nothing overlaps in a state but what did in the one before, and no deeper; begins at q (15,)."""
+    deep = {(a, b): d for a, b, d in here.world.touching(q)}
+
+    def accept(state: np.ndarray) -> bool:
+        nonlocal deep
+        now = {(a, b): d for a, b, d in here.world.touching(state)}
+        if any(d < min(0.0, deep.get(pair, 0.0)) for pair, d in now.items()):
+            return False
+        deep = now
+        return True
+
+    return accept
 
 
 def home(here: Situation, command: rc.Home) -> Skill:
