@@ -72,8 +72,8 @@ def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
 def straight(here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None) -> list[np.ndarray]:
     """Return postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
 
-    The torso moves only if the arm alone does not reach. A line that is blocked by the margin alone, or leads out of what
-    touches already, is taken all the same: poses are seen again at a grasp, and differ by more than the margin.
+    The torso moves only if the arm alone does not reach. A line that is blocked by the margin alone, or leads out of
+    what touches already, is taken all the same: poses are seen again at a grasp, and differ by more than the margin.
     """
     for columns in (names.ARM[side], names.COLUMNS[side]):
         with suppress(ik.PathBlocked):
