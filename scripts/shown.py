@@ -143,7 +143,7 @@ def bash(command: str, folder: Path, columns: str = "100") -> subprocess.Complet
         "TERM": "dumb",
         "TZ": "UTC",
         "LC_ALL": "C.UTF-8",
-        "PYTHONDONTWRITEBYTECODE": "1",
+        "PYTHONPYCACHEPREFIX": str(ROOT / ".venv/bytecode"),  # none beside the sources that a page shows
         "DOCKER_HOST": "unix:///nowhere",  # a fleet in containers on this machine is none of the pages'
     }
     words = ["bash", "-c", command]

@@ -3,6 +3,7 @@
 In CI it draws the same examples each time, so that a commit is refused for what it changed; elsewhere it draws others.
 
 Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make everything slower.
+Every module is compiled once for all processes that tests start, also where the environment says otherwise (BYTECODE).
 A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
 has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.
 A test of real processes that fails is tried once more, no other; its name is added to the file ROCO_SECOND_TRIES.
@@ -10,6 +11,7 @@ A test of real processes that fails is tried once more, no other; its name is ad
 
 import os
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,10 @@ settings.register_profile(
 )
 settings.load_profile("any machine")
 os.environ.setdefault("ROCO_VIEW", "off")
+BYTECODE = str(Path(__file__).parents[1] / ".venv/bytecode")
+os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = BYTECODE
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 os.environ["DOCKER_HOST"] = "unix:///nowhere"
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

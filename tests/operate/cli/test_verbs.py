@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import typer
 
@@ -16,8 +17,10 @@ from companion.tools.verbs.table import VERBS as OWN
 from operate.cli import lazy
 from operate.cli.__main__ import app
 from operate.cli.verbs import GROUP, VERBS, merged
+from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 
 ROWS = {words: row for rows in merged(VERBS, OWN).values() for words, row in rows.items()}
+GONE = ProcessStatus("co", ProcessState.STOPPED)
 CALLED = [words for words, (place, _) in ROWS.items() if place is not GROUP]
 
 
@@ -62,6 +65,24 @@ def test_a_list_of_verbs_imports_none() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
     assert "conversation" in done.stdout
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("words", [("status",), ("agents",), ("say", "look around")], ids=lambda words: words[0])
+def test_what_is_called_often_imports_nothing_heavy(words: tuple[str, ...], tmp_path: Path) -> None:
+    """Of a fleet that was there: no session, no numbers, no robot; no tables of rich where a program asks."""
+    (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(Fleet("roco", str(tmp_path), 0, 0.0, (GONE,))))
+    code = (
+        "import sys\nfrom operate.cli.__main__ import app\n"
+        "try:\n    app(sys.argv[1:])\nexcept SystemExit:\n    pass\n"
+        "print(*sys.modules)"
+    )
+    heavy = {"cryptography", "matplotlib", "mujoco", "numpy", "pinocchio", "rdflib", "rich", "structlog", "zenoh"}
+    called = [sys.executable, "-c", code, *words, "--run-dir", str(tmp_path), "--format", "json"]
+    done = subprocess.run(called, capture_output=True, text=True, timeout=30, check=True)
+    *told, imported = done.stdout.splitlines()
+    assert heavy.isdisjoint(imported.split())
+    assert told or "human interface" in done.stderr
 
 
 @pytest.mark.parametrize("words", CALLED)

@@ -1,0 +1,42 @@
+"""What `roco status` shows people: a table of the processes, then the tasks."""
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from operate.cli.fleet.fleet_state import Status
+from operate.cli.fleet.state_words import COLOURS
+from operate.run_folder import ProcessState, ProcessStatus
+
+
+def show(now: Status) -> None:
+    """Print a status for people."""
+    console = Console()
+    console.print(f"run {now.run}" + ("  [bold red]STOPPED[/] (`roco release`)" if now.stop_held else ""))
+    if now.fleet is not None:
+        console.print(table(now))
+    if now.unkept:
+        console.print(f"{now.unkept}: `roco down`, then `roco up`", style="bold red", highlight=False, soft_wrap=True)
+    for line in now.unheard:
+        console.print(line, style="yellow")
+    for task in now.tasks:
+        console.print(f"{task.task}  {task.state}  {task.said}  {task.text}", highlight=False, soft_wrap=True)
+    if now.problem:
+        console.print(now.problem, style="yellow")
+
+
+def table(now: Status) -> Table:
+    """The processes; behind each what is wrong with it."""
+    table = Table("process", "state", "pid", "restarts", "", box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for status in now.fleet.processes if now.fleet else ():
+        state = Text(status.state, COLOURS.get(status.state, ""))
+        table.add_row(status.name, state, str(status.pid or "-"), str(status.restarts), note(status, now))
+    return table
+
+
+def note(status: ProcessStatus, now: Status) -> str:
+    """What is wrong with a process, and what to do where its state does not say it."""
+    if status.state is ProcessState.STOPPED and now.fleet is not None and any(one.pid for one in now.fleet.processes):
+        return f"{status.note or 'stopped'}: `roco agent start {status.name}`"
+    paused = f"paused: `roco agent resume {status.name}`" if status.name in now.paused else ""
+    return now.troubles.get(status.name, status.note) or paused
