@@ -67,6 +67,22 @@ def test_every_button_is_understood_as_it_is_written(house, opened):
     assert names == ["Take", "PutDown", "PourInto"] * 4
 
 
+def test_the_next_sentence_is_written_while_one_is_on_its_way(house, opened):
+    """The answer to a sentence empties the field of that sentence, and of no other one."""
+    one, on_the_way = opened(), []
+    one.route("**/say", lambda route: on_the_way.append(route))
+    say(one, "look around")
+    wait_for(lambda: one.evaluate("1") and on_the_way, "it is on its way")
+    one.locator("#text").fill("take the jar")
+    on_the_way.pop().continue_()
+    expect(one.locator("#answer")).not_to_be_empty()
+    expect(one.locator("#text")).to_have_value("take the jar")
+    one.unroute_all()
+    one.locator("#text").press("Enter")
+    expect(one.locator("#text")).to_have_value("")
+    assert [content for _, content in house.asked] == [cmd.LookAround(), cmd.Take("jar")]
+
+
 def test_a_question_back_is_answered_by_a_button(house, opened):
     """Which one? The names are there, and No; nothing moves before."""
     one = opened()

@@ -183,10 +183,10 @@ byId("say-form").addEventListener("submit", async (event) => {
   event.preventDefault();
   const text = byId("text").value.trim();
   if (!text) return;
-  if (await send("/say", { text, ...order() })) {
-    byId("text").value = "";
-    byId("first").checked = false;
-  }
+  const sent = await send("/say", { text, ...order() });
+  if (!sent || byId("text").value.trim() !== text) return; // the next sentence may be there by now
+  byId("text").value = "";
+  byId("first").checked = false;
 });
 byId("look").addEventListener("click", () => send("/say", { text: byId("look").dataset.say, ...order() }));
 byId("release-form").addEventListener("submit", (event) => {
