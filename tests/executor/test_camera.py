@@ -125,7 +125,7 @@ def bluish(view: View) -> int:
 def test_what_stands_in_front_hides_and_what_is_clear_does_not() -> None:
     """A table hides the bowl under it, the thin back of a cabinet lets the bowl behind it be seen."""
     table = Thing("table_9", Model.TABLE, (0.783, -0.84, 0.0))
-    under, behind = (Thing("bowl_1", Model.BOWL, at) for at in ((0.783, -0.84, 0.4), (1.6, 0.0, 1.3)))
+    under, behind = (Thing("bowl_1", Model.BOWL, at) for at in ((0.95, -0.95, 0.4), (1.6, 0.0, 1.3)))
     assert bluish(View(under).to(under.xyz)) > 50
     assert bluish(View(under, table).to(under.xyz)) == 0
     back = Thing("cabinet_9", Model.CABINET, (1.0, 0.0, 1.15))

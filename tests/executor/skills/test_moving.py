@@ -16,14 +16,13 @@ WAY_M = 0.06
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
-def beside(here: Situation, gap_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Put a box beside the held jar, this far from it; return the horizontal directions away and along its face."""
+def under(here: Situation, gap_m: float) -> np.ndarray:
+    """Put a box this far above the held jar, where no finger is; return the direction away from it."""
     jar = here.robot.grip(here.q, LEFT) * here.held[LEFT].T_grip_object
-    away = np.array([0.0, 1.0, 0.0])
-    reach = models.MODELS["jar"].base.radius + 0.055 + gap_m
     here.models = {**here.models, "box_1": "box1"}
-    here.place("box_1", standing(jar.translation - reach * away))
-    return away, np.array([-1.0, 0.0, 0.0])
+    half = models.MODELS["box1"].base.z
+    here.place("box_1", standing(jar.translation + np.array([0.0, 0.0, -models.MODELS["jar"].base.z - half + gap_m])))
+    return np.array([0.0, 0.0, -1.0])
 
 
 def moved(here: Situation, way: np.ndarray) -> list[np.ndarray]:
@@ -36,15 +35,15 @@ def moved(here: Situation, way: np.ndarray) -> list[np.ndarray]:
 def test_what_is_close_or_touched_may_be_left(gap_m: float, jar_out: Acting) -> None:
     """The margin alone blocks nothing, nor does a thing that is touched and left."""
     here = jar_out.here
-    away, _ = beside(here, gap_m)
+    away = under(here, gap_m)
     assert not here.world.free(here.q)
     assert len(moved(here, WAY_M * away)) > 1
 
 
 def test_a_line_into_a_thing_is_blocked(jar_out: Acting) -> None:
-    """From beside it, and deeper into one that is touched."""
+    """From below it, and deeper into one that is touched."""
     here = jar_out.here
     for gap_m in (0.001, -0.004):
-        away, _ = beside(here, gap_m)
+        away = under(here, gap_m)
         with pytest.raises(NotPossible, match="cannot move straight"):
             moved(here, -WAY_M * away)
