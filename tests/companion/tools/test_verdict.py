@@ -34,12 +34,8 @@ TRUTHS = [
     ("less than nine tenths", changed(grains_in={"jar_1": 4, "bowl_1": 26}), "87% of the content"),
     ("tilted a little", changed(tilt_deg={"jar_1": 0.0, "bowl_1": 9.9}), None),
     ("tilted", changed(tilt_deg={"jar_1": 0.0, "bowl_1": 10.0}), "tilted by 10 degrees"),
-    ("jar dropped", changed(fingers_on={"jar_1": {"left": 0, "right": 0}, "bowl_1": {}}), "does not hold the jar"),
-    (
-        "jar in the other hand",
-        changed(fingers_on={"jar_1": {"left": 0, "right": 5}, "bowl_1": {}}),
-        "left hand does not",
-    ),
+    ("jar dropped", changed(fingers_on={"jar_1": {"left": 0, "right": 0}, "bowl_1": {}}), "no hand holds the jar"),
+    ("jar in the other hand", changed(fingers_on={"jar_1": {"left": 0, "right": 5}, "bowl_1": {}}), None),
     ("bowl held", changed(fingers_on={"jar_1": {"left": 4}, "bowl_1": {"right": 3}}), "touches the bowl"),
     ("bowl on the floor", changed(at={"jar_1": (0.0, 0.0, 1.0), "bowl_1": (0.58, -0.52, 0.0)}), "not on a table"),
     ("bowl beside", changed(at={"jar_1": (0.0, 0.0, 1.0), "bowl_1": (0.0, -0.1, 0.775)}), "not on a table"),
@@ -206,8 +202,8 @@ def test_a_point_on_a_turned_table_is_on_it(yaw: float) -> None:
     for reach, inside in ((0.45, True), (0.47, False)):
         x = 1.0 + reach * math.cos(yaw) - reach * math.sin(yaw)
         y = 2.0 + reach * math.sin(yaw) + reach * math.cos(yaw)
-        assert verdict._stands_on(x, y, 0.775, table) is inside
-        assert not verdict._stands_on(x, y, 0.9, table)
+        assert verdict._stands_on(x, y, 0.775, "table", table) is inside
+        assert not verdict._stands_on(x, y, 0.9, "table", table)
 
 
 def _past(run: Run) -> history.History:

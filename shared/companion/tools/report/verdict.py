@@ -1,4 +1,4 @@
-"""Whether a run did the main job, and if not, why: poured, jar in the left hand, bowl level on the table, plans ended.
+"""Whether a run did the main job, and if not, why: poured, jar in a hand, bowl level on the table, plans ended.
 
 From the truth of the simulation (newest record) and from what the agents said about plans; nothing is assumed. A
 missing record is a failure that says so, and so is one from before the end of the task.
@@ -26,7 +26,7 @@ ON_TABLE_M = 0.02
 STALE_S = 1.0
 """A true state from longer before the end of the task shows another world; they come 20 times a second."""
 OWN_OUTCOMES = (sw.WorkerState.SUCCEEDED, sw.WorkerState.REPLAN)
-TABLE = "table"
+TABLES = {name for name, model in MODELS.items() if model.kind == "Table"}
 
 
 class Poured(msgspec.Struct, frozen=True):
@@ -48,7 +48,7 @@ def poured(history: History) -> Poured:
     return Poured(
         fraction=now.grains_in.get(bowl, 0) / now.grains if bowl and now.grains else None,
         bowl_tilt_deg=now.tilt_deg.get(bowl),
-        jar_links=now.fingers_on[jar].get("left", 0) if jar in now.fingers_on else None,
+        jar_links=max(now.fingers_on[jar].values(), default=0) if jar in now.fingers_on else None,
         bowl_links=sum(now.fingers_on[bowl].values()) if bowl in now.fingers_on else None,
         bowl_on_table=_on_table(history, now, bowl) if bowl else None,
     )
@@ -117,9 +117,9 @@ def _of_truth(history: History) -> Iterator[str]:
     elif state.fraction < LEAST_POURED:
         yield f"{state.fraction:.0%} of the content is in the bowl, at least {LEAST_POURED:.0%} are wanted"
     if state.jar_links is None:
-        yield "it was not recorded whether the left hand holds the jar"
+        yield "it was not recorded whether a hand holds the jar"
     elif state.jar_links < LEAST_LINKS:
-        yield "the left hand does not hold the jar"
+        yield "no hand holds the jar"
     if state.bowl_tilt_deg is None:
         yield "the bowl's tilt was not recorded"
     elif state.bowl_tilt_deg >= MOST_TILT_DEG:
@@ -144,19 +144,21 @@ def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
     kind = truth.models.get(vessel, "")
     model = MODELS.get(KNOWN_AS.get(kind, kind))
     base = at[2] + (model.base.z if model else 0.0)
-    return any(_stands_on(at[0], at[1], base, table) for table in tables)
+    return any(_stands_on(at[0], at[1], base, *table) for table in tables)
 
 
-def _tables(history: History, truth: TrueState) -> list[Pose]:
-    """Poses of all tables: true ones, else the ones km was told of."""
-    true = [pose for name, pose in truth.poses.items() if truth.models.get(name) == TABLE]
+def _tables(history: History, truth: TrueState) -> list[tuple[str, Pose]]:
+    """Models and poses of all tables: true ones, else the ones km was told of."""
+    true = [
+        (model, truth.poses[name]) for name, model in truth.models.items() if model in TABLES and name in truth.poses
+    ]
     if true:
         return true
     seen = (one.content for one in history.said if isinstance(one.content, wm.SeenObject))
-    return list({one.object: one.pose for one in seen if one.model == TABLE}.values())
+    return list({one.object: (one.model, one.pose) for one in seen if one.model in TABLES}.values())
 
 
-def _stands_on(x: float, y: float, base: float, table: Pose) -> bool:
+def _stands_on(x: float, y: float, base: float, model: str, table: Pose) -> bool:
     """Tables stand upright, turned about z: w and z of the quaternion are all there is."""
     w, z = table.quat_wxyz[0], table.quat_wxyz[3]
     cosine, sine = w * w - z * z, 2 * w * z
@@ -166,5 +168,5 @@ def _stands_on(x: float, y: float, base: float, table: Pose) -> bool:
         abs(along - top.x) <= top.along_x / 2
         and abs(across - top.y) <= top.along_y / 2
         and abs(base - top.z - table.xyz[2]) <= ON_TABLE_M
-        for top in MODELS[TABLE].surfaces
+        for top in MODELS[model].surfaces
     )
