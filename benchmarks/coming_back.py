@@ -179,7 +179,7 @@ def main(
     processes: Annotated[str, typer.Option()] = ",".join(PROCESSES),
     routers: Annotated[int, typer.Option(min=1, max=2)] = 1,
     silence: Annotated[bool, typer.Option(help="of the routers alone: how long agents have none")] = False,
-    hang: Annotated[str, typer.Option(help="freeze, or loop: hang so instead, and see when it is told")] = "",
+    hang: Annotated[str, typer.Option(help="freeze, or loop: do that instead of a kill")] = "",
     target: Annotated[str, typer.Option(help="a fleet that is up: a compose project, or a run's folder")] = "",
     called: Annotated[str, typer.Option(help="its name in the table")] = "",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
