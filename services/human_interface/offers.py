@@ -13,7 +13,7 @@ from services.human_interface.wishes import Ask, Context, called, in_words
 
 YES, NO = {"en": "yes", "pl": "tak"}, {"en": "no", "pl": "nie"}
 MOST_THINGS = 6
-"""Things with sentences of their own; estimate: more buttons than 40 are not looked through."""
+"""Things with sentences of their own; estimate: more buttons than 50 are not looked through."""
 
 
 def wishes(context: Context) -> tuple[Wish, ...]:
@@ -29,7 +29,9 @@ def wishes(context: Context) -> tuple[Wish, ...]:
 def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, cmd.Task]]:
     """Yield what can be done with a thing: the verb and the task."""
     yield "take", cmd.Take(name)
+    yield "bring", cmd.Bring(name)
     yield "put", cmd.PutDown(name)
+    yield "back", cmd.PutDown(name, cmd.BACK)
     for into in things:
         if into != name and all("pour" in THINGS[_kind(one)].can for one in (name, into)):
             yield "pour", cmd.PourInto(name, into)

@@ -188,7 +188,7 @@ byId("say-form").addEventListener("submit", async (event) => {
   byId("text").value = "";
   byId("first").checked = false;
 });
-byId("look").addEventListener("click", () => send("/say", { text: byId("look").dataset.say, ...order() }));
+for (const one of byId("always").children) one.addEventListener("click", () => send("/say", { text: one.dataset.say, ...order() }));
 byId("release-form").addEventListener("submit", (event) => {
   event.preventDefault();
   send("/release").then(() => byId("stop").focus());
