@@ -31,7 +31,7 @@ class Traffic:
         self.items: list[Item] = list(_pour())
 
     def said(self, sender: str, receiver: str, act: str = "", nth: int = 0) -> int:
-        """Where the `nth` communicate of this kind is (-1: the last)."""
+        """Return the index of the `nth` communicate of this kind (-1: the last)."""
         found = [
             n
             for n, item in enumerate(self.items)
@@ -71,7 +71,7 @@ class Traffic:
         return one
 
     def found(self) -> list[Expected]:
-        """What the judge finds against the design."""
+        """Return the judge's findings against the design."""
         judging = Judging(SYSTEM)
         lines = [line for item in self.items for line in judging.lines(_record(item))]
         lines += judging.finish()

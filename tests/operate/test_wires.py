@@ -137,7 +137,7 @@ def test_a_lost_piece_comes_late() -> None:
 
 
 def test_a_cut_wire_hides_the_end() -> None:
-    """Who is behind it does not learn that the other has gone."""
+    """The process behind it does not learn that the other has gone."""
 
     async def story() -> None:
         async with wired(Conditions(cut=1.0)) as setup:

@@ -228,5 +228,5 @@ def test_what_is_not_as_designed_is_an_event() -> None:
     ],
 )
 def test_a_line_in_words(line: LiveLine, said: str) -> None:
-    """What a log shows; what is merely counted shows nothing."""
+    """Each line has the words that a log shows; a line that is only counted shows nothing."""
     assert run_state.in_words(line, plain) == said

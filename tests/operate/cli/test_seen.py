@@ -1,4 +1,4 @@
-"""What a look at a process says: from /proc, from heartbeats, from two looks."""
+"""Findings of a look at a process: from /proc, from heartbeats, from two looks."""
 
 import os
 import re

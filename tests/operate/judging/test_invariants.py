@@ -51,7 +51,7 @@ def journalled(run: Path, one: Record) -> None:
 
 
 def record(agent: str, issued: int, taken: int, outbox: tuple[int, ...], state: str = "") -> Record:
-    """What a journal has of the streams with one peer."""
+    """Return a journal's record of the streams with one peer."""
     peer = "ox" if agent == "mule" else "mule"
     waiting = {peer: tuple(Outgoing(number, WORD) for number in outbox)}
     streams = {"issued": {peer: issued}, "taken": {peer: taken}, "outbox": waiting}

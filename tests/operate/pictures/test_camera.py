@@ -1,4 +1,4 @@
-"""What the head camera sees is drawn where and when it was seen, from the records as they go by and from a history."""
+"""Pictures of the head camera, drawn at the place and time they were taken, from live records and from a history."""
 
 from pathlib import Path
 
