@@ -30,7 +30,7 @@ def test_a_split_channel_is_retired_and_two_new_ones_take_its_place() -> None:
 
 
 def test_a_complemented_channel_transmits_more() -> None:
-    """What is added stands behind what was there."""
+    """Added entries stand behind the earlier ones."""
     more = Step(requirements=("R2",), complement=(Complement("C1", "pictures"),))
     result = decompose("all", (FIRST, more))
     assert result.last.channels[0].transmits == ("words", "pictures")

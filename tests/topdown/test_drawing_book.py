@@ -144,7 +144,7 @@ def test_a_step_is_summarized_as_in_the_papers_table_1() -> None:
 
 
 def test_a_leaf_without_evidence_is_told() -> None:
-    """Where the design names evidence at all."""
+    """It is told only if the design names evidence at all."""
     file = LAMP.file
     two = (
         elements.Requirement(id="R1", text="switch a lamp"),
