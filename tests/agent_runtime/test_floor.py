@@ -1,4 +1,4 @@
-"""Whoever has the floor steps: one at a time, in order, on the thread that heard where nothing waits before it."""
+"""Only the holder of the floor steps: one at a time, in order, on the thread that heard if nothing waits before it."""
 
 import math
 import threading
@@ -31,7 +31,7 @@ class Steps:
         self.then(item)
 
     def rest(self) -> list[Any]:
-        """What waits in the inbox."""
+        """Return the contents of the inbox."""
         found = []
         while (item := self.inbox.get(0.0)) is not None:
             found.append(item)

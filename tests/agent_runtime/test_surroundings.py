@@ -60,7 +60,7 @@ def test_long_messages_take_bounded_memory() -> None:
 
 
 def test_senders_are_served_in_turns() -> None:
-    """Whoever floods waits behind its own: another's first is taken second, each in the order in which it was said."""
+    """A flood waits behind itself: another's first is taken second, each in the order in which it was said."""
     inbox = Inbox()
     for number in range(50):
         inbox.put(Class.STREAM, ("flood", number), "a")
@@ -179,10 +179,10 @@ def test_defaults_variables_and_options() -> None:
 
 @pytest.mark.parametrize("arguments", [["--speed", "fast"], ["--seed", "x"], ["--nothing"], ["--log-level", "loud"]])
 def test_a_wrong_option_is_status_2(arguments: list[str]) -> None:
-    """Which no supervisor tries again."""
+    """Status 2 is one that no supervisor retries."""
     assert parsed(arguments) == (2, None)
 
 
 def test_the_status_is_the_services() -> None:
-    """What serve gives is how the process ends."""
+    """The result of serve is the exit status of the process."""
     assert CliRunner().invoke(cli.app("x", "A service.", lambda options: 3), []).exit_code == 3
