@@ -75,7 +75,7 @@ class Depot:
         return [content.robot for content in self.told(Assigned)]
 
     def told(self, kind: type) -> list[Any]:
-        """What the desk was informed of, of one class, each message once."""
+        """Return the contents of one class that the desk was informed of, each message once."""
         informs = {one.id: one for one in self.wires.traffic if one.performative == "inform" and one.receiver == "desk"}
         contents = [LANGUAGES.read(one)[0] for one in informs.values()]
         return [content for content in contents if isinstance(content, kind)]

@@ -88,7 +88,7 @@ def test_whatever_is_lost_doubled_delayed_or_dies_every_order_is_carried_once(se
 
 
 def test_a_robot_that_comes_back_drives_on_from_where_it_was():
-    """What the wheels were to report died with it, so they are told again, from the last point it knew."""
+    """Reports of the wheels died with it, so they are told again, from the last point it knew."""
     depot = Depot(*wishes(("receiving", "shipping")))
     told: list[Drive] = []
     depot.wires.nodes["mule"].maker = lambda post: Told(wheels(post), told)

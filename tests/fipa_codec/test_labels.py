@@ -88,7 +88,7 @@ def test_a_cancel_may_carry_the_label_of_its_subscribe() -> None:
 
 
 def test_a_request_goes_on_beside_a_cancel_of_the_same_label() -> None:
-    """What answers the opening and what answers the cancel is told by what the state allows."""
+    """The state decides whether a word answers the opening or the cancel."""
     side, _ = opened("request", P.REQUEST, "R1").send(P.AGREE, id="1", now=1.0)
     side = side.receive(foreign("request", P.CANCEL, "R1"))
     assert side.state == "stopping"

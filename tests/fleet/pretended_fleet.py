@@ -119,7 +119,7 @@ class Fleet:
         return list(finals.values())
 
     def answers(self) -> list[Answer]:
-        """What hi answered to the person."""
+        """Answers of hi to the person."""
         return [one for one in self.person.told if isinstance(one, Answer)]
 
     def close(self) -> None:

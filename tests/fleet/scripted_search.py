@@ -82,7 +82,7 @@ def pour(network: hfsm.GroundTaskNetwork) -> Searching:
 
 
 def steps(jar: Side | None, bowl: Side | None, where: wm.PoseOf) -> list[tuple[str, list[rc.Act]]]:
-    """What is still to be done."""
+    """Return the steps still to be done."""
     todo: list[tuple[str, list[rc.Act]]] = []
     if jar is None:
         todo.append(("take jar_1", [move(Side.LEFT), grasp(Side.LEFT, "jar_1")]))

@@ -11,7 +11,7 @@ VICTIMS = ("co", "pl", "km", "ta", "ex", "hi")
 
 
 def steps_of_the_story() -> dict[str, int]:
-    """How many steps each agent makes without a fault."""
+    """Return the number of steps each agent makes without a fault."""
     fleet = Fleet()
     fleet.say("pour the jar into the bowl")
     fleet.finish()

@@ -1,4 +1,4 @@
-"""What real agents do is a path of the proven model: recorded runs, stories in memory, with deaths and cancels."""
+"""Paths of real agents are paths of the proven model: recorded runs, stories in memory, with deaths and cancels."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ HISTORY = Path(__file__).parents[1] / "histories" / "deeds_seed_7"
 
 @pytest.fixture
 def done(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Deed]]:
-    """What all agents of the process do, in the order in which they do it."""
+    """Acts of all agents of the process, in order."""
     made: list[tuple[str, Deed]] = []
     right = Core.step
 

@@ -34,7 +34,7 @@ class Crash(msgspec.Struct, frozen=True):
 
 
 class Outcome(msgspec.Struct):
-    """What came of all inputs. `errors`: documented ones by type; "": accepted. `slowest_ms` of processor: `slowest`.
+    """Results for all inputs. `errors`: documented ones by type; "": accepted. `slowest_ms` of processor: `slowest`.
 
     `peak_mb` of memory; `grown_mb`: since the valid inputs were read.
     """

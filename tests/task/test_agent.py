@@ -181,7 +181,7 @@ def test_what_was_cancelled_is_not_cancelled_again() -> None:
 
 
 def looks_told(scene: Scene) -> list[str]:
-    """Why each look around that showed nothing did so, as km was told."""
+    """Return the reasons that km was told for each look around that showed nothing."""
     return [content.reason for _, _, content in scene.heard["km"] if isinstance(content, wm.NothingSeen)]
 
 
