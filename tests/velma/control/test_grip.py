@@ -1,4 +1,4 @@
-"""What is felt at the wrist: the same mass in every posture and motion, a loss at once, and nothing else."""
+"""Wrist measurements: the same mass in every posture and motion, a loss at once, and nothing else."""
 
 import numpy as np
 import pinocchio as pin

@@ -143,7 +143,7 @@ def test_joint_impedance_pulls_with_its_stiffness(q, stray):
 
 @given(v=hnp.arrays(float, 15, elements=st.floats(allow_nan=True, allow_infinity=True)))
 def test_safe_damping_is_total_and_passive(v):
-    """Whatever the speeds are, the torque is finite, accepted, and takes energy out."""
+    """The torque is finite, accepted, and takes energy out at any speeds."""
     tau = damping.torque(v)
     assert limits.is_accepted(tau)
     finite = np.isfinite(v)
