@@ -190,7 +190,7 @@ def test_long_questions_take_bounded_room(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_streams_that_wait_are_no_questions() -> None:
-    """A copy of a question is found among messages of a stream, and they are no copies of it."""
+    """A copy of a question is found among messages of a stream, and they are not copies of it."""
     links = (
         Link("asker", "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM"),
         Link("asker", "T3", "query", Role.PARTICIPANT, Delivery.VOLATILE, silent="SUM"),

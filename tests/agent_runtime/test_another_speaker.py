@@ -269,7 +269,7 @@ def answers(wires: Wires) -> tuple[tuple[int, int], ...]:
 
 
 def steal(wires: Wires, ahead: int) -> None:
-    """Say a word in the asker's name, so many numbers after the last one that the server took."""
+    """Say a word in the asker's name, that many numbers after the last one that the server took."""
     node = wires.nodes["server"]
     if node.journal is not None:
         taken = restored(node.core.agent, node.journal).taken.get("asker", 0)
@@ -299,7 +299,7 @@ def test_whatever_a_thief_says_each_request_is_worked_on_once(
 
 
 def test_an_old_copy_of_a_journal_that_is_put_back_loses_no_word() -> None:
-    """Its agent finds its numbers used: what it says anew is said after them."""
+    """Its agent finds its numbers used: it says new words after them."""
     wires = toy_wires()
     wires.run_for(1.0)
     old = wires.nodes["asker"].journal

@@ -75,7 +75,7 @@ def test_latest_value_under_faults(seed: int, loss: float, delay: float, crash: 
 
 
 def test_a_subscriber_that_lost_its_journal_is_served_again() -> None:
-    """It counts its lives from 1 again; its subscription is no late copy of an earlier one."""
+    """It counts its lives from 1 again; its subscription is not a late copy of an earlier one."""
     wires = observers()
     for _ in range(3):
         wires.run_for(1.0)

@@ -135,7 +135,7 @@ def test_an_empty_inbox_gives_none_in_time() -> None:
 
 
 def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory() -> None:
-    """Durable links are streams, all else may be dropped sooner; so many keys are kept and no more."""
+    """Durable links are streams, all else may be dropped sooner; the number of kept keys is bounded."""
     for delivery, kind in ((Delivery.DURABLE, Class.STREAM), (Delivery.VOLATILE, Class.VOLATILE)):
         _, to_asker = wirings(delivery)
         (link,) = to_asker.links

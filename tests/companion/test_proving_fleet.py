@@ -208,7 +208,7 @@ NAIVE: dict[str, tuple[Callable[[], Design], int, str]] = {
 
 @pytest.mark.parametrize("name", NAIVE)
 def test_naive(name: str) -> None:
-    """It fails, with so many faults and not with fewer, by what is said here."""
+    """It fails with that many faults and not with fewer, for the reason given here."""
     make, most, what = NAIVE[name]
     design = make()
     result = found(design, Faults(most))

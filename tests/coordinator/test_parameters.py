@@ -53,7 +53,7 @@ def test_what_comes_after_another_task_is_not_asked_about(scene):
 
 
 def test_a_task_that_costs_less_to_do_first_replaces_the_running_one(scene):
-    """A look of 5 s and a pour of 100 s that nothing is held for: both hear why; the pour is planned anew and done."""
+    """A look of 5 s and a pour of 100 s that nothing is held for: both hear why; the pour is planned again and done."""
     scene.puppets["pl"].answer = stop_planning
     pour = scene.running(POUR)
     look = scene.command(LOOK)
@@ -196,7 +196,7 @@ def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
 
 
 def at(scene, seconds, task=LOOK):
-    """A task that may begin in so many seconds."""
+    """A task that may begin in that many seconds."""
     return replace(task, start=scene.wires.now + seconds)
 
 

@@ -214,7 +214,7 @@ URGENT = cmd.LookAround(urgency=1)
 
 
 def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene):
-    """ta leaves it as after a cancel; the person hears where it stands; it is planned anew, and ends done."""
+    """ta leaves it as after a cancel; the person hears where it stands; it is planned again, and ends done."""
     pour = scene.running()
     urgent = scene.command(URGENT)
     assert scene.acts("ta").count(P.CANCEL) == 1

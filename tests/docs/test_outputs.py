@@ -35,7 +35,7 @@ def found(path: Path, folder: Path) -> list[str]:
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("path", STATIC_PAGES, ids=lambda path: str(path.relative_to(shown.ROOT)))
 def test_a_page_shows_what_its_commands_print(path: Path, tmp_path: Path) -> None:
-    """On a recorded run; `scripts/outputs` writes the pages anew."""
+    """On a recorded run; `scripts/outputs` rewrites the pages."""
     shown.place(tmp_path, recorded=True)
     wrong = []
     for block in shown.blocks(path):

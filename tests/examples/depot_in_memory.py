@@ -61,7 +61,7 @@ class Depot:
             self.wires.add(agent, wiring(name, "test", design=DESIGN, languages=LANGUAGES), device)
 
     def run(self, ended: int, limit_s: float = 600.0) -> None:
-        """Until so many orders have ended."""
+        """Until that many orders have ended."""
         self.wires.run(lambda: self.wires.memory("desk").ended >= ended, limit_s=limit_s)
 
     def said(self, performative: str, sender: str = "") -> list[str]:

@@ -172,7 +172,7 @@ def test_a_way_through_the_aisle_is_longer_than_the_straight_line():
 
 
 def test_making_the_project_again_keeps_what_was_filled_in(tmp_path):
-    """Nothing of the example is written anew: its design and its files belong together."""
+    """No file of the example would change: its design and its files belong together."""
     copy = tmp_path / "depot"
     subprocess.run(["cp", "-r", str(EXAMPLE), str(copy)], check=True)
     outcome = scaffold((EXAMPLE / "depot" / "design.toml").read_text(), copy)

@@ -78,7 +78,7 @@ def test_ex_away_in_an_act(fleet) -> None:
 
 
 def test_hypotheses_lost(fleet) -> None:
-    """km forgets them with its life: the search begins anew and asks everything again."""
+    """km forgets them with its life: the search begins again and asks everything again."""
     fleet.say("pour the jar into the bowl")
     fleet.wires.run(lambda: any(isinstance(query, wm.HypotheticalState) for query in fleet.asked))
     fleet.wires.crash("km", Point.AFTER, in_steps=1)

@@ -1,4 +1,4 @@
-"""One reader and many inputs: what came of each, the slowest, the memory. What is no documented error is a crash."""
+"""One reader and many inputs: the outcomes, the slowest, the memory. An undocumented error is a crash."""
 
 import random
 import resource

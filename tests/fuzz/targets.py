@@ -161,7 +161,7 @@ def samples() -> list[bytes]:
 
 
 def sample(data: bytes) -> None:
-    """The recorder makes a record of anything, and an agent an event; what is no communicate is named garbage."""
+    """The recorder makes a record of anything, and an agent an event; any other bytes are named garbage."""
     key, _, payload = data.partition(b"\n")
     text = key.decode(errors="replace")
     record = understood(Sample(text, payload, 1.76e9, token="/alive/" in text), SYSTEM)

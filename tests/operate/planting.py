@@ -181,7 +181,7 @@ def no_conversation(t: Traffic) -> Expected:
 
 
 def no_number(t: Traffic) -> Expected:
-    """A durable request whose id is no number: its receiver cannot put it in order."""
+    """A durable request whose id is not a number: its receiver cannot put it in order."""
     n = t.said("hi", "co", "request")
     return V.OUT_OF_SEQUENCE, name(t.add(n, id="first", conversation="hi-1-3", reply_with="first"))
 

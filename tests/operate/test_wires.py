@@ -111,7 +111,7 @@ def test_a_delay_is_waited_for_and_holds_up_no_others() -> None:
 
 
 class Once(random.Random):
-    """Bad luck so many times, good luck from then on."""
+    """Bad luck that many times, good luck from then on."""
 
     def __init__(self, times: int) -> None:
         super().__init__(1)

@@ -84,7 +84,7 @@ def test_the_page_has_every_section_and_figure() -> None:
 
 
 def test_markup_in_a_design_is_shown_as_it_is_written() -> None:
-    """A name like <b> is no element of the page."""
+    """A name like <b> is not an element of the page."""
     words = (HERE / "lamp.toml").read_text().replace('"switch a lamp"', "'switch <b id=\"x\">&amp; a lamp'")
     reader = Reader(page_of(Design(loading.read(words))))
     assert "b" not in reader.tags

@@ -20,7 +20,7 @@ Segment = tuple[tuple[float, float], tuple[float, float]]
 
 
 def designed(count: int, joins: list[tuple[int, int]], texts: list[str], agents: int) -> Design:
-    """A design of so many groups g0, g1 ..., split off one after the other; the last step makes the channels."""
+    """A design of that many groups g0, g1 ..., split off one after the other; the last step makes the channels."""
     names = [f"g{number}" for number in range(count)]
     rests = ["root", *(f"r{number}" for number in range(1, count - 1)), names[-1]]
     steps = [

@@ -223,7 +223,7 @@ def test_nobody_waits_for_the_answer_to_a_dead_agents_question(design: Design) -
 
 
 def test_slow_is_measured_to_the_act_that_answers(design: Design) -> None:
-    """The design says which; it is no violation."""
+    """The design names the act; slowness is not a violation."""
     yard = Yard(design)
     yard.say(P.REQUEST, 1.0, "1")
     assert yard.say(P.AGREE, 2.1, "1", in_reply_to="1") == [V.SLOW]

@@ -88,7 +88,7 @@ def steps(model: Fleet, state: Flat, *words: str) -> Flat:
 
 
 def test_an_answer_to_a_question_given_up_is_no_answer_to_the_next() -> None:
-    """The lamp is slow, and the hand has asked anew meanwhile."""
+    """The lamp is slow, and the hand has asked again meanwhile."""
     model = fleet(questions((*ASKER, BORED), SLOW))
     state = steps(model, model.start, "wonder", "ask query-ref <-", "bored", "wonder", "thought")
     assert model.parts.net(state[model.soft[0].slot]) == Net(frozenset({ASKED}))

@@ -98,7 +98,7 @@ def test_who_gives_a_question_up_hears_no_answer() -> None:
 
 
 def test_an_answer_that_no_row_applies_to_is_wrong() -> None:
-    """It is no late copy: its conversation is open."""
+    """It is not a late copy: its conversation is open."""
     hand = instead(ASKER, '"ask inform", to', '"ask inform", when = ["ask asked"], to')
     assert "no row of hand in asking applies to ask inform" in wrong(questions(hand))
 
@@ -122,7 +122,7 @@ def test_a_volatile_award_is_repeated_until_it_is_answered() -> None:
 
 @pytest.mark.parametrize("most", [0, 1, 2, ANY])
 def test_subscriptions_hold_whatever_happens(most: int) -> None:
-    """Subscribed anew after every death; the newest observation comes in the end."""
+    """Subscribed again after every death; the newest observation comes in the end."""
     model = fleet(watching(), most)
     assert explore(model).holds
     assert model.unused() == ()

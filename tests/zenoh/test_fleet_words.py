@@ -42,7 +42,7 @@ def test_dance(fleet: RocoFleet) -> None:
 
 
 def test_garbage_to_the_task_agent(fleet: RocoFleet) -> None:
-    """Bytes that are no communicate, and communicates that make no sense, are counted; nobody dies of them."""
+    """Bytes that are not a communicate, and communicates that make no sense, are counted; nobody dies of them."""
     dance = msgspec.Raw(msgspec.msgpack.encode("dance"))
     lie = Communicate(
         performative=Performative.REQUEST, protocol="coordinate", language="HFSM", ontology="roco",

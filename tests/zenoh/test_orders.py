@@ -113,7 +113,7 @@ def test_the_log_level_is_changed_while_it_runs(depot: Depot) -> None:
 
 
 def test_a_parameter_decides_from_the_next_step_on(depot: Depot) -> None:
-    """With both robots paused an order fails after so many calls as the parameter says; a restart keeps it."""
+    """With both robots paused an order fails after as many calls as the parameter says; a restart keeps it."""
     assert depot.roco("param", "get", "dispatcher", "rounds")["value"] == 20
     for robot in ("mule", "ox"):
         depot.roco("agent", "pause", robot)

@@ -1,5 +1,5 @@
 """Every cell of the rights over a real router with TLS: identity x key x put, subscribe, query, queryable, token,
-watch. Allowed is what the design says, told anew here, and nothing else.
+watch. Allowed is exactly what the design says, written out here a second time.
 """
 
 import time

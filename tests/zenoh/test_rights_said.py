@@ -175,7 +175,7 @@ def test_nobody_hears_the_fleet_without_a_right(fleet: Processes) -> None:
 
 
 def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
-    """Another authority under a running router: it listens anew, co comes back with new keys, old ones do not count."""
+    """Another authority under a running router: it listens again, co returns with new keys, old ones do not count."""
     old = (fleet.run / KEYS_FOLDER).rename(fleet.run / "old")
     with zenoh.open(client_config(fleet.endpoint, client_tls(old, "hi"))):
         issuing.issue(fleet.run / KEYS_FOLDER, DESIGN, (SYSTEM,))

@@ -30,7 +30,7 @@ SYSTEMS = ("velma1", "velma2")
 SAID = len(("communicate", "receipt", "ping", "pong", *KINDS))
 """One of everything that `Pair.talk` says, each way."""
 PINGS = len(("ping", "pong"))
-"""No agent takes them here: what they say is no channel. A recorder hears them."""
+"""No agent takes them here: what they say is not a channel. A recorder hears them."""
 
 
 class Site(msgspec.Struct):

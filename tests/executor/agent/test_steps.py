@@ -105,7 +105,7 @@ def test_ex_knows_where_its_robot_stands() -> None:
 
 
 def test_acts_are_counted() -> None:
-    """Words of one act are no news of the next."""
+    """Words of one act are not news of the next."""
     one = idle()
     for number in (1, 2):
         ask(one, rc.MoveJoint(f"m{number}", Side.LEFT, ((0.0,) * 8,), 0.3), f"t{number}")

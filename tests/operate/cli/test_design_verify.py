@@ -28,7 +28,7 @@ ARC = 'arc = [{ source = "idle", target = "idle" }]\n'
 
 
 def roco(*words: object, columns: int = 80) -> Result:
-    """Run a verb of `roco design` in a terminal of so many columns."""
+    """Run a verb of `roco design` in a terminal of that many columns."""
     return CliRunner(env={"COLUMNS": str(columns)}).invoke(app, ["design", *map(str, words)])
 
 

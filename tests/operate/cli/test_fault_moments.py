@@ -16,7 +16,7 @@ OWNERS = {state: [agent for agent, name in STATES if name == state] for _, state
 
 @given(st.floats(0, 1e6).map(lambda value: round(value, 3)), st.sampled_from(["", "s"]))
 def test_seconds(value: float, unit: str) -> None:
-    """A number is so many seconds."""
+    """A number is that many seconds."""
     assert parse(f"{value:.3f}{unit}", DESIGN, "pl") == After(value)
 
 

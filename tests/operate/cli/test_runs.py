@@ -29,7 +29,7 @@ Told = list[Run]
 def kept(
     folder: Path, name: str, days: float = 0.0, processes: tuple[ProcessStatus, ...] = ENDED, **more: object
 ) -> Path:
-    """Make the folder of a run that began so many days before NOW and took a minute."""
+    """Make the folder of a run that began that many days before NOW and took a minute."""
     run = folder / name
     run.mkdir(parents=True)
     fleet = Fleet("depot", "tcp/127.0.0.1:1", 0, NOW - days * DAY, processes)

@@ -76,7 +76,7 @@ def test_rates_are_those_of_the_row() -> None:
 
 
 def test_answers_are_timed_from_what_they_answer() -> None:
-    """Though the question is filtered away; a copy of the question begins nothing anew."""
+    """Though the question is filtered away; a copy of the question does not restart it."""
     (row,) = told("stats", "--performative", "inform-ref", "--channel", "C4")["rows"]
     asked: dict[str, float] = {}
     spans = []

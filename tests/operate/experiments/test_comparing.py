@@ -161,7 +161,7 @@ def test_thresholds_are_read_and_wrong_ones_named() -> None:
 
 
 def test_the_same_words_at_other_times_do_not_diverge() -> None:
-    """Times, sizes, names of conversations and numbers in words are no difference."""
+    """Times, sizes, names of conversations and numbers in words make no difference."""
     for seed in range(2, 12):
         assert diverging.first(said(1), said(seed)) is None
     renamed = [msgspec.structs.replace(one, conversation=f"{one.conversation}x", size=1) for one in said(2)]

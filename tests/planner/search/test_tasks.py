@@ -262,7 +262,7 @@ def test_what_is_there_already_stays(km, named, beginning: Scene, thing: str, pl
 
 
 def test_a_place_that_nobody_has_seen_is_refused(km, beginning: Scene) -> None:
-    """With those that there are; a thing that can be taken is no place."""
+    """With those that there are; a thing that can be taken is not a place."""
     for place in ("shelf", "bowl", "table_7"):
         plan = km(beginning).plan("put_at", "jar", place)
         assert isinstance(plan, hfsm.NoPlan)
@@ -325,7 +325,7 @@ def test_an_empty_table_needs_no_clearing(km, named, beginning: Scene) -> None:
 
 
 def test_what_cannot_be_cleared_away_is_told(km, named, beginning: Scene) -> None:
-    """A thing out of reach stays, the other one goes; where all stay, that is no success."""
+    """A thing out of reach stays, the other one goes; where all stay, that is not a success."""
     far = wm.SeenObject("jar_2", "jar", Pose((1.30, -0.88, 0.876)), 3.0)
     plan = km(told(beginning, JAR_ON_TABLE, far)).plan("clear_table")
     assert [release.object for release in released(plan)] == ["jar_1"]

@@ -106,7 +106,7 @@ def test_the_arm_follows_the_tilt(
 def test_a_solved_tilt_can_be_followed_again(
     robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3], poured: list[Tilting]
 ) -> None:
-    """From its beginning, with what ex is told (azimuth, spin and tilts), the whole of it is found anew."""
+    """From its beginning, with what ex is told (azimuth, spin and tilts), the whole of it is found again."""
     world, _, held = with_jar
     for tilting in poured:
         again = follow(
