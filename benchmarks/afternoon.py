@@ -34,7 +34,7 @@ PAGE = Path(__file__).parents[1] / "docs/scheduling.md"
 BEGIN, END = "<!-- afternoon: python benchmarks/afternoon.py --table -->\n", "<!-- /afternoon -->\n"
 Verdict = Callable[[Truth], str]
 CABINET = ("cabinet_2", "cabinet_2")
-"""What a thing in the cabinet stands on, and what it is in."""
+"""Support and container of a thing in the cabinet."""
 STOOD_S, RELEASE_S = 0.5, 60.0  # [s] wall, that a stopped robot is left alone (estimate); until it can be commanded
 
 

@@ -1,8 +1,8 @@
 """The pouring task cancelled everywhere, in one process: what is held must be put down upright, wherever that is.
 
-The task of pour_one_process runs once; every so many simulated seconds the process forks, and the child cancels there,
-lets the skill make safe what it began, runs what the plan says for a cancel, and tells how the world is then. With
-`--again N`, every N-th child also does the whole task anew.
+The task of pour_one_process runs once; at regular intervals of simulated time the process forks, and the child cancels
+there, lets the skill make safe what it began, runs what the plan says for a cancel, and tells how the world is then.
+With `--again N`, every N-th child also does the whole task again.
 
     python benchmarks/cancel_anywhere.py --seed 7 --every 2.0 --out runs/cancel_anywhere.jsonl
 """
@@ -88,7 +88,7 @@ class Cancelled(Run):
             self.at = following
 
     def secure(self) -> None:
-        """What ta does after the cancelled act; the child ends here."""
+        """Stand in for ta's work after the cancelled act; the child ends here."""
         line = {"where": self.where, "act": self.acts[-1][2], "held": sorted(h.object for h in self.here.held.values())}
         safe = plans.safe(self.plan.root, self.at)
         first, ended = len(self.acts), ""

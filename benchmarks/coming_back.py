@@ -1,4 +1,4 @@
-"""How long a killed process is away: `kill -9` of each, again and again, until the supervisor says it is ready again.
+"""Time for which a killed process is away: `kill -9` of each, repeatedly, until the supervisor says it is ready again.
 
 One fleet at rest, each process in turn; noticed: the supervisor says that it does not run. Appends to a results file.
 With --silence routers alone are killed, of two in turn the one that all use; silence: until each agent has a router.

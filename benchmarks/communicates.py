@@ -1,4 +1,4 @@
-"""What our layers cost: the codec, a step of a conversation, a question and its answer as shipped and in parts.
+"""Cost of our layers: the codec, a step of a conversation, a question and its answer as shipped and in parts.
 
     python benchmarks/communicates.py [--quick] [--only codec|conversation|trip|stages] [--out results file]
 
@@ -179,7 +179,7 @@ def trip(quick: bool, wanted: list[str]) -> list[Result]:
 
 
 def asked(answer: str, kind: str) -> str:
-    """What a row of a question is called."""
+    """Return the name of a question's row."""
     return f"question and answer of {answer}, {kind}"
 
 
@@ -198,7 +198,7 @@ def turns(fleets: list[Fleet], answer: str, quick: bool) -> list[list[list[float
 
 
 def stages(quick: bool) -> None:
-    """Where the time of a question goes: medians between stamps in both processes; the stamps themselves cost 5 us."""
+    """Measure the stages of a question: medians between stamps in both processes; the stamps themselves cost 5 us."""
     for name, (count, blocks) in TRIPS.items():
         with tempfile.TemporaryDirectory(prefix="communicates-") as folder:
             run = Path(folder) / "fleet"

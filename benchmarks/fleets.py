@@ -24,7 +24,7 @@ from companion.design import DESIGN
 HERE = Path(__file__).resolve().parent
 START_S, WITHIN_S, REST_S = 180.0, 60.0, 30.0  # estimates: on a machine that is busy with much else
 LOOK_S, IDLE_TICKS = 0.1, 1
-"""Who used no more of the processor's 10 ms in so long has done its work: heartbeats take less (estimate)."""
+"""Period [s], and processor time in it [ticks] up to which a process is idle: heartbeats take less (estimate)."""
 
 
 class NotThereError(Exception):
@@ -32,7 +32,7 @@ class NotThereError(Exception):
 
 
 class Kind(msgspec.Struct, frozen=True):
-    """What a fleet has. `bare`: two sessions instead of agents."""
+    """Kind of fleet. `bare`: two sessions instead of agents."""
 
     name: str
     secured: bool = False

@@ -74,7 +74,7 @@ def measured(seed: int, phase: str, kind: str, folder: Path) -> dict[str, Any]:
 
 
 class _SafeSince:
-    """When everything was last seen to become safe, in simulated seconds; None while it is not."""
+    """Time since which everything has been safe, in simulated seconds; None while it is not."""
 
     def __init__(self, fleet: WatchedFleet) -> None:
         self.fleet = fleet

@@ -1,4 +1,4 @@
-"""How long the judge needs for a communicate of a real run, beside what decoding it costs.
+"""Time the judge needs for a communicate of a real run, beside the cost of decoding it.
 
     python benchmarks/judging.py [--rounds N] [RECORDING]
 

@@ -1,4 +1,4 @@
-"""What geometry costs: collision checks, inverse kinematics, time scaling, and the free motions of the pouring task.
+"""Cost of geometry: collision checks, inverse kinematics, time scaling, and the free motions of the pouring task.
 
 Run `python benchmarks/kinematics.py [--seeds 3]`. The motions are those of the task on vary scenes, each from the
 posture the one before ended in; searches for grasps and places are timed apart from the motions between them.
@@ -87,7 +87,7 @@ class Task:
         return None
 
     def target(self, name: str, distance: float) -> Target:
-        """What is to be taken, out of the cabinet."""
+        """Return the target for taking a thing out of the cabinet."""
         out = standing((0, 0, 0), self.scene.find("cabinet_2").yaw).rotation[:, 0]
         return Target(name, self.world.pose(name), True, out, distance)
 

@@ -1,4 +1,4 @@
-"""How long km needs for each kind of query, for an observation and for a hypothetical state; in one process, no wire.
+"""Time km needs for each kind of query, for an observation and for a hypothetical state; in one process, no wire.
 
     python benchmarks/knowledge.py [--rounds N] [--objects N]
 

@@ -1,4 +1,4 @@
-"""What a plan costs: both plans of the pouring task on varied scenes, with km asked in the same process.
+"""Cost of planning: both plans of the pouring task on varied scenes, with km asked in the same process.
 
 Run `python benchmarks/planning.py [--seeds 1-20]`. Nothing is simulated: the receptor looks at the scene from the start
 posture, and what the first plan supposes of its end is taken for observed before the second.
@@ -68,7 +68,7 @@ class Planning:
                 self.tell(wm.SeenObject(thing.id, thing.model, thing.pose, 2.0))
 
     def ask(self, query: wm.AnyQuery) -> wm.AnyAnswer:
-        """What km answers, timed."""
+        """Return km's answer, and time it."""
         begun = time.perf_counter()
         self.overlays, answer = ask(self.scene, self.overlays, query)
         self.asking += time.perf_counter() - begun

@@ -72,7 +72,7 @@ class Run:
         return outcome
 
     def observe(self, outcome: rc.Done | rc.NotDone) -> None:
-        """What ta tells km after an act."""
+        """Take ta's report to km after an act."""
         for observation in self.observations(outcome):
             self.version += 1
             self.store.write(observed(self.store.scene, observation, (1, self.version)))
@@ -83,7 +83,7 @@ class Run:
         yield from observations(outcome)
 
     def ask(self, query: wm.AnyQuery) -> wm.AnyAnswer:
-        """What km answers."""
+        """Return km's answer."""
         self.overlays, answer = ask(self.store.scene, self.overlays, query)
         return answer
 

@@ -1,4 +1,4 @@
-"""How long the proof of a design takes, and how much memory: `python benchmarks/proof.py [FILE] [--faults 0,1,2,any]`.
+"""Time and memory of the proof of a design: `python benchmarks/proof.py [FILE] [--faults 0,1,2,any]`.
 
 Each verdict runs in a process of its own, so that its memory is its own. Rows are appended to results/proof.jsonl; a
 verdict that stands there for this commit and file is not worked out again.

@@ -128,7 +128,7 @@ class Store:
     busy = False
 
     def tell(self, content: Any) -> None:
-        """What km tells its store."""
+        """Ignore km's message to its store."""
 
     def close(self) -> None:
         """Nothing to close."""
@@ -214,7 +214,7 @@ class Turns:
 
 
 def blocks() -> Iterator[Block]:
-    """What standard input asks for."""
+    """Yield the blocks that standard input asks for."""
     with os.fdopen(0, "rb", buffering=0, closefd=False) as lines:  # unbuffered: its lock would hold up the end
         for line in lines:
             yield msgspec.json.decode(line, type=Block)

@@ -28,7 +28,7 @@ REST_S, SUSPEND_S, RESUME_S = (5.0, 60.0), (2.0, 15.0), (2.0, 10.0)
 
 
 class Scene(msgspec.Struct, frozen=True):
-    """Where a schedule stands: the time [s], the running task, those that wait, those to come, and what was."""
+    """State of a schedule: the time [s], the running task, waiting tasks, tasks to come, and finished ones."""
 
     now: float
     running: Offer | None

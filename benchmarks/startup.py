@@ -30,7 +30,7 @@ LIMIT_S = 120.0
 
 
 class Motion:
-    """When head and arms first moved, as seconds since `began`."""
+    """First movements of head and arms, as seconds since `began`."""
 
     def __init__(self, began: float) -> None:
         self.began = began

@@ -187,7 +187,7 @@ def _rss_mb(pid: int) -> float:
 
 
 def _dropped(run: Path) -> int:
-    """What the monitor told at its end; -1: nothing."""
+    """Return the count that the monitor reported at its end; -1: none."""
     for line in (run / "logs" / "monitor.jsonl").read_text().splitlines():
         told = msgspec.json.decode(line)
         if told.get("event") == "shown":

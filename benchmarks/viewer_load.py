@@ -1,4 +1,4 @@
-"""What goes on in a fleet, for viewer.py: questions of pl to km at a steady pace, a recorded robot's telemetry.
+"""Load of a fleet for viewer.py: questions of pl to km at a steady pace, a recorded robot's telemetry.
 
     python benchmarks/viewer_load.py km|pl|robot <endpoint> <run folder>
 

@@ -104,7 +104,7 @@ class WatchedFleet:
     # --- as nobody can ------------------------------------------------------------------------------------------------
 
     def truth(self) -> Truth:
-        """What is truly so."""
+        """Return the true state."""
         end = time.monotonic() + READ_S
         while True:
             with suppress(SlotError, OSError):

@@ -38,7 +38,7 @@ class Docker:
         self._compose = [*self._base, *named]
 
     def run(self, command: list[str], within_s: float) -> str:
-        """What it printed. Failed where it ends with another code than 0, or not in time."""
+        """Return the command's output. Raises Failed if it ends with another code than 0, or not in time."""
         quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
         with subprocess.Popen(command, cwd=ROOT, env=self.environment, text=True, **quiet) as process:
             try:
@@ -76,7 +76,7 @@ class Docker:
         return found[0]
 
     def execute(self, service: str, *command: str, within_s: float = ASK_S) -> str:
-        """What a command printed that ran inside a service's container."""
+        """Return the output of a command run inside a service's container."""
         return self.docker("exec", self.container(service), *command, within_s=within_s)
 
     def inspect(self, service: str, form: str) -> str:
@@ -120,7 +120,7 @@ def version(client: str) -> int:
 
 
 def wait(what: str, within_s: float, look: Callable[[], Found]) -> Found:
-    """What `look` finds, asked again and again; Failed says what is missing, and the last problem."""
+    """Return the result of `look`, called until it finds something. Failed says what is missing, and why."""
     end, why = time.monotonic() + within_s, ""
     while time.monotonic() < end:
         try:

@@ -51,7 +51,7 @@ HOW = {
 
 
 class Contradiction(msgspec.Struct, forbid_unknown_fields=True):
-    """What contradicts itself; the finding's kind and words it has."""
+    """A contradiction of the printed design, with the finding's kind and its words."""
 
     text: str
     kind: Kind
@@ -63,7 +63,7 @@ class Contradiction(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Beyond(msgspec.Struct, forbid_unknown_fields=True):
-    """What no checker of designs can decide."""
+    """A contradiction that no checker of designs can decide."""
 
     text: str
     because: str
@@ -77,7 +77,7 @@ class Known(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def known() -> Known:
-    """What is known of the printed design."""
+    """Return the known contradictions of the printed design."""
     return msgspec.toml.decode(TABLE.read_bytes(), type=Known)
 
 

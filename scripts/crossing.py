@@ -1,4 +1,4 @@
-"""What went over the cable between the executor's host and the others, counted in a recording (for scripts/two-hosts).
+"""Traffic over the cable between the executor's host and the others, counted in a recording (for scripts/two-hosts).
 
 Everything of ex that somebody else hears, and everything that ex hears of others, crosses; nothing else does.
 """
@@ -17,7 +17,7 @@ Row = tuple[str, int, int]
 
 
 def crossed(run: Path) -> tuple[Row, ...]:
-    """What crossed, how often, how many bytes of it; largest first. Copies that were sent again count again."""
+    """Return kind, count and bytes of what crossed, largest first. Copies that were sent again count again."""
     found: dict[str, list[int]] = defaultdict(list)
     for record in mcap_file.read(run / mcap_file.FILE).records:
         for what, size in _crossing(record):

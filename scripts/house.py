@@ -41,7 +41,7 @@ def room_of(module: str) -> str:
 
 
 def edges() -> set[tuple[str, str]]:
-    """Which room imports which other one, directly."""
+    """Return the direct imports between rooms as pairs (importer, imported)."""
     roots = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["root_packages"]
     graph = grimp.build_graph(*roots, cache_dir=None)
     modules = graph.modules - {"services"}

@@ -42,7 +42,7 @@ def name(docker: Docker, image: str) -> str:
 
 
 def prepare(docker: Docker, say: Say, *, offline: bool, online: bool) -> None:
-    """Where no image can be pulled: base and wheels, unless they are there from an earlier time."""
+    """Prepare base image and wheels where no image can be pulled, unless they are left from an earlier call."""
     if not (offline or online):
         offline = not works(docker.client, "pull", "-q", PUBLIC_BASE, within_s=PULL_S)
         say(f"{PUBLIC_BASE} {'cannot' if offline else 'can'} be pulled")

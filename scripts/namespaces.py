@@ -17,7 +17,7 @@ ASK_S = 30.0  # estimate: for a question to the kernel
 
 
 class CannotError(Exception):
-    """What is missing on this machine, and what to do."""
+    """Something is missing on this machine; the message says what it is and what to do."""
 
 
 class Host:
@@ -78,7 +78,7 @@ def ip(*words: str) -> None:
 
 
 def run(command: list[str], within_s: float = ASK_S) -> str:
-    """What a command printed. CannotError with what it said where it ends with another code than 0."""
+    """Return a command's output. Raises CannotError with it if the command ends with another code than 0."""
     done = subprocess.run(command, capture_output=True, text=True, timeout=within_s, check=False)
     if done.returncode != 0:
         raise CannotError(f"{' '.join(command)}: {(done.stderr or done.stdout).strip()}")

@@ -25,7 +25,7 @@ def samples(run: Path, until_s: float, now: float) -> Iterator[tuple[float, Samp
 
 
 def sampled(record: Record, at: float) -> Sample | None:
-    """What the tap would hear; None for what it would not."""
+    """Return the sample that the tap would hear; None if it would not hear it."""
     match record:
         case Spoken():
             return Sample(DESIGN.key(SYSTEM, record.communicate), record.wire, at)

@@ -1,4 +1,4 @@
-"""Blocks of the documentation that show what commands print: found, run, compared, written anew.
+"""Blocks of the documentation that show what commands print: found, run, compared, rewritten.
 
 A block is a comment and a fence. Each line that begins with `$ ` is a command, what follows is what it printed:
 
@@ -71,7 +71,7 @@ class Block(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """What a page shows wrongly; `words` for people."""
+    """A difference between a page and the output; `words` for people."""
 
     block: Block
     words: str
@@ -118,7 +118,7 @@ def place(folder: Path, recorded: bool) -> None:
 
 
 def run(block: Block, folder: Path) -> tuple[list[str], str]:
-    """What each command of a block prints, cut as the block says; then what is wrong with its exit code, or ""."""
+    """Return the output of each command of a block, cut as the block says, and the fault of its exit code, or ""."""
     if setup := block.options.get("setup"):
         done = bash(setup, folder)
         if done.returncode:
@@ -193,7 +193,7 @@ def normal(text: str, like: str) -> str:
 
 
 def differences(block: Block, texts: list[str], wrong: str) -> list[Difference]:
-    """What the page shows otherwise than it was printed."""
+    """Return the differences between the page and the output."""
     found = [Difference(block, f"{block.where}: {wrong}")] if wrong else []
     like, has = block.options.get("like", ""), block.options.get("has")
     for shown, printed in zip(block.shown, texts, strict=False):

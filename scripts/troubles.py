@@ -1,4 +1,4 @@
-"""What can go wrong, as the code itself declares it: exceptions, warnings of the log, exit codes. Read, not run.
+"""Errors as the code itself declares them: exceptions, warnings of the log, exit codes. Read, not run.
 
 docs/errors.md says of each of them the cause and what to do (scripts/errors.toml); nothing may be missing or too much.
 """
@@ -59,7 +59,9 @@ def exceptions() -> dict[str, Declared]:
 
 
 def raised() -> dict[str, list[str]]:
-    """What an exception is given where it is raised, by its name: the words that vary less than their class's form."""
+    """Return the arguments with which each exception is raised, by its name: words that vary less than their class's
+    form.
+    """
     found: dict[str, list[str]] = {}
     for _, tree in sources():
         for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
@@ -75,7 +77,7 @@ def _bases(node: ast.ClassDef) -> set[str]:
 
 
 def _message(node: ast.ClassDef) -> str:
-    """What `super().__init__` is given, "" where that is left to who raises it."""
+    """Return the argument of `super().__init__`, "" if that is left to the caller that raises it."""
     for call in ast.walk(node):
         if isinstance(call, ast.Call) and ast.unparse(call.func) == "super().__init__" and call.args:
             return _words(call.args[-1])
@@ -143,7 +145,7 @@ def _loud(call: ast.Call, tree: ast.AST) -> bool:
 
 
 def rejected() -> dict[str, Declared]:
-    """What the runtime drops, counts and says so (`reject` of the intake)."""
+    """Return the messages that the runtime drops, counts and reports (`reject` of the intake)."""
     found = {}
     for path, tree in sources():
         for call in ast.walk(tree):

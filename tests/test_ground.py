@@ -66,7 +66,7 @@ def test_a_forbidden_import_is_found_and_named(room: str, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
 def test_a_lock_has_a_hash_for_each_package_and_no_address(lock: Path) -> None:
-    """What is installed is what was locked, from whatever index the machine uses."""
+    """The installed packages are those locked, from whatever index the machine uses."""
     text = lock.read_text()
     assert "://" not in text
     for block in re.split(r"\n(?=[a-z0-9])", text.partition("\n")[2]):
@@ -75,7 +75,7 @@ def test_a_lock_has_a_hash_for_each_package_and_no_address(lock: Path) -> None:
 
 @pytest.mark.parametrize("lock", [lock for lock in LOCKS if lock.stem != "libgomp"], ids=lambda lock: lock.name)
 def test_all_locks_agree_on_versions(lock: Path) -> None:
-    """The images run what the tests ran; libgomp.txt is no part of that, it only lends a library."""
+    """The images run what the tests ran; libgomp.txt is not part of that, it only lends a library."""
     everything = pinned(ROOT / "requirements" / "all.txt")
     assert pinned(lock).items() <= everything.items()
 

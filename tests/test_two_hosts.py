@@ -41,7 +41,7 @@ def reaches(one: Host, other: Host) -> bool:
 
 @pytest.mark.skipif(os.geteuid() != 0 or shutil.which("ip") is None or not can(), reason="needs root and iproute2")
 def test_two_hosts_are_joined_by_the_cable_alone_and_gone_afterwards() -> None:
-    """What listens on one is reached from the other while the cable is in, and ends with its host."""
+    """A listener on one is reached from the other while the cable is in, and ends with its host."""
     with (
         two_hosts() as (desk, robot),
         subprocess.Popen(desk.inside(sys.executable, "-c", LISTENS), stdout=subprocess.PIPE) as listener,

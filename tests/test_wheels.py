@@ -1,4 +1,4 @@
-"""What is built can be installed and used without the clone: the codec alone, and the whole product."""
+"""Built packages can be installed and used without the clone: the codec alone, and the whole product."""
 
 import ctypes
 import os
@@ -48,7 +48,7 @@ class Place:
         self.run(UV, "pip", "install", "--quiet", *python, *locked, f"{name}{extras} @ {wheel.as_uri()}")
 
     def run(self, *command: str | Path, cwd: Path | None = None, safe: bool = True, timeout: float = 120.0) -> str:
-        """What a command prints. `safe`: Python does not look for modules in the folder it is started in."""
+        """Return the output of a command. `safe`: Python does not look for modules in the folder it is started in."""
         done = subprocess.run(
             list(map(str, command)),
             cwd=cwd or self.work,

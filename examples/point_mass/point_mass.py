@@ -40,7 +40,7 @@ class PointMasses:
         self._work = 0.0
 
     def observe(self) -> State:
-        """What the encoders told last."""
+        """Return the last state told by the encoders."""
         return self._state
 
     def step(self, command: Command) -> None:

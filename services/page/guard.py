@@ -1,4 +1,4 @@
-"""Who is let in, before anything else looks at a request: an ASGI layer around the page.
+"""Access check before anything else looks at a request: an ASGI layer around the page.
 
 Host names this machine's loopback (a page of elsewhere reaches the robot by no rebound name), a POST comes from this
 page itself (its Origin), and all but the door needs the cookie of a paired browser. `docs/page.md` says why.

@@ -1,4 +1,4 @@
-"""Who may use the page: a code pairs one browser, once; afterwards its cookie is known. No clock, no HTTP in here.
+"""Pairing of browsers with the page: a code pairs one browser, once; afterwards its cookie is known. No clock, no HTTP.
 
 Six digits are enough as five wrong ones end a code: one guess in 200,000 is right. Only digests of cookies are kept,
 in a file, so that a browser stays paired when the page restarts.

@@ -17,12 +17,12 @@ QUERY_INTERFACES = ("knowledge", "hypotheses")
 
 
 def findings(design: Design = DESIGN) -> tuple[Finding, ...]:
-    """Whatever is inconsistent in the design or between it and the languages; nothing, if all is well."""
+    """Return all inconsistencies in the design, and between it and the languages; () if there are none."""
     return (*check.check(design), *agreement_findings(design))
 
 
 def agreement_findings(design: Design) -> tuple[Finding, ...]:
-    """Whatever is inconsistent between the design and the languages."""
+    """Return all inconsistencies between the design and the languages; () if there are none."""
     classes = {
         entry.name: [kind.__name__ for kind in LANGUAGES.named(entry.name).classes]
         for entry in design.file.language

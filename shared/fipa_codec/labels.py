@@ -1,4 +1,4 @@
-"""Which reply-with a message needs, and which in-reply-to it may have: one table for agents and for judges. Pure.
+"""Rules for reply-with and in-reply-to of a message: one table for agents and for judges. Pure.
 
 A label is what a message has as reply-with. FIPA lets any message carry one (SC00061G), and each may be answered as
 long as the conversation goes on. Both sides choose their own labels, so one label can stand for a message of either

@@ -37,7 +37,7 @@ class Said(Protocol):
 
 
 class UnknownNameError(ValueError):
-    """`name` is no `kind` of the design; `known` are."""
+    """`name` is not a `kind` of the design; `known` are."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)

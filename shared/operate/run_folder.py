@@ -136,7 +136,7 @@ class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Dead(StrEnum):
-    """Why nobody took a communicate."""
+    """Reasons why nobody took a communicate."""
 
     NO_RECEIVER = "no such receiver"
     NO_RIGHT = "not in the design"

@@ -80,7 +80,7 @@ class Peer:
 
 @contextmanager
 def flooding(thief: zenoh.Session, key: str, said: Callable[[int], bytes], at_least: int) -> Iterator[None]:
-    """Put as fast as it goes, until the end of it, and so many at least."""
+    """Put as fast as possible, until the end of it, and at least that many."""
     over, put = threading.Event(), 0
 
     def flood() -> None:

@@ -1,4 +1,4 @@
-"""Who has no key, but a place in the network: connections that never become a session, many a second."""
+"""Attacks without a key, from a place in the network: connections that never become a session, many a second."""
 
 import os
 import signal
@@ -53,7 +53,7 @@ class Host:
         return False
 
     def own_address(self) -> str:
-        """Where the agents meet."""
+        """Return the address at which the agents meet."""
         told = folders.fleet(self.run)
         assert told is not None
         return told.connect

@@ -1,4 +1,4 @@
-"""Who has one key and says more with it, on keys that it has a right to, than anybody can take."""
+"""Floods by the holder of one key, on keys that it has a right to, beyond what anybody can take."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(180)]
 MANY = 20_000
 ASKED = 20
 ROOM_MB = 80
-"""What waits of a sender, in each of its lanes and decoded: estimate. Unbounded, long messages took all there was."""
+"""Memory of a sender's waiting messages, per lane and decoded [MB]: estimate. Unbounded, they took all there was."""
 FLOODS: dict[str, tuple[str, Callable[[int], bytes], int]] = {
     "of no communicate": (REQUEST, lambda n: b"\xc1" * 200, MANY),
     "in another's name": (REQUEST, lambda n: request(n, "ta"), MANY),

@@ -1,4 +1,4 @@
-"""Who has one key, and uses it to take the router's memory or its places."""
+"""Attacks by the holder of one key on the router's memory and its places."""
 
 import json
 import threading
@@ -20,7 +20,7 @@ from fipa_codec.communicate import MAX_BYTES
 pytestmark = pytest.mark.zenoh
 MINE = f"roco/{SYSTEM}/C1/ta/co/coordinate/inform"
 DENIED = f"roco/{SYSTEM}/C1/co/ta/coordinate/request"
-"""What hi, the thief's identity here, may not put."""
+"""A key that hi, the thief's identity here, may not put."""
 LARGE, TIMES = 20_000_000, 5
 """Bytes, more than LONGEST; and how often for each priority."""
 CONTAINER_MB = 256

@@ -1,4 +1,4 @@
-"""Who has an agent's key, and says all it may say with it while the robot pours: the pour ends, or fails in words.
+"""A pour beside the holder of an agent's key, who says all it may say with it: the pour ends, or fails in words.
 
 Garbage, words without content under numbers that the agent has used, will use next, or never reaches, on every key.
 """

@@ -18,14 +18,14 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
 
 
 def roco(*words: str) -> str:
-    """What `roco` prints; it succeeds."""
+    """Return the output of `roco`; it succeeds."""
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     return done.output
 
 
 class Thief:
-    """Whoever has hi's key: puts, declares a life, listens."""
+    """Holder of hi's key: puts, declares a life, listens."""
 
     def __init__(self, router: Fleet) -> None:
         self.heard = list[zenoh.Sample]()

@@ -1,4 +1,4 @@
-"""Who says that it is another's next life, or that its next number is another's next word."""
+"""Claims to be another's next life, or that a next number is another's next word."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Who has hi's key, and says words under its next numbers: co takes hi's task all the same, and both tell of it."""
+"""Words of a holder of hi's key under its next numbers: co takes hi's task all the same, and both tell of it."""
 
 import json
 
@@ -21,7 +21,7 @@ TOLD = "another speaker"
 
 
 def record(fleet: Fleet, name: str) -> Record:
-    """What an agent's journal says last."""
+    """Return the last record of an agent's journal."""
     data = last_record(journal_file(fleet.run, name).read_bytes())
     return msgspec.msgpack.decode(data or b"", type=Record)
 

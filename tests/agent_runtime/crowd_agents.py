@@ -36,7 +36,7 @@ CONTENTS: dict[P, Content] = {
 
 
 class Calling(msgspec.Struct, frozen=True):
-    """What the caller knows; `outcomes` at the end."""
+    """The caller's memory; `outcomes` at the end."""
 
     group: Multicast | None = None
     rounds: int = 0
@@ -87,7 +87,7 @@ def caller() -> Agent[Calling]:
 
 
 class Working(msgspec.Struct, frozen=True):
-    """How a participant's conversation stands, "" before the call."""
+    """State of a participant's conversation, "" before the call."""
 
     state: str = ""
 
@@ -120,6 +120,6 @@ def wiring(name: str) -> Wiring:
 
 
 OUTCOMES = {"eager": "done", "modest": "rejected", "slow": "refused", "unwilling": "refused"}
-"""What the caller is to know at the end."""
+"""Outcomes that the caller must know at the end."""
 ENDS = {"eager": "done", "modest": "rejected", "slow": "rejected", "unwilling": "refused"}
-"""Where the participants are to stand."""
+"""Final states of the participants."""

@@ -48,7 +48,7 @@ class Driven:
 
     @property
     def tells(self) -> list[Any]:
-        """What the own side was told in the last step and those that followed it."""
+        """Words told to the own side in the last step and those that followed it."""
         return [word for effects in self.out for word in effects.tells]
 
     def hears(self, sender: str, protocol: str, act: P, content: Any = None, *, talk: str, **fields: Any) -> Effects:
@@ -66,7 +66,7 @@ class Driven:
         return self.step(Arrived(Communicate(performative=act, protocol=protocol, conversation=talk, **parts)))
 
     def state_wake(self) -> float:
-        """When the last step wanted to be woken."""
+        """Return the time at which the last step wanted to be woken."""
         assert self.out[-1].wake_at is not None
         return self.out[-1].wake_at
 

@@ -30,7 +30,7 @@ REQUESTS = (1, 2)
 
 
 class World:
-    """What left the agent, in a file that outlives it; in the place of wire and device."""
+    """Effects that left the agent, in a file that outlives it; in the place of wire and device."""
 
     def __init__(self, file: Path) -> None:
         self._file = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
@@ -61,7 +61,7 @@ class World:
 
 
 def left(run: Path) -> list[Any]:
-    """What left the agent so far."""
+    """Return the effects that left the agent so far."""
     return [json.loads(line) for line in (run / "world").read_text().splitlines()]
 
 
@@ -113,7 +113,7 @@ def forked(run: Path, die_at: int = 0) -> int:
 
 
 def journalled(run: Path) -> dict[str, Any]:
-    """What the journal has."""
+    """Return the journal's contents."""
     data = journal_file(run, "server").read_bytes()
     last = journal_format.last_record(data)
     if last is None:

@@ -76,7 +76,7 @@ def proxy(memory: Asking, turn: Turn, protocol: str) -> Asking:
 
 
 def weighed(answer: Communicate) -> tuple[str, float]:
-    """Who says what the jar weighs."""
+    """Return the sender and the jar's weight from its answer."""
     (proposition,) = LANGUAGES.read(answer)[0].expressions
     return answer.sender, proposition.terms[1]
 
@@ -118,7 +118,7 @@ def found(memory: Broking, turn: Turn, errand: proxying.ProxyRequest, outer: str
 
 
 class Weighing(msgspec.Struct, frozen=True):
-    """Whom it has answered."""
+    """The callers that it has answered."""
 
     told: tuple[str, ...] = ()
 
@@ -145,7 +145,7 @@ def asker() -> Agent[Asking]:
 
 
 def broker() -> Agent[Broking]:
-    """Who knows the scales."""
+    """Return the agent that knows the scales."""
     return Agent(name="broker", start="broking", memory=Broking(), behaviours={"broking": Behaviour(broke)})
 
 

@@ -48,7 +48,7 @@ SCRIPT = tuple((protocol.name, story) for protocol in PROTOCOLS for story in sto
 
 
 class Played(msgspec.Struct, frozen=True):
-    """Which word of which story comes next; the states in which the stories before ended here."""
+    """Next word of each story; the states in which the earlier stories ended here."""
 
     story: int = 0
     word: int = 0
@@ -64,7 +64,7 @@ class Played(msgspec.Struct, frozen=True):
 
 
 def content(performative: Performative, kind: Kind) -> Content:
-    """What an act carries: the first class that each of its places allows."""
+    """Return the content of an act: the first class that each of its places allows."""
     expressions = (SAMPLES[place[0]] for place in SHAPES[performative])
     return content_of(performative, *expressions, last=kind is Kind.FINAL)
 

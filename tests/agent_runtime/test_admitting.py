@@ -1,4 +1,4 @@
-"""What an arriving communicate is worth: each stream for itself, the newest of a subject, one copy of a question."""
+"""Admission of an arriving communicate: each stream for itself, the newest of a subject, one copy of a question."""
 
 from typing import Any
 
@@ -75,7 +75,7 @@ def test_of_one_stream_only_so_many_wait() -> None:
 
 
 def test_streams_do_not_hold_each_other_up() -> None:
-    """What waits of one peer says nothing of another's numbers."""
+    """Waiting communicates of one peer do not affect another's numbers."""
     links = [
         Link(peer, "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM") for peer in ("asker", "other")
     ]
@@ -87,7 +87,7 @@ def test_streams_do_not_hold_each_other_up() -> None:
 
 
 def observation(subject: str, version: str, name: str, reply_with: str = "") -> Arrived:
-    """What the watcher says of a subject."""
+    """Return the watcher's observation of a subject."""
     raw = Raw(pack(Seen(subject, 1)))
     return Arrived(
         Communicate(
@@ -190,7 +190,7 @@ def test_long_questions_take_bounded_room(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_streams_that_wait_are_no_questions() -> None:
-    """A copy of a question is found among messages of a stream, and they are no copies of it."""
+    """A copy of a question is found among messages of a stream, and they are not copies of it."""
     links = (
         Link("asker", "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM"),
         Link("asker", "T3", "query", Role.PARTICIPANT, Delivery.VOLATILE, silent="SUM"),

@@ -10,7 +10,7 @@ from fipa_codec.performatives import Performative as P
 
 
 def test_an_agent_that_asks_is_answered_by_hand() -> None:
-    """What it said is there with its conversation; the answer goes back into it, and it goes on."""
+    """Its words are there with their conversation; the answer goes back into it, and it goes on."""
     one = Alone(toy.asker(), toy.wirings()[0])
     one.post(toy.Want(4))
     (asked,) = one.said

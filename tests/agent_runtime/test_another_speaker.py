@@ -40,7 +40,7 @@ def stolen(number: int) -> Communicate:
 
 
 def told(effects: Effects) -> list[str]:
-    """Why, of each line that says that two speak with one key."""
+    """Return the reason of each line that says that two speak with one key."""
     return [line.fields["why"] for line in effects.logs if line.event == TOLD and line.level == "error"]
 
 
@@ -81,7 +81,7 @@ def test_another_word_under_a_number_that_was_taken_is_refused_and_told() -> Non
 
 
 def test_a_receiver_remembers_after_its_death() -> None:
-    """What was taken is in its journal: a copy is still a copy, another word is still refused."""
+    """Taken words are in its journal: a copy is still a copy, another word is still refused."""
     one = serving(said=agree)
     one.state = one.core.boot(one.core.record(one.state))
     assert not told(one.step(of(request(1))))
@@ -108,7 +108,7 @@ def test_no_more_is_remembered_than_an_outbox_holds_and_what_is_older_is_not_kno
 
 
 def test_a_word_is_not_taken_before_the_one_it_follows() -> None:
-    """Whatever its number: the one before was refused, or has not come yet."""
+    """This holds for any number: the word before was refused, or has not come yet."""
     one = serving(said=agree)
     second, third = request(2, conversation="b"), request(3, conversation="c")
     one.step(of(request(2, conversation="thief")))
@@ -121,7 +121,7 @@ def test_a_word_is_not_taken_before_the_one_it_follows() -> None:
 
 @pytest.mark.parametrize(("farther", "taken"), [(1, True), (JUMP, True), (JUMP + 1, False)])
 def test_numbers_may_be_left_out_but_not_many(farther: int, taken: bool) -> None:
-    """What is too far on is refused, with the number that the stream is at; test programs' words are not."""
+    """A number too far on is refused, with the number that the stream is at; test programs' words are not."""
     one = serving(said=agree)
     far = request(1 + farther, conversation="b")
     effects = one.step(of(far))
@@ -169,7 +169,7 @@ def test_a_word_under_whose_number_another_was_taken_is_said_again() -> None:
 
 
 def test_the_same_words_after_a_death() -> None:
-    """What is said again by the next life has the same digest: an honest agent is never taken for a thief."""
+    """Words repeated by the next life have the same digest: an honest agent is never taken for a thief."""
     one = asking()
     word = one.state.outbox["server"][0].communicate
     state = restored(one.core.agent, one.core.record(one.state))
@@ -263,13 +263,13 @@ def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> Wire
 
 
 def answers(wires: Wires) -> tuple[tuple[int, int], ...]:
-    """What the asker has got so far."""
+    """Return the asker's answers so far."""
     found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
     return found
 
 
 def steal(wires: Wires, ahead: int) -> None:
-    """Say a word in the asker's name, so many numbers after the last one that the server took."""
+    """Say a word in the asker's name, that many numbers after the last one that the server took."""
     node = wires.nodes["server"]
     if node.journal is not None:
         taken = restored(node.core.agent, node.journal).taken.get("asker", 0)
@@ -299,7 +299,7 @@ def test_whatever_a_thief_says_each_request_is_worked_on_once(
 
 
 def test_an_old_copy_of_a_journal_that_is_put_back_loses_no_word() -> None:
-    """Its agent finds its numbers used: what it says anew is said after them."""
+    """Its agent finds its numbers used: it says new words after them."""
     wires = toy_wires()
     wires.run_for(1.0)
     old = wires.nodes["asker"].journal

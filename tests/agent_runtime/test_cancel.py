@@ -65,7 +65,7 @@ def cancel(memory: Client, turn: Turn, name: str) -> Client:
 
 
 class Server(Struct, frozen=True):
-    """What is being worked on; every end."""
+    """The work in progress; every end."""
 
     working: tuple[str, ...] = ()
     ended: tuple[tuple[str, str], ...] = ()
@@ -139,7 +139,9 @@ def test_every_cancel_ends(numbers: list[int], seed: int, loss: float, delay: fl
 
 
 def test_a_volatile_cancel_is_asked_again_though_an_agree_crossed_it() -> None:
-    """What crosses a cancel is no answer to it: else one lost cancel would leave its sender waiting for ever."""
+    """A word that crosses a cancel is not an answer to it: else one lost cancel would leave its sender waiting for
+    ever.
+    """
     ours, theirs = wirings(Delivery.VOLATILE)
     client = Core(Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), ours)
     worker = Core(Agent("server", "s", Server(), {"s": Behaviour(work)}), theirs)

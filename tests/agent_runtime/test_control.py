@@ -164,7 +164,7 @@ def test_a_behaviour_is_told_once_of_a_value_and_of_no_other_order() -> None:
 
 
 def test_a_value_outlives_a_restart_and_a_change_of_the_design_where_it_still_fits() -> None:
-    """Where it does not, the default counts again, and that is counted."""
+    """If it does not fit, the default counts again, and that is counted."""
     one = Driven(reading(SPEED, TRIES), TO_ASKER)
     told(one, SetParameter("speed", 2.0))
     told(one, SetParameter("tries", 9), "2")

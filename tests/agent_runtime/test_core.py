@@ -242,7 +242,7 @@ def test_cancel_in_time() -> None:
     [{"sender": "stranger"}, {"receiver": "somebody"}, {"protocol": "query"}, {"id": "first"}, {"id": "-1"}],
 )
 def test_strangers_are_dropped(fields: dict[str, str]) -> None:
-    """What is not for us, of no known link, or without a number on a stream: counted, no receipt, no answer."""
+    """A message for others, of no known link, or without a number on a stream is counted; no receipt, no answer."""
     one = Driven(recording(), TO_ASKER)
     effects = one.step(Arrived(replace(request(1).communicate, **fields)))
     assert (effects.sends, effects.receipts, effects.record) == ((), (), None)
@@ -271,7 +271,7 @@ class Strict:
         return act is P.REQUEST
 
     def why_not(self, deed: Deed) -> str:
-        """Why it is none of the design's."""
+        """Return why it is outside the design."""
         self.asked.append(deed)
         return "nothing is to be said" if deed.said else ""
 
@@ -317,7 +317,7 @@ def test_what_is_owed_must_be_said() -> None:
 
 
 def test_half_an_answer_raises() -> None:
-    """Who refuses a request that was cancelled meanwhile owes the cancel its failure, in the same step."""
+    """An agent that refuses a request cancelled meanwhile owes the cancel its failure, in the same step."""
 
     def refuse(turn: Turn) -> None:
         if isinstance(turn.event, Received) and turn.event.communicate.performative is P.CANCEL:
@@ -423,7 +423,7 @@ def test_a_memory_that_cannot_be_journalled_is_refused() -> None:
 
 
 def test_a_question_left_unanswered_is_forgotten() -> None:
-    """What the agent never answers does not pile up beyond the asker's reply-by."""
+    """Unanswered questions do not pile up beyond the asker's reply-by."""
     one = Driven(recording(), wirings(Delivery.VOLATILE, "query")[1])
     ask = Communicate(
         performative=P.QUERY_REF,

@@ -1,4 +1,4 @@
-"""Where nothing is written yet an agent says no: in every protocol, by its mildest word, and that is the end."""
+"""An agent without behaviours declines: in every protocol, by its mildest word, and that is the end."""
 
 import pytest
 from msgspec import Struct

@@ -1,4 +1,4 @@
-"""Whoever has the floor steps: one at a time, in order, on the thread that heard where nothing waits before it."""
+"""Only the holder of the floor steps: one at a time, in order, on the thread that heard if nothing waits before it."""
 
 import math
 import threading
@@ -31,7 +31,7 @@ class Steps:
         self.then(item)
 
     def rest(self) -> list[Any]:
-        """What waits in the inbox."""
+        """Return the contents of the inbox."""
         found = []
         while (item := self.inbox.get(0.0)) is not None:
             found.append(item)
@@ -102,7 +102,7 @@ def test_nothing_overtakes_what_waits_or_what_the_loop_has_in_hand(steps: Steps)
 
 
 def test_a_signal_in_hand_holds_nobody_up(steps: Steps) -> None:
-    """It is no entry that somebody waits behind, and it takes no lock."""
+    """It is not an entry that somebody waits behind, and it takes no lock."""
     steps.inbox.interrupt("stop")
     steps.inbox.put(HEARD, "heard")
     assert [steps.inbox.get(0.0) for _ in range(2)] == ["stop", "heard"]

@@ -1,4 +1,4 @@
-"""What an agent has at hand, as its heartbeat's file tells it: what waits, what is open, what it did last."""
+"""Memory of an agent as its heartbeat's file tells it: waiting messages, open conversations, last steps."""
 
 from collections import deque
 
@@ -54,7 +54,7 @@ def test_open_conversations_are_told_until_they_end() -> None:
 
 
 def test_a_step_is_told_in_the_words_of_the_design() -> None:
-    """What was taken, what was said with its guard word, where it led."""
+    """The step tells the word taken, the word said with its guard, and the state it led to."""
     deed = Deed("idle", "Received", ("order", P.REQUEST, Kind.PLAIN), (("order", P.INFORM, Kind.CANCEL),), "busy")
     one = Driven(recording(), TO_ASKER)
     steps = looked_into(one.state, deque([(1.0, deed), (2.0, Deed("busy", "Woken", None, (), "idle"))])).steps

@@ -1,4 +1,4 @@
-"""Who gets which certificate where; what still holds is kept, and nothing that lacks anything passes for it."""
+"""Certificates and their places; valid ones are kept, and an incomplete set never passes for a whole one."""
 
 import datetime as dt
 import shutil

@@ -96,7 +96,7 @@ def test_one_holder(tmp_path: Path) -> None:
 
 
 def test_another_file_is_left_alone(tmp_path: Path) -> None:
-    """What is no journal is refused and stays as it was."""
+    """A file that is not a journal is refused and stays as it was."""
     path = tmp_path / "a.journal"
     path.write_bytes(b"a letter to a friend")
     with pytest.raises(JournalError, match="not a journal"):

@@ -81,7 +81,7 @@ def test_a_failure_said_while_the_router_is_away_is_said_when_it_is_back() -> No
 
 
 def test_it_ends_with_its_subscriber() -> None:
-    """Who is gone, or lives anew, knows nothing of that conversation."""
+    """A subscriber that is gone, or has a new life, knows nothing of that conversation."""
     for change in (PeerChanged("knower", None), PeerChanged("knower", 2), PeerChanged("knower", 1, "another")):
         one = subscribed()
         one.state = msgspec.structs.replace(one.state, journals={"knower": "old"})

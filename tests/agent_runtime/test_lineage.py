@@ -171,7 +171,7 @@ def agreed(talk: str) -> Communicate:
 
 
 def observation(talk: str, id: str) -> Arrived:
-    """What the watcher saw."""
+    """Return the watcher's observation."""
     content = toy_observers.wiring("knower").languages.named("OBS").encode(toy_observers.Seen("jar", 1))
     parts = {"protocol": "subscribe", "conversation": talk, "sender": "watcher", "receiver": "knower"}
     return Arrived(Communicate(performative=P.INFORM, id=id, content=content, language="OBS", **parts))
@@ -220,7 +220,7 @@ def test_a_journal_lost_at_any_moment(victim: str, after_s: float) -> None:
 def test_lost_journals_among_other_faults(
     seed: int, loss: float, duplication: float, delay: float, crash: float, lost: list[tuple[str, float]]
 ) -> None:
-    """Whatever else strikes, nobody waits for ever for a peer that knows nothing."""
+    """No other fault makes anybody wait for ever for a peer that knows nothing."""
     wires = toys(1, 2, 3, seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay, crash=crash))
     for victim, pause_s in lost:
         wires.run_for(pause_s)

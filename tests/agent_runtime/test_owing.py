@@ -1,4 +1,4 @@
-"""What an agent owes its peers: said at once, again after growing waits, and no more once it is receipted."""
+"""Words an agent owes its peers: said at once, again after growing waits, and no more once receipted."""
 
 import pytest
 from driven import Driven, recording
@@ -37,7 +37,7 @@ def subscribe(name: str = "knower-1-1") -> Arrived:
 
 
 def ids(one: Driven) -> list[str]:
-    """What was said in the last step, by its ids; words other than observations by their performative."""
+    """Return the ids of words said in the last step; for words other than observations the performative."""
     return [sent.id if sent.performative is P.INFORM else str(sent.performative) for sent in one.sends()]
 
 
@@ -120,7 +120,7 @@ def test_a_receipt_sends_nothing_that_was_not_waiting(observer: Driven) -> None:
 
 
 def test_a_receipt_starts_the_wait_for_the_rest_anew(observer: Driven) -> None:
-    """Who receipts is there: the rest is on its way."""
+    """A peer that receipts is there: the rest is on its way."""
     observer.step(Local(Seen("jar", 1)))
     observer.step(Local(Seen("bowl", 1)))
     observer.now += 0.1
@@ -223,7 +223,7 @@ VERSIONS = st.integers(0, 10**MOST_DIGITS - 1)
 
 @given(SUBJECTS, st.tuples(VERSIONS, VERSIONS))
 def test_an_id_tells_subject_and_version(subject: str, version: tuple[int, int]) -> None:
-    """Whatever the subject has in it."""
+    """This holds for any characters in the subject."""
     assert parse_observation(observation_id(subject, version)) == (subject, version)
 
 

@@ -134,7 +134,7 @@ def living_of(journal: str) -> Peers:
 
 @given(st.lists(st.tuples(st.sampled_from(["thief", "router", "wait"]), st.integers(0, 5)), max_size=30))
 def test_no_other_journal_is_believed_while_the_believed_ones_token_comes_back(done: list[tuple[str, int]]) -> None:
-    """Whatever tokens with other names come and go, also at losses of the router."""
+    """This holds for any tokens with other names that come and go, also at losses of the router."""
     peers, now, there, news = living_of("mine"), 10.0, set[tuple[str, int]](), []
     for what, number in done:
         now += 0.1 * number

@@ -55,7 +55,7 @@ def test_it_beats_once_in_a_period_however_often_it_is_asked(tmp_path, clock):
 
 
 def test_a_heartbeat_that_was_removed_comes_back(tmp_path, clock):
-    """Whoever tidies a run folder ends nobody."""
+    """Tidying a run folder ends nobody."""
     beat = Pulse(tmp_path, "router")
     beat.file.unlink()
     beat.beat()

@@ -70,7 +70,7 @@ class Stepped:
         assert isinstance(self.shell._peers, Peers)
 
     def happen(self, event: AnyEvent) -> list[str]:
-        """What the shell did for one event, in order."""
+        """Return the shell's acts for one event, in order."""
         self.order.done.clear()
         self.shell._happen(event)
         return list(self.order.done)
@@ -106,7 +106,7 @@ def test_the_record_comes_before_what_leaves(watching: Stepped) -> None:
 
 
 def test_receipts_come_between_record_and_communicates(tmp_path: Path) -> None:
-    """Who takes an observation writes it, receipts it, and then speaks of anything."""
+    """An agent that takes an observation writes it, receipts it, and then speaks of anything."""
     one = Stepped(knower(), tmp_path)
     one.happen(PeerChanged("watcher", 1))
     (name,) = one.shell._state.soft.conversations
@@ -183,7 +183,7 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Steppe
 def test_much_that_was_said_is_written_sooner(
     watching: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is not written yet is bounded in bytes, too."""
+    """Unwritten words are bounded in bytes, too."""
     monkeypatch.setattr(diary, "MOST_SAID", 500)
     subscribed = said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")
     watching.shell._serving = True
@@ -234,7 +234,7 @@ def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> No
 
 
 def test_what_a_step_says_leaves_before_the_step_is_compared_and_written(watching: Stepped) -> None:
-    """Whoever waits for an answer waits for what it needs only."""
+    """A peer that waits for an answer waits only for the work it needs."""
     end = watching.shell._core.end
     watching.shell._core.end = lambda *given: watching.order.done.append("end") or end(*given)
     watching.happen(Arrived(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")))

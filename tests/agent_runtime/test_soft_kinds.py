@@ -18,7 +18,7 @@ def observers(*, seed: int = 0, faults: Faults | None = None) -> Wires:
 
 
 def store(wires: Wires) -> dict[str, int]:
-    """What the knower knows."""
+    """Return the knower's store."""
     return dict(wires.memory("knower").store)
 
 
@@ -55,7 +55,7 @@ def test_the_barrier_holds_while_the_subscriber_is_away() -> None:
 @example(seed=56653, loss=0.3, delay=0.4, crash=0.05)  # a late copy of an older subscribe came after the newer one
 @settings(max_examples=100, deadline=None)
 def test_latest_value_under_faults(seed: int, loss: float, delay: float, crash: float) -> None:
-    """When the watcher finished, the knower holds the newest value; its store never went back to an older one."""
+    """The knower holds the newest value once the watcher finished; its store never went back to an older one."""
     faults = Faults(loss=loss, duplication=0.2, delay=delay, crash=0.0)
     wires = observers(seed=seed, faults=faults)
     for value in range(1, 6):
@@ -75,7 +75,7 @@ def test_latest_value_under_faults(seed: int, loss: float, delay: float, crash: 
 
 
 def test_a_subscriber_that_lost_its_journal_is_served_again() -> None:
-    """It counts its lives from 1 again; its subscription is no late copy of an earlier one."""
+    """It counts its lives from 1 again; its subscription is not a late copy of an earlier one."""
     wires = observers()
     for _ in range(3):
         wires.run_for(1.0)
@@ -109,7 +109,7 @@ def test_who_knows_the_last_one_knows_the_others(seed: int, loss: float, crash: 
 
 
 def test_a_late_copy_of_an_older_subscription_is_dropped() -> None:
-    """Whatever comes late from a subscription that was given up, observations go on in the newest one."""
+    """Observations go on in the newest subscription, whatever comes late from one that was given up."""
     wires = observers()
     wires.run_for(1.0)
     (old,) = [one for one in wires.traffic if one.performative is Performative.SUBSCRIBE]

@@ -21,7 +21,7 @@ from fipa_codec.performatives import Performative as P
 
 _, TO_ASKER = wirings()
 LIVES = ((Started(), PeerChanged("asker", 1), request(1), Local(Want(1))), (Started(first=False), Local(Want(2))))
-"""What comes in two lives of an agent, the second one from the first one's last record."""
+"""Inputs of two lives of an agent, the second one from the first one's last record."""
 
 
 def answering(turn: Turn) -> None:
@@ -147,7 +147,7 @@ def test_a_service_runs_again_instead_of_serving(tmp_path: Path, capfdbinary: py
 
 
 def test_the_hash_is_of_the_whole_output(tmp_path: Path) -> None:
-    """What is run again is compared by it: another record alone is seen."""
+    """A step that is run again is compared by it: another record alone is noticed."""
     core = Core(recording(), TO_ASKER)
     _, effects = core.step(core.boot(None), Started(), 1.0)
     assert effects.record is not None

@@ -64,7 +64,7 @@ FAULTS = st.builds(
 @given(FAULTS, st.integers(0, 2**32))
 @settings(max_examples=8, deadline=None)
 def test_all_stories_under_faults(faults: Faults, seed: int) -> None:
-    """What is lost, doubled, delayed or killed changes no story."""
+    """Losses, copies, delays and kills change no story."""
     expect_all_ended(stage(faults, seed))
 
 

@@ -147,7 +147,7 @@ class Running:
     # --- the model ----------------------------------------------------------------------------------------------------
 
     def moves(self, place: Place) -> Any:
-        """Whatever arrives, time, and deaths; an agent that has more to take does that first."""
+        """Return all next events: arrivals, time, and deaths; an agent that has more to take does that first."""
         for who, side in enumerate(place.sides):
             if side.more:
                 yield from self._happens(place, who, Next(), "takes the next one")
@@ -212,7 +212,7 @@ class Running:
 
 
 def crowded(way: tuple[tuple[int, int], ...], outputs: list[tuple[int, int]], room: int) -> tuple[tuple[int, int], ...]:
-    """What is on its way with these outputs: what finds no room is lost."""
+    """Return the words on their way with these outputs: those beyond the room are lost."""
     found = set(way)
     for output in outputs:
         if sum(to == output[0] for to, _ in found) < room:
@@ -248,7 +248,9 @@ def stolen(who: int, number: int) -> Arrived:
 
 
 def out_of_order(before: CoreState, effects: Effects, *, thief: bool) -> str:
-    """What of a step is no part of a stream in order, in words; beside a thief's words numbers may be left out."""
+    """Return in words the part of a step that breaks the order of a stream; beside a thief's words numbers may be left
+    out.
+    """
     handled = effects.handled
     if isinstance(handled, Received) and not thief:
         expected = before.taken.get(handled.communicate.sender, 0) + 1
@@ -278,7 +280,9 @@ def explored(
 
 
 def test_soft_state_is_all_in_the_key() -> None:
-    """What a death takes is told apart by its inbox, re-sending, conversations and those over, or is not used here."""
+    """State lost in a death is told apart by its inbox, re-sending, open and finished conversations, or is not used
+    here.
+    """
     used = {"inbox", "resend", "conversations", "over"}
     unused = {"step", "up", "full", "held", "asks", "peers", "parameters", "answer", "last", "renumbered"}
     assert set(Soft.__struct_fields__) == used | unused
@@ -350,7 +354,7 @@ def counter_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def last_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was taken is receipted, and its number forgotten."""
+    """Receipt a word and forget its number."""
     mark = verdict._mark_taken
 
     def spoilt(state: Any, out: Any, waiting: Any) -> None:
@@ -378,7 +382,7 @@ def gaps_taken(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever comes under a number that was taken is a copy, and a receipt is for whatever has its number."""
+    """Take any word under a taken number for a copy, and any receipt for the word with its number."""
 
     def copied(state: Any, out: Any, communicate: Any, number: int) -> None:
         out.receipts.append(Receipt(communicate.sender, taken=state.taken[communicate.sender]))

@@ -60,7 +60,7 @@ def test_long_messages_take_bounded_memory() -> None:
 
 
 def test_senders_are_served_in_turns() -> None:
-    """Whoever floods waits behind its own: another's first is taken second, each in the order in which it was said."""
+    """A flood waits behind itself: another's first is taken second, each in the order in which it was said."""
     inbox = Inbox()
     for number in range(50):
         inbox.put(Class.STREAM, ("flood", number), "a")
@@ -135,7 +135,7 @@ def test_an_empty_inbox_gives_none_in_time() -> None:
 
 
 def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory() -> None:
-    """Durable links are streams, all else may be dropped sooner; so many keys are kept and no more."""
+    """Durable links are streams, all else may be dropped sooner; the number of kept keys is bounded."""
     for delivery, kind in ((Delivery.DURABLE, Class.STREAM), (Delivery.VOLATILE, Class.VOLATILE)):
         _, to_asker = wirings(delivery)
         (link,) = to_asker.links
@@ -179,10 +179,10 @@ def test_defaults_variables_and_options() -> None:
 
 @pytest.mark.parametrize("arguments", [["--speed", "fast"], ["--seed", "x"], ["--nothing"], ["--log-level", "loud"]])
 def test_a_wrong_option_is_status_2(arguments: list[str]) -> None:
-    """Which no supervisor tries again."""
+    """Status 2 is one that no supervisor retries."""
     assert parsed(arguments) == (2, None)
 
 
 def test_the_status_is_the_services() -> None:
-    """What serve gives is how the process ends."""
+    """The result of serve is the exit status of the process."""
     assert CliRunner().invoke(cli.app("x", "A service.", lambda options: 3), []).exit_code == 3

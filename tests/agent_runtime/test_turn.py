@@ -1,4 +1,4 @@
-"""What a behaviour may do in its turn: which of it is kept on the disk, what is refused, when Late comes."""
+"""Acts of a behaviour in its turn: those kept on the disk, those refused, and the time of Late."""
 
 from collections.abc import Callable
 from typing import Any

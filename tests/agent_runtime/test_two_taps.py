@@ -12,7 +12,7 @@ from agent_runtime.io.two_taps import TWIN_S, Twins
 
 
 class Stream:
-    """What is handed on of two taps that have their routers."""
+    """The stream handed on from two taps that have their routers."""
 
     def __init__(self) -> None:
         self.samples: list[Sample] = []
@@ -82,7 +82,7 @@ def test_without_both_routers_it_is_deaf_until_the_first_is_back() -> None:
 
 
 def test_a_twin_that_does_not_come_is_forgotten() -> None:
-    """What is said later is not taken for it, and memory does not grow."""
+    """Later words are not taken for it, and memory does not grow."""
     stream = Stream()
     stream.twins.heard(0, word(b"a", 1.0))
     stream.twins.heard(0, word(b"b", 1.1 + TWIN_S))

@@ -1,4 +1,4 @@
-"""What an agent says and nobody receives is told after a while, and no more once it is received."""
+"""Messages that nobody receives are reported after a while, and no more once they are received."""
 
 import pytest
 from toy_agents import asker, wirings
@@ -59,7 +59,7 @@ def test_a_stream_that_goes_on_is_heard(watch: Watch, peers: Peers) -> None:
 
 @pytest.mark.parametrize("change", ["dead", "no router", "another life"])
 def test_nobody_is_suspected_who_is_not_there(watch: Watch, peers: Peers, change: str) -> None:
-    """Who died, or came back just now, has its reasons; without a router all have."""
+    """A peer that died, or came back just now, has its reasons; without a router all have."""
     watch.look(saying(1), NOBODY, peers, 10.0)
     if change == "dead":
         peers.token("server", 1, False, 11.0)

@@ -11,7 +11,7 @@ from agent_runtime.io.waiting import Waiting
 
 
 def sample(size: int, at: float = 0.0) -> Sample:
-    """Of so many bytes."""
+    """Of `size` bytes."""
     return Sample("k", b"x" * size, at)
 
 

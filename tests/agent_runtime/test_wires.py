@@ -18,7 +18,7 @@ def toy_wires(*wanted: int, seed: int = 0, faults: Faults | None = None) -> Wire
 
 
 def answers(wires: Wires) -> tuple[tuple[int, int], ...]:
-    """What the asker has got so far."""
+    """Return the asker's answers so far."""
     found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
     return found
 
@@ -42,7 +42,7 @@ def test_a_word_not_taken_waits() -> None:
 
 
 def test_quiet_wires_say_where_everybody_stands() -> None:
-    """What never comes ends in an error that names the agents' states."""
+    """A wait that never ends raises an error that names the agents' states."""
     wires = toy_wires()
     with pytest.raises(Quiet, match="asker idle, server serving"):
         wires.run(lambda: False)
@@ -57,7 +57,7 @@ def test_quiet_wires_say_where_everybody_stands() -> None:
 )
 @settings(max_examples=150, deadline=None)
 def test_exactly_once_under_faults(seed: int, loss: float, duplication: float, delay: float, crash: float) -> None:
-    """Whatever faults strike, every request is worked on once and answered once, in order."""
+    """Every request is worked on once and answered once, in order, whatever faults strike."""
     wires = toy_wires(*range(6), seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay, crash=crash))
     wires.run(lambda: len(answers(wires)) == 6, limit_s=3600.0)
     wires.faults = Faults()

@@ -52,7 +52,7 @@ def wirings(delivery: Delivery = Delivery.DURABLE, protocol: str = "request") ->
 
 
 class AskerMemory(msgspec.Struct, frozen=True):
-    """What is still to be asked, what is being asked in which conversation, what came back."""
+    """Questions still to be asked, those under way by conversation, and the answers."""
 
     wanted: tuple[int, ...] = ()
     asking: str = ""
@@ -109,7 +109,7 @@ def asker(*wanted: int) -> Agent[AskerMemory]:
 
 
 class ServerMemory(msgspec.Struct, frozen=True):
-    """How often each number was worked on (the effect), and the conversations agreed to and not answered yet."""
+    """Number of times each number was worked on (the effect), and the conversations agreed to and not answered yet."""
 
     done: tuple[int, ...] = ()
     agreed: tuple[tuple[str, int], ...] = ()

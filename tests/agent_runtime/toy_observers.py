@@ -63,7 +63,7 @@ def wiring(agent: str) -> Wiring:
 
 
 class WatcherMemory(msgspec.Struct, frozen=True):
-    """How often the knower subscribed; whether the end is wanted, and reached."""
+    """Number of the knower's subscriptions; whether the end is wanted, and reached."""
 
     finishing: bool = False
     finished: bool = False
@@ -127,7 +127,7 @@ def knower() -> Agent[KnowerMemory]:
 
 
 class AskerMemory(msgspec.Struct, frozen=True):
-    """What came of the questions."""
+    """Answers to the questions."""
 
     answers: tuple[int, ...] = ()
     late: int = 0

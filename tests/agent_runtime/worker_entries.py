@@ -1,4 +1,4 @@
-"""What the workers of the tests do in their child process."""
+"""Functions that the workers of the tests run in their child process."""
 
 import os
 import time

@@ -107,7 +107,7 @@ def test_not_understood_at_any_point_leaves_nobody_waiting():
 
 
 def spoilt(table, role):
-    """What the exploration finds with another table for one role."""
+    """Return the result of the exploration with another table for one role."""
     return explore(COORDINATE.with_tables(**{role.value: table}))
 
 
@@ -217,7 +217,7 @@ def test_messages_in_sw_are_small(running):
 
 @pytest.mark.parametrize("state", sorted(FINAL_STATES))
 def test_cancel_is_answered_by_the_final_report(running, state):
-    """Whatever it is, and whether it crossed the cancel or follows it."""
+    """The final report answers it, of any kind, whether it crossed the cancel or follows it."""
     running.send(TA, P.INFORM, WorkerState.RUNNING)
     running.send(CO, P.CANCEL)
     running.take(CO)

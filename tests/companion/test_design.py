@@ -56,7 +56,7 @@ def test_every_state_of_the_paper_is_there_and_reachable(agent: str) -> None:
 
 
 def test_states_that_are_not_the_papers_have_a_ruling() -> None:
-    """Whatever we added to a machine of the paper says so."""
+    """Each addition to a machine of the paper says so."""
     for agent, states in STATES.items():
         extra = [state for state in DESIGN.agent(agent).state if state.name not in states]
         assert all(state.ruling for state in extra)

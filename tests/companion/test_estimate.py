@@ -23,7 +23,7 @@ COUNTED = ("communicates", "bytes")
 
 
 def heard(name: str) -> Observed:
-    """What was said in a run."""
+    """Return the traffic of a run."""
     return msgspec.json.decode((RUNS / name).read_bytes(), type=Observed)
 
 

@@ -46,7 +46,7 @@ def in_place(agent: str, event: str, /, **fields: object) -> Design:
 
 
 def found(design: Design, faults: Faults) -> Exploration:
-    """What is found first, within a bound that the right design does not need."""
+    """Return the first findings, within a bound that the right design does not need."""
     return explore(Fleet(design, faults), most_states=400_000)
 
 
@@ -75,7 +75,7 @@ def test_the_fleet_holds_with_two_faults() -> None:
 
 @pytest.mark.parametrize("agent", ["ta", "pl", "km", "ex"])
 def test_who_waits_is_told_when_an_agent_dies_for_good(agent: str) -> None:
-    """Whatever else happens, the command of a person ends."""
+    """The command of a person ends, whatever else happens."""
     result = explore(Fleet(DESIGN, Faults(0, gone=agent, waiting=("hi",))))
     assert result.complete
     assert result.findings == ()
@@ -208,7 +208,7 @@ NAIVE: dict[str, tuple[Callable[[], Design], int, str]] = {
 
 @pytest.mark.parametrize("name", NAIVE)
 def test_naive(name: str) -> None:
-    """It fails, with so many faults and not with fewer, by what is said here."""
+    """It fails with that many faults and not with fewer, for the reason given here."""
     make, most, what = NAIVE[name]
     design = make()
     result = found(design, Faults(most))

@@ -52,7 +52,7 @@ def test_anything_else_is_an_error(data: bytes) -> None:
     ids=["no zlib", "less", "more", "none", "negative", "too large", "a bomb", "cut off"],
 )
 def test_a_picture_of_another_size_than_it_says_is_not_unpacked(wrong: Picture) -> None:
-    """Whoever reached the key cannot fill the monitor's memory."""
+    """A process that reached the key cannot fill the monitor's memory."""
     with pytest.raises(ValueError, match="a picture"):
         wrong.pixels()
 

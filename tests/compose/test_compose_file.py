@@ -38,7 +38,7 @@ def target(service):
 
 
 def command(name):
-    """What a service runs: its command, else that of its image."""
+    """Return the command of a service: its own, else that of its image."""
     if "command" in SERVICES[name]:
         return SERVICES[name]["command"]
     stage = DOCKERFILE.split(f" AS {target(SERVICES[name])}\n")[1].split("\nFROM ")[0]

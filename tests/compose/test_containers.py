@@ -15,7 +15,7 @@ SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
 
 def containers():
-    """scripts/containers.py, which is no package's."""
+    """scripts/containers.py, which is not in a package."""
     spec = importlib.util.spec_from_file_location("containers", SCRIPTS / "containers.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -37,7 +37,7 @@ def place(tmp_path, monkeypatch):
 
 
 def test_without_docker_it_says_loudly_that_nothing_is_tested(tmp_path):
-    """And is no failure of whoever has no Docker."""
+    """A machine without Docker is not a failure."""
     done = subprocess.run(
         [sys.executable, SCRIPTS / "compose-test"], env={**os.environ, "PATH": str(tmp_path)}, capture_output=True
     )

@@ -1,4 +1,4 @@
-"""What an image's lock leaves out is not needed by what the image runs: nothing else can be imported in these tests."""
+"""Packages left out of an image's lock are not needed by its programs: nothing else can be imported in these tests."""
 
 import os
 import re

@@ -32,7 +32,7 @@ def program(path: Path, script: str) -> None:
 
 
 def made(bin: Path) -> subprocess.CompletedProcess[str]:
-    """What the script says."""
+    """Run the script, and return its result."""
     environment = {"PATH": str(bin), "TMPDIR": str(bin.parent)}
     bash = shutil.which("bash")
     assert bash
@@ -42,7 +42,7 @@ def made(bin: Path) -> subprocess.CompletedProcess[str]:
 
 
 def asked(bin: Path) -> str:
-    """What docker was asked to do."""
+    """Return the command that docker got."""
     file = bin.parent / "asked"
     return file.read_text() if file.exists() else ""
 
@@ -66,7 +66,7 @@ def test_no_image_of_half_a_system(bin: Path) -> None:
 
 
 def test_the_image_is_named(bin: Path) -> None:
-    """What the caller gives to docker compose is all that is printed."""
+    """The only output is the value that the caller gives to docker compose."""
     program(bin / "mmdebstrap", 'for file; do :; done; echo all > "$file"')
     done = made(bin)
     assert (done.returncode, done.stdout) == (0, "a/base:1\n")

@@ -44,7 +44,7 @@ def test_all_services_are_there_but_the_keeper_of_the_keys_and_the_page():
 
 @every_service
 def test_nothing_is_left_that_a_swarm_refuses_or_ignores(name):
-    """What it ignores would look as if it held."""
+    """An ignored setting would look as if it held."""
     assert not (REFUSED | IGNORED) & set(STACK["services"][name])
     assert not any("127.0.0.1" in port for port in STACK["services"][name].get("ports", ()))
 

@@ -20,7 +20,7 @@ AGENTS = sorted(DESIGN.agents)
 
 
 def renamed(service):
-    """What the second robot's service must be, made of the first one's."""
+    """Return the second robot's service, made of the first one's."""
     text = yaml.safe_dump(service).replace("ROCO_PORT", "ROCO_PORT2").replace("8350", "8360")
     return yaml.safe_load(text)
 

@@ -32,7 +32,7 @@ class Puppet:
         self.heard = []
 
     def default(self, turn, received):
-        """What a protocol wants at once: ta says Running."""
+        """Answer as a protocol wants at once: ta says Running."""
         if self.name == "ta" and received.communicate.performative is P.REQUEST:
             turn.say(received.conversation, P.INFORM, sw.Report(sw.WorkerState.RUNNING))
 
@@ -103,7 +103,7 @@ class Scene:
     # --- what the test sees -------------------------------------------------------------------------------------------
 
     def heard(self, name, conversation=""):
-        """What a puppet heard: (performative, content), of one conversation or of all."""
+        """Return the words a puppet heard as (performative, content), of one conversation or of all."""
         return [
             (one.communicate.performative, one.content)
             for one in self.puppets[name].heard
@@ -119,7 +119,7 @@ class Scene:
         return [one.conversation for one in self.puppets[name].heard if one.communicate.performative is P.REQUEST][-1]
 
     def said(self, task):
-        """What hi heard of a task: `performative state`, in order."""
+        """Return the reports to hi about a task as `performative state`, in order."""
         return [f"{act} {getattr(content, 'state', 'reason')}" for act, content in self.heard("hi", task)]
 
     def last_text(self, task):
@@ -164,7 +164,7 @@ def a_plan(duration=100.0, suspend=0.0, resume=0.0):
 
 
 def no_plan(reason="the jar is out of reach"):
-    """Why there is no plan."""
+    """Return a NoPlan with its reason."""
     return hfsm.NoPlan("p", reason)
 
 

@@ -122,7 +122,7 @@ def person(scene, words):
 
 
 def results(scene, task):
-    """What ended a task, as hi heard it: refuse, failure, inform of an end; less the answer of a cancel too late."""
+    """Return the acts that ended a task for hi: refuse, failure, inform of an end; not the answer to a late cancel."""
     return [act for act, content in scene.heard("hi", task) if is_end(act, content)]
 
 
@@ -148,7 +148,7 @@ calm = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], max
 @calm
 @given(words_of_hi, st.integers(0, 2**32), st.booleans())
 def test_every_command_of_hi_ends_exactly_once(words, seed, slow):
-    """Whatever pl and ta do and when; then co is at rest and serves the next."""
+    """This holds for any acts of pl and ta at any time; then co is at rest and serves the next."""
     scene = Scene()
     Chance(scene, seed, slow)
     opened = person(scene, words)

@@ -27,7 +27,7 @@ def told(scene, task):
 
 @pytest.fixture(autouse=True)
 def all_steps_are_rows(scene):
-    """Whatever is tested: co does what its rows say."""
+    """Check after each test that co did only what its rows say."""
     yield
     assert OUTSIDE not in scene.co.state.counts
 
@@ -53,7 +53,7 @@ def test_what_comes_after_another_task_is_not_asked_about(scene):
 
 
 def test_a_task_that_costs_less_to_do_first_replaces_the_running_one(scene):
-    """A look of 5 s and a pour of 100 s that nothing is held for: both hear why; the pour is planned anew and done."""
+    """A look of 5 s and a pour of 100 s that nothing is held for: both hear why; the pour is planned again and done."""
     scene.puppets["pl"].answer = stop_planning
     pour = scene.running(POUR)
     look = scene.command(LOOK)
@@ -97,7 +97,7 @@ def test_a_decision_is_made_once_with_the_same_parameters(scene):
 
 @pytest.mark.parametrize("answer", [P.FAILURE, P.REFUSE])
 def test_a_task_without_parameters_waits_for_its_turn(scene, answer):
-    """What cannot be planned now may be when its turn comes."""
+    """A task that cannot be planned now may be when its turn comes."""
     pour, look = scene.running(POUR), scene.command(LOOK)
     scene.pl(answer, no_plan())
     assert scene.said(look) == ["agree waiting"]
@@ -180,7 +180,7 @@ def test_the_order_of_those_that_wait_is_by_costs_once_all_are_known(scene):
 
 
 def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
-    """What is left is less, and what it takes to leave it is what is held then."""
+    """A later leg has less work left, and leaving it costs as much as the things held then."""
     name = scene.command(POUR)
     legs = (hfsm.ScheduleParameters("take jar_1", 60.0), hfsm.ScheduleParameters("pour jar_1", 20.0, 16.0, 12.0))
     state = hfsm.EndState("take jar_1", hfsm.Outcome.SUCCEEDED)
@@ -196,7 +196,7 @@ def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
 
 
 def at(scene, seconds, task=LOOK):
-    """A task that may begin in so many seconds."""
+    """A task that may begin in that many seconds."""
     return replace(task, start=scene.wires.now + seconds)
 
 

@@ -154,7 +154,7 @@ def test_no_plan_fails_the_task_with_the_reason(scene, performative, content):
 
 @pytest.mark.parametrize("content", [None, cmd.TaskReport(cmd.TaskState.DONE)])
 def test_a_request_that_is_no_command_is_not_understood(scene, content):
-    """Nothing, or a sentence of CMD that is no command; the fleet serves on."""
+    """Nothing, or a sentence of CMD that is not a command; the fleet serves on."""
     name = scene.command(content)
     assert scene.acts("hi", name) == [P.NOT_UNDERSTOOD]
     assert scene.serves()
@@ -444,7 +444,7 @@ def test_a_plan_that_is_put_off_is_asked_for_again(scene):
 
 
 def test_a_plan_is_not_put_off_for_ever():
-    """After so many times the task fails with the planner's words."""
+    """After that many times the task fails with the planner's words."""
     scene = Scene(limits=Limits(looks=2))
     name = scene.command()
     for _ in range(3):

@@ -32,7 +32,7 @@ several = st.lists(offers, max_size=5).map(tuple)
 
 @given(rules, st.none() | offers, several, st.floats(500.0, 1000.0))
 def test_a_decision_is_for_a_task_that_is_there_and_as_urgent_as_any(rule, running, waiting, now):
-    """Whatever the rule; a switch is for a task that waits, and told with a reason."""
+    """This holds under every rule; a switch is for a task that waits, and told with a reason."""
     decision = rule(running, waiting, now)
     known = {one.task: one for one in (*waiting, *([running] if running else []))}
     assert (decision is None) == (not known)
@@ -151,7 +151,7 @@ commands = st.one_of(
 
 @given(st.lists(commands, max_size=6), st.booleans())
 def test_a_queue_loses_nothing_and_interrupts_nothing(said, planning):
-    """What is under way stays first; of two about the same thing the later one waits, unless it is more urgent."""
+    """The running task stays first; of two about the same thing the later one waits, unless it is more urgent."""
     jobs = ()
     for n, command in enumerate(said):
         stage = Stage.PLANNING if planning and not n else Stage.WAITING
@@ -183,13 +183,13 @@ def test_tasks_wait_in_order_of_their_deadlines_unless_they_are_about_the_same_t
 
 
 def test_tasks_of_one_sentence_keep_their_order():
-    """Whatever they are about and whenever they are due."""
+    """Their order does not depend on subjects or due times."""
     assert order_of(cmd.Take("jar"), cmd.LookAround(after="0", deadline=20.0)) == [0, 1]
     assert order_of(cmd.Take("jar"), cmd.LookAround(deadline=20.0)) == [1, 0]
 
 
 def test_a_table_is_cleared_after_what_was_said_before():
-    """Whatever is put there by then belongs to it; what is said later comes after it."""
+    """Things put there by then belong to it; later commands come after it."""
     assert order_of(cmd.PutDown("bowl", "table"), cmd.ClearTable(deadline=20.0)) == [0, 1]
     assert order_of(cmd.ClearTable(), cmd.Take("jar", deadline=20.0)) == [0, 1]
 
@@ -214,7 +214,7 @@ URGENT = cmd.LookAround(urgency=1)
 
 
 def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene):
-    """ta leaves it as after a cancel; the person hears where it stands; it is planned anew, and ends done."""
+    """ta leaves it as after a cancel; the person hears where it stands; it is planned again, and ends done."""
     pour = scene.running()
     urgent = scene.command(URGENT)
     assert scene.acts("ta").count(P.CANCEL) == 1
@@ -248,7 +248,7 @@ def test_done_before_it_could_be_left(scene):
 
 
 def test_a_task_that_could_not_be_left_safely_fails_with_the_reason(scene):
-    """What the hand still holds is told; the urgent task comes all the same."""
+    """The report names the held thing; the urgent task comes all the same."""
     pour, _ = scene.running(), scene.command(URGENT)
     scene.ta(WorkerState.FAILED, reason="not everything could be put down (held: jar_1)")
     assert (scene.said(pour)[-1], "jar_1" in scene.last_text(pour)) == ("failure failed", True)

@@ -48,7 +48,7 @@ def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )
 def test_a_new_exception_is_seen(room: Path, code: str, name: str) -> None:
-    """Wherever it stands, whatever its base is called."""
+    """The place and the name of the base do not matter."""
     room.write_text(code, encoding="utf-8")
     assert name in troubles.exceptions()
 
@@ -71,7 +71,7 @@ def test_a_new_loud_event_is_seen(room: Path, code: str) -> None:
 
 
 def test_a_quiet_event_is_none(room: Path) -> None:
-    """What is logged as info is no trouble."""
+    """An event logged as info is not an error."""
     room.write_text("def f(log): log.write('new', level='info'); log.write('newer')", encoding="utf-8")
     assert troubles.warnings() == {}
 

@@ -1,4 +1,4 @@
-"""What the pages show is what the commands print; a word of difference is found; no verb of `roco` is left out."""
+"""Pages show the commands' output; a word of difference is found; no verb of `roco` is left out."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def page(folder: Path, command: str, text: str, words: str = "") -> Path:
 
 
 def found(path: Path, folder: Path) -> list[str]:
-    """What a check says of its one block."""
+    """Return the differences that a check of its one block finds."""
     (block,) = shown.blocks(path)
     return [one.words for one in shown.differences(block, *shown.run(block, folder))]
 
@@ -35,7 +35,7 @@ def found(path: Path, folder: Path) -> list[str]:
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("path", STATIC_PAGES, ids=lambda path: str(path.relative_to(shown.ROOT)))
 def test_a_page_shows_what_its_commands_print(path: Path, tmp_path: Path) -> None:
-    """On a recorded run; `scripts/outputs` writes the pages anew."""
+    """On a recorded run; `scripts/outputs` rewrites the pages."""
     shown.place(tmp_path, recorded=True)
     wrong = []
     for block in shown.blocks(path):

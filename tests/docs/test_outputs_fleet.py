@@ -12,7 +12,7 @@ EVERY = [block for page in shown.PAGES for block in shown.blocks(page)]
 @pytest.mark.zenoh
 @pytest.mark.timeout(900)
 def test_pages_show_what_a_running_fleet_prints(tmp_path: Path) -> None:
-    """`scripts/outputs --fleet` writes them anew."""
+    """`scripts/outputs --fleet` rewrites them."""
     shown.place(tmp_path, recorded=False)
     wrong = []
     try:

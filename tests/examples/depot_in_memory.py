@@ -61,7 +61,7 @@ class Depot:
             self.wires.add(agent, wiring(name, "test", design=DESIGN, languages=LANGUAGES), device)
 
     def run(self, ended: int, limit_s: float = 600.0) -> None:
-        """Until so many orders have ended."""
+        """Until that many orders have ended."""
         self.wires.run(lambda: self.wires.memory("desk").ended >= ended, limit_s=limit_s)
 
     def said(self, performative: str, sender: str = "") -> list[str]:
@@ -75,7 +75,7 @@ class Depot:
         return [content.robot for content in self.told(Assigned)]
 
     def told(self, kind: type) -> list[Any]:
-        """What the desk was informed of, of one class, each message once."""
+        """Return the contents of one class that the desk was informed of, each message once."""
         informs = {one.id: one for one in self.wires.traffic if one.performative == "inform" and one.receiver == "desk"}
         contents = [LANGUAGES.read(one)[0] for one in informs.values()]
         return [content for content in contents if isinstance(content, kind)]

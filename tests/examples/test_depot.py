@@ -88,7 +88,7 @@ def test_whatever_is_lost_doubled_delayed_or_dies_every_order_is_carried_once(se
 
 
 def test_a_robot_that_comes_back_drives_on_from_where_it_was():
-    """What the wheels were to report died with it, so they are told again, from the last point it knew."""
+    """Reports of the wheels died with it, so they are told again, from the last point it knew."""
     depot = Depot(*wishes(("receiving", "shipping")))
     told: list[Drive] = []
     depot.wires.nodes["mule"].maker = lambda post: Told(wheels(post), told)
@@ -172,7 +172,7 @@ def test_a_way_through_the_aisle_is_longer_than_the_straight_line():
 
 
 def test_making_the_project_again_keeps_what_was_filled_in(tmp_path):
-    """Nothing of the example is written anew: its design and its files belong together."""
+    """No file of the example would change: its design and its files belong together."""
     copy = tmp_path / "depot"
     subprocess.run(["cp", "-r", str(EXAMPLE), str(copy)], check=True)
     outcome = scaffold((EXAMPLE / "depot" / "design.toml").read_text(), copy)

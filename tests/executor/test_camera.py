@@ -117,7 +117,7 @@ def test_its_arms_are_in_the_picture() -> None:
 
 
 def bluish(view: View) -> int:
-    """How many pixels are bluer than steel, and no sky."""
+    """Return the number of pixels that are bluer than steel, and no sky."""
     picture = view.camera.picture(view.qpos).astype(int)
     return int((picture[..., 2] > picture[..., 0] + 25).sum())
 

@@ -49,7 +49,7 @@ class Place:
         self.qpos[start : start + 7] = [*pose.translation, w, x, y, z]
 
     def seen(self) -> dict[str, Sight]:
-        """What a new eye sees at its first look."""
+        """Return the sights of a new eye at its first look."""
         return {sight.name: sight for sight in self.eye().look(self.qpos)}
 
 

@@ -22,7 +22,7 @@ def rows(state: str, to: str, *acts: P) -> Rows:
 
 
 WHITE = "".join(map(chr, range(33)))
-"""What Java's trim() takes away."""
+"""Characters removed by Java's trim()."""
 
 
 # --- its codec --------------------------------------------------------------------------------------------------------
@@ -160,7 +160,7 @@ class SubscriptionInitiator(Initiator):
         return self.says(P.CANCEL, to) if ignores else self.says(P.CANCEL, to, reply_with=label)
 
     def cancellation_completed(self) -> None:
-        """What its program calls, once it has seen that a notification was the answer to its cancel."""
+        """Take the call of its program, made once it has seen that a notification was the answer to its cancel."""
         self.sessions.clear()
 
 

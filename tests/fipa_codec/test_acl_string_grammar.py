@@ -73,7 +73,7 @@ CHANGES = st.tuples(
 
 @given(messages(), st.lists(CHANGES, min_size=1, max_size=4))
 def test_a_changed_text_is_read_or_refused_at_once(drawn, changes):
-    """What is read can be printed; what is refused has the typed error, with its place in the text."""
+    """A text that is read can be printed; a refused one raises the typed error, with its place in the text."""
     data = drawn[0].encode()
     for change, at, length, byte in changes:
         at %= len(data) or 1

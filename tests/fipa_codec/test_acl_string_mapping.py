@@ -319,7 +319,7 @@ FOREIGN_TEXTS = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, ma
 @example("order 17 of Ada")
 @example("(set (a b))")
 def test_any_conversation_id_comes_and_goes(text):
-    """What is not a label of ours is escaped; the peer gets its own text back, character for character."""
+    """Text that is not a label of ours is escaped; the peer gets its own text back, character for character."""
     message = AclMessage(performative=P.CFP, conversation_id=text, reply_with=text, in_reply_to=text)
     back = to_acl(from_acl(message, RECEIVED))
     assert (back.conversation_id, back.reply_with, back.in_reply_to) == (text, text, text)

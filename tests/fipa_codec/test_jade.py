@@ -49,7 +49,7 @@ class Ours:
         self.judged(Role.INITIATOR, said)
 
     def may_say(self) -> list[Row]:
-        """What its table allows now."""
+        """Rows that its table allows now."""
         assert self.talk is not None
         return list(self.talk.table.allowed(self.talk.state, SEND))
 
@@ -112,7 +112,7 @@ def test_a_request_ends_alike_on_both_sides(
 
 
 def test_progress_would_be_taken_for_the_result() -> None:
-    """Which is why the book's request has none: the paper's is not for a peer of another platform."""
+    """The book's request has none for this reason: the paper's is not for a peer of another platform."""
     ann, jade = Ours("ann", Profile.PAPER), AchieveREInitiator("fipa-request", P.REQUEST, aids("ann"))
     meet(jade, ann)
     for act, kind in ((P.AGREE, Kind.PLAIN), (P.INFORM, Kind.PROGRESS), (P.INFORM, Kind.PLAIN)):

@@ -78,7 +78,7 @@ def test_a_new_round_forgets_the_labels_of_the_one_before() -> None:
 
 
 def test_a_cancel_may_carry_the_label_of_its_subscribe() -> None:
-    """SubscriptionInitiator sends the subscription's own reply-with again: that is no copy, and it is answered."""
+    """SubscriptionInitiator sends the subscription's own reply-with again: that is not a copy, and it is answered."""
     side, _ = opened("subscribe", P.SUBSCRIBE, "R1").send(P.AGREE, id="1", now=1.0)
     side, told = side.send(P.INFORM, id="2", now=2.0)
     assert told.in_reply_to == "R1"
@@ -88,7 +88,7 @@ def test_a_cancel_may_carry_the_label_of_its_subscribe() -> None:
 
 
 def test_a_request_goes_on_beside_a_cancel_of_the_same_label() -> None:
-    """What answers the opening and what answers the cancel is told by what the state allows."""
+    """The state decides whether a word answers the opening or the cancel."""
     side, _ = opened("request", P.REQUEST, "R1").send(P.AGREE, id="1", now=1.0)
     side = side.receive(foreign("request", P.CANCEL, "R1"))
     assert side.state == "stopping"

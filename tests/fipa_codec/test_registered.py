@@ -13,7 +13,7 @@ from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Row, Table, named,
 
 @pytest.fixture(autouse=True)
 def _forgotten() -> Iterator[None]:
-    """What is registered here is forgotten after the test: other tests of the process list the names."""
+    """Forget registrations after the test: other tests of the process list the names."""
     yield
     for name in ("knock", "tap"):
         tables._registered.pop(name, None)

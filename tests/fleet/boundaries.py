@@ -23,7 +23,7 @@ class Side(StrEnum):
 
 
 class Ending(msgspec.Struct, frozen=True):
-    """What a run ends with.
+    """State at the end of a run.
 
     `world`: km's; `stands`: poses and grips as they are; `word`: hi's last; `acts`: kinds of act that ta commanded, in
     their order; `doubled`: keys of acts that were commanded or begun more than once; `poured`: how often.

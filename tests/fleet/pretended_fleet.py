@@ -91,11 +91,11 @@ class Fleet:
         return () if memory is None else memory.tasks
 
     def ended(self, count: int = 1) -> bool:
-        """Whether so many tasks have ended."""
+        """Whether that many tasks have ended."""
         return sum(task.state in FINAL for task in self.tasks) >= count
 
     def finish(self, count: int = 1, limit_s: float = 900.0) -> list[str]:
-        """Go on until so many tasks have ended and everybody rests; their states."""
+        """Go on until that many tasks have ended and everybody rests; their states."""
         self.wires.run(lambda: self.ended(count), limit_s=limit_s)
         self.wires.run(self.at_rest, limit_s=300.0)
         return [str(task.state) for task in self.tasks]
@@ -119,7 +119,7 @@ class Fleet:
         return list(finals.values())
 
     def answers(self) -> list[Answer]:
-        """What hi answered to the person."""
+        """Answers of hi to the person."""
         return [one for one in self.person.told if isinstance(one, Answer)]
 
     def close(self) -> None:

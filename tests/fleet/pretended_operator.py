@@ -38,7 +38,7 @@ def begun(fleet: Fleet, level: Level) -> Fleet:
 
 
 def stepped(fleet: Fleet, ended: int = 1) -> list[str]:
-    """Let plans go on until so many tasks have ended; the leaves that were asked about."""
+    """Let plans go on until that many tasks have ended; the leaves that were asked about."""
     leaves: list[str] = []
     while True:
         fleet.wires.run(lambda: fleet.ended(ended) or waiting(fleet))

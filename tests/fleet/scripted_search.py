@@ -1,7 +1,7 @@
 """A search that knows its plans by heart and still asks km for every fact they rest on.
 
 It stands in the place of the planner's child process (the same words): the agent forwards its queries, is cancelled
-and begins anew as with the true one. The plans have the shape of the true ones: take both, put the bowl down, look,
+and begins again as with the true one. The plans have the shape of the true ones: take both, put the bowl down, look,
 Replan; then pour.
 """
 
@@ -82,7 +82,7 @@ def pour(network: hfsm.GroundTaskNetwork) -> Searching:
 
 
 def steps(jar: Side | None, bowl: Side | None, where: wm.PoseOf) -> list[tuple[str, list[rc.Act]]]:
-    """What is still to be done."""
+    """Return the steps still to be done."""
     todo: list[tuple[str, list[rc.Act]]] = []
     if jar is None:
         todo.append(("take jar_1", [move(Side.LEFT), grasp(Side.LEFT, "jar_1")]))

@@ -20,7 +20,7 @@ AGENTS = {"co": coordinator, "ex": executor, "km": knowledge, "pl": planner, "ta
 
 
 def openings(name: str) -> list[tuple[Link, Performative]]:
-    """What an agent is asked with, and with what."""
+    """Return the opening messages that an agent takes, as links and performatives."""
     return [
         (link, act)
         for link in wiring(name, "test").links

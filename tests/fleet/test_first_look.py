@@ -78,7 +78,7 @@ def fleet_with(robot: type[Robot]) -> Fleet:
 
 
 def reports(fleet: Fleet) -> list[TaskReport]:
-    """What co told hi, in order."""
+    """Return co's reports to hi, in order."""
     said = [one for one in fleet.wires.traffic if one.sender == "co" and one.receiver == "hi" and one.content]
     return [report for one in said if isinstance(report := CMD.decode(one.content), TaskReport)]
 
@@ -122,7 +122,7 @@ def test_a_cancel_meanwhile() -> None:
 @pytest.mark.parametrize("point", list(Point))
 @pytest.mark.parametrize("at_s", [5.0, 80.0])
 def test_a_death_amid_a_long_look_around(victim: str, point: Point, at_s: float) -> None:
-    """Whoever dies while the robot looks around, and comes back, the command is carried out."""
+    """The command is carried out whichever agent dies while the robot looks around, and comes back."""
     fleet = fleet_with(Slow)
     fleet.say(POUR)
     fleet.wires.run_for(at_s)
@@ -226,7 +226,7 @@ def test_a_look_around_on_command(fleet: Fleet) -> None:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_who_knows_of_its_end_knows_the_rest(seed: int) -> None:
-    """Whatever is lost on the way: no question is answered before all that the look around showed is known."""
+    """No question is answered before all that the look around showed is known, whatever is lost on the way."""
     fleet = Fleet(seed=seed, faults=Faults(loss=0.3))
     fleet.wires.run(lambda: fleet.up("km") and not fleet.wires.memory("km").patient, limit_s=300.0)
     assert set(fleet.wires.memory("km").scene.things) == set(fleet.world.poses)
@@ -244,7 +244,7 @@ def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known() 
 
 
 def test_what_was_looked_at_stays_looked_at(fleet: Fleet) -> None:
-    """Where a later look around fails, nobody is told that nothing was looked at."""
+    """If a later look around fails, nobody is told that nothing was looked at."""
     fleet.wires.run(lambda: fleet.up("km") and not fleet.wires.memory("km").patient)
     fleet.wires.run(fleet.at_rest)
     late = wm.NothingSeen("the look around failed: no light")

@@ -36,7 +36,7 @@ def test_a_pour_is_as_designed() -> None:
 @pytest.mark.parametrize("point", list(Point))
 @pytest.mark.parametrize("victim", VICTIMS)
 def test_a_death_is_no_violation(victim: str, point: Point) -> None:
-    """One agent dies at any point of its steps and comes back: what it says again, or anew, is as designed."""
+    """One agent dies at any point of its steps and comes back: what it says again, or newly, is as designed."""
     for step in STEPS:
         fleet = Fleet(seed=step)
         Tapped(fleet.wires)

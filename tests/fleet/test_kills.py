@@ -11,7 +11,7 @@ VICTIMS = ("co", "pl", "km", "ta", "ex", "hi")
 
 
 def steps_of_the_story() -> dict[str, int]:
-    """How many steps each agent makes without a fault."""
+    """Return the number of steps each agent makes without a fault."""
     fleet = Fleet()
     fleet.say("pour the jar into the bowl")
     fleet.finish()
@@ -53,7 +53,7 @@ def test_a_death_changes_nothing_of_the_outcome(victim: str, point: Point, count
 @pytest.mark.parametrize("point", POINTS)
 @pytest.mark.parametrize("victim", ["ex", "hi"])
 def test_deaths_of_robot_and_human_interface(victim: str, point: Point, counted: dict[str, int]) -> None:
-    """ex calls an act in which it died unknown and never begins it again; the plan is made anew from what is seen."""
+    """ex calls an act in which it died unknown and never begins it again; the plan is made again from what is seen."""
     total = counted[victim]
     for step in sorted({1 + k * total // SAMPLES for k in range(SAMPLES)}):
         if victim == "hi" and step < 4:

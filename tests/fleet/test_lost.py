@@ -36,7 +36,7 @@ class Slippery(TrueFleet):
 
 
 def reports(fleet: Fleet) -> list[tuple[float, sw.Report]]:
-    """What ta told co, with the simulated time."""
+    """Return ta's reports to co, with the simulated time."""
     said = [one for one in fleet.wires.traffic if (one.sender, one.receiver) == ("ta", "co")]
     return [(one.sent, SW.decode(one.content)) for one in said if str(one.performative) == "inform"]
 

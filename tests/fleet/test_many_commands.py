@@ -33,7 +33,7 @@ some = settings(  # an example takes seconds: twenty commands would be shrunk fo
 
 
 def spoken(number: int, words: str) -> Said | CancelWanted:
-    """What the person says: a wish, one for later, or a cancel of the oldest open task."""
+    """Return the person's words: a wish, one for later, or a cancel of the oldest open task."""
     if not words:
         return CancelWanted(f"t{number}")
     text = WORDS[1] if words == "later" else words
@@ -42,7 +42,7 @@ def spoken(number: int, words: str) -> Said | CancelWanted:
 
 
 def told_ends(fleet: Fleet) -> Counter[str]:
-    """How often the person was told the end of each task."""
+    """Return the number of times the person was told the end of each task."""
     return Counter(
         one.event.task
         for one in fleet.person.told
@@ -67,7 +67,7 @@ def all_end(fleet: Fleet, words: list[tuple[float, str]]) -> None:
 @some
 @given(st.lists(said, min_size=COUNT, max_size=COUNT))
 def test_twenty_commands_in_ten_seconds(words: list[tuple[float, str]]) -> None:
-    """What is too much is refused in words; each step of each agent is a row of the design."""
+    """Commands beyond the limit are refused in words; each step of each agent is a row of the design."""
     fleet = Fleet()
     try:
         all_end(fleet, words)

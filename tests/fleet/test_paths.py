@@ -1,4 +1,4 @@
-"""What real agents do is a path of the proven model: recorded runs, stories in memory, with deaths and cancels."""
+"""Paths of real agents are paths of the proven model: recorded runs, stories in memory, with deaths and cancels."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ HISTORY = Path(__file__).parents[1] / "histories" / "deeds_seed_7"
 
 @pytest.fixture
 def done(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Deed]]:
-    """What all agents of the process do, in the order in which they do it."""
+    """Acts of all agents of the process, in order."""
     made: list[tuple[str, Deed]] = []
     right = Core.step
 
@@ -43,7 +43,7 @@ def test_a_recorded_run_is_a_path() -> None:
 
 @pytest.mark.parametrize("number", range(0, 659, 60))
 def test_a_step_that_was_not_made_is_missed(number: int) -> None:
-    """Without a step that says or takes something the rest of the run is no path."""
+    """Without a step that says or takes something the rest of the run is not a path."""
     made = deeds(HISTORY / "steps")
     follower = Follower(DESIGN)
     loud = [place for place in range(number, len(made)) if _matters(follower, *made[place])]
@@ -77,7 +77,7 @@ def test_a_story_in_memory(fleet, done) -> None:
 
 @pytest.mark.parametrize("acts", range(1, 12, 2))
 def test_a_cancelled_story(fleet, done, acts: int) -> None:
-    """Cancelled when so many acts were begun."""
+    """Cancelled when that many acts were begun."""
     fleet.say("pour the jar into the bowl")
     fleet.wires.run(lambda: len(fleet.world.begun) >= acts)
     fleet.cancel()

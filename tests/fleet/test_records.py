@@ -24,7 +24,7 @@ def pours(fleet: Fleet) -> None:
 
 
 def delivery(agent: str, peer: str, protocol: str) -> Delivery:
-    """How these two send what belongs to this protocol."""
+    """Return how these two send messages of this protocol."""
     return wiring(agent, "test").required(peer, protocol).delivery
 
 

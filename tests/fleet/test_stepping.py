@@ -13,7 +13,7 @@ from services.human_interface.local import Said
 
 
 def acts(fleet: Fleet) -> int:
-    """How many motions the robot has begun."""
+    """Return the number of motions the robot has begun."""
     return len(fleet.world.begun)
 
 
@@ -107,7 +107,7 @@ def test_a_wait_begins_while_hi_is_down(fleet) -> None:
 
 @pytest.mark.parametrize("step", range(6))
 def test_a_cancel_while_an_act_waits(step: int) -> None:
-    """What is held is put down, which waits for nobody; the next command is served."""
+    """The held thing is put down, which waits for nobody; the next command is served."""
     fleet = begun(Fleet(seed=3), Level.HANDLING)
     for _ in range(step):
         fleet.wires.run(lambda: waiting(fleet) or fleet.ended())

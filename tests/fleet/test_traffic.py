@@ -1,4 +1,4 @@
-"""Whatever the fleet says is what the design allows: who, to whom, in which act, language, class and size."""
+"""Traffic of the fleet is as the design allows: who, to whom, in which act, language, class and size."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,7 @@ from fipa_codec.communicate import Communicate, encode
 
 
 def wrong(traffic: Iterable[Communicate]) -> set[str]:
-    """What is against the design, in words."""
+    """Return the deviations from the design, in words."""
     return {found for one in traffic if (found := _wrong(one))}
 
 

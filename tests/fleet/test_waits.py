@@ -9,12 +9,12 @@ from services.planner.local import Answer, Begin, Died
 
 
 def text(fleet: Fleet) -> str:
-    """What hi was told last of the first task."""
+    """Return hi's last text about the first task."""
     return fleet.tasks[0].text
 
 
 def test_an_empty_world(fleet) -> None:
-    """Where nothing is seen the plan fails with its reason: km knows only what observations told it."""
+    """The plan fails with its reason if nothing is seen: km knows only what observations told it."""
     fleet.world.poses.clear()
     fleet.say("pour the jar into the bowl")
     assert fleet.finish() == ["failed"]
@@ -78,7 +78,7 @@ def test_ex_away_in_an_act(fleet) -> None:
 
 
 def test_hypotheses_lost(fleet) -> None:
-    """km forgets them with its life: the search begins anew and asks everything again."""
+    """km forgets them with its life: the search begins again and asks everything again."""
     fleet.say("pour the jar into the bowl")
     fleet.wires.run(lambda: any(isinstance(query, wm.HypotheticalState) for query in fleet.asked))
     fleet.wires.crash("km", Point.AFTER, in_steps=1)

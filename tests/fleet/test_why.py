@@ -62,7 +62,7 @@ def test_a_cancel(logged: Logged) -> None:
 
 @pytest.mark.parametrize("agent", ["pl", "ta"])
 def test_an_agent_that_was_killed(logged: Logged, agent: str) -> None:
-    """It is told that it was away, and, where its act was lost, why the plan was made anew."""
+    """It is told that it was away, and, where its act was lost, why the plan was made again."""
     logged.fleet.say(POUR)
     running(logged.fleet, "grasp" if agent == "ta" else "plan 1")
     logged.fleet.wires.kill(agent, restart_s=2.0)

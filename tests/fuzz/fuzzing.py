@@ -1,4 +1,4 @@
-"""One reader and many inputs: what came of each, the slowest, the memory. What is no documented error is a crash."""
+"""One reader and many inputs: the outcomes, the slowest, the memory. An undocumented error is a crash."""
 
 import random
 import resource
@@ -34,7 +34,7 @@ class Crash(msgspec.Struct, frozen=True):
 
 
 class Outcome(msgspec.Struct):
-    """What came of all inputs. `errors`: documented ones by type; "": accepted. `slowest_ms` of processor: `slowest`.
+    """Results for all inputs. `errors`: documented ones by type; "": accepted. `slowest_ms` of processor: `slowest`.
 
     `peak_mb` of memory; `grown_mb`: since the valid inputs were read.
     """

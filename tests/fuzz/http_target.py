@@ -14,7 +14,7 @@ from services.human_interface import server
 from services.human_interface.local import Answer
 
 HOST, TOKEN = b"127.0.0.1:8350", b"TOKEN"
-"""What stands in an input for the address and the token of the service that runs."""
+"""Placeholders in an input for the address and the token of the running service."""
 WITHIN_S = 8.0
 """Longer than any wait of the service but for an answer of an agent, which comes at once here."""
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)

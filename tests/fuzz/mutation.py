@@ -205,7 +205,7 @@ class Frames(msgspec.Struct, frozen=True):
 
 
 def lengths(head_bytes: int, form: str, *first: bytes, checked: bool = False) -> Frames:
-    """Return the framing by a length (and a CRC-32) before each record, behind so many bytes of head.
+    """Return the framing by a length (and a CRC-32) before each record, behind that many bytes of head.
 
     `first`: what the frame of each record begins with.
     """

@@ -1,4 +1,4 @@
-"""What is fuzzed: each reader of bytes that came from elsewhere, the errors it may raise, and valid inputs."""
+"""Targets of the fuzzer: each reader of bytes from elsewhere, the errors it may raise, and valid inputs."""
 
 import math
 from collections.abc import Callable
@@ -116,7 +116,7 @@ def wires() -> list[bytes]:
 
 
 def codec(data: bytes) -> None:
-    """What is accepted is encoded to something that is accepted as the same; its content is read or refused."""
+    """Check that an accepted input is encoded to something accepted as the same; its content is read or refused."""
     one = decode(data)
     held(decode(encode(one)) == one or "nan" in repr(one), "decode(encode(x)) is x")
     decode_strictly(data)
@@ -145,7 +145,7 @@ def acl_texts() -> list[bytes]:
 
 
 def acl(data: bytes) -> None:
-    """What is accepted is written to something that is read as the same."""
+    """Check that an accepted text is written to something that is read as the same."""
     message = acl_string.parse(data)
     acl_string.reply_names(message)
     one = acl_string.from_acl(message, 1.76e9)
@@ -161,7 +161,7 @@ def samples() -> list[bytes]:
 
 
 def sample(data: bytes) -> None:
-    """The recorder makes a record of anything, and an agent an event; what is no communicate is named garbage."""
+    """The recorder makes a record of anything, and an agent an event; any other bytes are named garbage."""
     key, _, payload = data.partition(b"\n")
     text = key.decode(errors="replace")
     record = understood(Sample(text, payload, 1.76e9, token="/alive/" in text), SYSTEM)
@@ -184,7 +184,7 @@ def recordings() -> list[bytes]:
 
 
 def recording(path: Path) -> None:
-    """Whatever can be read is read, the rest is a hole; another recorder goes on behind it."""
+    """Check that all readable parts are read, the rest is a hole, and another recorder goes on behind it."""
     heard = mcap_file.read(path, SYSTEM)
     history.merged(heard.records, {}, SYSTEM, whole=heard.whole)
     with suppress(NoRecordingError):
@@ -250,7 +250,7 @@ STEPS, JOURNAL = lengths(0, "<I"), lengths(len(MAGIC), HEAD.format, MARK, checke
 
 
 class Moment(msgspec.Struct, frozen=True):
-    """What an agent was when something came."""
+    """State of an agent when something arrived."""
 
     core: Core
     state: CoreState
@@ -321,7 +321,7 @@ SENTENCES = (
 
 
 def sentences() -> list[bytes]:
-    """What a person says."""
+    """Return sentences of a person."""
     return [text.encode() for text in SENTENCES]
 
 

@@ -52,7 +52,7 @@ def test_valid_inputs_are_accepted_and_some_changed_ones_are_not(target: Target,
 
 
 def test_a_reader_that_crashes_hangs_or_breaks_its_promise_is_noticed(tmp_path: Path) -> None:
-    """What the fuzzer is for."""
+    """The fuzzer finds the crash and the broken promise of a toy reader, and accepts a fine input."""
 
     def reader(data: bytes) -> None:
         held(data != b"promise", "never b'promise'")

@@ -80,13 +80,13 @@ class Scene:
 
     @property
     def tasks(self):
-        """What /tasks shows: state by name."""
+        """Tasks as /tasks shows them: state by name."""
         shown = [one for one in self.shown if isinstance(one, Shown)][-1]
         return {line.task: line.state for line in shown.tasks}
 
     @property
     def events(self):
-        """What /events showed."""
+        """Events as /events showed them."""
         return [one.event for one in self.shown if isinstance(one, Told)]
 
 

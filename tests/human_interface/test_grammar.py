@@ -37,7 +37,7 @@ tasks = st.one_of(
 
 
 def said(sentence, context=None):
-    """What comes of a sentence that stops nothing."""
+    """Return the result of a sentence that stops nothing."""
     return outcome(understand(sentence), context or Context())
 
 
@@ -71,7 +71,7 @@ def _task(task):
 
 @cache
 def rows(table):
-    """What is wanted, and what comes of it."""
+    """Return rows (wanted result, actual result, sentence) of a table."""
     return list(_rows(table))
 
 
@@ -116,7 +116,7 @@ def test_sentences_of_a_table_end_as_a_person_would_want(table, part):
 @example([cmd.PourInto("jar_2", "bowl")] * MOST_WISHES, "!")
 @given(st.lists(tasks, min_size=1, max_size=MOST_WISHES), st.sampled_from(("", ".", "!", " ")))
 def test_tasks_in_words_are_understood_as_themselves(language, wanted, end):
-    """What hi says it will do, or asks whether it is meant, is what it would understand: in_words has an inverse."""
+    """The words hi uses for tasks are understood as the same tasks: in_words has an inverse."""
     sentence = in_words(tuple(wanted), language) + end
     if len(sentence) <= MOST_CHARACTERS:
         assert said(sentence) == Act(tuple(wanted))
@@ -243,7 +243,7 @@ def test_a_place_is_only_where_one_was_named(sentence, place):
 
 
 def test_two_things_of_a_kind_are_told_apart_by_number():
-    """Where a look around told of two."""
+    """Two of a kind can be named once a look around told of both."""
     found = said("take the jar", Context(seen="seen: jar_1, jar_2, bowl_1"))
     assert [option.thing for option in found.options] == ["jar_1", "jar_2"]
     assert "jar 1, jar 2" in found.text
@@ -268,7 +268,7 @@ def test_an_answer_to_no_question_moves_nothing():
 
 
 def test_no_is_an_answer_where_something_was_asked_and_else_a_stop():
-    """When in doubt, stop."""
+    """In doubt, stop."""
     assert said("no", Context(options=(Option("jar", (cmd.Take("jar"),)),))) == Ask(say("en", "not_then"))
     assert said("no") == said("nie") == Tell("stop")
 
@@ -295,8 +295,8 @@ def test_a_refusal_names_what_is_understood(sentence):
 
 
 def test_things_are_those_of_the_models():
-    """What may be taken is moveable, what is poured has an opening, and where something may be put there are surfaces;
-    all are classes of models, and a place has its words in both languages.
+    """Takeable things are moveable, poured ones have an opening, and places to put things have surfaces; all are
+    classes of models, and a place has its words in both languages.
     """
     for thing in CATALOGUE.thing:
         models = [model for model in MODELS.values() if model.kind.lower().startswith(thing.name)]

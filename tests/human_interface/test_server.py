@@ -171,7 +171,7 @@ def test_it_listens_where_it_is_told(tmp_path):
 
 
 def test_without_a_word_it_listens_on_loopback_only():
-    """Who wants more says so."""
+    """Another address must be asked for."""
     assert listen_at("") == ("127.0.0.1", 0)
 
 
@@ -195,7 +195,7 @@ STOPS = [
 
 @pytest.fixture
 def robot(client):
-    """Who speaks to a desk that shares its run folder with a control loop."""
+    """A client whose desk shares its run folder with a control loop."""
     (client.run_dir / SLOTS_FILE).touch()
     (client.run_dir / STOP_FILE).write_bytes(STOP_RELEASED)
     return client
@@ -262,7 +262,7 @@ def test_a_flag_that_cannot_be_written_is_told(robot):
 
 
 def test_the_agent_can_stop_the_robot_too(robot):
-    """Where a word turns out to mean it: the flag first, then the answer."""
+    """A word that turns out to mean it sets the flag first, then is answered."""
     ticket = robot.desk._board.ticket()
     robot.desk.tell(StopRobot(ticket, "no"))
     answer = robot.desk._board.answer(ticket, 5.0)

@@ -1,4 +1,4 @@
-"""When something is wanted: words about time are taken out of a sentence, and say the same in each of their forms."""
+"""Words about time: taken out of a sentence, with the same meaning in each of their forms."""
 
 import pytest
 from hypothesis import given

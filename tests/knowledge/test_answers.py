@@ -141,7 +141,7 @@ def test_surfaces_are_in_the_world(kitchen: Store) -> None:
 
 
 def test_a_held_object_moves_with_its_hand(kitchen: Store) -> None:
-    """PoseOf names the hand, CurrentGrasp gives T_grip_object, and the object is no part of the surroundings."""
+    """PoseOf names the hand, CurrentGrasp gives T_grip_object, and the object is not part of the surroundings."""
     grip = Pose((0.0, 0.0, 0.002), (0.0, 1.0, 0.0, 0.0))
     store_observation(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "7", grip), (1, 50))
     pose = answer(kitchen, wm.ObjectPose(object="jar_1"))

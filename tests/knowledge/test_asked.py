@@ -42,7 +42,7 @@ def question(text: str, seconds: float = 5.0, rows: int = 1000) -> Question:
 
 
 def ended(asked_: Question, limit: float = 50.0) -> subprocess.CompletedProcess[bytes]:
-    """What the process of its own does with a question."""
+    """Return the result of the question's own process."""
     data = msgspec.msgpack.encode(asked_)
     return subprocess.run([sys.executable, "-m", ANSWERER], input=data, capture_output=True, timeout=limit, check=False)
 

@@ -1,4 +1,4 @@
-"""What km believed, made from a recording, is what the recording's communicates say and what km itself answered."""
+"""Beliefs of km, made from a recording, are those of the recording's communicates and of km's own answers."""
 
 import base64
 import json
@@ -119,7 +119,7 @@ def test_jar_at_12_s_and_who_said_so() -> None:
 
 
 def _scene(asked: Said) -> tuple[str, str]:
-    """Where a question of the recording is to be looked up: SPARQL before and behind the pattern."""
+    """Return the place to look a question of the recording up: SPARQL before and behind the pattern."""
     state = asked.content["state"]
     return (f"GRAPH <{PREFIXES['state']}{state}> {{", "}") if state else ("", "")
 
@@ -163,7 +163,7 @@ def test_who_km_said_holds_a_thing(asked: Said, answer: Said) -> None:
 
 
 def test_states_are_there_from_making_to_dropping() -> None:
-    """What the planner had made and not yet dropped, at times between all that was said."""
+    """States the planner had made and not yet dropped are there, at times between all that was said."""
     made = {(asked.content["id"], answer.t) for asked, answer in _asked("HypotheticalState")}
     dropped = [(asked.content["prefix"], answer.t) for asked, answer in _asked("DropStates") if "id" in answer.content]
     times = sorted({t for _, t in made} | {t for _, t in dropped})
@@ -218,7 +218,7 @@ def test_facts_are_those_of_kms_own_store() -> None:
 
 
 def told(beliefs: Beliefs) -> set[tuple[str, str]]:
-    """What is believed of what, but for times: a step log has the time of sending."""
+    """Return the believed pairs (subject, predicate), without times: a step log has the time of sending."""
     return {(str(fact.subject), str(fact.predicate)) for fact in beliefs.facts}
 
 

@@ -97,7 +97,7 @@ def scaled(shape: Shape, factor: float) -> Shape:
 
 @given(shapes, poses(), shapes, poses())
 def test_overlap_does_not_depend_on_the_order(one: Shape, at: Pose, other: Shape, there: Pose) -> None:
-    """Whoever is asked first; a mere touch, which 1 % of size would change, is left out."""
+    """The order of shapes does not matter; a mere touch, which 1 % of size would change, is left out."""
     forward = geometry.overlap(one, at, other, there)
     assume(all(geometry.overlap(scaled(one, factor), at, other, there) == forward for factor in (0.99, 1.01)))
     assert geometry.overlap(other, there, one, at) == forward

@@ -64,7 +64,7 @@ class Km(Driven):
         return self.answers()
 
     def answers(self) -> list[tuple[P, Any]]:
-        """What was said to pl in the last step."""
+        """Return the answers to pl in the last step."""
         read = self.core.wiring.languages.read
         return [(sent.performative, read(sent)[0]) for sent in self.sends() if sent.receiver == "pl"]
 
@@ -113,7 +113,7 @@ def test_a_question_is_answered_when_the_look_around_is_over(km: Km) -> None:
 
 
 def test_without_an_observer_nobody_waits_for_ever(km: Km) -> None:
-    """Who asks is told why nothing is known; there are no objects either way."""
+    """The asker is told why nothing is known; there are no objects either way."""
     km.later(ALONE_S - 0.1)
     assert km.memory.patient
     km.later(0.2)

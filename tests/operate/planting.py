@@ -31,7 +31,7 @@ class Traffic:
         self.items: list[Item] = list(_pour())
 
     def said(self, sender: str, receiver: str, act: str = "", nth: int = 0) -> int:
-        """Where the `nth` communicate of this kind is (-1: the last)."""
+        """Return the index of the `nth` communicate of this kind (-1: the last)."""
         found = [
             n
             for n, item in enumerate(self.items)
@@ -71,7 +71,7 @@ class Traffic:
         return one
 
     def found(self) -> list[Expected]:
-        """What the judge finds against the design."""
+        """Return the judge's findings against the design."""
         judging = Judging(SYSTEM)
         lines = [line for item in self.items for line in judging.lines(_record(item))]
         lines += judging.finish()
@@ -181,7 +181,7 @@ def no_conversation(t: Traffic) -> Expected:
 
 
 def no_number(t: Traffic) -> Expected:
-    """A durable request whose id is no number: its receiver cannot put it in order."""
+    """A durable request whose id is not a number: its receiver cannot put it in order."""
     n = t.said("hi", "co", "request")
     return V.OUT_OF_SEQUENCE, name(t.add(n, id="first", conversation="hi-1-3", reply_with="first"))
 

@@ -110,7 +110,7 @@ class Run:
         self.samples.append(Sample(key, encode(message), self.now))
 
     def house(self, kind: str, owner: str, data: bytes, peer: str = "") -> None:
-        """Something that is no communicate goes by."""
+        """Something that is not a communicate goes by."""
         end = f"/{peer}" if peer else ""
         self.samples.append(Sample(f"roco/{PREFIX}/_/{kind}/{owner}{end}", data, self.now))
 

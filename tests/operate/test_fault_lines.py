@@ -26,7 +26,7 @@ faults = st.builds(
 
 @given(st.lists(faults, max_size=8), st.binary(max_size=10).filter(lambda data: b"\n" not in data))
 def test_whole_lines_are_read_and_a_torn_one_is_not(some: list[Fault], torn: bytes) -> None:
-    """Whatever a kill left behind the last whole line."""
+    """This holds for any bytes that a kill left behind the last whole line."""
     assert list(read(b"".join(map(encoded, some)) + torn)) == some
 
 

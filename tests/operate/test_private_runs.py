@@ -1,4 +1,4 @@
-"""Whoever makes a run folder, other users of the machine cannot enter it; nor read a recording beside it."""
+"""Run folders are closed to other users of the machine, whoever makes them; so are recordings beside them."""
 
 import os
 import shutil
@@ -45,7 +45,7 @@ def test_a_run_folder_is_its_owners_alone(open_place: Path, maker: str) -> None:
 
 
 def test_a_folder_that_is_there_keeps_its_mode(open_place: Path) -> None:
-    """Who shares one on purpose goes on doing so."""
+    """A folder that is shared on purpose stays shared."""
     run = open_place / "run"
     run.mkdir(mode=0o750)
     make_run(run)

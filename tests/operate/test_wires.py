@@ -111,7 +111,7 @@ def test_a_delay_is_waited_for_and_holds_up_no_others() -> None:
 
 
 class Once(random.Random):
-    """Bad luck so many times, good luck from then on."""
+    """Bad luck that many times, good luck from then on."""
 
     def __init__(self, times: int) -> None:
         super().__init__(1)
@@ -137,7 +137,7 @@ def test_a_lost_piece_comes_late() -> None:
 
 
 def test_a_cut_wire_hides_the_end() -> None:
-    """Who is behind it does not learn that the other has gone."""
+    """The process behind it does not learn that the other has gone."""
 
     async def story() -> None:
         async with wired(Conditions(cut=1.0)) as setup:

@@ -24,7 +24,7 @@ def house(tmp_path):
 
 @pytest.fixture
 def connect():
-    """Where the page's router is: nowhere."""
+    """Address of the page's router: none."""
     return "tcp/127.0.0.1:1"
 
 

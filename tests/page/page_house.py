@@ -113,7 +113,7 @@ class PageProcess:
         self.url = f"http://127.0.0.1:{self.address.port}"
 
     def said_ready(self):
-        """When a page of this run folder said that it is ready [ns], 0 for never."""
+        """Return when a page of this run folder reported ready [ns], 0 for never."""
         try:
             return (self.run / "page.ready").stat().st_mtime_ns
         except FileNotFoundError:

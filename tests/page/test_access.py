@@ -1,4 +1,4 @@
-"""Who may use the page: a paired browser, from the page itself, at this machine's loopback; and how often."""
+"""Access to the page: for a paired browser, from the page itself, at this machine's loopback; and rate limits."""
 
 import re
 
@@ -82,7 +82,7 @@ def test_a_foreign_page_does_nothing_with_the_cookie(page, house, headers):
 
 @pytest.mark.process
 def test_the_same_is_done_from_the_page_itself(page, house):
-    """What the refusals above refuse is else served; also where the browser calls this machine localhost."""
+    """Requests refused above are served otherwise; also where the browser calls this machine localhost."""
     cookie = page.paired()
     assert page.form("/say", {"text": "take the jar"}, cookie)[0] == 200
     there = f"localhost:{page.address.port}"
@@ -143,7 +143,7 @@ def test_codes_are_only_for_the_command_line(page):
 
 @pytest.mark.process
 def test_requests_are_bounded_but_stop_is_not(page, house):
-    """Whoever asks without end is refused for a moment, and can stop the robot all the same."""
+    """A client that asks without end is refused for a moment, and can stop the robot all the same."""
     cookie = page.paired()
     said = [page.form("/cancel", {"task": "no-such-task"}, cookie)[0] for _ in range(40)]
     assert said[:5] == [404] * 5

@@ -1,4 +1,4 @@
-"""What a person does in a real browser comes to the coordinator and the robot, and what becomes of it is seen."""
+"""Commands of a person in a real browser reach the coordinator and the robot, and their outcome is seen."""
 
 import pytest
 from page_house import STEPS, wait_for
@@ -23,7 +23,7 @@ def seen(house, *names):
 
 
 def test_a_sentence_becomes_a_task_and_its_plan_is_followed(house, opened):
-    """What runs, which step of how many, and what comes next, in words."""
+    """The page shows the running act, the number of the step out of how many, and the next one, in words."""
     one = opened()
     say(one, "pour the jar into the bowl")
     expect(one.locator("#queue li")).to_have_text("Pour the content of the jar into the bowlwaitingCancel")
@@ -93,7 +93,7 @@ def test_the_next_sentence_is_written_while_one_is_on_its_way(house, opened):
 
 
 def test_a_question_back_is_answered_by_a_button(house, opened):
-    """Which one? The names are there, and No; nothing moves before."""
+    """The question has a button for each name, and No; nothing moves before."""
     one = opened()
     say(one, "take the container")
     expect(one.locator("#replies button")).to_have_text(["Jar", "Bowl", "No"])
@@ -182,7 +182,7 @@ def test_a_stop_from_elsewhere_is_seen(house, opened):
 
 
 def test_two_browsers_see_the_same(house, opened):
-    """What one says the other sees, and may cancel."""
+    """Each sees the other's words, and may cancel them."""
     one, other = opened(), opened()
     say(one, "take the jar")
     other.get_by_role("button", name="Cancel: take the jar").click()

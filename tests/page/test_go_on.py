@@ -29,7 +29,7 @@ def connect():
 
 @pytest.fixture
 def orders(connect, tmp_path):
-    """What is put on the key on which ta hears the page."""
+    """Orders put on the key on which ta hears the page."""
     heard = []
     options = Options(connect=connect, run_dir=tmp_path)
     key = DESIGN.house_key(KIND, system="roco", owner="page", peer="ta")

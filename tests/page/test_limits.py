@@ -70,7 +70,7 @@ def test_half_open_requests_keep_nobody_out(page, house):
 
 
 def test_a_head_that_trickles_is_ended(page):
-    """A byte now and then is no request."""
+    """A byte now and then is not a request."""
     one = connected(page)
     ended = False
     end = time.monotonic() + WITHIN_S

@@ -52,7 +52,7 @@ class Scene:
 
 
 def questions(scene: Scene) -> list[Any]:
-    """What pl asked km, once each."""
+    """Return pl's questions to km, once each."""
     said = [one for one in scene.wires.traffic if one.sender == "pl" and one.receiver == "km"]
     opened = {one.conversation: one for one in said if one.performative is P.QUERY_REF}
     return [LANGUAGES.read(one)[0] for one in opened.values()]
@@ -95,7 +95,7 @@ def test_a_cancel_is_answered_at_once() -> None:
 
 
 def test_words_of_an_earlier_attempt_are_ignored() -> None:
-    """What a killed search had said before does not reach km or co."""
+    """Words of a killed search do not reach km or co."""
     scene = Scene(Slow)
     scene.ask("p1")
     scene.until(1)

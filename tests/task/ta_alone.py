@@ -37,7 +37,7 @@ class Scene:
         self.wires.post("co", Open("ta", "coordinate", P.REQUEST, asked))
 
     def hears(self, name: str, count: int) -> Any:
-        """What the nth thing was that it heard."""
+        """Return the nth message that it heard."""
         self.wires.run(lambda: len(self.heard[name]) >= count, limit_s=2000.0)
         return self.heard[name][count - 1][2]
 

@@ -181,7 +181,7 @@ def test_what_was_cancelled_is_not_cancelled_again() -> None:
 
 
 def looks_told(scene: Scene) -> list[str]:
-    """Why each look around that showed nothing did so, as km was told."""
+    """Return the reasons that km was told for each look around that showed nothing."""
     return [content.reason for _, _, content in scene.heard["km"] if isinstance(content, wm.NothingSeen)]
 
 
@@ -294,7 +294,7 @@ def test_a_report_does_not_wait_for_km_for_ever() -> None:
 
 
 def test_a_look_around_is_tried_again_after_a_while_and_not_for_other_news() -> None:
-    """A peer that comes up between the tries is no outcome of a look."""
+    """A peer that comes up between the tries is not an outcome of a look."""
     scene = Scene()
     observer(scene)
     scene.ex(P.REFUSE, rc.NotDone("survey-1", "refused", "no light", BODY))

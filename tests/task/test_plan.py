@@ -154,13 +154,13 @@ def machines(draw: st.DrawFn) -> Machine:
 
 
 def leaves(machine: Machine) -> int:
-    """How many there are."""
+    """Return the number of leaves."""
     return sum(leaves(state) if isinstance(state, Machine) else 1 for state in machine.states)
 
 
 @given(plan=machines(), data=st.data())
 def test_running_always_ends(plan: Machine, data: st.DataObject) -> None:
-    """Whatever the outcomes: each leaf is entered at most once, every position is one of a leaf, an end comes."""
+    """Each leaf is entered at most once, every position is one of a leaf, and an end comes, whatever the outcomes."""
     plans.check(plan)
     at: Position | Outcome = plans.first(plan)
     entered = set()

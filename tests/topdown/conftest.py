@@ -1,4 +1,4 @@
-"""What the tests share stands in modules beside them."""
+"""Empty: shared parts of the tests stand in modules beside them."""
 
 import sys
 from pathlib import Path

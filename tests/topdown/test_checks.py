@@ -64,7 +64,7 @@ def test_a_ruling_answers_for_a_macro_act() -> None:
 
 
 def test_a_finding_has_its_line() -> None:
-    """Where the file is known, a finding names the line of the entry, also inside a list."""
+    """A finding names the line of the entry, also inside a list, if the file is known."""
     (found,) = check(design(WRONG_TYPE))
     assert found.line is not None
     assert "Lots" in text_of(WRONG_TYPE).splitlines()[found.line - 1]

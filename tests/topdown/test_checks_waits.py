@@ -37,7 +37,7 @@ def ring(**talks: dict[str, list[str]]) -> Design:
 
 
 def found(**talks: dict[str, list[str]]) -> list[Finding]:
-    """What the check says."""
+    """Return the check's findings."""
     return list(waits.findings(ring(**talks)))
 
 

@@ -30,7 +30,7 @@ def test_a_split_channel_is_retired_and_two_new_ones_take_its_place() -> None:
 
 
 def test_a_complemented_channel_transmits_more() -> None:
-    """What is added stands behind what was there."""
+    """Added entries stand behind the earlier ones."""
     more = Step(requirements=("R2",), complement=(Complement("C1", "pictures"),))
     result = decompose("all", (FIRST, more))
     assert result.last.channels[0].transmits == ("words", "pictures")
@@ -56,6 +56,6 @@ def test_what_is_not_there_is_a_slip_and_not_an_exception() -> None:
 
 
 def test_a_channel_goes_to_a_half_of_the_divided_group_only() -> None:
-    """Reallocating to a group that is no half is a slip."""
+    """Reallocating to a group that is not a half is a slip."""
     move = Step(requirements=("R2",), divide=divide("a", "c", "d"), reallocate=(Reallocation("C1", "b"),))
     assert any("cannot go to 'b'" in slip.wrong for slip in decompose("all", (FIRST, move)).slips)

@@ -1,4 +1,4 @@
-"""What changed between two designs is told entry by entry, whatever their order, with what follows from it."""
+"""Differences between two designs, entry by entry, whatever their order, with their consequences."""
 
 import pytest
 from spoiling import Change, design
@@ -26,7 +26,7 @@ def test_nothing_changed() -> None:
     ],
 )
 def test_order_and_blanks_are_no_change(change: Change) -> None:
-    """What is a set in the file may stand in any order."""
+    """Sets in the file may stand in any order."""
     assert changes(change) == ()
 
 
@@ -88,7 +88,7 @@ def test_rows_of_a_table_are_not_sets() -> None:
 
 
 def test_there_and_back_is_the_opposite() -> None:
-    """Whatever is added one way is removed the other way."""
+    """Each entry added one way is removed the other way."""
     other = design(("[[ontology]]", '[[language]]\nname = "X"\n\n[[ontology]]'), ("latency_s = 9.0", "latency_s = 8.0"))
     there, back = diff(design(), other), diff(other, design())
     assert {(one.kind, one.name, one.old, one.new) for one in there} == {(b.kind, b.name, b.new, b.old) for b in back}

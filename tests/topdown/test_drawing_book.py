@@ -84,7 +84,7 @@ def test_the_page_has_every_section_and_figure() -> None:
 
 
 def test_markup_in_a_design_is_shown_as_it_is_written() -> None:
-    """A name like <b> is no element of the page."""
+    """A name like <b> is not an element of the page."""
     words = (HERE / "lamp.toml").read_text().replace('"switch a lamp"', "'switch <b id=\"x\">&amp; a lamp'")
     reader = Reader(page_of(Design(loading.read(words))))
     assert "b" not in reader.tags
@@ -144,7 +144,7 @@ def test_a_step_is_summarized_as_in_the_papers_table_1() -> None:
 
 
 def test_a_leaf_without_evidence_is_told() -> None:
-    """Where the design names evidence at all."""
+    """It is told only if the design names evidence at all."""
     file = LAMP.file
     two = (
         elements.Requirement(id="R1", text="switch a lamp"),

@@ -20,7 +20,7 @@ Segment = tuple[tuple[float, float], tuple[float, float]]
 
 
 def designed(count: int, joins: list[tuple[int, int]], texts: list[str], agents: int) -> Design:
-    """A design of so many groups g0, g1 ..., split off one after the other; the last step makes the channels."""
+    """A design of that many groups g0, g1 ..., split off one after the other; the last step makes the channels."""
     names = [f"g{number}" for number in range(count)]
     rests = ["root", *(f"r{number}" for number in range(1, count - 1)), names[-1]]
     steps = [
@@ -207,7 +207,7 @@ def test_crossings_are_avoided() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 100), st.integers(0, 100))))
 def test_spans_of_one_track_are_apart(spans: list[tuple[int, int]]) -> None:
-    """Whatever has the same track keeps its distance."""
+    """Spans on the same track keep their distance."""
     found = tracks(spans, 8)
     ordered = [tuple(sorted(span)) for span in spans]
     for i, j in combinations(range(len(spans)), 2):
@@ -224,7 +224,7 @@ def test_spans_of_one_track_are_apart(spans: list[tuple[int, int]]) -> None:
     ],
 )
 def test_names_are_escaped(draw: Callable[[Design], Canvas]) -> None:
-    """What looks like markup is shown as it is written."""
+    """Text that looks like markup is shown as it is written."""
     evil = "</text><script>\"&'"
     root = ElementTree.fromstring(draw(designed(3, [(0, 1)], [evil, "b", "c"], 3)).svg())
     assert not [element for element in root.iter() if element.tag.endswith("script")]

@@ -1,4 +1,4 @@
-"""What an estimate says follows from the typical figures, and is right beside a run that has them."""
+"""Estimates follow from the typical figures, and are right beside a run that has them."""
 
 import pytest
 from measured_runs import run

@@ -18,7 +18,7 @@ LENGTH = 40
 
 
 def walk(protocol: Protocol, chance: random.Random, *, lossy: bool) -> list[tuple[Role, Said]]:
-    """What is said, in the order it is said, by two roles that send and take at random times."""
+    """Return the words in the order they are said, by two roles that send and take at random times."""
     state = dict.fromkeys(Role, START)
     ahead: dict[Role, list[Said]] = {role: [] for role in Role}
     said: list[tuple[Role, Said]] = []
@@ -131,7 +131,7 @@ def test_what_is_soft_is_forgotten_when_it_ends() -> None:
 
 @pytest.mark.parametrize("dies", [True, False])
 def test_a_death_forgets_what_is_soft(dies: bool) -> None:
-    """Whoever lives says once more that it agreed; whoever died may also refuse, as one who never heard of it."""
+    """The side that lives says once more that it agreed; the side that died may also refuse, having forgotten it."""
     subscribe = Said(Performative.SUBSCRIBE, label="1")
     followed = Followed(protocols.SUBSCRIBE, durable=False)
     assert followed.take(Role.INITIATOR, subscribe)

@@ -56,7 +56,7 @@ def default(field: msgspec.structs.FieldInfo) -> str:
 
 
 def section(title: str) -> str:
-    """What stands under a heading."""
+    """Return the text under a heading."""
     found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
     assert found, f"docs/design/format.md has no section {title}"
     return found.group(1)
@@ -79,7 +79,7 @@ def test_every_section_of_an_entry_is_one_of_the_code() -> None:
 
 def test_every_finding_is_documented() -> None:
     """By its name, with its reason."""
-    told = re.findall(r"^\| ([^|`]+?) \| [^|]+ \|$", section("What `roco design check` finds"), re.MULTILINE)
+    told = re.findall(r"^\| ([^|`]+?) \| [^|]+ \|$", section("Findings of `roco design check`"), re.MULTILINE)
     assert set(told) - {"Finding", "---"} == set(Kind)
 
 

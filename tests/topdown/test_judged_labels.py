@@ -102,7 +102,7 @@ def test_a_doubtful_opening_does_not_spoil_what_follows() -> None:
 
 @pytest.mark.parametrize("answers", ["R1", "R2"])
 def test_a_doubtful_round_may_have_begun_or_not(answers: str) -> None:
-    """A proposal to either is no fault of the bidder."""
+    """A proposal to either is not a fault of the bidder."""
     followed = play(protocols.ICFP, CALLED)
     followed.doubt(INITIATOR, Said(P.CFP, label="R2"))
     assert not isinstance(followed.read(PARTICIPANT, P.PROPOSE, "", answers, (Kind.PLAIN,)), str)

@@ -99,7 +99,7 @@ def design(tmp_path_factory: pytest.TempPathFactory) -> Design:
 
 
 class Yard:
-    """What is said in the yard, and what the judge says of it."""
+    """Traffic of the yard, and the judge's verdicts."""
 
     def __init__(self, design: Design, *, read: bool = True, born: bool = True) -> None:
         self.design = design
@@ -223,7 +223,7 @@ def test_nobody_waits_for_the_answer_to_a_dead_agents_question(design: Design) -
 
 
 def test_slow_is_measured_to_the_act_that_answers(design: Design) -> None:
-    """The design says which; it is no violation."""
+    """The design names the act; slowness is not a violation."""
     yard = Yard(design)
     yard.say(P.REQUEST, 1.0, "1")
     assert yard.say(P.AGREE, 2.1, "1", in_reply_to="1") == [V.SLOW]
@@ -232,7 +232,7 @@ def test_slow_is_measured_to_the_act_that_answers(design: Design) -> None:
 
 
 def test_a_lost_number_loses_its_conversation_and_no_other(design: Design) -> None:
-    """What is behind it is not judged where it was going on, and judged where it begins anew."""
+    """Words behind the hole are not judged in conversations under way, and judged in those that begin there."""
     yard = Yard(design)
     yard.say(P.REQUEST, 1.0, "1")
     assert yard.say(P.INFORM, 1.5, "2", in_reply_to="1") == []
@@ -306,7 +306,7 @@ def test_what_is_wrong_is_told_by_what_would_be_right(design: Design) -> None:
 
 
 def test_ended_conversations_are_forgotten(design: Design) -> None:
-    """What comes long after is not judged, and takes no memory until then."""
+    """Words that come long after are not judged, and take no memory until then."""
     yard = Yard(design)
     for n in range(50):
         yard.say(P.QUERY_REF, 1.0, f"q{n}", conversation=f"c{n}")

@@ -39,11 +39,11 @@ class Place(NamedTuple):
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Where nothing differs, nothing else can come."""
+        """Equal keys have equal futures."""
         return self.ours, self.judge.states, self.labels
 
     def acts(self, way: Way) -> set[P]:
-        """What the table allows here, and not-understood."""
+        """Return the acts that the table allows here, and not-understood."""
         return {row.performative for row in self.ours.table.allowed(self.ours.state, way)} | {P.NOT_UNDERSTOOD}
 
     def judged(self, role: Role, one: Communicate, ours: Conversation) -> "Place | None":
@@ -58,7 +58,7 @@ class Place(NamedTuple):
         return Place(ours, judge, said) if all(judge.take(*one) for one in said) else None
 
     def heard(self, number: int) -> Iterator["Place"]:
-        """Whatever the other side says: both take it, or neither."""
+        """Yield the places after each word of the other side: both take it, or neither."""
         first = self.ours.state == START
         for act in self.acts(RECEIVE) - ({P.CANCEL} if first else set()):  # forgotten by us, known to the judge
             for answers in ("", *self.labels, UNKNOWN):
@@ -83,7 +83,7 @@ class Place(NamedTuple):
                         yield place
 
     def says(self, number: int) -> Iterator["Place"]:
-        """Whatever our side may say is in sequence."""
+        """Yield the places after each word of our side, all of them in sequence."""
         acts = set() if self.ours.ended and not self.ours.owes else self.acts(SEND)
         words = ((act, kind, answers) for act in acts for kind in (Kind.PLAIN, Kind.CANCEL) for answers in self.choices)
         for act, kind, answers in words:
@@ -97,14 +97,14 @@ class Place(NamedTuple):
 
     @property
     def choices(self) -> tuple[str | None, ...]:
-        """What it may be made to answer; None: what it answers of itself."""
+        """The labels that it may be made to answer; None: the one it answers of itself."""
         return (None, "", *self.labels, UNKNOWN)
 
 
 @pytest.mark.parametrize("role", Role)
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda one: one.name)
 def test_a_conversation_and_a_judge_read_labels_alike(protocol: Protocol, role: Role) -> None:
-    """What one takes the other takes; what our side says of itself, or is made to say, a judge finds in sequence."""
+    """A word is taken by both or by neither; a judge finds words of our side, its own or prescribed, in sequence."""
     ours = Conversation.open(protocol, role, id="C1", me="me", peer="you")
     places = [Place(ours, Followed(protocol, durable=True))]
     for number in range(DEPTH):

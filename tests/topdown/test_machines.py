@@ -132,7 +132,7 @@ def test_a_guard_names_states_of_the_own_side() -> None:
 
 
 def test_both_sides_of_a_use() -> None:
-    """Who opens it and how it is delivered."""
+    """Each side knows the opener and the delivery."""
     both = machines(design(HAND, LAMP, "switch", "watch"))
     assert {name: (one.uses["watch"].role, one.uses["watch"].peer) for name, one in both.items()} == {
         "hand": (Role.INITIATOR, "lamp"),

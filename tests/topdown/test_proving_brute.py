@@ -68,7 +68,7 @@ def _stepped(here: Walk, side: int, table: Table) -> Iterator[Walk]:
 
 
 def _settled(here: Walk, side: int, table: Table, state: str, queues: list[Words]) -> Iterator[Walk]:
-    """What is owed is said in the same step."""
+    """Yield the walks after the words owed are said, in the same step."""
     if state in table.urgent:
         for row in table.allowed(state, SEND):
             said = list(queues)

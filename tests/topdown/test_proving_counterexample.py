@@ -38,7 +38,7 @@ steps = st.lists(st.tuples(names | st.just("wire"), whats, states), max_size=8)
 
 @given(steps, st.integers(80, 140))
 def test_text_numbers_every_step_and_fits(trace, width):
-    """Whatever happens."""
+    """This holds for any trace."""
     text = as_text(finding(*trace), width)
     lines = text.splitlines()
     assert [line[:3].strip() for line in lines[2:] if line[:3].strip().isdigit()] == [

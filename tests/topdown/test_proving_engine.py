@@ -116,7 +116,7 @@ def test_a_search_that_stops_early_says_what_is_open():
 
 @given(arcs, st.sets(numbers, min_size=1), st.integers(1, 9))
 def test_a_search_that_stops_early_finds_only_what_the_whole_search_finds(arcs, rest, most):
-    """What was not looked at counts as good: nothing is found that is right, and no trace is longer than need be."""
+    """Parts not looked at count as good: findings are true ones, and no trace is longer than need be."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("topdown.prove.engine.LOOK_AT_CLOCK", 1)
         early = explore(Graph(arcs, rest), most_states=most, first=False)

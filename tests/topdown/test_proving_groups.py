@@ -174,7 +174,7 @@ def test_what_a_group_says_is_in_the_story() -> None:
 
 
 def test_a_question_to_a_group_may_fail() -> None:
-    """Which the hand has not thought of."""
+    """The failure is one that the hand does not handle."""
     assert kinds(with_group("lamp", ASKER, "ask")) & {*STUCK, WRONG}
 
 
@@ -190,7 +190,7 @@ class Done(NamedTuple):
 
 
 def test_a_run_beside_a_group_is_followed() -> None:
-    """What the group does shows in no step: the hand hears an answer, and could not have heard another one."""
+    """The group's own steps do not show: the hand hears an answer, and could not have heard another one."""
     asks = Done("idle", "Local wish", None, (("switch", P.REQUEST, Kind.PLAIN),), "waiting")
     heard = Done("waiting", "Taken", ("switch", P.INFORM, Kind.PLAIN), (), "idle")
     again = Done("waiting", "Taken", ("switch", P.INFORM, Kind.CANCEL), (), "idle")

@@ -1,4 +1,4 @@
-"""What is on its way outside the durable streams, and who says what again: each operation, and rest."""
+"""Messages on their way outside the durable streams, and senders that repeat them: each operation, and rest."""
 
 from collections.abc import Iterator
 
@@ -37,7 +37,7 @@ CALLED = (
 @pytest.mark.parametrize("current", [True, False])
 @pytest.mark.parametrize("stale", [True, False])
 def test_each_operation(current: bool, stale: bool) -> None:
-    """What it does to the words, to whose conversation they are of, to what is known."""
+    """Each operation changes the words, the conversation they belong to, and the knowledge as stated."""
     net = Net(frozenset({ANSWER, NEWS}), current, stale)
     assert net.opened(ASKED) == Net(frozenset({ASKED}), False, stale)
     assert net.closed() == Net(frozenset(), False, stale)
@@ -88,7 +88,7 @@ def steps(model: Fleet, state: Flat, *words: str) -> Flat:
 
 
 def test_an_answer_to_a_question_given_up_is_no_answer_to_the_next() -> None:
-    """The lamp is slow, and the hand has asked anew meanwhile."""
+    """The lamp is slow, and the hand has asked again meanwhile."""
     model = fleet(questions((*ASKER, BORED), SLOW))
     state = steps(model, model.start, "wonder", "ask query-ref <-", "bored", "wonder", "thought")
     assert model.parts.net(state[model.soft[0].slot]) == Net(frozenset({ASKED}))
@@ -123,7 +123,7 @@ def test_an_observation_that_no_row_applies_to_is_wrong() -> None:
 
 
 def test_nothing_is_observed_before_the_subscription_is_agreed() -> None:
-    """What is owed waits until it is live."""
+    """Observations owed wait until it is live."""
     slow = (
         '{ in = ["idle"], on = "watch subscribe" }',
         '{ in = ["idle"], on = "own yes", when = ["watch asked"], say = ["watch agree"] }',

@@ -32,7 +32,7 @@ def explored(net):
 
 
 def story(finding):
-    """Who does what, as short words."""
+    """Return the acts of a finding as short words."""
     return [f"{step.who} {step.what}" for step in finding.trace]
 
 
@@ -168,7 +168,7 @@ def test_a_question_that_is_not_asked_again_waits_for_ever():
 
 
 def test_a_cancel_that_is_not_asked_till_the_end_may_be_lost():
-    """What crosses it is no answer to it."""
+    """A word that crosses it is not an answer to it."""
     rules = Rules(cancels_till_over=False)
     finding = explored(volatile_pair(SUBSCRIBE, Players("km", "ta"), faults=1, rules=rules)).findings[0]
     assert story(finding)[-1] == "wire loses cancel of km"
@@ -273,7 +273,7 @@ def test_a_mutated_row_changes_the_verdict_and_the_running_conversation(monkeypa
 
 
 def test_a_mutated_row_of_a_design_changes_its_verdict(monkeypatch):
-    """What a design's own file says is what is explored."""
+    """The explored rows are those of the design's own file."""
     assert isinstance(LAMP.tables["request"], Protocol)
     server = REQUEST.tables[SERVER].without(State.ASKED, SEND, P.INFORM)
     monkeypatch.setattr(REQUEST, "tables", {**REQUEST.tables, SERVER: server})

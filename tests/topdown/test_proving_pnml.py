@@ -25,7 +25,7 @@ TINY = restricted(QUERY, {ASKER: {"query-ref"}, SERVER: {"inform"}})
 
 
 def markings(text):
-    """How many markings the token game of a place/transition net reaches."""
+    """Return the number of markings that the token game of a place/transition net reaches."""
     net = ElementTree.fromstring(text).find(f"{NAMESPACE}net")
     assert net.get("type") == f"{GRAMMAR}/ptnet"
     takes, gives = {}, {}
@@ -94,7 +94,7 @@ def test_a_net_that_would_be_too_large_is_refused_with_what_to_do():
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
 def test_pairs_hold_over_ideal_queues(protocol):
-    """What layer 1 licenses; smaller."""
+    """Pairs hold as layer 1 licenses; the state space is smaller."""
     found = explore(NetModel(ideal_pair(protocol)), first=False)
     assert found.holds, str(found.findings[0])
     assert found.states < explore(NetModel(durable_pair(protocol, faults=0))).states

@@ -49,7 +49,7 @@ def test_every_fault_of_a_volatile_channel_is_there() -> None:
 
 
 def test_a_question_forgotten_in_a_death_is_found() -> None:
-    """Who asked waits for an answer to a question that is not under way any more."""
+    """The asker waits for an answer to a question that is not under way any more."""
     assert not kinds(questions(less(ASKER, "restart", "late ask")), 0)
     assert kinds(questions(less(ASKER, "restart", "late ask")), 1) & set(STUCK)
 
@@ -81,7 +81,7 @@ def test_a_copy_is_asked_again_and_answered_by_the_runtime() -> None:
 
 
 def test_who_gives_a_question_up_hears_no_answer() -> None:
-    """What is on the way is nobody's, whether the wait was over or a row dropped it."""
+    """An answer on the way then belongs to nobody, whether the wait was over or a row dropped it."""
     bored = '{ in = ["asking"], on = "own bored", drop = ["ask"], to = "idle" }'
     hand = (*less(ASKER, "late ask"), bored)
     assert not kinds(questions(hand), 2)
@@ -98,7 +98,7 @@ def test_who_gives_a_question_up_hears_no_answer() -> None:
 
 
 def test_an_answer_that_no_row_applies_to_is_wrong() -> None:
-    """It is no late copy: its conversation is open."""
+    """It is not a late copy: its conversation is open."""
     hand = instead(ASKER, '"ask inform", to', '"ask inform", when = ["ask asked"], to')
     assert "no row of hand in asking applies to ask inform" in wrong(questions(hand))
 
@@ -122,7 +122,7 @@ def test_a_volatile_award_is_repeated_until_it_is_answered() -> None:
 
 @pytest.mark.parametrize("most", [0, 1, 2, ANY])
 def test_subscriptions_hold_whatever_happens(most: int) -> None:
-    """Subscribed anew after every death; the newest observation comes in the end."""
+    """Subscribed again after every death; the newest observation comes in the end."""
     model = fleet(watching(), most)
     assert explore(model).holds
     assert model.unused() == ()

@@ -55,7 +55,7 @@ def test_every_variant_is_known_to_fail():
 
 
 def test_states_are_told_in_words():
-    """What a drawing shows beside the lifelines."""
+    """The words are those that a drawing shows beside the lifelines."""
     words = Stream().describe(Stream().start)
     assert set(words) == {"sender", "wire", "receiver"}
     assert "outbox empty" in words["sender"]

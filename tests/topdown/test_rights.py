@@ -50,7 +50,7 @@ def test_nobody_queries_and_the_router_does_nothing(design: Design) -> None:
 
 
 def test_only_an_owner_writes_its_house_keys(design: Design) -> None:
-    """Whoever puts or lives on a key of the house is named in it as its owner, and is among the writers."""
+    """Each process that puts or lives on a key of the house is named in it as its owner, and is among the writers."""
     for family in families(design, "s"):
         if not family.act:
             writers = {

@@ -1,4 +1,4 @@
-"""Whatever a design rules is found with its place."""
+"""Rulings of a design are found, each with its place."""
 
 from spoiling import Change, design
 

@@ -104,7 +104,7 @@ def test_what_the_user_changed_is_kept_and_the_rest_is_made_anew(tmp_path):
 
 
 def test_an_untouched_stub_follows_the_design(tmp_path):
-    """Nobody wrote in it, so it is made anew."""
+    """Nobody wrote in it, so it is rewritten."""
     scaffold(smallest("tiny"), tmp_path)
     outcome = scaffold(grown(smallest("tiny")), tmp_path)
     assert set(outcome.written) == {"tiny/design.toml", "tiny/doer/behaviours.py"}

@@ -110,7 +110,7 @@ def test_a_conversation_that_goes_on_is_not_silent() -> None:
 
 
 def test_what_is_owed_in_more_than_one_way_is_not_silent() -> None:
-    """Which way is taken would matter."""
+    """The choice of the way would matter."""
     both = '["owing", "send", "confirm[progress]", "running"],\n  ["owing", "send", "confirm", "done"],'
     assert silent(reporting(**{'["owing", "send", "confirm[progress]", "running"],': both})) == {CONFIRM}
 

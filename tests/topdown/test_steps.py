@@ -74,7 +74,7 @@ def test_a_step_that_follows_none_is_named(step: Step, words: str) -> None:
 
 
 def test_words_come_in_their_order_and_others_only_if_they_may() -> None:
-    """What a row may say besides stands anywhere, any number of times."""
+    """Optional words of a row stand anywhere, any number of times."""
     steps = lamp(
         '{ in = ["idle"], on = "switch request", say = ["switch agree", "switch inform"], may = ["switch failure"] }'
     )

@@ -1,4 +1,4 @@
-"""What is to be proven of a design, for each option, and what a verdict says."""
+"""Proof obligations of a design for each option, and the words of a verdict."""
 
 import pytest
 import spoiling

@@ -75,7 +75,7 @@ def keys_of(design: Design) -> tuple[str, ...]:
 
 
 def allowed(design: Design, identity: str, action: str, key: str) -> bool:
-    """What the design says of a cell, told from the chunks of the key alone."""
+    """Return whether the design allows a cell, told from the chunks of the key alone."""
     _, _, what, *rest = key.split("/")
     if what != "_":
         sender, receiver, protocol, act = rest

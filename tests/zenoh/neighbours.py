@@ -60,7 +60,7 @@ class Pair:
         self.sessions[peer].put(service_key(self.system, "receipt", peer, name), text)
 
     def listen(self, name: str) -> list[object]:
-        """What came to an agent so far."""
+        """Return the objects that an agent received so far."""
         while (item := self.inboxes[name].get(0.0)) is not None:
             self.heard[name].append(item)
         return self.heard[name]

@@ -44,7 +44,7 @@ T = TypeVar("T")
 
 
 class Moment(msgspec.Struct, frozen=True):
-    """What is so in a run: the open task's words (where its plan is), the truth, what the loop says."""
+    """State of a run: the open task's words (where its plan is), the truth, the loop's report."""
 
     text: str
     truth: Truth
@@ -72,7 +72,7 @@ class RocoFleet:
     # --- as a person ------------------------------------------------------------------------------------------------
 
     def roco(self, *words: str, timeout: float = 60.0, code: int | None = 0, inside: bool = True) -> str:
-        """What `roco` says; its exit code must be `code`."""
+        """Return the output of `roco`; its exit code must be `code`."""
         run = ["--run-dir", str(self.run)] if inside else []
         command = [sys.executable, "-m", "operate.cli", *words, *run]
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
@@ -127,7 +127,7 @@ class RocoFleet:
         return self._link
 
     def truth(self) -> Truth:
-        """What is truly so."""
+        """Return the true state."""
         return msgspec.msgpack.decode(self._read(lambda: self.link.sealed_truth()), type=Truth)
 
     def state(self) -> LoopState:
@@ -135,7 +135,7 @@ class RocoFleet:
         return self._read(lambda: self.link.state())
 
     def _read(self, look: Callable[[], T | None]) -> T:
-        """What a slot says; a read that met the writer, or fell between two loops, is tried again."""
+        """Return the contents of a slot; a read that met the writer, or fell between two loops, is tried again."""
         found: list[T] = []
 
         def read() -> bool:
@@ -166,7 +166,7 @@ class RocoFleet:
             os.kill(self.pid(name), signal.SIGKILL)
 
     def restarts(self, name: str) -> int:
-        """How often the supervisor has restarted it."""
+        """Return the number of times the supervisor has restarted it."""
         now = folders.fleet(self.run)
         return next((p.restarts for p in now.processes if p.name == name), 0) if now else 0
 

@@ -155,7 +155,7 @@ class Project:
         )
 
     def told(self, text: str) -> int:
-        """How many verdicts of the monitor have a text."""
+        """Return the number of the monitor's verdicts with a text."""
         file = self.folder / RUN / VERDICTS_FILE
         return file.read_text().count(text) if file.exists() else 0
 
@@ -177,7 +177,7 @@ def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Project]:
 
 
 def test_every_verb_has_a_row() -> None:
-    """Who adds a verb says here what it tells of the depot."""
+    """A new verb needs an entry here that says what it tells of the depot."""
     verbs = {words for rows in VERBS.values() for words, (place, _) in rows.items() if place is not GROUP}
     assert verbs == {*CALLS, *STARTED}
 

@@ -100,7 +100,7 @@ def test_cancelled_by_command(fleet: RocoFleet) -> None:
 
 
 def test_a_more_urgent_task_interrupts(fleet: RocoFleet) -> None:
-    """What is held is put down first, the urgent task is done, then the first one from what the world is then."""
+    """The held thing is put down first, the urgent task is done, then the first one from the world as it is then."""
     pour = fleet.say(POUR)
     fleet.reach(pour, lambda now: now.held("jar_1", "left"))
     fleet.roco("say", "look around", "--first")

@@ -26,7 +26,7 @@ def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
 
 
 def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> None:
-    """What `roco record` has is what the monitor has of that time; co, pl, km and ta repeat their part of the run."""
+    """`roco record` has what the monitor has of that time; co, pl, km and ta repeat their part of the run."""
     file = fleet.run / "beside.mcap"
     command = [sys.executable, "-m", "operate.cli", "record", "--out", str(file), "--run-dir", str(fleet.run)]
     recorder = subprocess.Popen([*command, "--format", "json"], stdout=subprocess.PIPE)

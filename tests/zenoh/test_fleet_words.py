@@ -1,4 +1,4 @@
-"""What a person may say, and what cannot be done, over Zenoh with the simulated robot: each ends in a clear word."""
+"""Sentences of a person, and impossible ones, over Zenoh with the simulated robot: each ends in a clear word."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,7 +34,7 @@ def test_look_around(fleet: RocoFleet) -> None:
 
 
 def test_dance(fleet: RocoFleet) -> None:
-    """What is no command is refused with what would be one; exit code 1, and no task comes of it."""
+    """A sentence that is not a command is refused with examples of commands; exit code 1, and no task comes of it."""
     before = fleet.hi.tasks()
     said = fleet.roco("say", "dance", code=1)
     assert "look around" in said
@@ -42,7 +42,7 @@ def test_dance(fleet: RocoFleet) -> None:
 
 
 def test_garbage_to_the_task_agent(fleet: RocoFleet) -> None:
-    """Bytes that are no communicate, and communicates that make no sense, are counted; nobody dies of them."""
+    """Bytes that are not a communicate, and communicates that make no sense, are counted; nobody dies of them."""
     dance = msgspec.Raw(msgspec.msgpack.encode("dance"))
     lie = Communicate(
         performative=Performative.REQUEST, protocol="coordinate", language="HFSM", ontology="roco",

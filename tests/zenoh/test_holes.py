@@ -88,31 +88,33 @@ class Depot:
         wait_for(lambda: self.pid(name) not in (0, pid), f"{name} is back")
 
     def arrived(self, agent: str) -> list[Communicate]:
-        """What reached an agent, by its step log."""
+        """Return the communicates that reached an agent, by its step log."""
         steps = [one for one in read(self.run / "steps" / f"{agent}.steps") if one.kind == Arrived.__name__]
         return [msgspec.msgpack.decode(one.input, type=Arrived).communicate for one in steps]
 
     def heard(self) -> int:
-        """How many communicates reached agents, by their step logs."""
+        """Return the number of communicates that reached agents, by their step logs."""
         return sum(len(self.arrived(path.stem)) for path in (self.run / "steps").glob("*.steps"))
 
     def unheard(self, since: float = 0.0, until: float = math.inf) -> set[tuple[str, str, str]]:
-        """What was sent in this time [unix s] and reached agents, and the recorder has not."""
+        """Return the communicates sent in this time [unix s] that reached agents and that the recorder has not."""
         agents = [path.stem for path in (self.run / "steps").glob("*.steps")]
         sent = [one for agent in agents for one in self.arrived(agent) if since <= one.sent <= until]
         return {(one.sender, one.receiver, one.id) for one in sent} - {one.identity for one in self.records(Spoken)}
 
     def records(self, kind: type[R]) -> list[R]:
-        """What is recorded of a kind."""
+        """Return the recorded records of a kind."""
         return [one for one in mcap_file.read(self.run / mcap_file.FILE).records if isinstance(one, kind)]
 
     def ended(self) -> int:
-        """How many orders the desk knows to be carried out: two informs each, that it is assigned and delivered."""
+        """Return the number of orders the desk knows to be carried out: two informs each, that it is assigned and
+        delivered.
+        """
         informs = {one.id for one in self.arrived("desk") if (one.protocol, one.performative) == ("request", "inform")}
         return len(informs) // 2
 
     def judged(self) -> dict[str, Any]:
-        """What `roco traffic judge` says once all orders were carried out and the fleet is down."""
+        """Return the output of `roco traffic judge` once all orders were carried out and the fleet is down."""
         wait_for(lambda: self.ended() >= self.orders, "all orders are carried out", 120.0)
         self.roco("down", "--run-dir", str(self.run))
         found: dict[str, Any] = json.loads(self.roco("traffic", "judge", str(self.run), "--format", "json").stdout)
@@ -128,7 +130,7 @@ def depot(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Depot]:
 
 
 def counts(found: dict[str, Any]) -> dict[str, int]:
-    """How often each verdict."""
+    """Return the number of each verdict."""
     told: dict[str, int] = {}
     for row in found["channels"].values():
         for verdict, count in row.items():
@@ -204,7 +206,9 @@ def test_what_was_wrong_while_nobody_recorded_is_found(depot: Depot) -> None:
 
 
 def test_a_dead_letter_is_kept(depot: Depot) -> None:
-    """What an agent turned away is listed while the fleet runs, and after the agent's death, of the folder."""
+    """A communicate that an agent turned away is listed while the fleet runs, and after the agent's death, of the
+    folder.
+    """
     fleet = folders.fleet(depot.run)
     assert fleet is not None
     session = zenoh.open(client_config(fleet.connect, tls(depot.run, fleet, "mule")))

@@ -37,7 +37,7 @@ class Depot:
         self.environment = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
 
     def roco(self, *words: str, code: int = 0) -> dict[str, Any]:
-        """What a verb says to programs; its exit code must be `code`."""
+        """Return the verb's JSON output; its exit code must be `code`."""
         command = [sys.executable, "-P", "-m", "operate.cli", *words, "--format", "json"]
         done = subprocess.run(
             command, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=90
@@ -56,7 +56,7 @@ class Depot:
         return next(str(row["state"]) for row in self.roco("agents")["agents"] if row["name"] == name)
 
     def said(self, text: str) -> int:
-        """How many verdicts of the monitor have a text."""
+        """Return the number of the monitor's verdicts with a text."""
         file = self.run / VERDICTS_FILE
         return file.read_text().count(text) if file.exists() else 0
 
@@ -113,7 +113,7 @@ def test_the_log_level_is_changed_while_it_runs(depot: Depot) -> None:
 
 
 def test_a_parameter_decides_from_the_next_step_on(depot: Depot) -> None:
-    """With both robots paused an order fails after so many calls as the parameter says; a restart keeps it."""
+    """With both robots paused an order fails after as many calls as the parameter says; a restart keeps it."""
     assert depot.roco("param", "get", "dispatcher", "rounds")["value"] == 20
     for robot in ("mule", "ox"):
         depot.roco("agent", "pause", robot)

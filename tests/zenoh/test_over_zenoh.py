@@ -30,14 +30,14 @@ def journalled(run: Path, agent: str) -> object:
 
 
 def answers(run: Path) -> tuple[tuple[int, int], ...]:
-    """What the asker has got."""
+    """Return the asker's answers."""
     memory = journalled(run, "asker")
     assert isinstance(memory, toy.AskerMemory)
     return memory.answers
 
 
 def done(run: Path) -> tuple[int, ...]:
-    """What the server worked on."""
+    """Return the server's finished work."""
     memory = journalled(run, "server")
     assert isinstance(memory, toy.ServerMemory)
     return memory.done

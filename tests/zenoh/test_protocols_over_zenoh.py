@@ -101,5 +101,5 @@ def test_targets_of_a_broker_answer_through_it_or_directly(tmp_path: Path) -> No
 
 
 def answered(run: Path) -> list[tuple[str, float]]:
-    """What the targets themselves told the asker."""
+    """Return the answers that the targets themselves gave the asker."""
     return sorted(journalled(run, cast.asker()).answered)

@@ -1,4 +1,4 @@
-"""Why a router is not reached: each reason by a real handshake with a real router, and in the log of who waits."""
+"""Reasons why a router is not reached: each by a real handshake with a real router, and in the waiter's log."""
 
 import datetime as dt
 import os

@@ -19,7 +19,7 @@ POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
 
 
 def replaced(file: Path, agent: str, code: int) -> Compared:
-    """How the agent did; the exit code must be `code`."""
+    """Return the agent's result; the exit code must be `code`."""
     command = [sys.executable, "-m", "operate.cli", "replay", str(file), "--replace", agent, "--speed", "max"]
     done = subprocess.run([*command, "--format", "json"], capture_output=True, timeout=150, check=False)
     assert done.returncode == code, done.stderr.decode()

@@ -1,5 +1,5 @@
 """Every cell of the rights over a real router with TLS: identity x key x put, subscribe, query, queryable, token,
-watch. Allowed is what the design says, told anew here, and nothing else.
+watch. Allowed is exactly what the design says, written out here a second time.
 """
 
 import time
@@ -151,7 +151,7 @@ def test_there_are_cells_enough() -> None:
 @pytest.mark.parametrize("action", ACTIONS)
 @pytest.mark.parametrize("identity", PEOPLE)
 def test_exactly_the_cells_of_the_design(guarded: Guarded, identity: str, action: str) -> None:
-    """What gets through is what the design says, key by key; nobody asks, and nobody is asked."""
+    """The cells that get through are those of the design, key by key; nobody asks, and nobody is asked."""
     session = guarded.session(identity)
     through = TRIES[action](guarded, session)
     session.close()  # type: ignore[no-untyped-call]
@@ -162,7 +162,7 @@ def test_exactly_the_cells_of_the_design(guarded: Guarded, identity: str, action
 
 @pytest.mark.parametrize("action", ACTIONS)
 def test_without_rules_every_cell_gets_through(open_house: Guarded, action: str) -> None:
-    """What is denied above is denied by the rules: the same tries find nothing closed where there are none."""
+    """Denials above are due to the rules: the same tries find nothing closed where there are none."""
     session = open_house.session("co")
     assert TRIES[action](open_house, session) == set(KEYS)
     session.close()  # type: ignore[no-untyped-call]

@@ -1,6 +1,4 @@
-"""Who is refused, where that is counted and how the log names it: sessions by the router, communicates by their
-receiver.
-"""
+"""Refusals, their counters and their names in the log: sessions by the router, communicates by their receiver."""
 
 import datetime as dt
 import os
@@ -96,7 +94,7 @@ def test_a_session_without_a_good_certificate_is_refused(folder: Path, router: s
 
 
 def test_a_client_does_not_speak_to_a_foreign_router(tmp_path: Path, router: str) -> None:
-    """Whoever listens at the router's address without its certificate hears nothing: the client refuses it."""
+    """A process at the router's address without its certificate hears nothing: the client refuses it."""
     issuing.issue(tmp_path, DESIGN, (SYSTEM,))
     with pytest.raises(zenoh.ZError):
         zenoh.open(client_config(router, client_tls(tmp_path, "co")))
@@ -141,7 +139,7 @@ def test_a_communicate_that_says_other_than_its_key_is_refused(fleet: Fleet, lie
 
 
 def test_a_replayed_communicate_is_dropped(fleet: Fleet) -> None:
-    """Whoever records a request and puts it again achieves nothing: it is counted, and the work is done once."""
+    """A recorded request that is put again achieves nothing: it is counted, and the work is done once."""
     key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
     with zenoh.open(client_config(fleet.endpoint)) as session:
         heard: list[bytes] = []

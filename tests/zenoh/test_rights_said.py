@@ -70,12 +70,12 @@ def recorded(fleet: Processes) -> bytes:
 
 
 def count(fleet: Processes, what: str) -> int:
-    """How often co counted it."""
+    """Return the number of times co counted it."""
     return fleet.beat("co").counts.get(what, 0)
 
 
 def planning(fleet: Processes) -> tuple[int, str]:
-    """How many requests to pl nobody has receipted, and co's state."""
+    """Return the number of requests to pl that nobody has receipted, and co's state."""
     beat = fleet.beat("co")
     return beat.unreceipted.get("pl", 0), beat.state
 
@@ -175,7 +175,7 @@ def test_nobody_hears_the_fleet_without_a_right(fleet: Processes) -> None:
 
 
 def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
-    """Another authority under a running router: it listens anew, co comes back with new keys, old ones do not count."""
+    """Another authority under a running router: it listens again, co returns with new keys, old ones do not count."""
     old = (fleet.run / KEYS_FOLDER).rename(fleet.run / "old")
     with zenoh.open(client_config(fleet.endpoint, client_tls(old, "hi"))):
         issuing.issue(fleet.run / KEYS_FOLDER, DESIGN, (SYSTEM,))
@@ -188,5 +188,5 @@ def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
 
 
 def listening(fleet: Processes) -> int:
-    """How often the router began to listen."""
+    """Return the number of times the router began to listen."""
     return (fleet.run / "router.log").read_text().count("router listening")

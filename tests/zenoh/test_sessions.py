@@ -88,7 +88,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
 
 
 def sockets() -> set[str]:
-    """What this process listens at: inodes of TCP sockets that listen, and of all UDP sockets."""
+    """Return the inodes of this process's listening TCP sockets, and of all its UDP sockets."""
     links = [
         os.readlink(f"/proc/self/fd/{fd}")
         for fd in os.listdir("/proc/self/fd")

@@ -30,7 +30,7 @@ SYSTEMS = ("velma1", "velma2")
 SAID = len(("communicate", "receipt", "ping", "pong", *KINDS))
 """One of everything that `Pair.talk` says, each way."""
 PINGS = len(("ping", "pong"))
-"""No agent takes them here: what they say is no channel. A recorder hears them."""
+"""No agent takes them here: what they say is not a channel. A recorder hears them."""
 
 
 class Site(msgspec.Struct):
@@ -60,7 +60,7 @@ def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
 
 
 def tapped(options: Options) -> tuple[list[Sample], Tap]:
-    """What a recorder hears from now on."""
+    """Return the samples a recorder hears from now on, and its tap."""
     samples: list[Sample] = []
     tap = open_tap(options, samples.append, lambda: False)
     assert tap is not None
@@ -103,12 +103,12 @@ def test_nothing_of_one_robot_reaches_an_agent_of_another(site: Site) -> None:
 
 
 def tokens(pair: Pair, name: str) -> list[Token]:
-    """Who an agent was told to live."""
+    """Return the tokens that an agent was told of."""
     return [item for item in pair.listen(name) if isinstance(item, Token) and item.alive]
 
 
 def test_one_recorder_hears_all_of_both_robots(site: Site) -> None:
-    """Wherever it is connected: everything that is said, and every token, each under its system's name."""
+    """This holds wherever it is connected: everything said, and every token, each under its system's name."""
     first, second = site.first, site.second
     samples = site.samples
     wait_for(lambda: {one.system for one in samples if one.token} == set(SYSTEMS), "the tap sees who lives")
@@ -195,7 +195,7 @@ def broken(tmp_path: Path) -> Iterator[tuple[Pair, Pair, Cable]]:
 
 
 def recorded(run: Path, name: str) -> tuple[Record, ...]:
-    """What is readable now of a system's recording."""
+    """Return the readable records of a system's recording."""
     return mcap_file.read(run / name / mcap_file.FILE).records
 
 

@@ -39,7 +39,7 @@ def _now(one: Said) -> Said:
 
 
 SAID = [one for sample in recorded(POUR) if sample is not None and (one := said(sample)) is not None]
-"""What was said in a recorded run."""
+"""Communicates of a recorded run."""
 
 
 class Router:
@@ -97,7 +97,7 @@ def wait_for(condition: Callable[[], object], what: str) -> None:
 
 
 def told(process: "subprocess.Popen[bytes]", code: int = 0) -> list[Any]:
-    """What it printed, a JSON object a line; its exit code must be `code`."""
+    """Return its output, a JSON object a line; its exit code must be `code`."""
     out, error = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == code, error.decode()
     return [msgspec.json.decode(line) for line in out.splitlines()]
@@ -245,7 +245,7 @@ def test_top_shows_the_traffic_of_a_replay(tmp_path: Path) -> None:
 
 
 def test_nothing_is_replayed_into_a_living_fleet(router: Router) -> None:
-    """Where an agent has its token nothing is said, and where one comes to life it ends; both say who."""
+    """Nothing is said where an agent has its token, and it ends where one comes to life; both say who."""
     token = router.session.liveliness().declare_token(service_key("roco", "alive", "ta", "1"))
     words = [*ROCO, "replay", str(POUR), "--connect", router.endpoint, "--system", "roco"]
     done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=False)

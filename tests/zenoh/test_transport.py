@@ -1,4 +1,4 @@
-"""What one session can do to others through the router: hold them up, or have the router keep what it sends."""
+"""Effects of one session on others through the router: holding them up, or making the router keep what it sends."""
 
 import json
 import signal

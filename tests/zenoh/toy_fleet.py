@@ -70,5 +70,5 @@ class Fleet:
         return msgspec.json.decode((self.run / f"{name}.heartbeat.json").read_bytes(), type=Heartbeat)
 
     def logs(self) -> str:
-        """What everybody printed."""
+        """Return the output of all processes."""
         return "\n".join(f"--- {log.name}\n{log.read_text()[-3000:]}" for log in sorted(self.run.glob("*.log")))

@@ -47,7 +47,7 @@ class WantFile:
 
 
 def settable(run: Path) -> None:
-    """Let a file in the run folder set this process's wall clock: by so many seconds."""
+    """Let a file in the run folder set this process's wall clock: by that many seconds."""
     wall = time.time
 
     def moved() -> float:

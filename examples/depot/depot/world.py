@@ -19,7 +19,7 @@ STATIONS: dict[str, Point] = {
 AISLE: tuple[Point, Point] = ((3.0, 2.0), (3.0, -2.0))
 """Its ends, in the north hall (y > 0) and in the south hall."""
 STEP_S = 0.5
-"""How often a robot learns where it is."""
+"""Period with which a robot learns its place [s]."""
 
 
 def crosses(start: Point, goal: str) -> bool:
@@ -40,7 +40,7 @@ def length(points: tuple[Point, ...]) -> float:
 
 
 def duration(start: Point, goals: tuple[str, ...], speed: float) -> float:
-    """How long it takes to drive to one station after the other [s]; `speed` in m/s."""
+    """Return the time to drive to one station after the other [s]; `speed` in m/s."""
     total, here = 0.0, start
     for goal in goals:
         total += length(way(here, goal)) / speed
@@ -49,7 +49,7 @@ def duration(start: Point, goals: tuple[str, ...], speed: float) -> float:
 
 
 def along(points: tuple[Point, ...], travelled: float) -> Point:
-    """Where one is after so many metres of a way."""
+    """Return the point after `travelled` metres of a way."""
     for a, b in zip(points, points[1:], strict=False):
         leg = math.dist(a, b)
         if travelled < leg:

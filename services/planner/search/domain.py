@@ -43,7 +43,7 @@ MOST_REJECTED, LONGEST_WHY = 24, 100  # of a search, the first ones; characters 
 GRASPS_TRIED = ("1", "2", "3", "4")
 """From which a thing is to be held out, or put there. Estimate: a try takes seconds."""
 CLEARED = (1, 2)
-"""Which of the things beside a wanted one are put aside, from the nearest on. Estimate: a try takes seconds."""
+"""Ranks of the things beside a wanted one that are put aside, 1 the nearest. Estimate: a try takes seconds."""
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 

@@ -1,4 +1,4 @@
-"""Where a thing is to go: the furniture that a task names, or where the thing stood before it was taken.
+"""Goal places of a thing: the furniture that a task names, or the place where the thing stood before it was taken.
 
 On top of furniture a thing comes down from above; into furniture that opens to the side it goes through the opening.
 """

@@ -1,4 +1,4 @@
-"""Whose memory a stream's numbers belong to: each journal has a random name, and a stream is between two journals.
+"""Lineage of a stream's numbers: each journal has a random name, and a stream is between two journals.
 
 A journal that is deleted takes the numbers of its streams with it. So messages and receipts of streams carry the name
 of the sender's journal and of the one that the sender believes the receiver to have; what is meant for another journal

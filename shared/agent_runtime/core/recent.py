@@ -1,4 +1,4 @@
-"""Which words were taken under the newest numbers of a stream, so that another word under one of them is not a copy.
+"""Digests of the words taken under a stream's newest numbers, so that another word under one of them is not a copy.
 
 Whoever has an agent's key can say a word under its next number; the agent's own word under that number comes later. So
 a receipt names the word it is for by its digest, and a word that is not the one that was taken is refused. A word says
@@ -21,7 +21,7 @@ from fipa_codec.communicate import LONGEST_LABEL, Communicate
 KEPT = 16
 """Words of a stream that are remembered: as many as its sender's outbox holds in ordinary use (OUTBOX_BOUND)."""
 DIGEST_BYTES = 8
-"""Whoever wants another word with the digest of a given one tries 2^64; and the given one is taken meanwhile."""
+"""Length of a digest: to find another word with a given digest takes 2^64 tries; the given one is taken meanwhile."""
 JUMP = 65_536
 """Farthest number after the last one that a word may have. Estimate: farther than a thief gets in a round trip, and
 with a thousand words a second the numbers (18 digits) last 480 years.

@@ -58,7 +58,7 @@ class Diary:
 
     @property
     def trouble(self) -> str:
-        """Why steps are not written down, in words; "" where they are."""
+        """The reason why steps are not written down, in words; "" if they are."""
         steps = self._steps
         return f"{steps.trouble}; steps that its log lacks: {steps.lost}" if steps.trouble else ""
 

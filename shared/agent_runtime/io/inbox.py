@@ -1,4 +1,4 @@
-"""Where callbacks and devices leave what happened until the loop thread takes it: in turns, bounded for each sender.
+"""Inbox that holds events of callbacks and devices until the loop thread takes them: in turns, bounded for each sender.
 
 A callback that worked or waited would hold up every other subscriber of the session, silently; so callbacks only put.
 Each sender has a lane of each class, and the lanes are served in turns: whoever floods waits behind its own. What is

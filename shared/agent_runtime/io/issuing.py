@@ -37,7 +37,7 @@ OWNER_ONLY = 0o700
 
 
 class Seat(msgspec.Struct, frozen=True):
-    """Whose keys go where: files of `identity` in `folder`, in a certificate with the common name `name`."""
+    """Place of an identity's keys: files of `identity` in `folder`, in a certificate with the common name `name`."""
 
     identity: str
     name: str

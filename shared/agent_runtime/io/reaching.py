@@ -1,4 +1,4 @@
-"""Why a router is not reached, in words: found by a connection and a TLS handshake with one's own files.
+"""Reasons why a router is not reached, in words: found by a connection and a TLS handshake with one's own files.
 
 Zenoh tells a client only that there is no session. A handshake of Python's own tells whether the name is resolved, the
 port answers, and which of the two certificates is not taken.
@@ -129,7 +129,7 @@ def _answer(secured: ssl.SSLSocket) -> str:
 
 
 def _outside(own: Path) -> str:
-    """Why the own certificate does not hold now; "" where it does."""
+    """Return the reason why the own certificate is not valid now; "" if it is."""
     if not own.name:
         return ""
     from agent_runtime.io import issuing  # heavy, and seldom needed

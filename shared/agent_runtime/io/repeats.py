@@ -1,4 +1,4 @@
-"""Which of many reports of one kind are told, so that who says much that is wrong fills no disk: pure, without a clock.
+"""Rate limit for reports of one kind, so that a sender of many wrong messages fills no disk: pure, without a clock.
 
 The first of a kind are told one by one. What comes beyond them within a window is counted, and told as one number when
 the window is over.

@@ -42,13 +42,13 @@ class Sample(msgspec.Struct, frozen=True):
 
     @property
     def system(self) -> str:
-        """Whose it is; "" where it is of all of them."""
+        """The system it belongs to; "" if it concerns all of them."""
         key = self.key or self.missed
         return key.split("/")[1] if key else ""
 
     @property
     def sender(self) -> str:
-        """Who said it, or what was not heard; "" where nobody is named."""
+        """The sender, or the name of what was not heard; "" if nobody is named."""
         return sender_of(self.key or self.missed)
 
 

@@ -56,7 +56,7 @@ PROTOCOLS = tuple(dict.fromkeys((*FIPA, *PAPER)))
 
 
 class Profile(StrEnum):
-    """Whose protocols are meant by FIPA's tokens (`fipa-request`) in a text of another platform."""
+    """Owner of the protocols that FIPA's tokens (`fipa-request`) mean in a text of another platform."""
 
     FIPA = "fipa"
     """Those of the specifications."""

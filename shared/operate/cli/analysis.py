@@ -1,4 +1,6 @@
-"""What the recorder's own tools make of recordings and results: processes, for recordings are its business."""
+"""Calls of the recorder's own tools on recordings and results; they run as processes, since only the recorder reads
+recordings.
+"""
 
 import os
 import subprocess
@@ -32,7 +34,7 @@ def environment(system: System) -> dict[str, str]:
 
 
 def analysed(verb: str, *words: str, about: Path | None = None) -> bytes:
-    """What `python -m operate.recording VERB WORDS` prints. Raises AnalysisError with what it said.
+    """Return the output of `python -m operate.recording VERB WORDS`. Raises AnalysisError with its error message.
 
     `about`: the run or recording whose system is meant; else the one of this folder.
     """

@@ -17,7 +17,7 @@ RUNS = Path("runs")
 NAMING = ("file", "design", "run", "recording", "run_dir")
 """Parameters that name a design file or a run."""
 KINDS = ("channel", "agent", "protocol", "performative")
-"""What `roco replay --only KIND=NAME` can choose by."""
+"""Kinds that `roco replay --only KIND=NAME` can choose by."""
 
 
 def runs(incomplete: str) -> list[str]:
@@ -145,7 +145,7 @@ def behind_commas(names: Iterable[str], incomplete: str) -> list[str]:
 
 
 def targets(incomplete: str) -> list[str]:
-    """What --target takes: the words, the compose projects that run, the folders of runs."""
+    """Return the values of --target: its fixed words, running compose projects, run folders."""
     from operate.cli.fleet.compose import projects
 
     return _among(("local", "compose", *projects()), incomplete) + runs(incomplete)

@@ -1,8 +1,8 @@
-"""What can go wrong for a person at the command line; each message says what to do, each kind has its exit code.
+"""Errors of the command line; each message says what to do, each kind has its exit code.
 
 ConsoleError
     UsageError      what was named is not there, or makes no sense
-    NoRunError      there is no run to talk about
+NoRunError      no run exists to talk about
     FleetError      the fleet did not come up, or not go down
     NotWaitedError  Ctrl-C while the fleet ends: it goes on ending
     DockerError     docker is not there, or did not do what was asked
@@ -26,13 +26,13 @@ class ConsoleError(Exception):
 
 
 class UsageError(ConsoleError):
-    """What was named is not there, or makes no sense."""
+    """A named thing does not exist or makes no sense."""
 
     code = WRONG_USE
 
 
 class NoRunError(ConsoleError):
-    """There is no run folder where it was looked for."""
+    """The run folder was not found where it was looked for."""
 
     code = NOTHING_RUNS
 

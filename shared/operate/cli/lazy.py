@@ -123,7 +123,7 @@ class VerbWithVerbs(Verbs):
 
 
 def named(examples: str) -> str:
-    """Return examples with a channel of the system here and its agents; as they are where there is no system."""
+    """Return examples with a channel of the system here and its agents; as they are if no system is found."""
     from operate.system import NoSystemError, here
     from topdown.model.errors import TopdownError
 
@@ -136,7 +136,7 @@ def named(examples: str) -> str:
 
 
 def added() -> Table:
-    """The verbs that the system here adds; none where there is no system, or it cannot be read."""
+    """The verbs that the system here adds; none if it is not found or cannot be read."""
     from operate.system import NoSystemError, here
     from topdown.model.errors import TopdownError
 
@@ -147,7 +147,7 @@ def added() -> Table:
 
 
 def unknown(words: str, there: list[str]) -> str:
-    """Why there is no such verb: it is not there at all, or not of the system here."""
+    """Return the message for an unknown verb: it does not exist at all, or not for the system here."""
     from operate.system import NoSystemError, here
     from topdown.model.errors import TopdownError
 
@@ -179,7 +179,7 @@ def examples_of(function: Callable[..., None]) -> list[str]:
 
 
 def _paragraphs(examples: str) -> str | None:
-    """Examples as the help shows them, a line for each; brackets are no markup."""
+    """Examples as the help shows them, a line for each; brackets are not markup."""
     lines = [line.replace("[", r"\[") for line in _lines(examples)]
     return "\n\n".join(("Examples:", *(f"  {line}" for line in lines))) if lines else None
 

@@ -1,4 +1,4 @@
-"""What all verbs share: the two forms of output, the option that names a run, words and exit codes for what goes wrong.
+"""Parts shared by all verbs: two output formats, the option that names a run, messages and exit codes of errors.
 
 Text is for people, json for programs: one object, or one a line while something goes on; problems on standard error.
 """
@@ -20,7 +20,7 @@ from topdown.model.errors import TopdownError
 
 
 class Format(StrEnum):
-    """How things are printed."""
+    """Output formats."""
 
     TEXT = "text"
     JSON = "json"
@@ -56,7 +56,7 @@ def tell_json(what: object) -> None:
 
 
 def tell_problem(problem: object, form: Format) -> None:
-    """What went wrong, in words, on standard error."""
+    """Print a problem in words on standard error."""
     words = msgspec.json.encode({"error": str(problem)}).decode() if form is Format.JSON else f"roco: {problem}"
     print(words, file=sys.stderr)
 

@@ -33,7 +33,7 @@ def thresholds(words: Sequence[str]) -> dict[str, float]:
 
 
 class Verdict(StrEnum):
-    """What a difference means, held against its threshold."""
+    """Verdict on a difference, held against its threshold."""
 
     WORSE = "worse"
     BETTER = "better"

@@ -1,8 +1,8 @@
-"""Where two runs begin to differ in what is said, aligned by conversation and not by time. Pure.
+"""First differences in the exchanges of two runs, aligned by conversation and not by time. Pure.
 
 Conversations of the same kind (who opens, to whom, by which protocol, about what) are paired in the order in which they
 were opened; within a pair each side's communicates are compared one by one by what they mean (saying.Said.meaning). So
-another order of conversations side by side, or of two words that cross, is no difference; a slow machine is none.
+neither another order of conversations side by side, nor two words that cross, nor a slow machine count as a difference.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What was said in a run, as plain rows: who to whom, which act, about what, how large, when. Pure."""
+"""Exchanges of a run as plain rows: sender, receiver, act, subject, size, time. Pure."""
 
 import re
 from collections.abc import Callable
@@ -27,7 +27,9 @@ class Said(msgspec.Struct, frozen=True):
 
     @property
     def meaning(self) -> tuple[str, ...]:
-        """What two runs are compared by: who says what to whom; numbers, names of conversations and sizes differ."""
+        """The part by which two runs are compared: who says what to whom; numbers, conversation names and sizes may
+        differ.
+        """
         return self.sender, self.receiver, self.protocol, self.performative, self.kind, _NUMBERS.sub("#", self.text)
 
 

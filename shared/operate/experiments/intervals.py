@@ -92,7 +92,7 @@ def difference_of_shares(a: tuple[int, int], b: tuple[int, int]) -> Difference |
 
 
 def _reach(interval: Interval) -> tuple[float, float]:
-    """How far an interval goes down and up from its value; nowhere where it has no ends."""
+    """Return how far an interval reaches below and above its value; zeros if it has no ends."""
     low = interval.value if interval.low is None else interval.low
     high = interval.value if interval.high is None else interval.high
     return interval.value - low, high - interval.value

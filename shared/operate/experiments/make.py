@@ -20,7 +20,7 @@ RUNS_FILE = "runs.parquet"
 
 
 class Made(msgspec.Struct, frozen=True):
-    """What was made, for whoever asked for it: `lines` are for people."""
+    """Results of a make, for the caller: `lines` are for people."""
 
     folder: str
     runs: int

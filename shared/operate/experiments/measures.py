@@ -1,4 +1,4 @@
-"""What is measured of a run: the quantities of every system, and those that a system adds. Pure.
+"""Measured quantities of a run: those of every system, and those that a system adds. Pure.
 
 All of them are better when smaller, but success, which is a share of runs and stands apart. A published figure stands
 beside ours where the system names one.
@@ -66,7 +66,7 @@ class Drawing(msgspec.Struct, frozen=True):
 
 
 class Measures(msgspec.Struct, frozen=True):
-    """What a system measures beyond the traffic, each part optional.
+    """Quantities that a system measures beyond the traffic, each part optional.
 
     `done`: what a successful run did, one word; `agents`: order of the count matrix, () for the design's; `figures`:
     what its report.json is read as; `quantities`: rows beside those of the traffic; `rows`: further rows of Runs;
@@ -134,7 +134,7 @@ def shown(report: msgspec.Struct, own: Measures) -> tuple[Shown, ...]:
 
 
 def answers(design: Design) -> tuple[Quantity, ...]:
-    """How long each use of a protocol takes from its opening to its first answer."""
+    """Return one quantity per use of a protocol: the time from its opening to its first answer."""
     return tuple(
         Quantity(f"{use.name}: answer, {words}", "latency", "ms", _latency(use.name, part), judged=part == "p50")
         for use in design.file.protocol

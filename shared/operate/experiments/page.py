@@ -82,7 +82,7 @@ def percent(interval: Interval) -> str:
 
 
 def percent_span(interval: Interval) -> str:
-    """Where a share lies, in per cent."""
+    """Return the interval of a share, in per cent."""
     if interval.low is None or interval.high is None:
         return ABSENT
     return f"{100 * interval.low:.0f} … {100 * interval.high:.0f} %"

@@ -80,7 +80,7 @@ def _published(axes: Axes, published: Published) -> None:
 
 
 def _told(runs: Runs) -> list[tuple[Said, ...]]:
-    """What was said in the successful runs."""
+    """Return the traffic of the successful runs."""
     return [runs.said[one.seed] for one in runs.results if one.success and one.seed in runs.said]
 
 

@@ -83,7 +83,7 @@ def results(place: Path, figures: type[Figures] = Figures) -> tuple[Result[Any],
 
 
 def setting(place: Path) -> Setting | None:
-    """What an experiment was, None where nobody wrote it down."""
+    """Return an experiment's setting, None if it was not written down."""
     try:
         return msgspec.json.decode((place / SETTING_FILE).read_bytes(), type=Setting)
     except (OSError, msgspec.DecodeError):

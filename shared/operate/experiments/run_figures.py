@@ -75,7 +75,7 @@ class Latency(msgspec.Struct, frozen=True):
 
 
 class Figures(msgspec.Struct, frozen=True):
-    """What is used of a report.json, which has more."""
+    """The fields used of a report.json, which has more."""
 
     success: bool = False
     failure: str | None = None

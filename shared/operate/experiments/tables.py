@@ -35,7 +35,7 @@ def of_history(history: History, system: System) -> dict[str, pyarrow.Table]:
 
 
 def communicates(rows: Iterable[Said]) -> pyarrow.Table:
-    """What was said: the fields of Said."""
+    """Return the traffic as a table with the fields of Said."""
     kept = tuple(rows)
     types = {field.name: _NARROW[field.type] for field in msgspec.structs.fields(Said)}
     return table(types, {name: [getattr(row, name) for row in kept] for name in types})
@@ -64,7 +64,7 @@ def write(tables: Mapping[str, pyarrow.Table], folder: Path, to: str) -> tuple[P
 
 
 def write_said(file: Path, by_seed: Mapping[int, Sequence[Said]]) -> None:
-    """What was said in several runs, in one Parquet file with a column for the seed."""
+    """Write the traffic of several runs into one Parquet file with a column for the seed."""
     rows = [(seed, row) for seed in sorted(by_seed) for row in by_seed[seed]]
     told = communicates(row for _, row in rows)
     numbered = told.add_column(0, SEED, pyarrow.array([seed for seed, _ in rows], pyarrow.int64()))
@@ -72,7 +72,7 @@ def write_said(file: Path, by_seed: Mapping[int, Sequence[Said]]) -> None:
 
 
 def said_in(file: Path) -> dict[int, tuple[Said, ...]]:
-    """What write_said wrote, by seed."""
+    """Return the contents of a file of write_said, by seed."""
     found: dict[int, list[Said]] = {}
     for row in parquet.read_table(file).to_pylist():
         found.setdefault(row.pop(SEED), []).append(msgspec.convert(row, Said))

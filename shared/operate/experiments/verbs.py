@@ -85,7 +85,7 @@ def experiment(place: Annotated[Path, typer.Argument(help="An experiment's folde
 
 
 def _target(place: Path, out: Path | None) -> Path | None:
-    """Where the files go: a run's own folder, or one that gets the recording, too; None: nowhere."""
+    """Return the folder for the files: a run's own, or one that gets the recording, too; None: nowhere."""
     import shutil
 
     from operate.run_folder import TRAFFIC_FILE
@@ -104,7 +104,7 @@ def _target(place: Path, out: Path | None) -> Path | None:
 
 @contextmanager
 def _telling() -> Iterator[None]:
-    """What the caller named wrongly becomes a line and exit code 2."""
+    """Turn the caller's wrong names into a line and exit code 2."""
     from operate.experiments.results import NothingHere
 
     try:

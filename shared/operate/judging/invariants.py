@@ -1,4 +1,4 @@
-"""What must hold of a run whatever was done to it, judged over its whole history: each broken one is a sentence.
+"""Invariants of a run whatever was done to it, judged over its whole history: each broken one gives a sentence.
 
 All of it is of any system; what a system promises beyond it is its addition `promises`. Success is not among it: a task
 that failed and says why has broken nothing.
@@ -24,7 +24,7 @@ MOST_BYTES = 256 * 1024 * 1024
 
 
 class Checked(msgspec.Struct, frozen=True):
-    """What is broken, each in a sentence, and the size of the run folder [bytes]."""
+    """Broken invariants, a sentence each, and the size of the run folder [bytes]."""
 
     broken: tuple[str, ...]
     bytes: int

@@ -1,4 +1,4 @@
-"""What is in a recording, told without reading what was said: topics and keys with counts and times, and versions.
+"""Contents of a recording without reading its messages: topics and keys with counts and times, and versions.
 
 Must not know: what a content means, the network.
 """
@@ -66,7 +66,7 @@ class Contents(msgspec.Struct):
 
 
 class _Key(msgspec.Struct):
-    """What is wanted of a record: the parts of its key, whatever kind it is."""
+    """The fields used of a record: the parts of its key, whatever kind it is."""
 
     channel: str = ""
     sender: str = ""

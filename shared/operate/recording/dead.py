@@ -74,7 +74,7 @@ def of_run(run: Path, system: System, now: float | None = None) -> list[DeadLett
 
 
 def _unfit(heard: filled.Filled, system: System) -> Iterator[DeadLetter]:
-    """What the design does not have, and what was no communicate."""
+    """Yield communicates that the design does not have, and samples that are not communicates."""
     for record in heard.records:
         if not isinstance(record, Garbage):
             continue
@@ -99,7 +99,7 @@ def _not_heard(heard: filled.Filled, said: Iterable[Spoken], system: System, now
 
 
 def _turned_away(run: Path, said: Mapping[tuple[str, str, str], Spoken]) -> Iterator[DeadLetter]:
-    """What agents told in their logs that they did not take, or could not send."""
+    """Yield the communicates that agents, by their logs, did not take or could not send."""
     for path in sorted((run / LOGS).glob("*.jsonl")):
         for line in _lines(path):
             if line.event in TURNED_AWAY:

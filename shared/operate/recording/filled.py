@@ -76,7 +76,7 @@ def filled(
 
 
 def noted(path: Path, system: System) -> Iterator[Record]:
-    """What an agent noted in its step log of what reached it, and of its own lives; the log may end anywhere."""
+    """Yield the records of an agent's step log: what reached it, and its own lives; the log may end anywhere."""
     try:
         for step in steplog.read(path):
             record = _record(step, path.stem, system)
@@ -126,7 +126,7 @@ def _is_recorded(run: Path) -> bool:
 
 
 def _missed(records: Iterable[Record], logs: Mapping[str, tuple[Record, ...]]) -> Iterator[Record]:
-    """What agents noted and the recorder did not hear; each once."""
+    """Yield records that agents noted and the recorder did not hear; each once."""
     seen = _Seen(records)
     for log in logs.values():
         for record in log:
@@ -135,7 +135,7 @@ def _missed(records: Iterable[Record], logs: Mapping[str, tuple[Record, ...]]) -
 
 
 class _Seen:
-    """What a recording has, and what was put into it so far."""
+    """Records of a recording, and those added to it so far."""
 
     def __init__(self, records: Iterable[Record]) -> None:
         self._said: defaultdict[tuple[str, str, str], list[Spoken]] = defaultdict(list)

@@ -1,4 +1,4 @@
-"""What a recorder that died left in a traffic.mcap, and where another one goes on in it.
+"""Analysis of the traffic.mcap left by a recorder that died, and the place where the next one goes on in it.
 
 Of each message only the head is looked at, nothing is decoded or written again: while a recorder begins, nobody hears
 the fleet, and its recording may have gigabytes.
@@ -99,7 +99,7 @@ def _understood(kind: int, data: bytes, said: list[Schema | Channel]) -> bool:
 
 
 def _decodes(data: bytes) -> bool:
-    """Whether the last message is whole inside; what follows a torn one is no record."""
+    """Whether the last message is whole inside; what follows a torn one is not a record."""
     try:
         msgspec.json.decode(data)
     except UNREADABLE:

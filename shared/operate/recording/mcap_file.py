@@ -55,7 +55,7 @@ class Recording:
         self._channels: dict[str, int] = {}
         self._count = 0
         self.taken_until = 0.0
-        """When the last record was heard that a recorder before this one left [unix s]; 0: there was none."""
+        """Time of the last record left by an earlier recorder [unix s]; 0: there was none."""
         if before is not None:
             self._go_on(before)
         self.flush()

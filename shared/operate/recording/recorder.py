@@ -149,7 +149,7 @@ class Recorder:
         self._judged(self._judging.lines(record))
 
     def _kept(self, record: Record) -> bool:
-        """Whether it is recorded: until the file is full, and of what is no communicate the first of each key."""
+        """Whether it is recorded: until the file is full, and of samples that are not communicates one per key."""
         if isinstance(record, Garbage):
             self._garbage.over(record.received)
             if not self._garbage.told(record.key, record.received):
@@ -230,7 +230,7 @@ _OTHERS = Judged(t=0.0, verdict=Verdict.MALFORMED, bytes=0, why="others", violat
 
 
 def _kind(one: Judged) -> Judged:
-    """What is told together: a verdict about a sender on a channel."""
+    """Return the key by which verdicts are told together: a verdict about a sender on a channel."""
     return Judged(0.0, one.verdict, 0, one.channel, one.sender, one.receiver, key=one.key, violation=True)
 
 

@@ -127,9 +127,9 @@ class Token(msgspec.Struct, frozen=True):
 
 
 class Garbage(msgspec.Struct, frozen=True):
-    """Bytes that are no communicate, or not the one their key says, or one the design does not have.
+    """Bytes that are not a communicate, or not the one their key says, or one the design does not have.
 
-    `log`: the agent whose step log has it, where the recorder did not hear it. The log does not keep bytes that are no
+    `log`: the agent whose step log has it, where the recorder did not hear it. The log does not keep bytes that are not
     communicate, only the reason.
     """
 

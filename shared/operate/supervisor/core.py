@@ -57,7 +57,7 @@ class Known(msgspec.Struct, frozen=True):
 
     @property
     def patience_s(self) -> float:
-        """Silence after which it is killed [s]; of one that is ready and has never beaten there is no end."""
+        """Silence after which it is killed [s]; infinite for one that is ready and has never beaten."""
         if self.beaten:
             return self.process.hangs_s
         return math.inf if self.state is ProcessState.READY else BORN_WITHIN_S
@@ -82,7 +82,7 @@ class Fleet(msgspec.Struct, frozen=True):
 
     @property
     def failing(self) -> tuple[str, ...]:
-        """Who was ready and died so often that it was given up: without it the robot is to be held.
+        """Processes that were ready and died so often that they were given up: without them the robot is to be held.
 
         Nobody waits for an optional one, and the robot need not either.
         """

@@ -64,7 +64,7 @@ def log_file(run: Path, name: str) -> Path:
 
 
 def keep_small(log: Path) -> None:
-    """Where the output of a process is too long, move it to LOG.1 and have the process go on at the beginning.
+    """Truncate a process's output file once it is too long, after a copy to LOG.1.
 
     The process appends to an open file, so the file stays; what it writes between the copy and the cut is lost.
     """

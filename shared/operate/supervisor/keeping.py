@@ -1,4 +1,5 @@
-"""Who keeps a run folder: one supervisor at a time, by a lock that ends with it; and what a dead one left running.
+"""Ownership of a run folder: one supervisor at a time, by a lock that ends with it; and the processes a dead one left
+running.
 
 Children of a supervisor that is killed go on, as the robot must not drop the jar for it. The next one of the same
 folder ends them first, in order: a second router or control loop beside them would be two masters of one robot.
@@ -53,7 +54,7 @@ def _take(run: Path, lock: int) -> None:
 
 
 class Left:
-    """A process that is no child of this one; as much of subprocess.Popen as the shell needs."""
+    """A process that is not a child of this one; as much of subprocess.Popen as the shell needs."""
 
     def __init__(self, pid: int) -> None:
         """Raise ProcessLookupError where there is none. What has the number later is not meant."""

@@ -181,7 +181,7 @@ class NotBuiltError(Exception):
 
 
 def python_module(process: Process) -> list[str]:
-    """The command of a process: this Python, its module. NotBuiltError where there is no such program."""
+    """The command of a process: this Python, its module. Raises NotBuiltError if the program does not exist."""
     try:
         found = importlib.util.find_spec(f"{process.module}.__main__")
     except ModuleNotFoundError:

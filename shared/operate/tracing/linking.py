@@ -2,7 +2,7 @@
 
 By the step log: the agent names the parent when it opens a conversation; else it is the conversation in which it got
 the message of that step, or, where that is an answer to itself, the parent of that one. Where a step took no message,
-or there is no log, the parent is the newest open conversation that others have with the agent: by time. Pure.
+or without a log, the parent is the newest open conversation that others have with the agent: by time. Pure.
 """
 
 from collections import defaultdict

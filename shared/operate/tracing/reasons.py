@@ -1,4 +1,4 @@
-"""Why a task ended as it did: the chain of communicates that led to its end, and who was away meanwhile.
+"""Reasons for a task's end: the chain of communicates that led to it, and the agents that were away meanwhile.
 
 Every sentence repeats what was recorded: who said what, with the reason given; a step's event where no communicate led
 to it. Pure.

@@ -1,4 +1,4 @@
-"""What was said in a run and what caused it: messages, and conversations as the spans of a trace.
+"""Traffic of a run and its causes: messages, and conversations as the spans of a trace.
 
 A span is one conversation of two agents. It stands below the conversation for whose sake it was opened. Pure.
 """
@@ -21,7 +21,7 @@ SETTLED = "Settled"
 
 
 class Known(StrEnum):
-    """Where a link is from: the step log, the protocol (an answer to what was asked), or only the order in time."""
+    """Origin of a link: the step log, the protocol (an answer to what was asked), or only the order in time."""
 
     STEP = "step"
     REPLY = "reply"

@@ -13,7 +13,7 @@ LIBRARY, SUFFIX = "wall_clock.so", ".clock"
 COMPILER = "cc"
 COMPILE_S = 30.0  # estimate: it takes 0.1 s
 OFFSET = struct.Struct("=q")
-"""What a file has: how far forward the clock is [ns]."""
+"""Contents of a file: how far forward the clock is [ns]."""
 
 
 def file(run: Path, name: str) -> Path:

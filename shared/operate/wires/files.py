@@ -1,4 +1,4 @@
-"""What supervisor, `roco fault` and the proxy tell each other, in files of the run folder.
+"""Files of the run folder by which supervisor, `roco fault` and the proxy communicate.
 
 wires.json: the addresses of the routers, and each agent's ports of the proxy; written by the supervisor.
 NAME.KIND.wire: a condition of the wires of NAME while the file is there, its amount as text. A router's are those of
@@ -22,7 +22,7 @@ class Wires(msgspec.Struct, frozen=True):
     bind: str = "127.0.0.1"
 
     def missing(self, name: str) -> str:
-        """Return why there is no wire of that name, or "" where there is one; a router stands for all to it."""
+        """Return why no wire has that name, or "" if one has; a router stands for all wires to it."""
         routers = ", ".join(f"{one} for all to it" for one in self.routers)
         known = name in (*self.routers, *self.ports)
         return "" if known else f"{name} has no wire; there are {', '.join(self.ports)}, and {routers}"
@@ -56,7 +56,7 @@ def listed(connect: str, listen: str) -> Wires | None:
     """Return the wires that variables tell, as in containers; None where `listen` names no agent.
 
     `connect`: the routers' endpoints; `listen`: of each agent a port for each router, `hi@0.0.0.0:7451+7461,co@...`.
-    ValueError: a port is no number.
+    ValueError: a port is not a number.
     """
     if "@" not in listen:
         return None

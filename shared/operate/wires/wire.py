@@ -76,7 +76,7 @@ class Way:
         return data or None
 
     async def _pass(self, size: int) -> None:
-        """Wait until so many bytes may pass at the rate of now."""
+        """Wait until that many bytes may pass at the present rate."""
         while self._now().cut:
             await asyncio.sleep(LOOK_S)
         if rate := self._now().rate:

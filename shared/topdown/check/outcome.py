@@ -8,7 +8,7 @@ from topdown.model.statements import Outcome, StatedChannel
 
 
 def findings(design: Design) -> Iterator[Finding]:
-    """Whatever a stated outcome has otherwise; nothing where none is stated."""
+    """Yield findings against a stated outcome; none if no outcome is stated."""
     outcome = design.file.outcome
     if outcome is None:
         return

@@ -201,7 +201,7 @@ class Talks:
 
 
 def _how_late(at: float, wait: Waits) -> str:
-    """Why an answer that was sent at `at` is late; where its question was long on its way, that too."""
+    """Return why an answer sent at `at` is late; also if its question was long on its way."""
     asked = wait.entry.communicate
     question, way_s = f"{asked.performative} {asked.id}", wait.entry.heard.at - asked.sent if asked.sent else 0.0
     slow = f"; {question} itself was heard {way_s:.3f} s after it was sent" if way_s > ON_ITS_WAY_S else ""

@@ -48,7 +48,7 @@ def lifelines(finding: Finding) -> list[str]:
 
 
 def changes(before: Mapping[str, str], after: Mapping[str, str]) -> dict[str, str]:
-    """Whose state is another one now."""
+    """Return the states that changed, by name."""
     return {name: state for name, state in after.items() if before.get(name) != state}
 
 

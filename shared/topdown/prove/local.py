@@ -31,7 +31,7 @@ GONE = "gone"
 
 
 class Stray(str):
-    """Why a word is none of an open conversation: where copies and late answers are normal, it is dropped."""
+    """Reason why a word is outside an open conversation: where copies and late answers are normal, it is dropped."""
 
 
 class Local(NamedTuple):
@@ -57,7 +57,7 @@ class Effect(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Where an event leads: `label` in words, `row` its number (0: the runtime's own answer), `again`: an act was begun
+    """Result of an event: `label` in words, `row` its number (0: the runtime's own answer), `again`: an act was begun
     that had been begun before.
     """
 

@@ -123,7 +123,7 @@ class Command(NamedTuple):
 
 
 class Wrong(NamedTuple):
-    """Where all guards hold, `text` is wrong."""
+    """Error condition of a net: `text` is wrong in a state in which all guards hold."""
 
     text: str
     guards: tuple[Guard, ...]

@@ -30,7 +30,7 @@ class NetModel:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """Where in a state each variable and queue is."""
+        """Index of each variable and queue in a state."""
         return {thing.name: place for place, thing in enumerate(self.net.things)}
 
     def value(self, state: Any, variable: str) -> str:

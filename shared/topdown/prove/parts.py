@@ -213,7 +213,7 @@ _NET: dict[int, Any] = {
 
 
 def _pairs(agents: list[Agent]) -> set[tuple[str, str]]:
-    """Who has a durable stream to whom."""
+    """Return the pairs (sender, receiver) that have a durable stream."""
     return {
         pair
         for agent in agents

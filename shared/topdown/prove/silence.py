@@ -91,7 +91,7 @@ def _loops(table: Table, said: Said, silent: set[Said]) -> bool:
 
 
 def _settled(table: Table, state: str, use: str, silent: set[Said]) -> str:
-    """Where the words that are owed in a state lead, if all of them are silent."""
+    """Return the state that the words owed in a state lead to, if all of them are silent."""
     seen = set()
     while state in table.urgent and state not in seen:
         seen.add(state)

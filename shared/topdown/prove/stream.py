@@ -32,7 +32,7 @@ class Variant(StrEnum):
 
 
 class Phase(StrEnum):
-    """Where in its step a side is."""
+    """Phase of a side within its step."""
 
     IDLE = "idle"
     RUN = "has run"

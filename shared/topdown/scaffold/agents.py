@@ -56,7 +56,7 @@ def _interface(design: Design, package: str, agent: str) -> str:
     lines = ["from fipa_codec.interfaces import ClassInterfaceInfo"]
     if used:
         lines += ["", f"from {package}.languages import {', '.join(used)}"]
-    head = docstring(f"What a_{agent} may be asked (OFFERS) and asks others (ASKS), by the use of a protocol.")
+    head = docstring(f"Requests that a_{agent} takes (OFFERS) and makes (ASKS), by the use of a protocol.")
     return f"{head}\n\n" + "\n".join(lines) + f"\n\n{tables}\n"
 
 
@@ -100,7 +100,7 @@ def _dotted(name: str) -> str:
 def _memory(design: Design, agent: str) -> str:
     conditions = sorted(design.conditions(agent))
     parts = [
-        docstring(f"What a_{agent} remembers, and the conditions of its states and arcs. Must not know: messages."),
+        docstring(f"Memory of a_{agent}, and the conditions of its states and arcs. Must not know: messages."),
         "\nimport msgspec\n\n",
         "class Memory(msgspec.Struct, frozen=True, omit_defaults=True):",
         '    """Kept in the journal whenever it changes. Fields to fill in, each with a default."""\n\n',

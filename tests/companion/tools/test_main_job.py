@@ -26,7 +26,7 @@ RESTS = {"ta": "idle", "ex": "idle"}
 
 @pytest.fixture
 def told() -> io.StringIO:
-    """What a person reads."""
+    """Text that a person reads."""
     return io.StringIO()
 
 
@@ -52,7 +52,7 @@ def runs(run: Path, process: ProcessStatus) -> Iterator[None]:
 
 
 def test_who_rests_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:
-    """Whatever the bound."""
+    """An agent at rest costs no wait, whatever the bound."""
     for agent in RESTS:
         beats(tmp_path, agent, "idle")
     assert rested(tmp_path, told, within_s=1e9) == []

@@ -1,4 +1,4 @@
-"""When a run did the main job, as a table: one thing changed at a time."""
+"""Table of runs that did the main job or not: one thing changed at a time."""
 
 import math
 from collections.abc import Callable
@@ -94,7 +94,7 @@ def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) 
     ],
 )
 def test_every_plan_and_the_task_must_end(pouring: Run, kind: Callable[[Spoken], bool], reason: str) -> None:
-    """What was never said is missed."""
+    """A communicate that was never said is missed."""
     past = _past(pouring)
     found = verdict.failure(msgspec.structs.replace(past, said=tuple(one for one in past.said if not kind(one))))
     assert found is not None

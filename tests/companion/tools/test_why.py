@@ -13,7 +13,7 @@ POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
 
 def asked(*words: str) -> Any:
-    """What a verb prints for programs of this run."""
+    """Return the verb's JSON output about this run."""
     done = CliRunner().invoke(app, [*words, "--run", str(POUR), "--format", "json"])
     assert done.exit_code == 0, done.stderr
     return json.loads(done.stdout)
@@ -44,7 +44,7 @@ def test_why_two_plans() -> None:
 
 @pytest.mark.parametrize("name", ["jar", "jar_1"])
 def test_what_is_believed_of_a_thing_is_what_ask_answers(name: str) -> None:
-    """Where it is and since when, and which observation of whom that is."""
+    """The place, the time since when, and the observer are the same in both."""
     query = "SELECT ?where ?since WHERE { GRAPH ?said { thing:jar_1 roco:isIn ?where } ?said roco:toldAt ?since }"
     (row,) = asked("ask", query, "--at", "12")["results"]["bindings"]
     why = asked("why", name, "--at", "12")

@@ -97,7 +97,7 @@ def reach(heard: Heard, slots: Path) -> Iterator[LoopDevice]:
 
 
 def where(reach: LoopDevice, heard: Heard) -> Felt:
-    """How the robot stands."""
+    """Return the robot's state."""
     reach.tell(Where(1))
     word = heard.next()
     assert isinstance(word, Stands), word
@@ -112,7 +112,7 @@ def path(felt: Felt, seconds: float, to: float = 0.3) -> np.ndarray:
 
 
 def test_a_motion_is_done(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
-    """What the loop was asked is where the robot stands afterwards."""
+    """The robot's state afterwards is the one that the loop was asked for."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 0.5))))
     word = heard.next()
@@ -177,7 +177,7 @@ def test_a_new_loop_loses_the_motion(turned: Turned, reach: LoopDevice, heard: H
 
 
 def test_without_a_loop(reach: LoopDevice, heard: Heard, slots: Path) -> None:
-    """Where is answered at once that there is none; Halt waits until there is one."""
+    """`Where` is answered at once that there is none; `Halt` waits until there is one."""
     reach.tell(Where(1))
     word = heard.next()
     assert isinstance(word, Lost)
@@ -233,7 +233,7 @@ def _turns(turned: Turned) -> bool:
 
 
 def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
-    """Where ends the hold after a lost heartbeat; a person's stop stays until a person ends it."""
+    """`Where` ends the hold after a lost heartbeat; a person's stop stays until a person ends it."""
     felt = where(reach, heard)
     stranger = AgentLink(slots)
     stranger.send(motion("nobody beats for this", path(felt, 200.0)))

@@ -105,7 +105,7 @@ def test_ex_knows_where_its_robot_stands() -> None:
 
 
 def test_acts_are_counted() -> None:
-    """Words of one act are no news of the next."""
+    """Words of one act are not news of the next."""
     one = idle()
     for number in (1, 2):
         ask(one, rc.MoveJoint(f"m{number}", Side.LEFT, ((0.0,) * 8,), 0.3), f"t{number}")
@@ -116,7 +116,7 @@ def test_acts_are_counted() -> None:
 
 
 def test_the_skill_gets_the_act_and_how_the_robot_stands() -> None:
-    """What it remembers is the act's from then on; the agreement tells how long."""
+    """The skill's memory is the act's from then on; the agreement tells how long."""
     one = preparing()
     assert one.tells == [Perform(1, MOVE, one.state.memory.remembered, FELT)]
     assert one.state.memory.soft.felt == FELT
@@ -137,7 +137,7 @@ def test_the_skill_gets_the_act_and_how_the_robot_stands() -> None:
     ],
 )
 def test_words_of_another_act_change_nothing(state: str, word: Any) -> None:
-    """What a killed worker had said."""
+    """Words of a killed worker are ignored."""
     one = STATES[state]()
     memory, place = one.state.memory, one.state.state
     one.step(Local(word))
@@ -239,7 +239,7 @@ def test_a_cancel_while_it_is_brought_to_rest_is_answered_with_the_outcome() -> 
 
 @pytest.mark.parametrize(("state", "reason"), [("stopping", "restarted while it stopped"), ("halting", "no loop")])
 def test_a_restart_while_it_stops_brings_the_robot_to_rest(state: str, reason: str) -> None:
-    """Why the outcome is unknown is what was known first."""
+    """The reason of the unknown outcome is the one known first."""
     one = STATES[state]()
     one.step(Started(first=False))
     assert one.tells == [Drop(1), Halt(1)]

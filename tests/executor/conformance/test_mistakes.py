@@ -119,7 +119,7 @@ def test_what_hangs_is_told_and_the_rest_is_not_tried() -> None:
 
 @pytest.mark.parametrize("raised", [RuntimeError("no robot at this address"), SystemExit(3)])
 def test_a_robot_that_cannot_be_made_fails_with_its_own_words(raised: BaseException) -> None:
-    """Whatever is raised."""
+    """Any exception is reported with its words."""
 
     def make() -> MockBackend:
         raise raised

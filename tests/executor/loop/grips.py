@@ -45,7 +45,7 @@ def standing(posture, row, finger):
 
 
 def at(truth, name):
-    """Where a vessel truly is, (3,)."""
+    """Return the true position of a vessel, (3,) [m]."""
     return truth.pose(name)[1]
 
 

@@ -18,7 +18,7 @@ def act(path=PATH, began_s=0.0, **options):
 
 
 def error(right=(0.0, 0.0, 0.0), left=(0.0, 0.0, 0.0)):
-    """A task error (12,) whose rotations, which are no distances, are large."""
+    """A task error (12,) whose rotations, which are not distances, are large."""
     return np.array([*right, 9.0, 9.0, 9.0, *left, 9.0, 9.0, 9.0])
 
 

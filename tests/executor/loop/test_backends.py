@@ -1,4 +1,4 @@
-"""Back-ends by name: one that is no part of the project stands behind the loop, and what a wrong name is told."""
+"""Back-ends by name: one that is not part of the project stands behind the loop, and what a wrong name is told."""
 
 import os
 import subprocess

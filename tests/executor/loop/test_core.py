@@ -228,7 +228,7 @@ def test_an_impossible_reading_pushes_nothing(reading):
 
 
 def test_a_law_without_an_answer_is_a_fault(core):
-    """What is not finite is never sent: damping goes out in the same cycle."""
+    """A value that is not finite is never sent: damping goes out in the same cycle."""
     core.begin(motion("up", rise(core)))
     cycles(core, 100)
     core.impedance.torque = lambda *_: np.full(15, np.nan)
@@ -288,7 +288,7 @@ def test_a_release_before_the_dwell_is_granted_after_it(core):
 
 
 def test_a_stop_keeps_hands_locked_and_weight_carried(core):
-    """What is held stays held."""
+    """A held thing stays held."""
     core.backend.grasped[1] = 1.2
     core.run(motion("grip", core.setpoint, until="touch", left=Close(squeeze=0.02)))
     core.begin(motion("lift", rise(core), payload_left=Payload(0.3, (0.0, 0.0, 0.02))))

@@ -1,4 +1,4 @@
-"""What the loop does when a hand loses what it holds, in simulated physics with errors of the sensors."""
+"""Reaction of the loop when a hand loses its thing, in simulated physics with errors of the sensors."""
 
 import copy
 import math

@@ -27,7 +27,7 @@ AFTER = 600  # cycles that both are compared for, 1.2 s
 
 @pytest.fixture
 def path(tmp_path):
-    """Where the memory is kept."""
+    """File that keeps the memory."""
     return tmp_path / MEMORY
 
 

@@ -31,7 +31,7 @@ class Carried:
         self.setpoints, self.speeds, self.levers = [], [], []
 
     def lever(self):
-        """Where the jar is in the hand, (3,) [m]."""
+        """Position of the jar in the hand, (3,) [m]."""
         return lever(self.core, self._truth, 1, "jar_1")
 
     def turn(self, agent=None):

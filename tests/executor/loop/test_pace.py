@@ -137,7 +137,7 @@ def shown(folder, *timings):
     ids=["late before, not now", "skipped cycles are late", "stands still", "speed max"],
 )
 def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(tmp_path, monkeypatch, before, after, expected):
-    """What was late before counts for nothing; a loop without deadlines has no periods."""
+    """Earlier lateness counts for nothing; a loop without deadlines has no periods."""
     slots, pause = shown(tmp_path, before, after)
     monkeypatch.setattr(pace.time, "sleep", pause)
     found = pace.watch(slots)

@@ -229,7 +229,7 @@ def test_a_stop_over_http_is_obeyed_though_the_agent_hangs(pair):
 
 
 def test_the_end_is_damping(pair):
-    """Whatever runs when the loop is told to end."""
+    """The loop damps when it is told to end, whatever runs."""
     loop, agent, _ = pair
     agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
     loop.turn()

@@ -45,7 +45,7 @@ def test_a_record_too_large_is_refused(slot):
 
 
 def test_a_writer_that_died_in_the_middle_is_seen_and_survived(slot):
-    """An odd number is no record; the next writer goes on."""
+    """An odd number is not a record; the next writer goes on."""
     slot.write(b"whole")
     slot._view[0] = 3
     assert slot.read() is None

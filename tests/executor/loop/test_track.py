@@ -31,7 +31,7 @@ def walk(track, most=5000):
 @settings(max_examples=25, deadline=None)
 @given(offset=st.floats(-0.99 * FARTHEST_START, 0.99 * FARTHEST_START), seconds=st.floats(0.3, 2.0))
 def test_position_is_the_integral_of_velocity_and_ends_at_the_last_knot(offset, seconds):
-    """Wherever near the first knot the body was, it follows without a jump and arrives."""
+    """The body follows without a jump and arrives from any place near the first knot."""
     path = knots(seconds)
     q, v = walk(Track(path, START + offset))
     np.testing.assert_allclose(q[0], START + offset)

@@ -103,7 +103,7 @@ class Acting:
 
     @property
     def truth(self) -> Truth:
-        """What is truly so."""
+        """The true state."""
         return TruthReader(self.core.backend).read()
 
     # --- commands -----------------------------------------------------------------------------------------------------
@@ -154,7 +154,7 @@ class Acting:
         return rc.MoveJoint(self._key(), side, points, 0.25, fingers)
 
     def put_down(self, name: str, side: Side) -> rc.Release:
-        """Wherever ex finds a place."""
+        """Return the act of putting a thing down at any place that ex finds."""
         return rc.Release(self._key(), side, name, "", None, self.retreats[name])
 
     def home(self, side: Side) -> rc.Home:

@@ -1,4 +1,4 @@
-"""What is not in the hand is noticed, said, and no act on it succeeds: true loop, simulated physics and sensors."""
+"""A thing missing from the hand is noticed and told, and no act on it succeeds: true loop, simulated physics."""
 
 import numpy as np
 import pytest

@@ -94,7 +94,7 @@ def test_a_tilt_that_was_not_weighed_counts_from_its_beginning(over_the_bowl: tu
 
 
 def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
-    """What left the jar before, did not go there."""
+    """Content that left the jar before did not go there."""
     here, command = over_the_bowl
     here.models = {**here.models, "bowl_2": here.models[BOWL]}  # those of `here` are shared by all tests
     poured(here, command, FULL, EMPTY, cancelled=TILTED)

@@ -1,4 +1,4 @@
-"""What a cancelled act leaves behind, and how what is held is put down, with the true loop and simulated physics."""
+"""State after a cancelled act, and putting down of the held thing, with the true loop and simulated physics."""
 
 import numpy as np
 import pinocchio as pin
@@ -150,7 +150,7 @@ def test_a_thing_goes_through_an_opening_to_its_place(jar_out: Acting) -> None:
 
 
 def test_an_opening_that_is_blocked_is_told(jar_out: Acting) -> None:
-    """Where something stands in the way, nothing moves: a new plan is wanted."""
+    """If something stands in the way, nothing moves: a new plan is wanted."""
     seen, before = jar_out.here.seen[JAR], jar_out.core.setpoint.copy()
     out = jar_out.taking[2].segments[1].offset
     bowl = seen.translation + 0.5 * np.array(out)

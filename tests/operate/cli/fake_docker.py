@@ -14,7 +14,7 @@ ROOT = Path(os.environ["FAKE_DOCKER"])
 
 
 def described(folder: Path) -> dict[str, object]:
-    """What `docker inspect` says of a container."""
+    """Return the answer of `docker inspect` for a container."""
     project, service = folder.name.split(".")
     labels = {"com.docker.compose.project": project, "com.docker.compose.service": service}
     image = "robot-companion/agent:test" if project != "other" else "redis"
@@ -27,7 +27,7 @@ def described(folder: Path) -> dict[str, object]:
 
 
 def environment(folder: Path) -> list[str]:
-    """What stands in its file `environment`, if it has one."""
+    """Return the contents of its file `environment`, if it has one."""
     file = folder / "environment"
     return file.read_text().splitlines() if file.exists() else ["ROCO_SYSTEM=roco"]
 

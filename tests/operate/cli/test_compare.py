@@ -85,7 +85,7 @@ def test_a_unit_and_an_interval_are_shown() -> None:
 
 
 def test_the_first_difference_is_shown_in_words() -> None:
-    """Which conversation, which communicate, what each side says there."""
+    """The conversation, the communicate, and each side's words at the first difference are shown."""
     said = {
         "t": 1.5,
         "sender": "ta",
@@ -134,7 +134,7 @@ def test_a_report_goes_where_it_is_wanted_and_overwrites_no_recording(tmp_path: 
 
 @pytest.mark.timeout(180)
 def test_tables_are_written(tmp_path: Path) -> None:
-    """Which, and how many rows."""
+    """Each table is reported with its number of rows."""
     code, out, error = run("export", str(POUR), "--to", "csv", "--out", str(tmp_path), "--format", "json")
     assert code == 0, error
     assert {Path(one["file"]).name: one["rows"] for one in msgspec.json.decode(out)} == {

@@ -82,7 +82,7 @@ def completed(one: Any) -> bool:
 
 
 def test_every_parameter_is_completed_or_has_a_reason() -> None:
-    """Who adds one gives it a completer, or says in FREE why there are no names to give."""
+    """A new parameter needs a completer, or an entry in FREE with the reason why it has no names to give."""
     bare = [(verb, one.name) for verb, one in parameters() if not completed(one)]
     assert [row for row in bare if row not in FREE and ("*", row[1]) not in FREE] == []
 
@@ -102,7 +102,7 @@ def test_no_parameter_is_of_a_kind_that_would_pass_unseen() -> None:
 
 
 def asked(words: str, folder: Path) -> list[str]:
-    """What a shell is answered in this folder."""
+    """Return the completions that a shell gets in this folder."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
     environment |= {
         "_ROCO_COMPLETE": "complete_bash",

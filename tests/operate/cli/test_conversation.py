@@ -39,7 +39,7 @@ def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def roco(run_dir: Path, *words: str, columns: int = 80, code: int = 0) -> str:
-    """What it prints; its exit code must be `code`."""
+    """Return the verb's output; its exit code must be `code`."""
     done = CliRunner().invoke(
         app, ["conversation", *words, "--run-dir", str(run_dir)], env={"COLUMNS": str(columns)}, terminal_width=columns
     )

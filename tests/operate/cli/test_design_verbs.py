@@ -17,7 +17,7 @@ HISTORY = TESTS / "histories/pour_seed_7"
 
 
 def roco(*words: object, columns: int = 80) -> Result:
-    """Run a verb of `roco design` in a terminal of so many columns."""
+    """Run a verb of `roco design` in a terminal of that many columns."""
     return CliRunner(env={"COLUMNS": str(columns)}).invoke(app, ["design", *map(str, words)])
 
 
@@ -48,7 +48,7 @@ def test_lines_fit_the_terminal(columns: int) -> None:
 
 @pytest.mark.parametrize("verb", ["check", "trace", "estimate"])
 def test_a_file_that_is_not_there_exits_with_2(verb: str, tmp_path: Path) -> None:
-    """So does one that is no design, with its line."""
+    """So does one that is not a design, with its line."""
     assert roco(verb, tmp_path / "none.toml").exit_code == 2
     wrong = tmp_path / "wrong.toml"
     wrong.write_text(BARROW.read_text().replace('name = "barrow"', "name = 3"))
@@ -81,7 +81,7 @@ def test_a_folder_without_a_recording_is_told(tmp_path: Path) -> None:
 
 
 def test_rulings_are_printed_where_they_are_wanted() -> None:
-    """With file and line; they are no findings."""
+    """With file and line; they are not findings."""
     assert "ruling on" not in roco("check").output
     done = roco("check", "--rulings")
     assert done.exit_code == 0

@@ -28,7 +28,7 @@ ARC = 'arc = [{ source = "idle", target = "idle" }]\n'
 
 
 def roco(*words: object, columns: int = 80) -> Result:
-    """Run a verb of `roco design` in a terminal of so many columns."""
+    """Run a verb of `roco design` in a terminal of that many columns."""
     return CliRunner(env={"COLUMNS": str(columns)}).invoke(app, ["design", *map(str, words)])
 
 
@@ -85,7 +85,7 @@ def test_the_companion_is_the_default() -> None:
 
 
 def test_a_finding_exits_with_1_and_has_its_story(dark: Path) -> None:
-    """Who did what until it was wrong."""
+    """The story tells which agent did what until the fault."""
     done = roco("verify", dark, "--layer", 3)
     assert done.exit_code == 1
     assert done.output.count("FAILS") == 2

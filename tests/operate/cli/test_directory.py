@@ -30,7 +30,7 @@ class Fleet:
 
 
 def roco(*words: str, code: int = 0) -> str:
-    """What the verb prints where no fleet runs; its exit code must be `code`."""
+    """Return the verb's output where no fleet runs; its exit code must be `code`."""
     done = CliRunner().invoke(app, ["directory", *words], env={"COLUMNS": "300"})
     assert done.exit_code == code, done.output
     return done.output

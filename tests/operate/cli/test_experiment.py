@@ -77,7 +77,7 @@ def test_each_run_leaves_a_line(tmp_path: Path, played: Callable[[Play], list[in
 
 
 def test_an_interrupted_experiment_goes_on(tmp_path: Path, played: Callable[[Play], list[int]]) -> None:
-    """What has its line is not done again; what was under way is, in a clean folder; more runs may be asked for."""
+    """A run with a line is not repeated; one that was under way is, in a clean folder; more runs may be asked for."""
     seeds = played(lambda seed: leaves(POURED))
     run_all(tmp_path, setting(runs=2))
     whole = (tmp_path / trials.RESULTS_FILE).read_bytes()

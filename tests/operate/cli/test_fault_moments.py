@@ -16,7 +16,7 @@ OWNERS = {state: [agent for agent, name in STATES if name == state] for _, state
 
 @given(st.floats(0, 1e6).map(lambda value: round(value, 3)), st.sampled_from(["", "s"]))
 def test_seconds(value: float, unit: str) -> None:
-    """A number is so many seconds."""
+    """A number is that many seconds."""
     assert parse(f"{value:.3f}{unit}", DESIGN, "pl") == After(value)
 
 
@@ -80,7 +80,7 @@ def spoken(sender: str, receiver: str) -> Sample:
     st.lists(st.sampled_from([("pl", "km"), ("km", "pl"), ("ta", "ex"), ("_", "x")]), max_size=30), st.integers(1, 12)
 )
 def test_the_nth_message_is_counted(pairs: list[tuple[str, str]], count: int) -> None:
-    """What others say, and what is no communicate, does not count."""
+    """Communicates of others and other samples do not count."""
     there = counter(Message(count, "pl"))
     samples = [Sample("roco/s/_/ping/pl/km", b"", 1.0) if a == "_" else spoken(a, b) for a, b in pairs]
     when = next((n for n, sample in enumerate(samples) if there(sample)), None)

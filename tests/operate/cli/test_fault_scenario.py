@@ -22,7 +22,7 @@ names = st.sampled_from(["mule", "ox", "desk"])
 
 
 def amounts(kind: str) -> st.SearchStrategy[Any]:
-    """What a kind may have: those that need one, and those that may have one."""
+    """Return a strategy for the amounts of a kind, required and optional."""
     below = spans.map(lambda span: tuple(-one for one in reversed(span)) if isinstance(span, tuple) else -span)
     return spans | below if kind in SIGNED else spans if kind in AMOUNTS else st.none() | spans
 

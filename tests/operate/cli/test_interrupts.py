@@ -1,4 +1,4 @@
-"""What `roco` started ends with it: by Ctrl-C, SIGTERM and SIGHUP alike, with real processes."""
+"""Processes started by `roco` end with it: by Ctrl-C, SIGTERM and SIGHUP alike, with real processes."""
 
 import contextlib
 import os

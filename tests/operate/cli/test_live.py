@@ -178,7 +178,7 @@ def test_a_machine_left_behind_is_ticked() -> None:
 
 @given(st.integers(1, 30), st.integers(1, 12), st.data())
 def test_a_long_plan_is_cut_around_the_present_state(machines: int, leaves: int, data: st.DataObject) -> None:
-    """At most so many lines, in the order of the tree, and the present state is one of them."""
+    """At most the given number of lines, in the order of the tree, and the present state is one of them."""
     states = [path for m in range(machines) for path in (f"m{m}", *(f"m{m}/s{n}" for n in range(leaves)))]
     at = data.draw(st.sampled_from(states))
     paths = draw.shown(run_state.Plan("p", "pour", tuple(states), at), 16)
@@ -228,5 +228,5 @@ def test_what_is_not_as_designed_is_an_event() -> None:
     ],
 )
 def test_a_line_in_words(line: LiveLine, said: str) -> None:
-    """What a log shows; what is merely counted shows nothing."""
+    """Each line has the words that a log shows; a line that is only counted shows nothing."""
     assert run_state.in_words(line, plain) == said

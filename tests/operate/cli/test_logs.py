@@ -34,7 +34,7 @@ def test_all_agents_are_one_stream_in_the_order_of_time(run: Path) -> None:
 
 
 def test_each_line_is_told_once_and_only_when_it_is_whole(run: Path) -> None:
-    """What is half written waits for its end."""
+    """A half-written line waits for its end."""
     written = Written(Local(run), "co")
     assert len(written.new()) == 3
     with (run / "logs" / "co.jsonl").open("ab") as file:

@@ -18,7 +18,7 @@ VERB_S = 150.0
 
 
 def roco(run: Path, *words: str, code: int = 0) -> dict[str, Any]:
-    """What a verb says to programs; its exit code must be `code`."""
+    """Return the verb's JSON output; its exit code must be `code`."""
     command = [sys.executable, "-m", "operate.cli", *words, "--run-dir", str(run), "--format", "json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=VERB_S, check=False)
     assert done.returncode == code, done.stdout + done.stderr

@@ -72,7 +72,7 @@ def test_text_has_every_row_and_every_mark(name: str) -> None:
 
 
 def test_the_list_names_each_once_with_whose_rules_it_has() -> None:
-    """What FIPA and the paper have in common is one protocol; the design's own are of the design."""
+    """A protocol common to FIPA and the paper is listed once; the design's own protocols are listed as the design's."""
     listed = json.loads(protocol("list", "--format", "json").stdout)
     assert sorted(one["name"] for one in listed) == NAMES
     origins = {one["name"]: one["origin"] for one in listed}

@@ -29,7 +29,7 @@ Told = list[Run]
 def kept(
     folder: Path, name: str, days: float = 0.0, processes: tuple[ProcessStatus, ...] = ENDED, **more: object
 ) -> Path:
-    """Make the folder of a run that began so many days before NOW and took a minute."""
+    """Make the folder of a run that began that many days before NOW and took a minute."""
     run = folder / name
     run.mkdir(parents=True)
     fleet = Fleet("depot", "tcp/127.0.0.1:1", 0, NOW - days * DAY, processes)
@@ -41,7 +41,7 @@ def kept(
 
 
 def roco(folder: Path, *words: str, code: int = 0) -> str:
-    """What `roco runs` prints about this folder; its exit code must be `code`."""
+    """Return the output of `roco runs` in this folder; its exit code must be `code`."""
     done = CliRunner().invoke(app, ["runs", *words, "--in", str(folder)], env={"COLUMNS": "200"})
     assert done.exit_code == code, done.output
     return done.output
@@ -206,7 +206,7 @@ def test_an_option_before_the_verb_below_is_refused(tmp_path: Path) -> None:
 
 
 def test_durations() -> None:
-    """What may be written, and how a run's duration reads."""
+    """Durations are parsed in each allowed form, and a run's duration is printed in words."""
     assert [age(text) for text in ("90s", "30min", "12h", "7d", "2w")] == [90.0, 1800.0, 43200.0, 604800.0, 1209600.0]
     assert [span(seconds) for seconds in (4.4, 185.0, 7810.0)] == ["4 s", "3 min 05 s", "2 h 10 min"]
     with pytest.raises(UsageError, match="7d"):
@@ -214,7 +214,7 @@ def test_durations() -> None:
 
 
 def test_no_rule_takes_a_run_that_is_up() -> None:
-    """Whatever the rule."""
+    """No rule chooses a run that is up."""
     up = Run("run", 0.0, 1.0, 1, "depot", "up")
     assert Rule(names=frozenset(["run"]), keep=0, age_s=0.0).chosen([up], NOW) == []
     assert Rule(keep=0).chosen([msgspec.structs.replace(up, result=FAILED)], NOW) != []

@@ -88,7 +88,7 @@ def heard(done: Result) -> None:
 
 
 def told(run: Path, state: ProcessState, supervisor: int) -> None:
-    """What a supervisor says of a_hi."""
+    """Write a supervisor's report about a_hi."""
     run.mkdir(parents=True, exist_ok=True)
     processes = (ProcessStatus("hi", state, supervisor, module="services.supervisor"),)
     (run / FLEET_FILE).write_bytes(msgspec.json.encode(Fleet("test", "", supervisor, time.time(), processes)))

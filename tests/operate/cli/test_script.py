@@ -106,7 +106,7 @@ def changes(one: Communicate) -> dict[str, Communicate]:
 
 @pytest.mark.parametrize("field", ["performative", "content", "reply_by", "language", "in_reply_to"])
 def test_the_first_difference_is_found_and_named(field: str) -> None:
-    """Whatever differs, in the line where it does, and nothing before it."""
+    """The first difference is found in its line, whatever the field, and none before it."""
     part = parts("ta", HEARD)
     mine = [one for one in part if one.mine]
     for line in (mine[0], mine[40], mine[-1]):

@@ -1,4 +1,4 @@
-"""What a look at a process says: from /proc, from heartbeats, from two looks."""
+"""Findings of a look at a process: from /proc, from heartbeats, from two looks."""
 
 import os
 import re
@@ -97,7 +97,7 @@ def look(pid: int, cpu_s: float, at: float) -> Look:
 
 
 def test_the_share_of_a_processor_is_between_two_looks_at_the_same_process() -> None:
-    """Half a second of work in two seconds; another process begins anew."""
+    """Half a second of work in two seconds; another process begins again."""
     assert process_status.rows(look(5, 1.0, 10.0), look(5, 1.5, 12.0))[0].cpu == pytest.approx(25.0)
     assert process_status.rows(look(5, 1.0, 10.0), look(6, 1.5, 12.0))[0].cpu is None
 

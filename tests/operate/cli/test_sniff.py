@@ -31,7 +31,7 @@ WRONG = msgspec.structs.replace(
 
 
 def roco(*words: str, columns: int = 120, code: int = 0) -> str:
-    """What `roco sniff` prints of the pour; its exit code must be `code`."""
+    """Return the output of `roco sniff` for the pour; its exit code must be `code`."""
     done = CliRunner().invoke(app, ["sniff", "--run", str(POUR), *words], env={"COLUMNS": str(columns)})
     assert done.exit_code == code, done.output
     return done.output

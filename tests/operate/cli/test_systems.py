@@ -1,4 +1,4 @@
-"""Which system a verb is about, where none can be found, and what a system's own verbs do to the table."""
+"""Choice of the system for a verb, failures to find one, and the effect of a system's own verbs on the table."""
 
 import json
 import os

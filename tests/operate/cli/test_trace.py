@@ -22,7 +22,7 @@ def roco(*words: str | Path, width: int = 100, env: dict[str, str] | None = None
 
 
 def in_json(*words: str | Path) -> Any:
-    """What a verb prints for programs."""
+    """Return the verb's JSON output."""
     code, out, error = roco(*words, "--format", "json")
     assert (code, error) == (0, "")
     return json.loads(out)

@@ -29,7 +29,7 @@ def run(*words: str) -> tuple[int, str, str]:
 
 
 def shown(*lines: Judged, width: int = 80) -> str:
-    """What a person sees of these verdicts."""
+    """Return these verdicts as a person sees them."""
     console = Console(width=width, record=True, file=StringIO())
     judge.show(judge.summary(list(lines)), console)
     return console.export_text()

@@ -1,4 +1,4 @@
-"""What `roco traffic echo|hz|bw|size|stats` say of a recorded run, for people and for programs."""
+"""Output of `roco traffic echo|hz|bw|size|stats` for a recorded run, for people and for programs."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -76,7 +76,7 @@ def test_rates_are_those_of_the_row() -> None:
 
 
 def test_answers_are_timed_from_what_they_answer() -> None:
-    """Though the question is filtered away; a copy of the question begins nothing anew."""
+    """Though the question is filtered away; a copy of the question does not restart it."""
     (row,) = told("stats", "--performative", "inform-ref", "--channel", "C4")["rows"]
     asked: dict[str, float] = {}
     spans = []
@@ -150,7 +150,7 @@ def test_echo_has_every_communicate_with_its_verdict() -> None:
 
 @pytest.mark.parametrize("width", [80, 100])
 def test_a_line_of_echo_is_as_wide_as_the_terminal(width: int) -> None:
-    """Whatever is said; the reason of a violation stands below."""
+    """No line is wider than the terminal; the reason of a violation stands below."""
     fine = Judged(
         t=1.0, verdict=Verdict.LEGAL, bytes=852_000, channel="C4", sender="km", receiver="pl", protocol="query",
         performative="inform-ref", text="x" * 80,

@@ -106,7 +106,7 @@ def test_the_examples_of_a_verb_are_calls_of_it(words: str, tmp_path: Path, monk
 
 @pytest.mark.process
 def test_completion_knows_verbs_names_and_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """What a shell is answered: verbs, agents without a fleet, channels, runs."""
+    """A shell gets verbs, agents (without a fleet), channels and runs."""
     (tmp_path / "runs" / "2026-01-01").mkdir(parents=True)
 
     def completed(words: str) -> list[str]:

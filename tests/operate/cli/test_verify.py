@@ -110,7 +110,7 @@ def test_a_message_that_says_something_else_is_seen(tmp_path: Path, agent: str, 
 @pytest.mark.process
 @pytest.mark.timeout(60)
 def test_a_recording_that_says_something_else_is_seen(tmp_path: Path) -> None:
-    """What went by is not what the agent puts out: somebody spoke in its place, or the file was changed."""
+    """A recording that differs from the agent's own output is noticed: another sender, or a changed file."""
     run = tmp_path / "run"
     shutil.copytree(DEPOT, run)
     (run / mcap_file.FILE).unlink()

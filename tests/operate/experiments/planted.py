@@ -47,7 +47,7 @@ def figures(seed: int, noise: random.Random) -> PourFigures:
 
 
 def said(seed: int) -> tuple[Said, ...]:
-    """What was said: some queries of pl and their answers, and a request of co; times shake from run to run."""
+    """Return a run's exchanges: queries of pl with answers, and a request of co; times vary from run to run."""
     shake = random.Random(seed)
     rows, t = [], 0.0
     for n in range(6):

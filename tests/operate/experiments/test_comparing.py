@@ -161,7 +161,7 @@ def test_thresholds_are_read_and_wrong_ones_named() -> None:
 
 
 def test_the_same_words_at_other_times_do_not_diverge() -> None:
-    """Times, sizes, names of conversations and numbers in words are no difference."""
+    """Times, sizes, names of conversations and numbers in words make no difference."""
     for seed in range(2, 12):
         assert diverging.first(said(1), said(seed)) is None
     renamed = [msgspec.structs.replace(one, conversation=f"{one.conversation}x", size=1) for one in said(2)]
@@ -182,7 +182,7 @@ def test_a_planted_difference_is_the_first_found(at: int, field: str) -> None:
 
 @pytest.mark.parametrize("at", [1, 3, 5, 7, 9, 11, 13])
 def test_an_answer_that_did_not_come_is_named(at: int) -> None:
-    """What A says there, and nothing in B; the other way round likewise."""
+    """A's words are named, with nothing in B; the other way round likewise."""
     rows = [one for n, one in enumerate(said(1)) if n != at]
     found, back = diverging.first(said(1), rows), diverging.first(rows, said(1))
     assert found is not None

@@ -65,7 +65,7 @@ def test_welchs_interval_covers_the_true_difference() -> None:
 
 
 def test_the_same_seeds_are_compared_seed_by_seed() -> None:
-    """What the seed decides does not widen the interval."""
+    """Variation that the seed decides does not widen the interval."""
     draw = np.random.default_rng(3)
     scene = draw.normal(100.0, 20.0, 20)
     a, b = dict(enumerate(scene)), dict(enumerate(scene + 1.0 + draw.normal(0.0, 0.1, 20)))

@@ -51,7 +51,7 @@ def journalled(run: Path, one: Record) -> None:
 
 
 def record(agent: str, issued: int, taken: int, outbox: tuple[int, ...], state: str = "") -> Record:
-    """What a journal has of the streams with one peer."""
+    """Return a journal's record of the streams with one peer."""
     peer = "ox" if agent == "mule" else "mule"
     waiting = {peer: tuple(Outgoing(number, WORD) for number in outbox)}
     streams = {"issued": {peer: issued}, "taken": {peer: taken}, "outbox": waiting}
@@ -60,7 +60,7 @@ def record(agent: str, issued: int, taken: int, outbox: tuple[int, ...], state: 
 
 @given(st.integers(0, 20), st.integers(0, 20), st.sets(st.integers(1, 20)))
 def test_what_was_numbered_is_taken_or_waits(said: int, taken: int, waiting: set[int]) -> None:
-    """Else so many are lost; a receiver that took more than was said is told, too."""
+    """Missing ones are told as lost; a receiver that took more than was said is told, too."""
     found = list(invariants.lost({"mule": record("mule", said, 0, tuple(waiting)), "ox": record("ox", 0, taken, ())}))
     gone = {number for number in range(1, said + 1) if number > taken and number not in waiting}
     if taken > said:

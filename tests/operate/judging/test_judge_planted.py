@@ -16,7 +16,7 @@ PLANTS = list(plants())
 MISSED_S, NOTICED_S = 0.9, 2.0
 """A gap in what a sender said is noticed at its next heartbeat but one."""
 UNTOLD_S = 0.02
-"""How much later than said a communicate may be heard here, each for itself; on one host it is less than a ms."""
+"""Delay within which each communicate is heard here [s]; on one host it is less than a ms."""
 
 
 def test_a_whole_run_is_as_designed() -> None:
@@ -45,7 +45,7 @@ def test_a_planted_violation_is_found_and_named(plant: Callable[[Traffic], Expec
 
 @pytest.mark.parametrize("part", range(1, 12))
 def test_who_begins_in_the_middle_alarms_about_nothing(part: int) -> None:
-    """Whatever was said before, what follows is as designed, or not judged."""
+    """Communicates after a start in the middle are as designed, or not judged."""
     traffic = Traffic()
     cut = part * len(traffic.items) // 12
     traffic.items = [item for n, item in enumerate(traffic.items) if n >= cut or isinstance(item, Token)]

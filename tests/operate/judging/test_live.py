@@ -31,7 +31,7 @@ def test_each_communicate_is_a_line_once(pouring: Run) -> None:
 
 
 def test_plans_are_shown_and_followed(pouring: Run) -> None:
-    """Where ta says it is, is one of the states that were shown for the plan; both plans end with their outcome."""
+    """Each place that ta reports is a state shown for the plan; both plans end with their outcome."""
     found = lines(pouring)
     shown = {state for line in found if isinstance(line, PlanSeen) for state in line.states}
     places = [line for line in found if isinstance(line, PlanAt)]

@@ -1,4 +1,4 @@
-"""What the head camera sees is drawn where and when it was seen, from the records as they go by and from a history."""
+"""Pictures of the head camera, drawn at the place and time they were taken, from live records and from a history."""
 
 from pathlib import Path
 
@@ -47,7 +47,7 @@ def test_pictures_are_drawn_live_and_afterwards(seen: list[Record]) -> None:
 
 
 def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:
-    """A picture is no state of the robot."""
+    """A picture is not a state of the robot."""
     past = history.merged(seen, {}, SYSTEM)
     assert [at for at, _ in robot(past)] == [100.0]
     assert [at for at, _ in pictures(past)] == [101.0, 102.0, 103.0]

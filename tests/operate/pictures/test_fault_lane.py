@@ -59,7 +59,7 @@ def test_a_run_without_faults_has_no_lane(sheet: Noted) -> None:
 
 
 def test_the_history_has_each_fault_once(some: list[Record]) -> None:
-    """As its last line has it; the lines are no traffic."""
+    """As its last line has it; the lines are not traffic."""
     past = history.merged(some, {}, SYSTEM)
     assert [(one.id, one.ended is None) for one in past.faults] == [("a", False), ("b", False), ("c", True)]
     assert KIND not in past.houses

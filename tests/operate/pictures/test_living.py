@@ -104,7 +104,9 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
 def test_a_process_above_its_limit_of_memory_ends(
     module: ModuleType, limit: str, error: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What draws looks at itself and at its server, and says who is too large; the monitor starts them anew."""
+    """The drawing process watches its own memory and its server's and names the one too large; the monitor restarts
+    both.
+    """
     drawing = child.Child(tmp_path, place(), SYSTEM)
     out, into = os.pipe()
     monkeypatch.setattr(module, limit, 1.0)

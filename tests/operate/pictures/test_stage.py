@@ -1,4 +1,4 @@
-"""What a run gives to look at: live the same as afterwards, states, plan and paths as they were."""
+"""Views of a run: live the same as afterwards, states, plan and paths as they were."""
 
 import math
 from collections import Counter
@@ -156,7 +156,7 @@ def test_channels_of_the_graph_light_up_and_fade(true_past: history.History, tru
 
 
 def test_nothing_is_before_the_beginning(past: history.History, sheet: Noted) -> None:
-    """What was before the first communicate stands at its time; where a thing first was, it is from then on."""
+    """Events before the first communicate stand at its time; a thing's first place holds from then on."""
     assert min(one.at for one in past.entered) < past.begin
     assert min(at for _, at, _ in sheet.drawn) == 0.0
     entity = "world/things/jar_1"

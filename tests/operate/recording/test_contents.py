@@ -1,4 +1,4 @@
-"""What `roco record info` tells of a recording: counted again by hand, also of one that a kill tore."""
+"""Contents of a recording by `roco record info`: counted again by hand, also of one that a kill tore."""
 
 from collections import Counter
 from pathlib import Path

@@ -98,7 +98,7 @@ def test_bytes_that_were_no_communicate(run: Path, depot: System, data: bytes, r
     ],
 )
 def test_what_an_agent_turned_away(run: Path, depot: System, event: str, reason: Dead) -> None:
-    """By the agent's own log, with what the recording knows of it; other lines are no letters."""
+    """By the agent's own log, with what the recording knows of it; other lines are not letters."""
     one = said("cfp")
     line = {
         "agent": one.receiver,

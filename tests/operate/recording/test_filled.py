@@ -135,7 +135,7 @@ def test_of_bytes_in_a_time_of_slowness_those_are_new_that_were_not_heard(
 
 
 def test_without_the_log_of_an_agent_open_conversations_are_not_judged(tmp_path: Path, depot: System) -> None:
-    """What was said to it in the hole nobody knows: the judge begins again behind the hole, and blames nobody."""
+    """Words to it in the hole are unknown: the judge begins again behind the hole, and blames nobody."""
     with_hole(tmp_path, 0.2, 0.6)
     (tmp_path / filled.STEPS / "traffic.steps").unlink()
     assert [one for one in filled.of_run(tmp_path, depot).known if isinstance(one, Resumed)]

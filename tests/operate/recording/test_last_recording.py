@@ -49,7 +49,7 @@ def gone_on(path: Path, records: list[Record]) -> list[Record]:
 def test_all_that_was_whole_stays_and_what_follows_is_read(
     behind: bytes, records: list[Record], written: bytes, tmp_path: Path
 ) -> None:
-    """Wherever the first one was cut off, and whatever stands in the blocks behind."""
+    """This holds wherever the first one was cut off, and whatever stands in the blocks behind."""
     cuts = [
         *range(150),
         *range(150, len(written), len(written) // 61),
@@ -103,7 +103,7 @@ def test_who_looks_for_long_lives(written: bytes, tmp_path: Path, monkeypatch: p
 
 
 def test_damage_inside_a_record_costs_that_one_alone(records: list[Record], written: bytes, tmp_path: Path) -> None:
-    """What stands behind it is as good as before."""
+    """Records behind the damage are intact."""
     path = tmp_path / mcap_file.FILE
     at = written.index(b'"received"', len(written) // 2)
     path.write_bytes(written[:at] + b"\xff" * 10 + written[at + 10 :])

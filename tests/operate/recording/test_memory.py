@@ -1,4 +1,4 @@
-"""What is kept in memory of what was said is bounded: a fleet is watched for weeks."""
+"""Memory used for recorded traffic is bounded: a fleet is watched for weeks."""
 
 import gc
 import tracemalloc
@@ -123,7 +123,7 @@ def test_the_last_are_remembered(keys: list[int], most: int) -> None:
 
 
 def test_a_recording_is_gone_on_with_in_little_memory(tmp_path: Path) -> None:
-    """What a second monitor needs to begin does not grow with what the first one wrote."""
+    """Memory of a second monitor at its start does not grow with the size of the first one's recording."""
     said = [one for one in load(RECORDED, SYSTEM).said if one.channel == "C4"][:2]
     peaks = []
     for blocks in (1, 4):

@@ -20,7 +20,7 @@ def went(agent: str, incarnation: int, t: float) -> Token:
 
 
 def holes(*records: Record) -> list[Resumed]:
-    """What these records bring."""
+    """Return the holes that these records bring."""
     reach = Reach()
     return [hole for hole in map(reach.hole, records) if hole is not None]
 

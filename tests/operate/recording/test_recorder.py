@@ -63,7 +63,7 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
 
 
 def recorded(run: Path, kind: type) -> int:
-    """How many records of a kind are readable now."""
+    """Return the number of records of a kind that are readable now."""
     return sum(isinstance(record, kind) for record in mcap_file.read(run / mcap_file.FILE).records)
 
 
@@ -115,7 +115,7 @@ def test_a_recorder_tells_when_it_heard_nothing(processes: Processes, pouring: R
 
 
 def test_a_recorder_records_before_it_shows(processes: Processes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What draws takes seconds of a busy processor to start; it gives way to the fleet as the recorder does."""
+    """The drawing process takes seconds of a busy processor to start; it yields to the fleet as the recorder does."""
     monkeypatch.setenv(SWITCH, "on")
     processes.start("services.monitor", "monitor")
     log, address = processes.run / "logs/monitor.jsonl", processes.run / VIEW_FILE

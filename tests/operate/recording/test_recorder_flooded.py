@@ -1,4 +1,4 @@
-"""What a recorder writes of a flood is bounded: the first of each kind, then sums; files that end with words."""
+"""Output of a recorder in a flood is bounded: the first of each kind, then sums; files that end with words."""
 
 from collections import Counter
 from pathlib import Path
@@ -56,7 +56,7 @@ def test_of_what_is_no_communicate_the_first_of_a_key_are_recorded(tmp_path: Pat
 
 
 def test_a_recording_that_is_full_ends_with_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What comes then is judged, and not recorded; the file can be read."""
+    """Later records are judged, and not recorded; the file can be read."""
     said = list[dict[str, Any]]()
     monkeypatch.setattr(recorder, "MOST_BYTES", 1)
     one = flooded(tmp_path, said)

@@ -16,7 +16,7 @@ from operate.recording.records import Garbage, House, Resumed, Spoken, Token
 from operate.recording.schemas import schema
 
 PLAIN = {"string": str, "number": (int, float), "integer": int, "boolean": bool}
-"""What Foxglove's reader of JSON schemas takes as the type of a field, beside arrays and objects."""
+"""Types of a field that Foxglove's reader of JSON schemas takes, beside arrays and objects."""
 
 
 @pytest.fixture(scope="module")

@@ -44,7 +44,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def test_the_report_counts_what_was_recorded(run: Path) -> None:
-    """Who told whom how often, all of it as designed, and who was busy."""
+    """The report counts the communicates per pair, all as designed, and the busy agents."""
     told = msgspec.json.decode((run / "report.json").read_bytes(), type=Report)
     first = {one.identity: one for one in mcap_file.read(run / mcap_file.FILE).records if isinstance(one, Spoken)}
     pairs = Counter((one.sender, one.receiver) for one in first.values())

@@ -24,7 +24,7 @@ from operate.reports import make
 
 
 def records(samples: list[Sample]) -> list[Record]:
-    """What the recorder makes of samples."""
+    """Return the recorder's records of samples."""
     return [understood(sample, SYSTEM) for sample in samples]
 
 
@@ -116,7 +116,7 @@ def test_what_was_on_the_wire_and_not_in_its_receivers_log_is_named(pouring: Run
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.93, 0.9999])
 def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_path: Path, share: float) -> None:
-    """What was flushed before a kill is read, in order, and nothing else; the report names the hole."""
+    """Records flushed before a kill are read, in order, and nothing else; the report names the hole."""
     recorder = Recorder(tmp_path, SYSTEM)
     for sample in pouring.samples:
         recorder.take(sample)

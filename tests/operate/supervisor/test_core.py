@@ -155,7 +155,7 @@ def test_a_wrong_option_is_not_tried_again() -> None:
 
 
 def test_the_end_comes_in_reverse_order() -> None:
-    """Who started last ends first; each is asked once."""
+    """The last one started ends first; each is asked once."""
     world = World()
     world.all_ready()
     world.fleet = core.stop(world.fleet)
@@ -177,7 +177,7 @@ def test_who_does_not_end_in_order_is_killed_once() -> None:
 
 
 def test_a_table_out_of_order_is_refused_by_name() -> None:
-    """Whom a process waits for stands before it, so there is no circle."""
+    """The processes that one waits for stand before it, so there is no circle."""
     with pytest.raises(ValueError, match="ta starts after monitor, but \\['router'\\] stands before it"):
         core.begin((THREE[0], THREE[2], THREE[1]), 0.0)
 
@@ -226,7 +226,7 @@ def test_whatever_happens_the_end_is_reached_and_nothing_runs_twice(story: list[
 
 @given(data=st.data())
 def test_what_a_dead_supervisor_left_is_ended_in_order_and_nothing_is_started(data: st.DataObject) -> None:
-    """Whatever of the real table lives, whoever is deaf, and whenever each ends."""
+    """This holds for any surviving part of the real table, any deaf processes, and any time of their ends."""
     world = World(PROCESSES)
     names = [process.name for process in PROCESSES]
     found = data.draw(st.sets(st.sampled_from(names)))

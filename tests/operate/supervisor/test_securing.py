@@ -37,7 +37,7 @@ def test_the_default_is_tls_with_keys_of_a_week_in_the_run_folder(tmp_path: Path
 
 
 def test_a_free_port_is_reached_by_tls(tmp_path: Path) -> None:
-    """Where no address is asked for."""
+    """A free port is used if no address is asked for."""
     assert keys(tmp_path).addresses[0].startswith("tls/127.0.0.1:")
 
 
@@ -153,7 +153,7 @@ def test_they_are_made_anew_before_they_end(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_keys_that_were_given_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever made them renews them."""
+    """Given keys are renewed by whoever made them."""
     made = keys(tmp_path, "tls/router:7447", str(tmp_path), router=False)
     monkeypatch.setattr(securing.time, "time", lambda: 9e9)
     made.tend()
@@ -162,7 +162,7 @@ def test_keys_that_were_given_are_left_alone(tmp_path: Path, monkeypatch: pytest
 
 @pytest.mark.process
 def test_git_takes_no_key(tmp_path: Path) -> None:
-    """Wherever in the project somebody makes them; a copy without git has nothing to take."""
+    """Git ignores keys anywhere in the project; a copy without git has nothing to take."""
     if not (ROOT / ".git").exists():
         pytest.skip("no git here")
     made = [f"some/where/{one.name}" for one in (keys(tmp_path).folder or tmp_path).iterdir() if one.suffix != ".json"]

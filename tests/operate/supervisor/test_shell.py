@@ -98,7 +98,7 @@ def test_what_ignores_the_request_to_end_is_killed(start: Callable[..., Shell]) 
 
 
 def test_the_last_words_of_a_process_are_told(start: Callable[..., Shell]) -> None:
-    """Why it died can be read in fleet.json."""
+    """The reason of its death can be read in fleet.json."""
     shell = start(Process("ta", "import sys; print('no such scene'); sys.exit(2)"))
     until(shell, lambda: shell.fleet.known["ta"].state is ProcessState.GIVEN_UP)
     assert read(shell).processes[0].note == "ended with code 2: no such scene"
@@ -186,7 +186,7 @@ def test_where_a_process_cannot_be_kept_alive_the_robot_is_held(
 
 
 def test_what_a_process_prints_takes_bounded_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Who appends goes on in the same file, which begins anew; what stood there before is beside it."""
+    """An appending process goes on in the same file, which begins again; the earlier contents are beside it."""
     monkeypatch.setattr(folder, "MOST_BYTES", 1000)
     file = tmp_path / "co.log"
     with file.open("ab", buffering=0) as printed:

@@ -1,4 +1,4 @@
-"""Who is switched off stays down, whatever happens, until somebody switches it on again."""
+"""A process that is switched off stays down, whatever happens, until somebody switches it on again."""
 
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""Which conversation stands below which, and how that is known."""
+"""Parents of conversations, and the evidence for them."""
 
 from collections.abc import Sequence
 

@@ -42,7 +42,7 @@ class Km:
         return answer
 
     def plan(self, *task: str, request: str = "p1", seed: int = SEED) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
-        """What the search finds for a task."""
+        """Return the search's result for a task."""
         return search(hfsm.GroundTaskNetwork(request, (hfsm.Task(task[0], task[1:]),)), self.ask, seed)
 
     def believed(self, number: int) -> Scene:
@@ -69,7 +69,7 @@ def steps(plan: hfsm.HierarchicalPlan | hfsm.NoPlan) -> list[str]:
 
 
 def surveyed(scene: model.Scene) -> Scene:
-    """What km knows when the robot stands in its start posture and has looked around, with the receptor's noise."""
+    """Return km's scene when the robot stands in its start posture and has looked around, with the receptor's noise."""
     backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.things(scene)
     qpos, store = backend.configuration().copy(), Store.open()
     told: list[wm.AnyObservation] = []

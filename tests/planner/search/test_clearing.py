@@ -18,7 +18,7 @@ def without(scene: Scene, name: str) -> Scene:
 
 
 def grasped(plan: HierarchicalPlan) -> list[str]:
-    """What the hands grasp in a plan, in this order."""
+    """Return the things that the hands grasp in a plan, in this order."""
     assert isinstance(plan, HierarchicalPlan), plan
     acts = [leaf.command for state in plan.root.states for leaf in getattr(state, "states", ())]
     return [act.object for act in acts if isinstance(act, rc.Grasp)]

@@ -36,7 +36,7 @@ def test_starved_of_where_to_put_down_there_is_no_plan(km, bowl_out: Scene, kind
 
 
 def test_starved_of_where_to_put_down_the_whole_plan_fails(km, beginning: Scene) -> None:
-    """What is asked last ends it as well, though both hands are tried first."""
+    """The last question ends it as well, though both hands are tried first."""
     plan = km(beginning, lambda query: isinstance(query, wm.FlatSurfaces)).plan("pour", "jar", "bowl")
     assert isinstance(plan, hfsm.NoPlan)
     assert "starved of FlatSurfaces" in plan.reason
@@ -59,7 +59,7 @@ def test_starved_of_a_thing_there_is_no_plan(km, beginning: Scene, name: str) ->
 
 
 def test_an_answer_of_another_kind_is_no_answer(km, beginning: Scene) -> None:
-    """Whatever km says, the search takes only what was asked for."""
+    """The search takes only an answer to its question, whatever km says."""
     mad = km(beginning)
     truthful = mad.ask
     mad.ask = lambda query: wm.Truth(True) if isinstance(query, wm.GraspSet) else truthful(query)

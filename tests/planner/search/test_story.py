@@ -31,7 +31,7 @@ def state_of(plan: hfsm.HierarchicalPlan, name: str) -> hfsm.Machine:
 
 
 def put_down(machine: hfsm.Machine | None) -> list[str]:
-    """What is put down where a plan is cancelled, in order."""
+    """Return the things put down where a plan is cancelled, in order."""
     return [] if machine is None else [c.object for c in commands(machine) if isinstance(c, rc.Release)]
 
 

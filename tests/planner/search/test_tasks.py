@@ -20,7 +20,7 @@ def told(scene: Scene, *observations: wm.AnyObservation) -> Scene:
 
 
 def ends(plan: hfsm.HierarchicalPlan) -> hfsm.Outcome:
-    """How a plan ends where all its acts succeed."""
+    """Return the end of a plan if all its acts succeed."""
     last = plan.root.states[-1]
     return last.outcome if isinstance(last, hfsm.EndState) else hfsm.Outcome.SUCCEEDED
 
@@ -196,7 +196,7 @@ def test_a_held_thing_is_put_down(km, named, jar_carried: Scene) -> None:
 
 
 def test_things_are_not_put_onto_each_other(km, named, bowl_out: Scene, bowl_placed: Scene) -> None:
-    """Where the best place is taken by another bowl, one beside it is found."""
+    """If the best place is taken by another bowl, one beside it is found."""
     there = bowl_placed.things["bowl_1"].pose
     scene = told(bowl_out, wm.SeenObject("bowl_2", "bowl_high", there, 3.0))
     plan = km(scene).plan("put_down", "bowl_1")
@@ -262,7 +262,7 @@ def test_what_is_there_already_stays(km, named, beginning: Scene, thing: str, pl
 
 
 def test_a_place_that_nobody_has_seen_is_refused(km, beginning: Scene) -> None:
-    """With those that there are; a thing that can be taken is no place."""
+    """With those that there are; a thing that can be taken is not a place."""
     for place in ("shelf", "bowl", "table_7"):
         plan = km(beginning).plan("put_at", "jar", place)
         assert isinstance(plan, hfsm.NoPlan)
@@ -272,7 +272,7 @@ def test_a_place_that_nobody_has_seen_is_refused(km, beginning: Scene) -> None:
 
 
 def test_a_full_cabinet_is_refused(km, jar_carried: Scene) -> None:
-    """Where no shelf has room for one thing more, the reason says so."""
+    """The reason says that no shelf has room for one thing more."""
     cabinet = jar_carried.things["cabinet_2"].pose
     shelves = [placed(cabinet, (0.0, y, z)) for y in (-0.2, -0.1, 0.0, 0.1, 0.2) for z in (-0.145, 0.155)]
     jars = (wm.SeenObject(f"jar_{n}", "jar", Pose(xyz), 3.0) for n, xyz in enumerate(shelves, start=2))
@@ -325,7 +325,7 @@ def test_an_empty_table_needs_no_clearing(km, named, beginning: Scene) -> None:
 
 
 def test_what_cannot_be_cleared_away_is_told(km, named, beginning: Scene) -> None:
-    """A thing out of reach stays, the other one goes; where all stay, that is no success."""
+    """A thing out of reach stays, the other one goes; where all stay, that is not a success."""
     far = wm.SeenObject("jar_2", "jar", Pose((1.30, -0.88, 0.876)), 3.0)
     plan = km(told(beginning, JAR_ON_TABLE, far)).plan("clear_table")
     assert [release.object for release in released(plan)] == ["jar_1"]
@@ -363,7 +363,7 @@ def test_what_is_no_task_is_refused_in_words(km, beginning: Scene, task: tuple[s
 
 
 def test_nothing_is_poured_into_itself(km, beginning: Scene) -> None:
-    """Whatever word is used for it."""
+    """Pouring a thing into itself is refused under any word for it."""
     plan = km(beginning).plan("pour", "jar", "jar_1")
     assert isinstance(plan, hfsm.NoPlan)
     assert plan.reason == "jar_1 cannot be poured into itself"

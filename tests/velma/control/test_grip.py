@@ -1,4 +1,4 @@
-"""What is felt at the wrist: the same mass in every posture and motion, a loss at once, and nothing else."""
+"""Wrist measurements: the same mass in every posture and motion, a loss at once, and nothing else."""
 
 import numpy as np
 import pinocchio as pin
@@ -86,7 +86,7 @@ def test_the_hand_weighs_what_its_model_does():
 @settings(max_examples=15, deadline=None)
 @given(way=st.tuples(KINDS, KINDS, KINDS), turn=st.tuples(KINDS, KINDS, KINDS))
 def test_a_held_mass_is_the_same_however_it_is_swung(way, turn):
-    """Acceleration and turning of the hand are no change of the load, in any direction."""
+    """Acceleration and turning of the hand do not count as a change of the load, in any direction."""
     hands = Swung(constant(0.35, 0.25), way=np.array(way) * 0.3, turn=turn)
     felt = [(masses, rest) for _, masses, rest in hands.run(3.0) if hands.wrists.settled]
     assert np.abs(np.array([masses for masses, _ in felt]) - (0.35, 0.25)).max() < 0.012
@@ -169,7 +169,7 @@ def test_nothing_is_lost_without_a_warning_before(readings):
 
 @pytest.mark.parametrize("grip_before", list(Grip))
 def test_a_reading_that_is_not_a_number_changes_nothing(grip_before):
-    """A broken sensor is no loss."""
+    """A broken sensor is not a loss."""
     known = Watch(grip_before)
     for _ in range(1000):
         known = watched(known, float("nan"), float("nan"), 0.2)

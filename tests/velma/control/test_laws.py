@@ -143,7 +143,7 @@ def test_joint_impedance_pulls_with_its_stiffness(q, stray):
 
 @given(v=hnp.arrays(float, 15, elements=st.floats(allow_nan=True, allow_infinity=True)))
 def test_safe_damping_is_total_and_passive(v):
-    """Whatever the speeds are, the torque is finite, accepted, and takes energy out."""
+    """The torque is finite, accepted, and takes energy out at any speeds."""
     tau = damping.torque(v)
     assert limits.is_accepted(tau)
     finite = np.isfinite(v)
@@ -217,7 +217,7 @@ def test_motor_keeps_its_speed_and_stalls_only_closing(motor, goal, speed, stall
 
 @given(motor=travel, speed=st.floats(0.05, 1))
 def test_a_finger_that_lags_by_its_own_friction_touches_nothing(motor, speed):
-    """Servo errors that only the motion explains are no touch."""
+    """Servo errors that only the motion explains do not count as touch."""
     lag = hand.PROXIMAL_LAG * speed / hand.PROXIMAL_KP
     proximal = motor - lag
     distal = motor * 4 / 3 - proximal - hand.DISTAL_LAG * speed / 3 / hand.DISTAL_KP

@@ -158,7 +158,7 @@ def test_a_hand_may_touch_only_what_it_is_allowed(robot: Robot) -> None:
 
 
 def test_resting_things_do_not_mind_each_other(robot: Robot) -> None:
-    """An object inside a box of furniture and inside another object is no collision until a hand carries it."""
+    """An object inside a box of furniture and inside another object is not a collision until a hand carries it."""
     world, q = World(robot), np.array(names.START)
     for name, kind in (("shelf", "furniture"), ("ball", "object"), ("cube", "object")):
         world.put(name, [Box((0.2, 0.2, 0.2))], standing((2.0, 0.0, 1.0)), kind)

@@ -45,7 +45,7 @@ def check(robot: Robot, world: World, path: list[np.ndarray], start: np.ndarray,
 
 
 def test_a_free_way_is_straight(robot: Robot) -> None:
-    """Where nothing is in the way the joints go straight."""
+    """The joints go straight if nothing is in the way."""
     goal = reaching(robot)
     path = motion.plan(robot, World(robot), "left", START, goal)
     assert path is not None

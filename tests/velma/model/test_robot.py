@@ -113,7 +113,7 @@ def test_the_wrist_can_turn_the_hand_into_the_forearm(both):
 
 
 def test_looks_have_neither_mass_nor_contact(both):
-    """What is only looked at cannot touch the physics."""
+    """Visual shapes cannot touch the physics."""
     model, _, _ = both
     looks = [g for g in range(model.ngeom) if "_look_" in model.geom(g).name]
     assert looks

@@ -188,7 +188,7 @@ def test_a_scene_that_cannot_be_is_refused_with_what_would_be_right(change, word
     "text", ["name = 3", "nome = 'x'", "= [", "name='x'\n[[thing]]\nid='a'\nmodel='cup'\nxyz=[0,0,0]"]
 )
 def test_a_file_that_is_no_scene_is_refused(tmp_path, text):
-    """Whatever stands in the file, the error is ours and names it."""
+    """The error is ours and names the file, whatever stands in it."""
     path = tmp_path / "scene.toml"
     path.write_text(text)
     with pytest.raises(SceneError, match=r"scene\.toml"):

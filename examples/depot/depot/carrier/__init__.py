@@ -1,1 +1,1 @@
-"""What both robots are: memory, behaviours and wheels of an agent that carries. No agent itself."""
+"""Common parts of both robots: memory, behaviours and wheels of an agent that carries. No agent itself."""

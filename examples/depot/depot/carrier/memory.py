@@ -1,4 +1,4 @@
-"""What a robot that carries remembers, and the conditions of its states and arcs. Must not know: messages."""
+"""Memory of a robot that carries, and the conditions of its states and arcs. Must not know: messages."""
 
 import msgspec
 

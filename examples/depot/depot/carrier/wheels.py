@@ -9,7 +9,7 @@ from depot.world import STEP_S, Point, along, length, way
 
 
 class Drive(msgspec.Struct, frozen=True):
-    """Drive from here to a station, at so many m/s."""
+    """Drive from here to a station; `speed` in m/s."""
 
     start: Point
     goal: str
@@ -32,7 +32,7 @@ Sensed = At | Arrived
 
 
 def driven(word: Drive) -> Iterator[tuple[float, Sensed]]:
-    """What is sensed on the way, with the time from now on [s]."""
+    """Yield the sensed places along the way, with the time from now on [s]."""
     points = way(word.start, word.goal)
     total_s = length(points) / word.speed
     for step in range(1, int(total_s / STEP_S) + 1):

@@ -1,4 +1,4 @@
-"""What a_desk may be asked (OFFERS) and asks others (ASKS), by the use of a protocol."""
+"""Requests that a_desk takes (OFFERS) and makes (ASKS), by the use of a protocol."""
 
 from fipa_codec.interfaces import ClassInterfaceInfo
 

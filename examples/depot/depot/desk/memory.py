@@ -1,4 +1,4 @@
-"""What a_desk remembers, and the conditions of its states and arcs. Must not know: messages."""
+"""Memory of a_desk, and the conditions of its states and arcs. Must not know: messages."""
 
 import msgspec
 
@@ -27,7 +27,7 @@ def order_there(memory: Memory) -> bool:
 
 
 def order_ended(memory: Memory) -> bool:
-    """What was ordered has come to its end."""
+    """Whether the order has ended."""
     return not memory.order
 
 

@@ -1,4 +1,4 @@
-"""What a_mule begins with; the rest of it is the carrier's, which both robots share."""
+"""Initial memory of a_mule; the rest of it is the carrier's, which both robots share."""
 
 from depot.carrier.memory import Memory
 from depot.world import STATIONS

@@ -1,4 +1,4 @@
-"""What a_ox begins with; the rest of it is the carrier's, which both robots share."""
+"""Initial memory of a_ox; the rest of it is the carrier's, which both robots share."""
 
 from depot.carrier.memory import Memory
 from depot.world import STATIONS

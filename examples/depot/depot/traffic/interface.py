@@ -1,4 +1,4 @@
-"""What a_traffic may be asked (OFFERS) and asks others (ASKS), by the use of a protocol."""
+"""Requests that a_traffic takes (OFFERS) and makes (ASKS), by the use of a protocol."""
 
 from fipa_codec.interfaces import ClassInterfaceInfo
 

@@ -1,4 +1,4 @@
-"""What a_traffic remembers, and the conditions of its states and arcs. Must not know: messages."""
+"""Memory of a_traffic, and the conditions of its states and arcs. Must not know: messages."""
 
 import msgspec
 

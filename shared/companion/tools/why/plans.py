@@ -1,4 +1,4 @@
-"""Why these plans, and how they went: plans of a task with what was rejected, reasons for new ones, suspensions."""
+"""Plans of a task with their course and reasons: rejected alternatives, reasons for new plans, suspensions."""
 
 from collections.abc import Iterator
 

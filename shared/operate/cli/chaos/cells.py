@@ -12,7 +12,7 @@ from operate.system import System
 PAUSE_S = 3.0
 """Estimate: longer than the lease of a session, shorter than a hang is suffered."""
 MESSAGE, MESSAGES = "a message", (1, 10)
-"""A phase of any job: the Nth message to or from an agent; estimate: each has so many."""
+"""A phase of any job: the Nth message to or from an agent; estimate: each job has at least N."""
 
 
 class Cell(msgspec.Struct, frozen=True):
@@ -28,7 +28,7 @@ class Cell(msgspec.Struct, frozen=True):
 
     @property
     def words(self) -> str:
-        """What is done: "pause mule by 3 at mule:fetching"."""
+        """The action in words: "pause mule by 3 at mule:fetching"."""
         by = f" by {self.amount:g}" if self.amount is not None else ""
         return f"{self.kind} {self.target}{by} at {self.at if self.phase == MESSAGE else self.phase}"
 
@@ -73,7 +73,7 @@ def targets_of(system: System, kind: Kind) -> tuple[str, ...]:
 
 
 def check(kinds: tuple[str, ...], targets: tuple[str, ...], system: System) -> None:
-    """Raise UsageError where there is no such kind or process, with what there is."""
+    """Raise UsageError for an unknown kind or process, with the known ones."""
     for given, there, what in (
         (kinds, VERBS, "kind of fault"),
         (targets, tuple(one.name for one in system.processes), "process"),

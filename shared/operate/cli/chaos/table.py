@@ -1,4 +1,4 @@
-"""What chaos found, as tables: for each kind of fault a row for each process, a column for each phase, seeds in it."""
+"""Findings of chaos as tables: one per kind of fault, a row per process, a column per phase, seeds in the cells."""
 
 from collections.abc import Iterator, Sequence
 

@@ -27,7 +27,7 @@ GRACE_S = 5.0
 """Until the children of a killed process have seen the end of their pipe; estimate."""
 LOOK_S = 0.1
 HEAL_S = 100.0
-"""How long a fault that did not begin, or has nobody to come back to, is waited for; a process may take 90 s."""
+"""Time to wait for a fault that did not begin or has no process to come back to [s]; a process may take 90 s."""
 
 
 class Result(msgspec.Struct, frozen=True):

@@ -57,7 +57,7 @@ def written(found: tuple[Finding, ...], file: str, design: Design, width: int) -
 
 
 def inventory(design: Design) -> str:
-    """What a design has, in numbers."""
+    """Return a design's inventory: the number of each kind of part."""
     file = design.file
     states = sum(len(agent.state) for agent in file.agent)
     messages = sum(len(use.message) for use in file.protocol)

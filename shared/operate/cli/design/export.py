@@ -112,7 +112,7 @@ def _pnml(design: Design, names: list[str], path: Path | None, faults: int) -> I
 
 
 def _places(names: list[str], path: Path | None, suffix: str) -> list[tuple[str, Path]]:
-    """Which file each use goes to: the path itself where there is one use and the path has an ending."""
+    """Return the file of each use: the path itself if there is one use and the path has a suffix."""
     if path is None:
         return []
     if len(names) == 1 and path.suffix and not path.is_dir():

@@ -1,4 +1,4 @@
-"""What the verbs of `roco design` share: the file argument, the forms of output, words instead of tracebacks."""
+"""Parts shared by the verbs of `roco design`: file argument, output formats, error messages instead of tracebacks."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ from topdown.model.errors import TopdownError
 from topdown.model.findings import Finding
 
 WRONG_FILE = 2
-"""Exit code where a file cannot be read or is no design."""
+"""Exit code if a file cannot be read or is not a design."""
 NARROW, WIDE = 60, 160
 
 

@@ -46,7 +46,7 @@ def _made(folder: Path, name: str, source: Path | None) -> Outcome:
 
 
 def _words(outcome: Outcome) -> list[str]:
-    """What was done, for people."""
+    """Return the outcome in words for people."""
     lines = [f"{outcome.folder}: {len(outcome.written)} files written, {len(outcome.same)} as they were"]
     lines += [f"  {path}" for path in outcome.written]
     for kept in outcome.kept:

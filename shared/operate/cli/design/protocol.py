@@ -125,7 +125,7 @@ def every() -> list[tuple[Listed, Protocol]]:
 
 
 def _own() -> dict[str, tuple[Listed, Protocol]]:
-    """Return the protocols that the design of the system here brings along; none where there is no system."""
+    """Return the protocols that the design of the system here brings along; none if no system is found."""
     try:
         system = here()
     except NoSystemError:
@@ -149,7 +149,7 @@ def _listed(one: Protocol, origin: str, words: str = "") -> Listed:
 
 
 def _origin(one: Protocol) -> str:
-    """Whose rules a protocol has: one of the two profiles, or both."""
+    """Return the origin of a protocol's rules: one of the two profiles, or both."""
     differs = (one in FIPA) != (one in PAPER)
     return ("FIPA" if one in FIPA else "the paper") if differs else "FIPA and the paper"
 

@@ -141,7 +141,7 @@ def _counterexample(finding: Finding, width: int) -> str:
 
 
 def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
-    """What all verdicts say together, and what none of them says anything about."""
+    """Return a summary of all verdicts, and of what none of them covers."""
     failed = sum(bool(verdict.findings) for verdict in verdicts)
     opened = sum(bool(verdict.open) for verdict in verdicts)
     states = sum(verdict.states for verdict in verdicts)

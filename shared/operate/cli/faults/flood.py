@@ -1,4 +1,4 @@
-"""A flood: well-formed data of one identity of the fleet to one agent, so many a second, while its command lives.
+"""A flood: well-formed data of one identity of the fleet to one agent, at a fixed rate, while its command lives.
 
 The operator's is orders to set the log level that the agent has, each with an id of its own. An agent's is copies of
 the next communicate that it says, as of a sender that takes no receipt: the receiver must tell them from new ones.
@@ -24,7 +24,7 @@ from operate.run_folder import Fault
 TICK_S = 0.01
 """Between two bursts; estimate: even enough."""
 HEARD_S = 30.0
-"""How long the next communicate of an agent is waited for; estimate."""
+"""Time to wait for the next communicate of an agent [s]; estimate."""
 Next = Callable[[], tuple[str, bytes]]
 
 
@@ -51,7 +51,7 @@ def _flood(put: Put, following: Next, per_second: float, over: threading.Event) 
     while not over.wait(TICK_S):
         while said < per_second * (time.monotonic() - began) and not over.is_set():
             said += 1
-            with contextlib.suppress(Exception):  # a router that is down takes nothing: that is no end of the flood
+            with contextlib.suppress(Exception):  # a router that is down takes nothing: the flood goes on
                 put(*following())
 
 

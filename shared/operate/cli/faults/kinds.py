@@ -19,7 +19,7 @@ KEPT_DOWN = "down"
 
 
 class Amount(msgspec.Struct, frozen=True):
-    """How much of it, an argument of the verb, or an option with a default. `tried`: what chaos chooses from."""
+    """Size of a fault: an argument of the verb, or an option with a default. `tried`: values chaos chooses from."""
 
     metavar: str
     text: str
@@ -34,7 +34,7 @@ class Kind(msgspec.Struct, frozen=True):
     """`begin`: do it; `heal`: undo it, also where there is nothing to undo; `over`: why it has ended without that, ""
     while it goes on; `meanwhile`: lasts as long as it does.
 
-    `for_s`: it is healed after so long; None: there is no --for, it is over once the process is back. `timed`: the kind
+    `for_s`: it is healed after that time; None: it has no --for and is over once the process is back. `timed`: the kind
     that is done where --for is given. `amount`: None where it has none. `speaker`: whether somebody speaks (--as).
     `agents`: only agents can be hit; `wire`: only those with a wire, or all to a router.
     """
@@ -92,7 +92,7 @@ def _writes_again(fleet: Target, fault: Fault) -> None:
 
 
 def _nothing(fleet: Target, fault: Fault) -> None:
-    """Whoever supervises starts it again; or its command did it, and is gone."""
+    """Do nothing: the supervisor restarts the process, or the fault's own command ended it."""
 
 
 def _frozen_over(seen: Seen | None, fault: Fault) -> str:

@@ -20,7 +20,7 @@ from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems
 
 HEAL_S = 100.0
-"""How long the end of a fault that was interrupted is waited for: a process may be waited for 90 s."""
+"""Time to wait for the end of an interrupted fault [s]: a process may take 90 s to come back."""
 
 
 def run(

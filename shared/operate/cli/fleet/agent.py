@@ -36,7 +36,7 @@ class Info(msgspec.Struct, frozen=True):
 
 
 class Done(msgspec.Struct, frozen=True):
-    """What became of a process, and how long it took [s]."""
+    """Outcome of an action on a process, and the time it took [s]."""
 
     name: str
     process: ProcessState
@@ -172,7 +172,7 @@ def show(told: Info, console: Console) -> None:
 
 
 def facts(row: Row, beat: Beat, channels: dict[str, str]) -> dict[str, str]:
-    """What is known, by name; "" where it is not."""
+    """Return the known facts by name; "" for unknown ones."""
     peers = (
         f"{peer}{' on ' + channels[peer] if peer in channels else ''}{f', life {life}' if life else ' (gone)'}"
         for peer, life in beat.peers.items()

@@ -20,7 +20,7 @@ class Level(StrEnum):
 
 
 class Check(msgspec.Struct, frozen=True):
-    """What was looked at, what is, and what to do."""
+    """One check: its subject, the finding, and the remedy."""
 
     name: str
     level: Level
@@ -29,7 +29,7 @@ class Check(msgspec.Struct, frozen=True):
 
 
 class Checks(msgspec.Struct, frozen=True):
-    """What a system looks at besides, or instead where the name is the same: of the machine, and of its fleet."""
+    """Checks a system adds, or puts in place of those of the same name: of the machine, and of its fleet."""
 
     machine: dict[str, Callable[[], Iterator[Check]]] = {}
     fleet: dict[str, Callable[["Target", "Look"], Iterator[Check]]] = {}

@@ -1,4 +1,4 @@
-"""What `roco doctor` looks at of a fleet: its processes, keys, and what earlier runs left."""
+"""Checks of `roco doctor` on a fleet: its processes, keys, and leftovers of earlier runs."""
 
 import datetime as dt
 import time
@@ -33,7 +33,7 @@ def processes(fleet: Target, now: Look) -> Iterator[Check]:
 
 
 def _process(one: Seen) -> Check | None:
-    """What is wrong with a process, and what helps."""
+    """Return the check of a process with a problem and its remedy; None if it has none."""
     name, status = one.name, one.status
     log = f"see {name}.log of the run"
     remedies = {
@@ -76,7 +76,7 @@ def held(fleet: Target, now: Look) -> Iterator[Check]:
 
 
 def certificates(fleet: Target, now: Look) -> Iterator[Check]:
-    """How long the keys hold."""
+    """Yield a check of how long the keys are still valid."""
     if not isinstance(fleet, Local) or not (folder := fleet.run / KEYS_FOLDER).is_dir():
         return
     from agent_runtime.io import issuing

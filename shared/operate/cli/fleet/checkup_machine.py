@@ -1,4 +1,4 @@
-"""What `roco doctor` looks at without a fleet: Python and its libraries, the processor, room, clock, docker."""
+"""Checks of `roco doctor` without a fleet: Python and its libraries, processor, disk space, clock, docker."""
 
 import importlib.metadata
 import os
@@ -110,7 +110,7 @@ def disk() -> Iterator[Check]:
 
 
 def memory(needed: int = FLEET_MEMORY) -> Iterator[Check]:
-    """Room for a fleet that takes so many bytes."""
+    """Disk space for a fleet that takes that many bytes."""
     told = re.search(r"MemAvailable:\s+(\d+)", Path("/proc/meminfo").read_text())
     available = int(told[1]) * 1024 if told else 0
     words = f"{available / 2**30:.1f} GiB of memory available"

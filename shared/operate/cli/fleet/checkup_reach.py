@@ -1,4 +1,4 @@
-"""What `roco doctor` looks at between a fleet's processes and its router: who is not let in, and why."""
+"""Checks of `roco doctor` between a fleet's processes and its router: processes that are refused, and the reason."""
 
 import re
 from collections import Counter
@@ -67,7 +67,7 @@ def refusals(fleet: Target, now: Look) -> Iterator[Check]:
     """Sessions that the routers did not let in, by reason, as their logs have them."""
     lines: list[str] = []
     for name in ROUTERS:
-        with suppress(ConsoleError):  # there is no such one, or no container of it runs; told elsewhere
+        with suppress(ConsoleError):  # unknown, or no container of it runs; told elsewhere
             lines += fleet.log(name, LINES)
     found = [match for line in lines if (match := _REFUSED.match(_COLOUR.sub("", line)))]
     if found:

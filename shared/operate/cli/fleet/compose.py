@@ -46,7 +46,7 @@ GUARDED = ("--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-n
 ORDER = (*ROUTERS, "monitor", "wires")
 """Started first and ended last."""
 CONTAINER = {"created": ProcessState.WAITING, "restarting": ProcessState.BACKING_OFF}
-"""What docker says of a container without a process; else it was stopped."""
+"""States of containers without a process, by docker's word; any other was stopped."""
 
 
 def projects(*, ended: bool = False) -> tuple[str, ...]:
@@ -70,7 +70,7 @@ class Compose:
 
     @cached_property
     def system(self) -> System:
-        """What runs there: the system here. NoSystemError where it cannot be told."""
+        """The system that runs there: the one here. Raises NoSystemError if it cannot be told."""
         return here()
 
     def look(self) -> Look:
@@ -90,11 +90,11 @@ class Compose:
         return Look(told, tuple(found), held, at)
 
     def live(self, offset: int) -> bytes:
-        """What stands in the monitor's live.jsonl from a byte on."""
+        """Return the monitor's live.jsonl from byte `offset` on."""
         return self._recorded(LIVE_FILE, f"tail -c +{offset + 1}")
 
     def verdicts(self) -> list[Judged]:
-        """What the monitor judged so far, in the order of time."""
+        """Return the monitor's verdicts so far, in order of time."""
         return verdicts.read(self._recorded(VERDICTS_FILE, "cat").splitlines())
 
     def hearing(self) -> list[str]:
@@ -114,7 +114,7 @@ class Compose:
         return command("run", "--rm", *options, found.config.image, *words)
 
     def read(self, name: str, file: str) -> bytes:
-        """What a file in the run folder of a process has."""
+        """Return the contents of a file in the run folder of a process."""
         return self._shell(name, f'cat "${RUN_FOLDER_VARIABLE}/{file}"')
 
     def hold(self, name: str, held: bool) -> None:
@@ -230,7 +230,7 @@ class Compose:
         return tuple(name for name in names if (found := self._find(name)) is not None and found.runs)
 
     def logged(self, name: str, offset: int) -> bytes:
-        """What stands in the log of a process from a byte on, JSON lines; b"" while its container does not run."""
+        """Return the log of a process from byte `offset` on, as JSON lines; b"" while its container does not run."""
         file = f'"${RUN_FOLDER_VARIABLE}/logs/{name}.jsonl"'
         try:
             return self._shell(name, f"[ -e {file} ] && tail -c +{offset + 1} {file}; :")
@@ -241,7 +241,7 @@ class Compose:
         """The services, in the order of a start."""
         try:
             found = inspected(self._ids)
-        except DockerError:  # made anew meanwhile, under other ids
+        except DockerError:  # recreated meanwhile, under other ids
             found = []
         found = found or [one for one in ours() if one.project == self.project and self._meant(one)]
         self._ids = [one.id for one in found]
@@ -273,11 +273,11 @@ class Compose:
         return tuple(status.name for status in told.processes) if told else ()
 
     def _shell(self, service: str, script: str) -> bytes:
-        """What a script prints in a service's container. DockerError where it does not run."""
+        """Return the output of a script run in a service's container. Raises DockerError if it does not run."""
         return docker("exec", self._running(service).id, "sh", "-c", script)
 
     def _recorded(self, file: str, reading: str) -> bytes:
-        """What a file of the monitor has; of several robots each has a folder there. b"" where it is not there yet."""
+        """Return a file of the monitor; with several robots each has a folder there. b"" if it does not exist yet."""
         run = f"${RUN_FOLDER_VARIABLE}"
         script = (
             f'for f in "{run}/{self._name()}/{file}" "{run}/{file}"; do [ -e "$f" ] && exec {reading} "$f"; done; :'

@@ -1,4 +1,4 @@
-"""What one look into a container brings: its run folder and /proc on one sheet, written by a few lines of shell.
+"""Contents of one look into a container: its run folder and /proc on one sheet, written by a few lines of shell.
 
 A Python started in each container would cost more than all that it looks at.
 """
@@ -31,7 +31,7 @@ class Sheet(msgspec.Struct, frozen=True):
 
     @property
     def fleet(self) -> Fleet | None:
-        """What a supervisor in the container says."""
+        """The fleet as reported by a supervisor in the container."""
         try:
             return msgspec.json.decode(self.files[FLEET_FILE][1], type=Fleet)
         except (KeyError, msgspec.DecodeError):

@@ -29,7 +29,7 @@ COLOURS = {UP: "green", DOWN: "red"}
 
 
 class Act(msgspec.Struct, frozen=True):
-    """What may be asked: act, name of the kind, classes of its arguments and of its answers."""
+    """An act that agents may be asked for: act, name of the kind, classes of its arguments and of its answers."""
 
     performative: Performative
     name: str
@@ -68,7 +68,7 @@ class Description(msgspec.Struct, frozen=True):
 
 
 class Search(msgspec.Struct, frozen=True):
-    """What is looked for: all that is given must fit (SC00023 4.1.4.4); "" and (): any."""
+    """Search criteria: all that are given must match (SC00023 4.1.4.4); "" and () match anything."""
 
     agents: tuple[str, ...] = ()
     protocol: str = ""

@@ -80,7 +80,7 @@ class Container(msgspec.Struct, rename="pascal"):
 
 
 def command(*words: str) -> list[str]:
-    """How docker is called. DockerError where it is not there."""
+    """Return the command that calls docker. Raises DockerError if docker is missing."""
     program = shutil.which("docker")
     if program is None:
         raise DockerError("docker is not installed")
@@ -88,7 +88,7 @@ def command(*words: str) -> list[str]:
 
 
 def docker(*words: str, timeout_s: float = ANSWER_S, data: bytes = b"") -> bytes:
-    """What docker prints. DockerError where it is not there, says no, or does not answer."""
+    """Return docker's output. Raises DockerError if docker is missing, refuses, or does not answer."""
     try:
         done = subprocess.run(command(*words), input=data, capture_output=True, timeout=timeout_s, check=False)
     except subprocess.TimeoutExpired:
@@ -111,7 +111,7 @@ def inspected(ids: list[str]) -> list[Container]:
 
 
 def executed(ids: list[str], script: str) -> list[bytes]:
-    """What a shell script prints in each container, side by side; b"" where it cannot run there."""
+    """Return the output of a shell script in each container, run in parallel; b"" where it cannot run."""
 
     def one(id: str) -> bytes:
         try:

@@ -76,7 +76,7 @@ def examined(fleet: Target | None, reason: str, say: Callable[[str], None]) -> I
 
 
 def _own(fleet: Target | None) -> Checks:
-    """What the system of a fleet, or else of this folder, looks at besides; nothing where there is no system."""
+    """Return the checks added by the system of a fleet, or else of this folder; none if there is no system."""
     try:
         found: Checks | None = (fleet.system if fleet is not None else here()).addition("checks")
     except NoSystemError:

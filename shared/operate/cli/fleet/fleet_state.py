@@ -32,7 +32,7 @@ class Status(msgspec.Struct, frozen=True):
 
 
 def state_of(fleet: Target) -> Status:
-    """What can be learnt of a run; that nobody tells of tasks is told, not raised."""
+    """Return the state of a run; a missing source of tasks is reported in it, not raised."""
     told, problem = tasks.of(fleet)
     now = fleet.look()
     troubles = {one.name: words for one in now.seen if one.status.pid and (words := trouble(one))}
@@ -44,7 +44,7 @@ def state_of(fleet: Target) -> Status:
 
 
 def unheard(now: Look) -> Iterator[str]:
-    """Who is not heard by whom, though both are there."""
+    """Yield a sentence for each agent that another does not hear, though both run."""
     found = [(one.name, line) for one in now.seen if one.beat and one.status.pid for line in one.beat.unheard]
     if found:
         from agent_runtime.core import unheard as of_agents

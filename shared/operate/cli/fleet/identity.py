@@ -1,4 +1,4 @@
-"""Who a session of the command line is for a fleet with keys (docs/security.md)."""
+"""Identity of a session of the command line at a fleet with keys (docs/security.md)."""
 
 import os
 from pathlib import Path
@@ -17,7 +17,9 @@ OPERATOR = "operator"
 
 
 def tls(run: Path, fleet: Fleet, identity: str) -> dict[str, Any] | None:
-    """How a session to a fleet says who it is; None where the fleet has no keys. ConsoleError: they are missing."""
+    """Return the TLS options by which a session identifies itself; None if the fleet has no keys. Raises ConsoleError
+    if key files are missing.
+    """
     if not fleet.connect.startswith("tls/"):
         return None
     folder = os.environ.get(KEYS_VARIABLE)

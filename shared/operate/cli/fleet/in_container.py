@@ -12,9 +12,9 @@ from agent_runtime.io.waiting import Waiting
 from operate.cli.errors import ConsoleError
 
 END_S = 5.0
-"""How long its end is waited for (estimate: it takes a tenth)."""
+"""Time to wait for its end [s] (estimate: it takes a tenth)."""
 PAUSE_S = 0.1
-"""How long nothing comes before the listener is given something else to do."""
+"""Silence after which the listener gets something else to do [s]."""
 
 
 class LostError(ConsoleError):
@@ -42,7 +42,7 @@ def hearing(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
 
 
 def samples(process: "subprocess.Popen[bytes]", waiting: Waiting) -> Iterator[Sample | None]:
-    """What it prints; None: nothing for a while. Raises LostError when it ends."""
+    """Yield the samples it prints, and None after a pause without any. Raises LostError when it ends."""
     assert process.stdout is not None
     threading.Thread(target=waiting.fill, args=(process.stdout,), daemon=True).start()
     while not waiting.stopped:

@@ -82,7 +82,7 @@ def make(
 
 
 def words(made: issuing.Issued, *, apart: bool) -> str:
-    """What is there now, for people."""
+    """Return the keys that now exist, in words for people."""
     of = "systems" if len(made.systems) > 1 else "system"
     named = f"{of} {', '.join(repr(system) for system in made.systems)}"
     use = "ROCO_TLS_DIR=<an identity's folder>" if apart else f"ROCO_TLS_DIR={made.folder}"

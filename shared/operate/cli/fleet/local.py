@@ -32,7 +32,7 @@ class Local:
 
     @cached_property
     def system(self) -> System:
-        """What runs there. NoSystemError where it cannot be told."""
+        """The system that runs there. Raises NoSystemError if it cannot be told."""
         return of_run(self.run)
 
     def look(self) -> Look:
@@ -43,15 +43,15 @@ class Local:
         return Look(told, found, folders.stop_held(self.run), time.monotonic(), unkept)
 
     def live(self, offset: int) -> bytes:
-        """What stands in the monitor's live.jsonl from a byte on."""
+        """Return the monitor's live.jsonl from byte `offset` on."""
         return of_file(self.run / LIVE_FILE)(offset)
 
     def verdicts(self) -> list[Judged]:
-        """What the monitor judged so far, in the order of time; of a run without a monitor its recording, now."""
+        """Return the monitor's verdicts so far, in order of time; without a monitor, those of its recording now."""
         return verdicts.told(self.run)
 
     def read(self, name: str, file: str) -> bytes:
-        """What a file in the run folder of a process has; b"" where it is not there."""
+        """Return the contents of a file in the run folder of a process; b"" if it does not exist."""
         try:
             return (self.run / file).read_bytes()
         except OSError:
@@ -146,7 +146,7 @@ class Local:
         return tuple(sorted(file.stem for file in (self.run / "logs").glob("*.jsonl")))
 
     def logged(self, name: str, offset: int) -> bytes:
-        """What stands in the log of a process from a byte on, JSON lines."""
+        """Return the log of a process from byte `offset` on, as JSON lines."""
         return of_file(self.run / "logs" / f"{name}.jsonl")(offset)
 
     def _pid(self, name: str) -> int:
@@ -180,7 +180,7 @@ def _supervisor(told: Fleet) -> ProcessStatus:
 
 
 def _stat_lines() -> list[str]:
-    """What /proc says of all processes; one that ends meanwhile is left out."""
+    """Return /proc's stat lines of all processes; one that ends meanwhile is left out."""
     lines = []
     for path in PROC.glob("[0-9]*/stat"):
         try:

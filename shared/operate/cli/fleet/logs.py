@@ -82,7 +82,7 @@ def logs(
 
 
 class Written:
-    """What the agents of a fleet write; UsageError where there is none of that name, or nothing of it."""
+    """Log lines of a fleet's agents. Raises UsageError if there is no such agent, or it has no log."""
 
     def __init__(self, fleet: Target, name: str = "") -> None:
         self._fleet = fleet
@@ -103,7 +103,7 @@ class Written:
         yield from parsed(whole.splitlines())
 
     def _unread(self, name: str) -> bytes:
-        """What comes after what was read; from the beginning, where the log was begun anew: not even that is there."""
+        """Return the log after the part already read; all of it if the log was restarted and is shorter now."""
         if read := self._followed[name]:
             if data := self._fleet.logged(name, read - 1):
                 return data[1:]

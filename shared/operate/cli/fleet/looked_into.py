@@ -1,4 +1,4 @@
-"""What an agent has at hand, for people: inbox, open conversations, last steps."""
+"""An agent's memory for people: inbox, open conversations, last steps."""
 
 import time
 

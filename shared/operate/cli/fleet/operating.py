@@ -23,7 +23,7 @@ from operate.cli.runs import folders
 
 CONNECT_VARIABLE = "ROCO_CONNECT"
 ROUTER_S = 5.0
-"""How long a router is waited for (estimate: it answers in milliseconds)."""
+"""Time to wait for a router [s] (estimate: it answers in milliseconds)."""
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from operate.cli.fleet.targets import Target
 from topdown.model.design import Design
 
 ANSWER_S = 5.0
-"""How long an answer is waited for; estimate: an agent answers between two steps, some ms."""
+"""Time to wait for an answer [s]; estimate: an agent answers between two steps, some ms."""
 AGAIN_S = 0.5
 LOOK_S = 0.02
 

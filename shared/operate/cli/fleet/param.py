@@ -99,7 +99,7 @@ def set_(
 
 
 def of(fleet: Target, agent: str) -> Parameters:
-    """The parameters of an agent. Raises UsageError where there is no such agent."""
+    """The parameters of an agent. Raises UsageError for an unknown agent."""
     return Parameters(fleet.system.design.agent(operator.agent_of(fleet, agent)))
 
 

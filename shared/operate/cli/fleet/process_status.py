@@ -1,4 +1,4 @@
-"""What is known of each process of a fleet at one look, and what two looks say about its share of a processor.
+"""State of each process of a fleet at one look, and its processor share from two looks.
 
 Pure: texts of files in, Structs out. Whoever looks is in operate.cli.fleet.local or operate.cli.fleet.compose.
 """
@@ -24,7 +24,7 @@ FROZEN = "T"
 
 
 class Unheard(msgspec.Struct, frozen=True):
-    """What an agent says to `peer` comes to nothing since then [unix s] (agent_runtime.core.unheard)."""
+    """Since when an agent's words to `peer` have no effect [unix s] (agent_runtime.core.unheard)."""
 
     peer: str
     channel: str
@@ -33,7 +33,7 @@ class Unheard(msgspec.Struct, frozen=True):
 
 
 class Beat(msgspec.Struct, frozen=True):
-    """What is wanted of a heartbeat file; a process that is no agent says its name and pid only.
+    """The fields used of a heartbeat file; a process that is not an agent writes its name and pid only.
 
     `peers`: their incarnations, 0 of who is not there; `unreceipted`, `due`: communicates that wait, by peer: for a
     receipt, and for being said. `level`: least of its log lines shown; `answer`: to the operator's last order.
@@ -171,7 +171,7 @@ def unkept(told: Fleet, supervisor: Seen) -> str:
 
 
 def trouble(one: Seen) -> str:
-    """What is wrong with a process, as far as a look can tell; "" where nothing is."""
+    """Return the problem of a process as far as a look can tell; "" if there is none."""
     status = one.status
     if words := stuck(one):
         return words
@@ -215,7 +215,7 @@ def stats(lines: Iterable[str]) -> dict[int, Stat]:
 
 
 def used(pid: int, found: Mapping[int, Stat]) -> Used | None:
-    """What a process and its children use; None where there is no such process."""
+    """Return the use of resources by a process and its children; None if there is no such process."""
     if pid not in found:
         return None
     tree, grown = {pid}, 0

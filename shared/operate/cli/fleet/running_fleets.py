@@ -13,7 +13,7 @@ from operate.cli.runs import folders
 from operate.run_folder import LATEST, Fleet
 
 EXPERIMENTS = Path("experiments")
-"""Where experiments are, each with the runs that it repeats."""
+"""Folder of the experiments, each with the runs that it repeats."""
 
 
 class Living(NamedTuple):
@@ -25,14 +25,16 @@ class Living(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a new fleet writes. `latest`: whether runs/latest is to point there."""
+    """Folder in which a new fleet writes. `latest`: whether runs/latest is to point there."""
 
     run: Path
     latest: bool
 
 
 def living(*runs: Path) -> Iterator[Living]:
-    """What runs of these run folders; links are other names of what is looked at anyway."""
+    """Yield the fleets of these run folders of which something still runs; links are skipped, being other names of the
+    same folders.
+    """
     for folder in sorted(runs):
         told = folders.living(folder) if folder.is_dir() and not folder.is_symlink() else None
         names = tuple(status.name for status in told.processes if status.pid) if told else ()
@@ -41,7 +43,7 @@ def living(*runs: Path) -> Iterator[Living]:
 
 
 def here() -> list[Living]:
-    """What runs of the folders in runs/ here."""
+    """Return the fleets in runs/ here of which something still runs."""
     return list(living(*folders.RUNS.glob("*")))
 
 
@@ -66,7 +68,7 @@ def refuse(way_out: str) -> None:
 
 
 def _words(one: Living) -> str:
-    """Which fleet, what of it, and how it is ended."""
+    """Return a line with the fleet, its living processes, and the command that ends it."""
     latest = one.run.parent / LATEST
     meant = "" if latest.is_symlink() and latest.resolve() == one.run.resolve() else f" --run-dir {one.run}"
     many = f"{len(one.names)} process{'es' * (len(one.names) != 1)}"

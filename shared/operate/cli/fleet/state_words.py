@@ -1,4 +1,4 @@
-"""What each process does, in words for people: as the design or the system says it, or how far its start is."""
+"""State of each process in words for people: as the design or the system names it, or the progress of its start."""
 
 from operate.cli.terminal.run_state import View
 from operate.run_folder import ProcessState, ProcessStatus
@@ -44,7 +44,7 @@ def doing(status: ProcessStatus, view: View, system: System) -> tuple[str, str]:
 
 
 def waited_for(processes: tuple[ProcessStatus, ...]) -> str:
-    """Which processes the start still waits for; "" when all that are needed are ready."""
+    """Return the processes that the start still waits for; "" when all needed ones are ready."""
     needed = [status for status in processes if not status.optional]
     starting = [status.name for status in needed if status.state is not ProcessState.READY]
     if not starting:

@@ -1,4 +1,4 @@
-"""What `roco status` shows people: a table of the processes, then the tasks."""
+"""Output of `roco status` for people: a table of the processes, then the tasks."""
 
 from rich.console import Console
 from rich.table import Table
@@ -35,7 +35,7 @@ def table(now: Status) -> Table:
 
 
 def note(status: ProcessStatus, now: Status) -> str:
-    """What is wrong with a process, and what to do where its state does not say it."""
+    """Return the problem of a process, and the remedy if its state does not name it."""
     if status.state is ProcessState.STOPPED and now.fleet is not None and any(one.pid for one in now.fleet.processes):
         return f"{status.note or 'stopped'}: `roco agent start {status.name}`"
     paused = f"paused: `roco agent resume {status.name}`" if status.name in now.paused else ""

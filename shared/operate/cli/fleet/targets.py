@@ -1,4 +1,4 @@
-"""Which fleet is meant, and what may be asked of any: one on this machine, or one in containers.
+"""Choice of a fleet, and the interface of any fleet: one on this machine, or one in containers.
 
 Without a word from the user it is what runs: the run of --run-dir or ROCO_RUN_DIR, else runs/latest where something of
 it lives, else the only other one of runs/ that lives, else the containers of a compose project, else runs/latest as it
@@ -51,14 +51,14 @@ class Target(Protocol):
         """The fleet now: each process with heartbeat, processor time, memory."""
 
     def live(self, offset: int) -> bytes:
-        """What stands in the monitor's live.jsonl from a byte on."""
+        """Return the monitor's live.jsonl from byte `offset` on."""
 
     def verdicts(self) -> list[Judged]:
-        """What the monitor judged so far, in the order of time."""
+        """Return the monitor's verdicts so far, in order of time."""
 
     def read(self, name: str, file: str) -> bytes:
-        """What a file in the run folder of a process has; b"" where it is not there. DockerError: that process has no
-        container that runs.
+        """Return the contents of a file in the run folder of a process; b"" if it does not exist. Raises DockerError if
+        that process has no running container.
         """
 
     def hold(self, name: str, held: bool) -> None:
@@ -104,7 +104,7 @@ class Target(Protocol):
         """The processes that have a log of JSON lines."""
 
     def logged(self, name: str, offset: int) -> bytes:
-        """What stands in the log of a process from a byte on, JSON lines."""
+        """Return the log of a process from byte `offset` on, as JSON lines."""
 
 
 def find(name: str = "", run_dir: Path | None = None) -> Target:

@@ -1,4 +1,4 @@
-"""What people asked a system for, as far as it has tasks: shown by `roco status` and `roco top`."""
+"""Tasks that people gave a system, if it has tasks: shown by `roco status` and `roco top`."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol

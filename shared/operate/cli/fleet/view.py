@@ -31,16 +31,18 @@ from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 HOST = "127.0.0.1"
 GRPC, WEB = "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
 CONTAINERS = ViewAddress(9876, 9090)
-"""Where deploy/compose.yaml publishes them, unless the variables above say otherwise."""
+"""Ports at which deploy/compose.yaml publishes them, unless the variables above say otherwise."""
 CONNECT_S = 1.0
 END_S = 5.0
-"""How long Rerun may take to end (estimate: it takes a tenth)."""
+"""Time for Rerun to end [s] (estimate: it takes a tenth)."""
 PERIOD_S = 0.02
-"""How often it is looked whether it has ended."""
+"""Period of checking whether it has ended [s]."""
 
 
 class Seen(msgspec.Struct, frozen=True):
-    """What is to be seen: `url`: the page in a browser ("" where none is served yet); `command`: what shows it."""
+    """A picture to look at. `url`: the page in a browser ("" if none is served yet); `command`: the command that shows
+    it.
+    """
 
     what: str
     live: bool
@@ -76,7 +78,7 @@ def view(
 
 
 def found(run: Path | None, target: str, web: bool) -> Seen:
-    """What is meant. NoRunError, UsageError, ConsoleError say what is missing and what to do."""
+    """Return the picture that is meant. NoRunError, UsageError, ConsoleError say what is missing and what to do."""
     if run is not None and run.is_file():
         return recorded(run, web)
     if run is not None and not run.is_dir():
@@ -120,7 +122,7 @@ def recorded(file: Path, web: bool) -> Seen:
 
 
 def containers(environment: "os._Environ[str] | dict[str, str]") -> ViewAddress:
-    """Where containers serve pictures. UsageError where a variable is no port."""
+    """Return the address at which containers serve pictures. Raises UsageError if a variable is not a port."""
     ports = []
     for name, usual in ((GRPC, CONTAINERS.grpc), (WEB, CONTAINERS.web)):
         text = environment.get(name) or str(usual)

@@ -59,7 +59,7 @@ class Run(msgspec.Struct, frozen=True):
 
 
 class _Report(msgspec.Struct, frozen=True):
-    """What is wanted of report.json."""
+    """The fields used of report.json."""
 
     success: bool | None = None
     failure: str | None = ""

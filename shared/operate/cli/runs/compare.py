@@ -56,7 +56,7 @@ def compare(
 
 
 def show(told: dict[str, Any], console: Console) -> None:
-    """For people: quantity by quantity, lost seeds, where they diverge, and what it comes to."""
+    """For people: quantity by quantity, lost seeds, where they diverge, and the conclusion."""
     console.print(
         f"A: {told['a']}, {_runs(told['runs'][0])}   B: {told['b']}, {_runs(told['runs'][1])}", highlight=False
     )
@@ -92,7 +92,7 @@ def quantities(told: dict[str, Any]) -> Table:
 
 
 def divergences(told: dict[str, Any]) -> list[str]:
-    """Where what was said begins to differ, and in how many seeds."""
+    """Return lines on where the exchanges of two experiments begin to differ, and in how many seeds."""
     pairs = told["diverged"]
     apart = [one for one in pairs if one["first"] is not None]
     if not pairs:
@@ -108,7 +108,7 @@ def divergences(told: dict[str, Any]) -> list[str]:
 
 
 def sentence(told: dict[str, Any]) -> str:
-    """What it comes to."""
+    """Return the conclusion in one sentence."""
     worse = [row for row in told["rows"] if row["verdict"] == "worse"]
     if not worse:
         still = sum(row["verdict"] == "open" for row in told["rows"])

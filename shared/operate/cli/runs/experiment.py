@@ -77,7 +77,7 @@ class Watch:
         self._bar.update(self._task, say=f"load {load:.1f}: waiting for a quiet machine, {span(since_s)} so far")
 
     def left_s(self) -> float:
-        """What the runs that are not done will take, from what the others took."""
+        """Remaining time [s], estimated from the duration of the finished runs."""
         each = median(line.took_s for line in self.done) if self.done else FIRST_S
         return each * (self.setting.runs - len(self.done))
 

@@ -13,7 +13,7 @@ from operate.cli.output import Form, Format, problems, tell_json
 
 
 class To(StrEnum):
-    """What is written."""
+    """Formats of the export."""
 
     PARQUET = "parquet"
     CSV = "csv"

@@ -49,7 +49,7 @@ def read(path: Path, kind: type[T]) -> T | None:
 
 
 def fleet(run: Path) -> Fleet | None:
-    """What the supervisor told last."""
+    """Return the fleet as the supervisor last reported it."""
     return read(run / FLEET_FILE, Fleet)
 
 

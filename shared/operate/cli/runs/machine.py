@@ -56,7 +56,7 @@ def commit() -> str:
 
 
 def processor() -> str:
-    """What the machine calls its processor."""
+    """Return the machine's name of its processor."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):

@@ -21,7 +21,9 @@ UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0}
 
 
 class Rule(msgspec.Struct, frozen=True):
-    """Which runs go. All that is given must hold; `keep`: of those the newest stay. `age_s`: since their begin."""
+    """Rule that chooses runs to remove. All conditions given must hold; `keep`: the newest of those stay. `age_s`:
+    since their begin.
+    """
 
     names: frozenset[str] = frozenset()
     age_s: float | None = None

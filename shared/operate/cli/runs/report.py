@@ -87,7 +87,7 @@ def figures(told: dict[str, Any], shown: list[dict[str, Any]]) -> RenderableType
 
 
 def events(told: dict[str, Any]) -> RenderableType:
-    """What happened when."""
+    """Return the table of events with their times."""
     table = Table("event", box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in ("wall [s]", "simulated [s]"):
         table.add_column(name, justify="right")
@@ -97,7 +97,7 @@ def events(told: dict[str, Any]) -> RenderableType:
 
 
 def matrix(told: dict[str, Any]) -> RenderableType:
-    """Who told whom how often: rows receive, columns send."""
+    """Return the matrix of message counts: rows receive, columns send."""
     counts: dict[str, dict[str, int]] = told["communicates"]["matrix"]
     agents = list(counts)
     table = Table("to \\ from", box=None, padding=(0, 2, 0, 0), header_style="bold")

@@ -75,14 +75,14 @@ class Line(msgspec.Struct, frozen=True):
 
 
 class _Verdict(msgspec.Struct, frozen=True):
-    """What a report says of success."""
+    """A report's statement about success."""
 
     success: bool
     failure: str | None = None
 
 
 class Asked(msgspec.Struct, frozen=True):
-    """What a person asks of an experiment, as Setting has it."""
+    """A person's settings of an experiment, as in Setting."""
 
     runs: int
     seed: int
@@ -172,7 +172,7 @@ def keep(out: Path, line: Line) -> None:
 
 
 def folder(out: Path, seed: int) -> Path:
-    """Where the run of a seed is recorded."""
+    """Return the folder in which the run of a seed is recorded."""
     return out / "runs" / f"seed-{seed}"
 
 
@@ -206,7 +206,7 @@ def run(out: Path, setting: Setting, seed: int, tick: Callable[[float], None]) -
 
 
 def _clear(place: Path) -> None:
-    """What an interrupted run left: its fleet, if it still lives, and its files."""
+    """Remove an interrupted run's leftovers: its fleet, if it still lives, and its files."""
     if place.exists():
         starting.down(place)
         shutil.rmtree(place)
@@ -249,7 +249,7 @@ def _end(process: subprocess.Popen[bytes], place: Path) -> None:
 
 
 def _told(place: Path, late_s: float | None, code: int, command: str) -> tuple[str | None, msgspec.Raw]:
-    """Why a run is no success, None where it is one; and its report, null where there is none."""
+    """Return the reason a run failed, None if it succeeded; and its report, null if it has none."""
     try:
         raw = (place / REPORT_FILE).read_bytes()
         verdict = msgspec.json.decode(raw, type=_Verdict)

@@ -58,7 +58,7 @@ def rows(nodes: Sequence[str], edges: Edges) -> list[Row]:
 
 
 def _lanes(spans: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
-    """Which column each edge gets: short ones inside, none over another."""
+    """Return the column of each edge: short ones inside, none over another."""
     lanes: dict[str, int] = {}
     for name, (begin, end) in sorted(spans.items(), key=lambda item: (item[1][1] - item[1][0], item[1])):
         taken = {lanes[other] for other in lanes if spans[other][0] < end and begin < spans[other][1]}
@@ -67,7 +67,7 @@ def _lanes(spans: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
 
 
 def _turns(number: int, spans: Mapping[str, tuple[int, ...]], lanes: Mapping[str, int]) -> Iterator[tuple[str, bool]]:
-    """What happens at a node: edges that end, inner ones first, then those that begin, outer ones first."""
+    """Yield the edges that turn at a node: those that end, inner first, then those that begin, outer ones first."""
     here = sorted(spans, key=lambda name: lanes[name])
     yield from ((name, True) for name in here if spans[name][1] == number)
     yield from ((name, False) for name in reversed(here) if spans[name][0] == number)

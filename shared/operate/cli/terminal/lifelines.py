@@ -1,4 +1,4 @@
-"""What is said among many agents as a sequence diagram of characters: a lifeline for each, a line per communicate.
+"""Sequence diagram in characters of the traffic among many agents: a lifeline for each, a line per communicate.
 
 Pure, and line by line, so that it can be drawn as it goes by. Of two agents: operate.cli.terminal.sequence.
 """

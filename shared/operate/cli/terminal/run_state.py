@@ -1,4 +1,4 @@
-"""What a person sees of a run while it runs: lines of live.jsonl folded into a picture.
+"""Picture of a running run: lines of live.jsonl folded into one state.
 
 Pure but for `of_file`, which reads one. Lines of kinds or with fields of a later version are left out.
 """
@@ -88,12 +88,12 @@ def fold(view: View, line: LiveLine) -> View:
 
 
 def leaves(states: tuple[str, ...]) -> list[str]:
-    """The states of a plan that are no machines: its steps."""
+    """The states of a plan that are not machines: its steps."""
     return [path for path in states if not any(other.startswith(path + "/") for other in states)]
 
 
 def step(at: str, plain: Plain = str) -> str:
-    """Where a plan is, for people: the machine, then the state in it."""
+    """Return a plan's present place for people: the machine, then the state in it."""
     return plain(at).replace("/", ": ")
 
 
@@ -115,7 +115,7 @@ def in_words(line: LiveLine, plain: Plain = str) -> str:
 
 
 def against(line: Against) -> str:
-    """What is not as designed, and why."""
+    """Return what deviates from the design, and the reason."""
     what = f"{line.sender} > {line.receiver} {line.performative}: " if line.sender else ""
     return f"{what}{line.why}"
 

@@ -22,7 +22,7 @@ MARKS = {Verdict.COPY: "copy", Verdict.SLOW: "slow", Verdict.NOT_JUDGED: "not ju
 
 
 def heading(channel: str, protocol: str, conversation: str, states: tuple[str, str], ended: bool) -> Text:
-    """What is shown."""
+    """Return the heading: channel, protocol, conversation and both states."""
     text = Text.assemble((conversation, "bold"), f"  {protocol} on {channel}  ")
     return text.append("ended" if ended else "goes on", "dim" if ended else "cyan")
 
@@ -85,7 +85,7 @@ def _step(one: Judged, begin: float, initiator: str, side: int, gap: int, width:
 
 
 def _reason(why: str, indent: int, width: int) -> Text:
-    """Why, wrapped beneath."""
+    """Return the reason, wrapped below its line."""
     text, line = Text(no_wrap=True), ""
     for word in why.split():
         if line and cell_len(line) + 1 + cell_len(word) > max(20, width - indent):

@@ -137,7 +137,9 @@ class Watched:
 
 
 def header(screen: Screen, system: System) -> Text:
-    """Where; of a system that tells of tasks the task, and the plan with its present state: three lines."""
+    """Return the header: the place, and for a system with tasks the task and the plan with its present state; three
+    lines.
+    """
     text = Text(no_wrap=True, overflow="ellipsis")
     text.append("roco top", "bold").append(f"  {screen.where}  ").append("q: quit", "dim")
     if screen.stop_held:
@@ -156,7 +158,7 @@ def header(screen: Screen, system: System) -> Text:
 
 
 def agents(screen: Screen, now: Look, view: View, system: System) -> Table:
-    """What each does, in words, with heartbeat, processor and memory."""
+    """Return the table of agents: what each does in words, heartbeat, processor and memory."""
     drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", expand=True)
     drawn.add_column("agent", no_wrap=True)
     drawn.add_column("does", no_wrap=True, overflow="ellipsis", ratio=1)

@@ -98,7 +98,7 @@ def agent(aid: Aid) -> str:
 
 
 def content(value: str | bytes, encoding: str | None) -> str:
-    """Content as it is; JSON indented, bytes that are no text as Python writes them."""
+    """Content as it is; JSON indented, bytes that are not text as Python writes them."""
     if isinstance(value, bytes):
         return repr(value)
     try:

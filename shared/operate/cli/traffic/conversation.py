@@ -117,7 +117,7 @@ def show(
 
 
 def conversations(lines: list[Judged], design: Design) -> list[Conversation]:
-    """What was said, by conversation and pair of agents, oldest first."""
+    """Return the traffic by conversation and pair of agents, oldest first."""
     grouped: dict[tuple[str, str, frozenset[str]], list[Judged]] = {}
     for one in lines:
         if one.sender and one.verdict != Verdict.NOT_ENTITLED:

@@ -111,7 +111,7 @@ def tell_lost(heard: Source) -> None:
 
 
 def echoed(heard: Source, seconds: float = 0.0) -> Iterator[Echoed]:
-    """What is said, with what the judge says of it; those that wait for their verdict come later."""
+    """Yield each communicate with the judge's verdict; those that wait for their verdict come later."""
     system, last = heard.system, 0.0
     judge = Judge(system.design, system.languages)
     for sample in heard.samples(seconds):

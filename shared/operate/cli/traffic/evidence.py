@@ -1,4 +1,4 @@
-"""What a recording tells of the agents of its run, to hold against what they put out when they are run again.
+"""Evidence from a recording about the agents of its run, for comparison with their output when they are run again.
 
 Of each communicate a digest is kept; the bytes are read a second time where a difference asks for them.
 """
@@ -18,7 +18,7 @@ from operate.cli.traffic.listen import HOUSE, recorded, said
 SETTING, RECEIPT = "setting", "receipt"
 """Kinds of house keys: what the fleet was started with, and what an agent has received."""
 NEAR_S = 2.0
-"""How long after a step its receipts are heard at the latest; estimate: it takes milliseconds."""
+"""Time after a step within which its receipts are heard [s]; estimate: it takes milliseconds."""
 
 
 class Setting(msgspec.Struct, frozen=True):

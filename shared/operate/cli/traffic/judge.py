@@ -67,7 +67,7 @@ def judge(
 
 
 def summary(lines: list[Judged]) -> Judgements:
-    """What the lines come to. A communicate with two verdicts counts once."""
+    """Return the totals of the lines. A communicate with two verdicts counts once."""
     counted: dict[str, Counter[str]] = {}
     for one in lines:
         counted.setdefault(one.channel or "none", Counter())[one.verdict] += 1
@@ -89,7 +89,7 @@ def show(found: Judgements, console: Console) -> None:
 
 
 def counts(found: Judgements) -> Table:
-    """How often each verdict, on each channel; verdicts that never came are left out."""
+    """Return the number of each verdict on each channel; verdicts that never occurred are left out."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     table.add_column("")
     for name in (*found.channels, "in all"):
@@ -103,7 +103,7 @@ def counts(found: Judgements) -> Table:
 
 
 def violation(one: Judged, begin: float) -> Text:
-    """What was said, when, what is wrong with it and why."""
+    """Return a violation for people: the communicate, its time, the fault and the reason."""
     what = f"{one.sender} > {one.receiver} {one.performative}" if one.sender else f"{one.bytes} bytes on {one.key}"
     text = Text.assemble((f"\n{one.verdict}", "bold red"), f"  {one.channel}  {what}  ")
     where = f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, " if one.sender else ""
@@ -112,7 +112,7 @@ def violation(one: Judged, begin: float) -> Text:
 
 
 def from_log(one: Judged) -> str:
-    """Where it is from, if the recorder did not hear it."""
+    """Return the origin of a communicate that the recorder did not hear; "" for one that it heard."""
     return f", from the step log of {one.log}" if one.log else ""
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from operate.cli.fleet.compose import Compose
 
 ROUTER_S = 5.0
-"""How long a router is waited for (estimate: it answers in milliseconds)."""
+"""Time to wait for a router [s] (estimate: it answers in milliseconds)."""
 HOUSE = "_"
 KEY_CHUNKS = 7
 _decoder = msgspec.json.Decoder(Sample)
@@ -73,7 +73,7 @@ class Said(msgspec.Struct, frozen=True):
         return len(self.data)
 
     def communicate(self) -> Communicate | None:
-        """It, decoded; None where it is no communicate."""
+        """Return it decoded; None if it is not a communicate."""
         try:
             return decode_strictly(self.data)
         except FipaError:
@@ -81,7 +81,7 @@ class Said(msgspec.Struct, frozen=True):
 
 
 def said(sample: Sample) -> Said | None:
-    """What was said, by its key; None for what is no communicate's (tokens, receipts, telemetry)."""
+    """Return the communicate, by its key; None for other samples (tokens, receipts, telemetry)."""
     chunks = sample.key.split("/")
     if sample.token or len(chunks) != KEY_CHUNKS or chunks[2] == HOUSE:
         return None
@@ -90,7 +90,8 @@ def said(sample: Sample) -> Said | None:
 
 
 def at_run(run_dir: Path | None) -> Options:
-    """How the router of a running fleet is reached: as its folder says, else (in a container) as the environment does.
+    """Return the options that reach the router of a running fleet: from its folder, else (in a container) from the
+    environment.
 
     Raises ConsoleError where no fleet was started.
     """
@@ -113,14 +114,14 @@ def at_run(run_dir: Path | None) -> Options:
 
 
 class Source:
-    """Where samples of a `system` come from: `live`, since `began` [unix s], or a recording."""
+    """Source of samples of a `system`: `live`, since `began` [unix s], or a recording."""
 
     def __init__(self, system: System, samples: Samples, waiting: Waiting | None) -> None:
         self.system, self._samples, self._waiting = system, samples, waiting
         self.live, self.began = waiting is not None, time.time()
 
     def samples(self, seconds: float = 0.0) -> Samples:
-        """What comes; for so long, with 0 without end (of a recording: to its end)."""
+        """Yield samples for that many seconds; with 0 without end (of a recording: to its end)."""
         first: float | None = None
         for sample in self._samples:
             now = time.time() if self.live else sample.at if sample is not None else None
@@ -130,7 +131,7 @@ class Source:
             yield sample
 
     def lost(self) -> str:
-        """What could not be taken in time, in words."""
+        """Return a sentence on samples that could not be taken in time; "" if there are none."""
         dropped = self._waiting.dropped if self._waiting else 0
         return f"; {dropped} more came faster than they could be taken" if dropped else ""
 
@@ -142,7 +143,7 @@ def whose(options: Options) -> str:
 
 
 def meant(target: str, run_dir: Path | None) -> "Options | Compose":
-    """How the running fleet is heard that is meant: by a session to its router, or in its containers."""
+    """Return the access to the running fleet that is meant: options of a session to its router, or its containers."""
     if not target and run_dir is None and folders.around():
         return at_run(None)
     fleet = targets.find(target, run_dir)
@@ -190,9 +191,9 @@ def _without_end(waiting: Waiting) -> Samples:
 
 
 def recorded(file: Path, *, everything: bool = False) -> Samples:
-    """What a run folder or a recording holds, in order. `everything`: not the communicates and tokens alone.
+    """Yield the contents of a run folder or a recording, in order. `everything`: not only communicates and tokens.
 
-    Raises UsageError where there is no recording.
+    Raises UsageError if no recording is found.
     """
     asked, pipe = command("said", str(file), *(["--everything"] if everything else [])), subprocess.PIPE
     with subprocess.Popen(asked, env=environment(of_run(file)), stdout=pipe, stderr=pipe) as process:

@@ -1,4 +1,4 @@
-"""What was heard in a run, for comparing it with a design. The recorder's own process reads its recordings."""
+"""Traffic heard in a run, for comparing it with a design. The recorder's own process reads its recordings."""
 
 import subprocess
 from pathlib import Path

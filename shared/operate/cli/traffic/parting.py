@@ -1,4 +1,4 @@
-"""Where a step of an agent that is run again first puts out something else: the field, what it was, what it is now.
+"""First difference in the output of an agent's step that is run again: the field, its old value, its new value.
 
 The log keeps a hash of a step's output. The journal has the records of the last life, the recording what was sent
 and receipted: what of it gives that hash again is what the step put out. Pure.
@@ -33,7 +33,9 @@ class Difference(msgspec.Struct, frozen=True):
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """What is kept of an agent: its journal's records, and of a recording what it said and receipted near the step."""
+    """Stored evidence of an agent: its journal's records, and its communicates and receipts in the recording near the
+    step.
+    """
 
     journal: Sequence[bytes] = ()
     said: Sequence[Communicate] = ()
@@ -67,13 +69,13 @@ def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
 
 
 def _effects(put: Put) -> Effects:
-    """What a step puts out now, as it is hashed."""
+    """Return the present output of a step, as it is hashed."""
     tells = cast(tuple[Any, ...], msgspec.Raw(put.tells))
     return Effects(put.record, put.receipts, tuple(map(decode, put.sends)), tells)
 
 
 def _possible(parted: Parted, now: Effects, kept: Kept) -> Iterator[Effects]:
-    """What the step may have put out, the likeliest first: each part as it is now, or as it was kept."""
+    """Yield the outputs that the step may have had, the likeliest first: each part as it is now, or as stored."""
     records = (now.record, *_after(parted.before, kept.journal), None)
     sends = (now.sends, *_sent(parted.at, now.sends, kept.said))
     receipts = (now.receipts, *_receipted(now.receipts, kept.receipts))

@@ -14,7 +14,7 @@ LOOK_S = 0.1
 
 
 class Replayed(msgspec.Struct, frozen=True):
-    """What was said again: communicates and other things, in how long [s], recorded in how long, at most how late.
+    """Result of a replay: communicates and other samples sent, duration [s], recorded duration [s], greatest delay [s].
 
     `late_s` None: as fast as possible, so nothing could be late. `filled`: communicates that the recorder did not hear,
     from the step logs of the agents.
@@ -43,7 +43,7 @@ def moved(one: Communicate, recorded_at: float, now: float, fast: float | None) 
 
 
 def sentence(done: Replayed) -> str:
-    """How it went, in a line."""
+    """Return the result in one line."""
     also = f" and {done.others} other things" if done.others else ""
     times = f", {done.loops} times over" if done.loops > 1 else ""
     late = "" if done.late_s is None else f"; at most {1000 * done.late_s:.1f} ms late"
@@ -95,7 +95,7 @@ class Player:
         self._filled += one is not None and bool(sample.log)
 
     def done(self) -> Replayed:
-        """What was said so far."""
+        """Return the totals of what was sent so far."""
         seconds, late = time.monotonic() - self._began, self._late if self._fast else None
         stage = self._stage
         return Replayed(

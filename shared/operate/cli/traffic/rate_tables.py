@@ -15,7 +15,7 @@ Value = float | int | None
 
 
 class Column(NamedTuple):
-    """`name`: in JSON, with its unit; `head`: for people. `value`: of a flow, in a time of so many seconds."""
+    """`name`: in JSON, with its unit; `head`: for people. `value`: of a flow, in a given time [s]."""
 
     name: str
     head: str

@@ -31,7 +31,7 @@ PERIOD_S = 1.0
 
 
 class _Asked(msgspec.Struct, frozen=True):
-    """What was asked for: which table of what, and when to end."""
+    """Options of the call: which table of what, and when to end."""
 
     kind: str
     which: Filter
@@ -148,7 +148,7 @@ def _count(asked: _Asked, heard: Source, tally: Tally, look: Callable[[], None])
 
 
 def _seconds(heard: Source, tally: Tally) -> float:
-    """How long it was listened; of a recording from the first to the last that is meant."""
+    """Return the time listened [s]; of a recording, from the first to the last matching sample."""
     return time.time() - heard.began if heard.live else tally.last - tally.began
 
 

@@ -34,7 +34,9 @@ NO_ROUTER = 3
 
 
 class Recorded(msgspec.Struct, frozen=True):
-    """How far a recording is: communicates, all records, bytes of the file, time [s], what came too fast to be kept."""
+    """Progress of a recording: communicates, all records, bytes of the file, time [s], samples that came too fast to be
+    kept.
+    """
 
     communicates: int
     records: int
@@ -84,7 +86,7 @@ def record(
 
 
 def sentence(done: Recorded) -> str:
-    """How far it is, in a line."""
+    """Return the progress in one line."""
     size = rate_tables.size(done.bytes)
     what = f"{done.communicates} communicates, {done.records} records, {size} in {done.seconds:.1f} s"
     return what + (f"; {done.dropped} more came faster than they could be kept" if done.dropped else "")
@@ -104,7 +106,7 @@ def _recorded(fleet: "Options | Compose", file: Path, words: list[str], shared: 
 
 
 def _at(options: Options) -> list[str]:
-    """How the recorder reaches the router."""
+    """Return the recorder's options that name the router."""
     words = ["--connect", options.connect, "--system", options.system, "--run-dir", str(options.run_dir)]
     return [*words, "--identity", whose(options), *(["--keys", str(options.keys)] if options.keys else [])]
 
@@ -130,7 +132,7 @@ def _watched(
 
 
 def _told(process: "subprocess.Popen[bytes]") -> Iterator[Recorded]:
-    """What the recorder tells, until it has ended; Ctrl-C is handed on and its end waited for."""
+    """Yield the recorder's reports until it has ended; Ctrl-C is handed on and its end waited for."""
     assert process.stdout is not None
     while True:
         try:

@@ -43,7 +43,7 @@ class Contents(msgspec.Struct, frozen=True):
 
     @property
     def span(self) -> tuple[float, float]:
-        """When the first and the last message was heard; zeros without any."""
+        """Times at which the first and the last message were heard; zeros without any."""
         heard = [one for one in self.topics if one.count]
         return min((one.first for one in heard), default=0.0), max((one.last for one in heard), default=0.0)
 

@@ -35,14 +35,14 @@ SETTING = "setting"
 READY_S = 60.0
 """Until the agent is ready; estimate: seconds on a busy machine."""
 PATIENCE_S = 20.0
-"""How much longer than recorded a line is waited for; estimate: a plan on a busy machine."""
+"""Time to wait for a line beyond its recorded time [s]; estimate: a plan on a busy machine."""
 SLICE_S = 0.005
 END_S = 0.5
 """At the end it is listened so long for words that the recording does not have."""
 
 
 class Compared(msgspec.Struct, frozen=True):
-    """How the real agent did: lines of the recording, how many it spoke, where it differs first (None: nowhere)."""
+    """Result for the real agent: lines of the recording, lines it spoke, first difference (None: none)."""
 
     agent: str
     lines: int
@@ -87,7 +87,7 @@ def _module(system: System, agent: str) -> str:
 
 
 def sentence(done: Compared, part: tuple[Part, ...]) -> str:
-    """How it went, for people."""
+    """Return the result in words for people."""
     spoken = f"{done.agent} spoke {done.spoken} of {done.lines} recorded lines, after {done.cues} cues"
     if done.difference is None:
         return f"{spoken}, all of them as recorded, in {done.seconds:.1f} s"
@@ -137,7 +137,7 @@ def _seed(setting: bytes) -> int:
 
 
 class _Stop(msgspec.Struct, frozen=True):
-    """Where it ended: what differs, and the real words, if there were some."""
+    """Place where it ended: the difference, and the real words, if there were any."""
 
     difference: Difference
     words: Communicate | None
@@ -169,7 +169,7 @@ def _play(
 
 
 def _pause(part: tuple[Part, ...], line: Part) -> float:
-    """How long before the line nothing had been said in the recording [s]."""
+    """Return the recorded pause before the line [s]."""
     return line.at - part[line.n - 2].at if line.n > 1 else 0.0
 
 

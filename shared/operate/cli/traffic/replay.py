@@ -34,9 +34,9 @@ from operate.system import System, of_run
 
 SYSTEM = "replay"
 PUBLISHED = ("telemetry", "truth", "state")
-"""What is said beside communicates for people's eyes; --telemetry says it again, too."""
+"""Kinds published for people beside communicates; --telemetry replays them, too."""
 KIND = 3
-"""Which chunk of a key says what it is, where it is no communicate's."""
+"""Index of the chunk of a key that names its kind, unless it is a communicate's."""
 FOREVER = 1 << 62
 
 
@@ -109,7 +109,7 @@ def replay(
 
 
 def factor(speed: str) -> float | None:
-    """How many times as fast; None: as fast as possible. Raises UsageError."""
+    """Return the speed-up factor; None: as fast as possible. Raises UsageError."""
     if speed == "max":
         return None
     try:
@@ -161,7 +161,7 @@ def _played(
 
 
 class Shown:
-    """What is replayed, as the lines of live.jsonl from which `roco top` and `roco graph` are drawn.
+    """The replayed run as the lines of live.jsonl from which `roco top` and `roco graph` are drawn.
 
     A process of the recorder writes them, whose business they are.
     """

@@ -25,7 +25,7 @@ class Part(msgspec.Struct, frozen=True):
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """Where the words first differ: in which field, what was recorded, what is said now; None: nothing.
+    """First difference of the words: the field, its recorded value, its present value; None: nothing.
 
     `line`: which entry of the part, 0 where the recording has none.
     """
@@ -67,7 +67,7 @@ def before(part: tuple[Part, ...]) -> Part | None:
 
 
 class Script:
-    """How far it is: `spoken` lines of the part, in any order; what the real agent names otherwise."""
+    """Progress of the script: `spoken` lines of the part, in any order; names that the real agent chose differently."""
 
     def __init__(self, part: tuple[Part, ...]) -> None:
         self._part, self._at = part, 0
@@ -140,7 +140,7 @@ class Script:
 
 
 def plain(one: Communicate) -> dict[str, Any]:
-    """What is compared of a communicate: not its names and times."""
+    """Return the compared part of a communicate: all but its names and times."""
     told: dict[str, Any] = {name: str(getattr(one, name)) for name in COMPARED if getattr(one, name)}
     told["reply_by"] = one.reply_by is not None
     if one.content is not msgspec.UNSET:

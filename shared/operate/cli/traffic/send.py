@@ -35,7 +35,7 @@ CHOICES = ("as", "to", "protocol", "performative")
 
 
 class Usage(Exception):
-    """What was asked for is not in the design; it says what is."""
+    """The design does not have what was asked for; the message says what it has."""
 
 
 def send(
@@ -135,7 +135,7 @@ def rules(design: Design, chosen: tuple[str, ...]) -> list[Rule]:
 
 
 def table(found: list[Rule]) -> Table:
-    """What may be said, for people."""
+    """Return the permitted communicates as a table for people."""
     drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name in ("as", "to", "protocol", "performative", "on"):
         drawn.add_column(name, no_wrap=True)

@@ -56,7 +56,7 @@ class Sniffed:
 
     @property
     def count(self) -> int:
-        """How many there were."""
+        """Number of communicates."""
         return self._kept[-1][0] if self._kept else 0
 
     def add(self, one: Judged, *, draw: bool) -> None:

@@ -26,16 +26,16 @@ from operate.system import System
 from topdown.judge.follow import Followed
 
 RECEIPT_S = 2.0
-"""How long a receipt is waited for: one takes milliseconds, a peer that was restarted just now a second (estimate)."""
+"""Time to wait for a receipt [s]: one takes milliseconds, a peer restarted just now a second (estimate)."""
 NO_CHANNEL = "none"
 """Stands in the key of what is forced between agents that no channel joins."""
 Tell = Callable[[str, Communicate, int], None]
 
 
 class Sending(msgspec.Struct, frozen=True):
-    """What was said, and what came back. `receipted` None: nobody receipts such a message.
+    """A sent communicate and the replies. `receipted` None: nobody receipts such a message.
 
-    `ended`: the conversation it opened has come to its end.
+    `ended`: the conversation it opened has ended.
     """
 
     sent: dict[str, Any]
@@ -72,7 +72,7 @@ def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell
 
 
 def outcome(done: Sending) -> str:
-    """How it ended, in a sentence."""
+    """Return the outcome in a sentence."""
     to, me = done.sent["receiver"], done.sent["sender"]
     if done.receipted is False:
         return f"not receipted by {to}: it is kept in the journal, and the next life of {me} sends it again"
@@ -149,7 +149,7 @@ def _voiced(system: System, run: Path, fleet: Fleet, draft: Communicate, wait_s:
 
 
 class Watched:
-    """Whether the conversation that a message opened has come to its end; of others nobody here knows."""
+    """Whether the conversation that a message opened has ended; others are not known here."""
 
     def __init__(self, system: System, opening: Communicate, *, new: bool) -> None:
         self.ended = False

@@ -1,4 +1,4 @@
-"""How often, how large, how fast: what went by, counted by channel and performative.
+"""Counts, sizes and rates of the traffic, by channel and performative.
 
 Pure: communicates in, figures out; times are those at which things were heard.
 """
@@ -13,7 +13,7 @@ from operate.cli.traffic.listen import Said
 from operate.filters import Filter
 
 WINDOW = 10_000
-"""Figures are of the newest so many of a row, as with `ros2 topic hz`."""
+"""Number of the newest messages of a row that its figures are made from, as with `ros2 topic hz`."""
 OPEN_QUESTIONS = 10_000
 """Questions whose answers are waited for; estimate: a fleet has some dozen open."""
 NEWS = ("subscribe", "inform")

@@ -146,7 +146,7 @@ def _misheard(one: Word, heard: set[bytes]) -> Difference:
 
 
 def _kept(run: Path, agent: str, parted: Parted, evidence: Evidence) -> Kept:
-    """What the run has of an agent to tell what a step put out."""
+    """Return the run's evidence about an agent's step, to tell what the step put out."""
     journal = run / JOURNAL / f"{agent}.{JOURNAL}"
     found = tuple(records(journal.read_bytes())) if journal.is_file() else ()
     return Kept(found, evidence.said(agent), evidence.receipts(agent, parted.at))

@@ -49,7 +49,7 @@ def test_the_right_hand_carries_on_its_own_side(robot: Robot, with_bowl: tuple[W
 
 
 def test_nothing_is_carried_through_a_wall(robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3]) -> None:
-    """Where the torso cannot turn with it, there is no carry posture."""
+    """No carry posture is found if the torso cannot turn with it."""
     world, q, held = with_jar
     world.put("wall", [Box((0.02, 2.0, 2.0))], standing((0.5, 0.6, 1.2)))
     assert not list(carries(robot, world, "left", q, held, np.random.default_rng(2), tries=30))

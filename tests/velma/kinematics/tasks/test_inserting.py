@@ -37,7 +37,7 @@ def some(
 
 @pytest.fixture
 def stood(taking) -> np.ndarray:
-    """Where the thing stands in the cabinet."""
+    """Position of the thing in the cabinet."""
     return taking.target.pose.translation
 
 

@@ -32,7 +32,7 @@ tilts = st.floats(0.0, LAST_TILT)
 
 
 def opening(stream: Stream, pose: pin.SE3) -> np.ndarray:
-    """Where the jar's opening is, seen from the middle of the bowl's rim."""
+    """Return the position of the jar's opening from the middle of the bowl's rim."""
     return np.asarray(pose.act(np.array([0.0, 0.0, stream.opening])) - stream.rim)
 
 
@@ -106,7 +106,7 @@ def test_the_arm_follows_the_tilt(
 def test_a_solved_tilt_can_be_followed_again(
     robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3], poured: list[Tilting]
 ) -> None:
-    """From its beginning, with what ex is told (azimuth, spin and tilts), the whole of it is found anew."""
+    """From its beginning, with what ex is told (azimuth, spin and tilts), the whole of it is found again."""
     world, _, held = with_jar
     for tilting in poured:
         again = follow(
@@ -119,7 +119,7 @@ def test_a_solved_tilt_can_be_followed_again(
 def test_a_blocked_tilt_is_none(
     robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3], poured: list[Tilting]
 ) -> None:
-    """Where a state on the way is not free there is no tilt, from wherever it begins."""
+    """If a state on the way is not free there is no tilt, from wherever it begins."""
     world, _, held = with_jar
     tilting = poured[0]
     middle = tilting.path[len(tilting.path) // 2]
