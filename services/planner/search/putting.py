@@ -34,7 +34,7 @@ from velma.kinematics.tasks.speeds import DOWN_SPEED, HOME_TORSO, LOADED_SPEED, 
 # [rad] largest tilt of a thing on its way, and iterations of a tree, tried in turn: an empty bowl may tilt more
 CARRIED_TILT = ((math.radians(25.0), QUICK), (math.radians(60.0), EFFORTS))
 PLACINGS, TRIES = 12, 300  # placings to choose from, samples tried (estimates)
-BATCHES = 4  # groups of spots tried (estimate)
+BATCHES = 6  # groups of spots tried (estimate)
 HOME_FINGERS = 1.0  # [rad], same runs
 Way = Sequence[np.ndarray]
 """Offsets (3,) [m] from a place, through which an object comes; none: straight from above."""

@@ -17,7 +17,7 @@ BEST_DISTANCE_M, BEST_HEADING = 0.78, math.radians(42.0)  # where runs with the 
 TURNING_M = 0.5  # a radian from the best heading is as bad as this distance [m] from the best distance (estimate)
 TURNED = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)  # [rad] angles of the torso for which reach is computed (estimate)
 TOGETHER = 8  # spots tried together (estimate)
-NEAR_M = 0.05  # spots this close to one that is not free are skipped (estimate)
+NEAR_M = 0.05  # [m] from a spot that is not free; once more from those tried for each time (estimate)
 
 
 @dataclass(frozen=True)
@@ -62,15 +62,18 @@ def spots(
 
 
 def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Iterator[list[Spot]]:
-    done: list[Spot] = []
+    """Yield free spots, each time farther from those before: beside some that did not do, others rarely do."""
+    taken: list[Spot] = []
+    tried: list[Spot] = []
     free: list[Spot] = []
+    apart = NEAR_M
     for spot in found:
-        if spot.near(done):
+        if spot.near(taken) or spot.near(tried, apart):
             continue
-        (free if clear(geometry, state, spot, name) else done).append(spot)
+        (free if clear(geometry, state, spot, name) else taken).append(spot)
         if len(free) == TOGETHER:
             yield free
-            done, free = [*done, *free], []
+            tried, free, apart = [*tried, *free], [], apart + NEAR_M
     if free:
         yield free
 
