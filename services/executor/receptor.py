@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from services.executor.camera import HALF_HEIGHT, HALF_WIDTH
 from velma import names
+from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
 
 # Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see held
 # things (estimate).
