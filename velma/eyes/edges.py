@@ -13,7 +13,8 @@ Flags = NDArray[np.bool_]
 PROFILES, ENDS = 14, (0.12, 0.88)
 """Profiles across a side and where on it they begin and end: not near the corners."""
 REACH_PX, REACH_SHARE, STEPS = 2.5, 0.12, 21
-"""Profiles reach this far to both sides; on a small marker, this share of its side: a field is a sixth of it."""
+"""Profiles reach this far to both sides; on a small marker, or one seen from aside, this share of its width across the
+side: a field is a sixth of it."""
 LEAST_RISE = 25.0  # grey levels from black to white; less is no edge
 ROUNDS, REJECTIONS, REJECT = 2, 3, 3.0  # a point is left out that is off by 3 times the median
 MOST_MOVED_PX = 4.0  # a corner that moves farther belongs to something else
@@ -38,7 +39,9 @@ def _edge_points(picture: Array, corners: Array) -> tuple[Array, Array]:
     along = np.roll(corners, -1, axis=1) - corners
     length = np.maximum(np.linalg.norm(along, axis=2), 1e-9)
     outwards = np.stack([along[..., 1], -along[..., 0]], axis=2) / length[..., None]  # corners run clockwise
-    reach = np.minimum(REACH_PX, REACH_SHARE * length)
+    diagonals = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+    area = np.abs(diagonals[0][:, 0] * diagonals[1][:, 1] - diagonals[0][:, 1] * diagonals[1][:, 0]) / 2
+    reach = np.minimum(REACH_PX, REACH_SHARE * area[:, None] / length)
     feet = corners[:, :, None] + np.linspace(*ENDS, PROFILES)[:, None] * along[:, :, None]
     steps = np.linspace(-1.0, 1.0, STEPS)
     offsets = reach[..., None] * steps

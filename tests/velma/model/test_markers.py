@@ -40,7 +40,7 @@ def test_a_number_stands_once_also_with_two_of_a_kind() -> None:
 def test_more_than_there_are_is_refused() -> None:
     """With the thing for which nothing is left."""
     many = Scene("many", tuple(Thing(f"jar_{k}", Model.JAR, (0.0, 0.0, 0.0)) for k in range(20)))
-    with pytest.raises(SceneError, match="thing jar_13 .*at most 250") as refused:
+    with pytest.raises(SceneError, match=r"thing jar_13 .*at most 250") as refused:
         of_scene(many)
     assert refused.value.field == "thing jar_13"
 
