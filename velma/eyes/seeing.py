@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from velma.eyes import beginning, edges
 from velma.eyes.detect import Detector
 from velma.eyes.fit import FLOOR_PX, Fit, View, fit
-from velma.model.markers import Marker
+from velma.model.markers import Marker, of_scene
+from velma.model.scene import TABLES, Model, Scene
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
@@ -37,6 +38,11 @@ class Seen(NamedTuple):
     tipped: bool
     rms_px: float
     numbers: tuple[int, ...]
+
+
+def eyes_of(scene: Scene) -> "Eyes":
+    """Return the eyes for the things of a scene."""
+    return Eyes(of_scene(scene), frozenset(thing.id for thing in scene.of(Model.CABINET, *TABLES)))
 
 
 class Eyes:
