@@ -152,9 +152,9 @@ def measured(seed: int, verbose: bool, name: str = CANONICAL.stem, eyes: Eyes = 
     good = not failure and poured >= 0.9 and held and truth.tilt_deg["bowl_1"] < 10.0
     return {
         "scene": name, "eyes": eyes, "seed": seed, "success": good, "failure": failure, "poured": round(poured, 3),
-        "held": held, "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2), "sim_time_s": round(run.here.time, 1),
-        "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans, "work_J": round(truth.work_J, 1),
-        "acts": run.acts,
+        "held": held, "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2),
+        "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans,
+        "work_J": round(truth.work_J, 1), "acts": run.acts,
     }  # fmt: skip
 
 
@@ -169,8 +169,9 @@ def main(
     first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
     lines = [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
-    setting = scene, eyes
-    known = {line["seed"] for line in lines if (line.get("scene", CANONICAL.stem), line.get("eyes", Eyes.RAYS)) == setting}
+    known = {
+        line["seed"] for line in lines if (line.get("scene", CANONICAL.stem), line.get("eyes", "rays")) == (scene, eyes)
+    }
     for seed in range(first, last + 1):
         if seed in known:
             continue
