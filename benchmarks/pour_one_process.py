@@ -5,6 +5,7 @@ communicates between them are left out. Appends one line per seed to a results f
 
     python benchmarks/pour_one_process.py --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
     python benchmarks/pour_one_process.py --scene env2 --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
+    python benchmarks/pour_one_process.py --eyes pixels --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
 """
 
 import time
@@ -15,6 +16,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from companion.eyes import Eyes
 from companion.languages import hfsm, rc, wm
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess, receptor, things
@@ -39,12 +41,12 @@ MOST_PLANS = 6
 class Run:
     """One world, one robot, one memory of it."""
 
-    def __init__(self, seed: int, verbose: bool = False, name: str = CANONICAL.stem) -> None:
+    def __init__(self, seed: int, verbose: bool = False, name: str = CANONICAL.stem, eyes: Eyes = Eyes.RAYS) -> None:
         self.seed, self.verbose = seed, verbose
         scene = vary(load(CANONICAL.with_stem(name)), seed)
         self.backend = MujocoBackend(scene)
         self.truth = TruthReader(self.backend)
-        self.body = InProcess(LoopCore(self.backend), receptor(scene))
+        self.body = InProcess(LoopCore(self.backend), receptor(scene, eyes))
         self.here: Situation = beginning(Robot(), things(scene))
         self.store, self.overlays, self.version = Store.open(None), Overlays(), 0
         self.plans: list[dict[str, float]] = []
@@ -136,20 +138,23 @@ class Run:
         return "too many plans"
 
 
-def measured(seed: int, verbose: bool, name: str = CANONICAL.stem) -> dict[str, object]:
+def measured(seed: int, verbose: bool, name: str = CANONICAL.stem, eyes: Eyes = Eyes.RAYS) -> dict[str, object]:
     """One seed, as a line of the results file."""
     began = time.perf_counter()
-    run = Run(seed, verbose, name)
-    failure = run.pour()
+    run = Run(seed, verbose, name, eyes)
+    try:
+        failure = run.pour()
+    finally:
+        run.body.eye.close()
     truth = run.truth.read()
     poured = truth.grains_in.get("bowl_1", 0) / max(1, truth.grains)
     held = max(truth.fingers_on.get("jar_1", {}).values(), default=0) >= 3
     good = not failure and poured >= 0.9 and held and truth.tilt_deg["bowl_1"] < 10.0
     return {
-        "scene": name, "seed": seed, "success": good, "failure": failure, "poured": round(poured, 3), "held": held,
-        "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2), "sim_time_s": round(run.here.time, 1),
-        "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans, "work_J": round(truth.work_J, 1),
-        "acts": run.acts,
+        "scene": name, "eyes": eyes, "seed": seed, "success": good, "failure": failure, "poured": round(poured, 3),
+        "held": held, "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2),
+        "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans,
+        "work_J": round(truth.work_J, 1), "acts": run.acts,
     }  # fmt: skip
 
 
@@ -157,17 +162,20 @@ def main(
     seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
     scene: Annotated[str, typer.Option(help="a scene of velma/model/scenes")] = CANONICAL.stem,
+    eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.RAYS,
     verbose: Annotated[bool, typer.Option()] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
     first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
     lines = [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
-    known = {line["seed"] for line in lines if line.get("scene", CANONICAL.stem) == scene}
+    known = {
+        line["seed"] for line in lines if (line.get("scene", CANONICAL.stem), line.get("eyes", "rays")) == (scene, eyes)
+    }
     for seed in range(first, last + 1):
         if seed in known:
             continue
-        result = measured(seed, verbose, scene)
+        result = measured(seed, verbose, scene, eyes)
         with out.open("ab") as file:
             file.write(msgspec.json.encode(result) + b"\n")
         typer.echo(f"seed {seed}: {'poured' if result['success'] else 'FAILED'} {result['failure']} {result['poured']} "

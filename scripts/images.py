@@ -27,7 +27,7 @@ RECORDER = "recorder"
 IMAGES = (*TARGETS, RECORDER)
 MOST_MB = {"agent": 150.0, "knowledge": 150.0, "page": 150.0, "planner": 550.0, RECORDER: 250.0}
 """Over the base."""
-ALONE = {"mujoco": "executor", "rerun": "monitor", "matplotlib": "monitor", "PIL": "monitor"}
+ALONE = {"mujoco": "executor", "cv2": "executor", "rerun": "monitor", "matplotlib": "monitor", "PIL": "monitor"}
 """Library -> the only image that has it."""
 
 # Longest it may take [s]; estimates: three times and more what a loaded 2-core machine needs.

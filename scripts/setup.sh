@@ -85,7 +85,8 @@ shutil.rmtree(".venv/lend/sklearn", ignore_errors=True)  # 40 MB that nobody use
 PYTHON
 }
 
-# Import what needs system libraries, so that a missing one is named here and not in the middle of a run.
+# Import what needs system libraries, so that a missing one is named here and not in the middle of a run. Without OpenGL
+# all but the head camera works: that is said, too, and goes on.
 check_libraries() {
     .venv/bin/python - <<'PYTHON' || die "a system library is missing (see above)"
 import importlib
@@ -93,7 +94,7 @@ import sys
 
 packages = {"libgomp.so": "libgomp1", "libstdc++.so": "libstdc++6", "libGL.so": "libgl1", "libEGL.so": "libegl1"}
 failed = False
-for module in ("numpy", "zenoh", "pinocchio", "coal", "ompl", "mujoco", "rerun"):
+for module in ("numpy", "zenoh", "pinocchio", "coal", "ompl", "mujoco", "cv2", "rerun"):
     try:
         importlib.import_module(module)
     except ImportError as error:
@@ -102,6 +103,16 @@ for module in ("numpy", "zenoh", "pinocchio", "coal", "ompl", "mujoco", "rerun")
         print(f"{module} cannot be imported: {error}", file=sys.stderr)
         if debian:
             print(f"  Debian: apt install {debian}", file=sys.stderr)
+try:
+    from velma.sim import gl
+
+    seen = gl.found()
+except (AttributeError, ImportError, OSError) as error:
+    seen = ""
+    print(f"OpenGL cannot be looked for: {error}", file=sys.stderr)
+if not seen:  # only pictures of the head camera, and seeing by them, need it
+    print("no OpenGL without a display: there are no pictures of the head camera, and `--eyes pixels` is refused", file=sys.stderr)
+    print("  Debian: apt install libegl1 libegl-mesa0 libgl1-mesa-dri, or apt install libosmesa6", file=sys.stderr)
 sys.exit(failed)
 PYTHON
 }

@@ -5,6 +5,7 @@ VelmaError
     MotionError     a motion that the loop must not start
     SlotError       the shared file is not of this version
     BackendError    there is no back-end of this name
+    GlError         no OpenGL library can draw without a display
 """
 
 
@@ -42,3 +43,14 @@ class BackendError(VelmaError):
     def __init__(self, name: str, found: str, expected: str, remedy: str) -> None:
         self.name, self.found, self.expected = name, found, expected
         super().__init__(f"back-end {name!r}: {found}, expected {expected}; {remedy}")
+
+
+class GlError(VelmaError):
+    """No OpenGL library that draws without a display works here."""
+
+    def __init__(self, tried: str) -> None:
+        self.tried = tried
+        super().__init__(
+            f"OpenGL: none of {tried} works here, the head camera needs one; Debian: apt install libegl1 libegl-mesa0 "
+            "libgl1-mesa-dri, or apt install libosmesa6"
+        )

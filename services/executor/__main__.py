@@ -1,6 +1,7 @@
 """ex as a process: `python -m services.executor --help`. The control loop is a process of its own beside it."""
 
 import os
+import sys
 from pathlib import Path
 
 from agent_runtime.io import cli, shell
@@ -8,6 +9,7 @@ from agent_runtime.io.devices import Post
 from agent_runtime.io.options import Options
 from companion.binding import wiring
 from companion.design import AgentName
+from companion.eyes import VARIABLE, Eyes, eyes
 from companion.run_files import SLOTS_FILE
 from services.executor.behaviours import agent
 from services.executor.device import RobotDevice
@@ -16,12 +18,24 @@ from services.executor.loop_device import LoopDevice
 from services.executor.pictures import Pictures
 from services.executor.skill_device import SkillDevice
 from services.executor.telemetry import Telemetry
+from velma.errors import GlError
+from velma.sim import gl
+
+USAGE_ERROR = 2  # a wrong option or environment: no supervisor tries again
 
 
 def serve(options: Options) -> int:
-    """Run until a signal; return the exit code. ROCO_SLOTS names the file between loop and agent (else: run folder)."""
+    """Run until a signal; return the exit code. ROCO_SLOTS names the file between loop and agent (else: run folder),
+    ROCO_EYES the eyes."""
     slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS_FILE)
-    setup = Setup(scene=str(options.scene or ""), seed=options.seed)
+    try:
+        seeing = eyes(os.environ.get(VARIABLE, ""))
+        if seeing is Eyes.PIXELS and not gl.found():
+            raise GlError(", ".join(gl.LIBRARIES.values()))
+    except (ValueError, GlError) as error:
+        sys.stderr.write(f"executor: {error}\n")
+        return USAGE_ERROR
+    setup = Setup(scene=str(options.scene or ""), seed=options.seed, eyes=seeing)
 
     def device(post: Post) -> RobotDevice:
         telemetry = Telemetry(post, slots, Pictures(post, setup))

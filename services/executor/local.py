@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.eyes import USUAL, Eyes
 from companion.languages import rc
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Remembered
@@ -73,10 +74,11 @@ class Brake(Message, frozen=True):
 
 
 class Setup(msgspec.Struct, frozen=True):
-    """To a new process: the file of the scene ("" for the canonical one), the seed that varies it (0: none)."""
+    """To a new child: the file of the scene ("" for the canonical one), the seed that varies it (0: none), the eyes."""
 
     scene: str = ""
     seed: int = 0
+    eyes: Eyes = USUAL
 
 
 class Perform(Message, frozen=True):

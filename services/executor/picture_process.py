@@ -1,20 +1,29 @@
-"""The child process that makes the pictures of the head camera: one for each state it gets."""
+"""The child process that makes the pictures of the head camera for people: one for each state it gets."""
+
+import sys
 
 import numpy as np
 
 from agent_runtime.io.worker import Link
 from companion.telemetry import picture
-from services.executor.camera import HEIGHT, WIDTH, Camera
 from services.executor.local import Setup
-from services.executor.pictures import Show
+from services.executor.pictures import NO_GL, SHRINK, Show
 from services.executor.simulation import scene_of
+from velma.errors import GlError
+from velma.eyes.lens import HEIGHT, WIDTH
+from velma.eyes.shown import smaller
+from velma.sim.head_camera import HeadCamera
 from velma.sim.mujoco_backend import compiled
 
 
 def serve(link: Link) -> None:
-    """Make pictures until the agent is gone."""
-    camera = Camera(compiled(scene_of(link.recv(Setup))))
+    """Make pictures until the agent is gone; ends with NO_GL where there is no OpenGL."""
+    try:
+        camera = HeadCamera(compiled(scene_of(link.recv(Setup))), WIDTH, HEIGHT)
+    except GlError as error:
+        sys.stderr.write(f"no pictures of the head camera: {error}\n")
+        sys.exit(NO_GL)
     while True:
         show = link.recv(Show)
-        pixels = camera.picture(np.frombuffer(show.world))
-        link.send(picture(show.sim_time_s, WIDTH, HEIGHT, pixels.tobytes()))
+        pixels = smaller(camera.picture(np.frombuffer(show.world)), SHRINK)
+        link.send(picture(show.sim_time_s, pixels.shape[1], pixels.shape[0], pixels.tobytes()))

@@ -20,6 +20,10 @@ STILL = 0.002
 """A coordinate that changed less counts as at rest [rad, m]; estimate: less than a pixel."""
 AGAIN_S = 10.0
 """Between pictures at rest, for viewers that were opened meanwhile; estimate."""
+SHRINK = 2
+"""The robot's picture is smaller by this for people; estimate: 20 kB, and grains in the jar can be told apart."""
+NO_GL = 3
+"""Exit status of a child that has no OpenGL: no other one is started."""
 LATE_S, PAUSE_S = 60.0, 30.0
 """After LATE_S without an answer the child is killed; the next one starts after PAUSE_S; estimates."""
 
@@ -39,7 +43,7 @@ class Pictures:
         self._child: Worker | None = None
         self._begin = 0.0  # no child before
         self._asked = -AGAIN_S  # when, by the monotonic clock
-        self._drawing = False
+        self._drawing = self._blind = False
         self._shown: Array = np.zeros(0)
 
     def offer(self, sim_time_s: float, world: Array, now: float | None = None) -> bool:
@@ -51,7 +55,7 @@ class Pictures:
         if self._drawing and now > self._asked + LATE_S:
             self.close()
             self._begin = now + PAUSE_S
-        if self._drawing or not self._due(world, now) or not self._ready(now):
+        if self._blind or self._drawing or not self._due(world, now) or not self._ready(now):
             return False
         assert self._child is not None
         self._drawing, self._asked, self._shown = True, now, world.copy()
@@ -83,5 +87,5 @@ class Pictures:
         self._drawing = False
         self._post.publish("telemetry", msgspec.msgpack.encode(made))
 
-    def _ended(self, _code: int) -> None:
-        self._drawing = False
+    def _ended(self, code: int) -> None:
+        self._drawing, self._blind = False, code == NO_GL

@@ -1,4 +1,4 @@
-"""The virtual receptor of ex: a simulated marker detector with noise. The only place that may read true poses.
+"""Eyes by rays: a simulated marker detector with noise. The only place that may read true poses.
 
 It sets a copy of the simulated world to the state that the loop published, and casts rays from the camera to points
 on each thing. A thing is detected if enough of its points are in the field of view, in range and not hidden. Markers
@@ -7,14 +7,14 @@ on each thing. A thing is detected if enough of its points are in the field of v
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
-from services.executor.camera import HALF_HEIGHT, HALF_WIDTH
+from services.executor.sight import Neck, Sight
 from velma import names
+from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
 
 # Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see held
 # things (estimate).
@@ -23,14 +23,6 @@ LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: one or two markers of a thing m
 TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform about each axis
 AROUND = 8  # points around a cylinder
 GRID_M = 0.15  # between points on a box's face, at least two in each direction
-
-
-@dataclass(frozen=True)
-class Sight:
-    """A detected thing: its name, its pose in the world with noise."""
-
-    name: str
-    T_world_object: pin.SE3
 
 
 class Receptor:
@@ -47,13 +39,16 @@ class Receptor:
         self._points = {name: np.array(list(_points(model, body))) for name, body in self._bodies.items()}
         self._noise_m, self._seed, self._looks = noise_m, seed, 0
 
-    def look(self, qpos: np.ndarray) -> list[Sight]:
-        """Return what is seen in the state qpos (nq,) of the world. Heights have no noise."""
+    def look(self, qpos: np.ndarray, _neck: Neck | None = None) -> list[Sight]:
+        """Return what is seen in the state qpos (nq,) of the world. Heights have no noise. Joints are not needed."""
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         self._looks += 1
         rng = np.random.default_rng([self._seed, self._looks])
         return [self._noisy(name, rng) for name in self._bodies if self._visible(name)]
+
+    def close(self) -> None:
+        """Nothing was started."""
 
     def _noisy(self, name: str, rng: np.random.Generator) -> Sight:
         body = self._bodies[name]

@@ -8,14 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.eyes import Eyes
 from companion.models import KNOWN_AS
 from services.executor.local import Setup
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion
+from services.executor.pixel_receptor import PixelReceptor
 from services.executor.receptor import Receptor
+from services.executor.sight import Eye
 from services.executor.skills.skill import Sensed
 from velma.model import scene as scenes
 from velma.model.scene import Scene
+from velma.names import TORSO
 from velma.sim.mujoco_backend import compiled
 
 
@@ -30,15 +34,17 @@ def things(scene: Scene) -> dict[str, str]:
     return {thing.id: KNOWN_AS.get(thing.model, thing.model) for thing in scene.things}
 
 
-def receptor(scene: Scene) -> Receptor:
-    """Return the receptor of a scene, with its own copy of the world."""
+def receptor(scene: Scene, eyes: Eyes = Eyes.RAYS) -> Eye:
+    """Return the eyes for a scene, with their own copy of the world."""
+    if eyes is Eyes.PIXELS:
+        return PixelReceptor(scene)
     return Receptor(compiled(scene), tuple(t.id for t in scene.things), scene.noise.position, scene.noise.seed)
 
 
 class InProcess:
     """A loop and a receptor in this process, called one after the other."""
 
-    def __init__(self, core: LoopCore, eye: Receptor) -> None:
+    def __init__(self, core: LoopCore, eye: Eye) -> None:
         self.core, self.eye = core, eye
 
     def do(self, motion: Motion) -> Sensed:
@@ -58,6 +64,6 @@ class InProcess:
             fingers={"right": float(np.mean(report.right.proximal)), "left": float(np.mean(report.left.proximal))},
             grips={"right": report.right.grip, "left": report.left.grip},
             head=(float(state.head[0]), float(state.head[1])),
-            sights=self.eye.look(self.core.backend.configuration()),
+            sights=self.eye.look(self.core.backend.configuration(), (state.q[TORSO], state.head[0], state.head[1])),
             time=float(state.time),
         )

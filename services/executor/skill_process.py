@@ -13,11 +13,12 @@ from services.executor import simulation
 from services.executor.acting import duration
 from services.executor.local import Ended, Feel, Felt, Move, Perform, Setup, ToSkill
 from services.executor.loop.program import Motion
-from services.executor.receptor import Receptor
 from services.executor.remembered import Holding, Remembered
+from services.executor.sight import Eye, Neck
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Held, Situation, beginning
 from services.executor.skills.skill import Sensed
+from velma import names
 from velma.kinematics import timing
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
@@ -32,7 +33,7 @@ class Stage:
     def __init__(self, setup: Setup) -> None:
         asked = simulation.scene_of(setup)
         self.robot, self.things = Robot(), simulation.things(asked)
-        self.eye: Receptor = simulation.receptor(asked)
+        self.eye: Eye = simulation.receptor(asked, setup.eyes)
 
     def situation(self, kept: Remembered, felt: Felt) -> Situation:
         """Return what ex knows at the start of an act."""
@@ -48,17 +49,19 @@ class Stage:
         return here
 
     def sensed(self, felt: Felt) -> Sensed:
-        """Return what the loop measured, with what the receptor sees."""
+        """Return what the loop measured, with what the eyes see."""
+        measured = np.frombuffer(felt.measured).copy()
+        neck: Neck = (float(measured[names.TORSO]), *felt.head)
         return Sensed(
             ended=felt.ended,
             reason=felt.reason,
             q=felt.setpoint().copy(),
-            measured=np.frombuffer(felt.measured).copy(),
+            measured=measured,
             touched=dict(felt.touched),
             fingers=dict(felt.fingers),
             grips=dict(felt.grips),
             head=felt.head,
-            sights=self.eye.look(np.frombuffer(felt.world)) if felt.world else [],
+            sights=self.eye.look(np.frombuffer(felt.world), neck) if felt.world else [],
             time=felt.time,
         )
 

@@ -11,10 +11,12 @@ import pytest
 
 from companion.telemetry import PICTURE_S, Picture, told
 from services.executor import pictures
-from services.executor.camera import HEIGHT, WIDTH, Camera
 from services.executor.local import Setup
-from services.executor.pictures import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
+from services.executor.pictures import AGAIN_S, LATE_S, PAUSE_S, SHRINK, STILL, Pictures
+from velma.eyes.lens import HEIGHT, WIDTH
+from velma.eyes.shown import smaller
 from velma.model.scene import load
+from velma.sim.head_camera import HeadCamera
 from velma.sim.mujoco_backend import MujocoBackend, compiled
 
 pytestmark = pytest.mark.process
@@ -61,15 +63,17 @@ def eye(screen: Screen) -> Iterator[Pictures]:
 
 
 def test_a_picture_is_what_the_camera_sees_in_the_least_of_priorities(screen: Screen, eye: Pictures) -> None:
-    """Of that very state; a few kilobytes; and while one is under way no other is begun."""
+    """Of that very state; some kilobytes; and while one is under way no other is begun."""
     assert eye.offer(7.5, WORLD, now=100.0)
     assert not eye.offer(7.6, WORLD + 0.1, now=100.0 + 2 * PICTURE_S)
     child = eye._child
     assert child is not None
     found = screen.next()
-    assert (found.sim_time_s, found.width, found.height) == (7.5, WIDTH, HEIGHT)
-    assert found.pixels() == Camera(compiled(load())).picture(WORLD).tobytes()
-    assert len(found.rgb) < 10_000
+    assert (found.sim_time_s, found.width, found.height) == (7.5, WIDTH // SHRINK, HEIGHT // SHRINK)
+    camera = HeadCamera(compiled(load()), WIDTH, HEIGHT)
+    assert found.pixels() == smaller(camera.picture(WORLD), SHRINK).tobytes()
+    camera.close()
+    assert len(found.rgb) < 40_000
     assert os.getpriority(os.PRIO_PROCESS, child.pid) == 19
 
 
@@ -122,6 +126,19 @@ def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
     assert not eye.offer(2.0, WORLD + 1.0, now=120.0 + 1.1 * LATE_S)
     assert not child.alive
     assert len(screen.found) == 1
+
+
+def test_without_opengl_no_child_is_started_again(eye: Pictures, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says so and ends; another one would find as little."""
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    assert eye.offer(0.0, WORLD, now=100.0)
+    child = eye._child
+    assert child is not None
+    end = time.monotonic() + WITHIN_S
+    while not eye._blind and time.monotonic() < end:
+        threading.Event().wait(0.01)
+    assert not child.alive
+    assert not eye.offer(1.0, WORLD + 1.0, now=100.0 + 10 * PAUSE_S)
 
 
 def test_the_agent_does_not_load_the_simulator_for_it() -> None:

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.executor.receptor import FARTHEST_M, TURN_NOISE, Receptor, Sight
+from services.executor.receptor import FARTHEST_M, TURN_NOISE, Receptor
+from services.executor.sight import Sight
 from services.executor.skills.motions import aim
 from velma import names
 from velma.kinematics import ik

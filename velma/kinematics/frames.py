@@ -38,6 +38,11 @@ def xyz_quat(pose: pin.SE3) -> tuple[tuple[float, float, float], tuple[float, fl
     return (px, py, pz), (w, x, y, z)
 
 
+def pose_of(rotation: Sequence[float], position: Sequence[float]) -> pin.SE3:
+    """Return the transform of a rotation, nine numbers row by row, and a position [m]."""
+    return pin.SE3(np.array(rotation, dtype=float).reshape(3, 3), np.array(position, dtype=float))
+
+
 def standing(xyz: Any, yaw: float = 0.0) -> pin.SE3:
     """Return a frame that stands upright at `xyz` (3,) [m], turned by `yaw` [rad] about the vertical."""
     return pin.SE3(pin.exp3(np.array([0.0, 0.0, yaw])), np.array(xyz, dtype=float))

@@ -70,6 +70,11 @@ class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `position` [m]: of a seen thing, uniform within it on each horizontal axis. Of the wrist sensors on each axis:
     `force` [N], `torque` [Nm]: standard deviation of each sample; `force_bias`, `torque_bias`: largest constant error,
     uniform. Estimates: no data sheet of the sensors was found; torques at a lever of 0.05 m.
+
+    Of the head camera, for eyes by pixels: `pixel` [grey levels] and `blur` [pixels], standard deviations of noise and
+    point spread; `exposure`: largest share by which a picture is too bright or dark; `camera_turn` [rad],
+    `camera_shift` [m]: largest error on each axis of where the robot thinks that its camera is, uniform, constant.
+    Estimates: a camera indoors, at rest, calibrated.
     """
 
     position: float = 0.004
@@ -78,6 +83,11 @@ class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     force_bias: float = 0.5
     torque: float = 0.005
     torque_bias: float = 0.025
+    pixel: float = 5.0
+    blur: float = 0.0
+    exposure: float = 0.0
+    camera_turn: float = 0.0
+    camera_shift: float = 0.0
 
 
 class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -123,6 +133,11 @@ _MOST_NOISE = (
     ("force_bias", "newtons", 50.0),
     ("torque", "newton metres", 1.0),
     ("torque_bias", "newton metres", 5.0),
+    ("pixel", "grey levels", 50.0),
+    ("blur", "pixels", 5.0),
+    ("exposure", "a share", 0.9),
+    ("camera_turn", "radians", 0.1),
+    ("camera_shift", "metres", 0.1),
 )
 _ID = re.compile(r"(?!grain_\d)[a-z]+(_[a-z]+)*_\d+")  # no body of the robot or of the content is named like that
 MOST_SPREAD = 0.5  # [m, rad] estimate: a wrong unit is found

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from companion import models
-from services.executor.receptor import Sight
 from services.executor.remembered import Unfinished
+from services.executor.sight import Sight
 from velma import names
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot

@@ -11,7 +11,7 @@ import numpy as np
 
 from companion.languages import rc
 from services.executor.loop.program import GripReport, Motion
-from services.executor.receptor import Sight
+from services.executor.sight import Sight
 
 
 @dataclass(frozen=True)

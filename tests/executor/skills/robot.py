@@ -14,7 +14,7 @@ from companion.languages.values import Pose, Side
 from companion.look_around import POINTS
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion, Phase
-from services.executor.receptor import Receptor
+from services.executor.sight import Eye
 from services.executor.simulation import InProcess, receptor, things
 from services.executor.skills import own_paths
 from services.executor.skills.performing import perform
@@ -40,7 +40,7 @@ CancelWhen = Callable[[Motion, LoopCore], bool]
 class Interruptible(InProcess):
     """A body of which a motion is cancelled as soon as `when` says so, once."""
 
-    def __init__(self, core: LoopCore, eye: Receptor, when: CancelWhen | None = None) -> None:
+    def __init__(self, core: LoopCore, eye: Eye, when: CancelWhen | None = None) -> None:
         super().__init__(core, eye)
         self.when, self.cancelled = when, False
 

@@ -9,7 +9,7 @@ from robot import Acting
 
 from companion.languages import rc
 from services.executor.loop.program import Motion
-from services.executor.receptor import Sight
+from services.executor.sight import Sight
 from services.executor.skills.looking import look
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Sensed

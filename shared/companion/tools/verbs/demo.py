@@ -1,5 +1,6 @@
 """`roco demo`: the main job from start to end."""
 
+import os
 import webbrowser
 from datetime import datetime
 from pathlib import Path
@@ -9,15 +10,20 @@ import msgspec
 import typer
 from rich.console import Console
 
+from companion.eyes import USUAL, VARIABLE, Eyes
+from companion.eyes import eyes as named
 from companion.tools.verbs import main_job, pace
 from companion.tools.verbs.page import door_when_there
 from operate.cli import interrupts
+from operate.cli.errors import UsageError
 from operate.cli.fleet import running_fleets, starting, up, view
 from operate.cli.fleet.up import Speed
 from operate.cli.output import Form, Format, problems, waiting
 from operate.cli.seeds import Seed
 from operate.cli.terminal.watch import Watch
 from operate.system import here
+from velma.errors import GlError
+from velma.sim import gl
 
 DemoRate = Annotated[
     Speed | None, typer.Option(help="1: real time; max: as fast as it can; else real time where the machine holds it.")
@@ -28,6 +34,13 @@ Headless = Annotated[
 ]
 Page = Annotated[bool, typer.Option("--page", help="Open the person's page in a browser as soon as the fleet is up.")]
 
+Seeing = Annotated[
+    Eyes | None,
+    typer.Option(
+        "--eyes", help=f"rays: true poses with noise; pixels: by markers in the rendered picture; else {USUAL}."
+    ),
+]
+
 
 def demo(
     seed: Seed = 1,
@@ -35,6 +48,7 @@ def demo(
     another: up.Another = "",
     speed: DemoRate = None,
     scene: up.SceneFile = None,
+    eyes: Seeing = None,
     headless: Headless = None,
     page: Page = False,
     insecure: up.Insecure = False,
@@ -48,9 +62,11 @@ def demo(
     Examples:
       roco demo
       roco demo --speed max --seed 7 --headless
+      roco demo --eyes pixels
       roco demo --format json
     """
     with problems(form), interrupts.heard():
+        _see(eyes)
         run, latest = running_fleets.place(out, another, datetime.now())
         starting.check(up.options(seed, Speed.REAL, scene, insecure))
         console = Console()
@@ -67,6 +83,17 @@ def demo(
             main_job.show(run)
         if not report.success:
             raise typer.Exit(1)
+
+
+def _see(asked: Eyes | None) -> None:
+    """Let ex have these eyes, or those of the environment. Raises UsageError where nothing here can draw for them."""
+    if asked is not None:
+        os.environ[VARIABLE] = asked
+    try:
+        if named(os.environ.get(VARIABLE, "")) is Eyes.PIXELS and not gl.found():
+            raise GlError(", ".join(gl.LIBRARIES.values()))
+    except (ValueError, GlError) as error:
+        raise UsageError(str(error)) from None
 
 
 def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:

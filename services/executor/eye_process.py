@@ -1,0 +1,36 @@
+"""The child process by which ex sees: takes a picture of each state it gets, and tells what the markers in it tell.
+
+It knows the true state only as light: poses are from the picture and from the camera's pose that it is told.
+"""
+
+import sys
+
+import numpy as np
+
+from agent_runtime.io.worker import Link
+from services.executor.pictures import NO_GL
+from services.executor.pixel_receptor import Saw, See, Thing
+from velma.errors import GlError
+from velma.eyes.fit import View
+from velma.eyes.lens import lens
+from velma.eyes.seeing import eyes_of
+from velma.model.scene import Scene
+from velma.sim.photographs import Photographs
+
+
+def serve(link: Link) -> None:
+    """Look until the other side is gone; ends with NO_GL where there is no OpenGL."""
+    scene = link.recv(Scene)
+    try:
+        camera = Photographs(scene)
+    except GlError as error:
+        sys.stderr.write(f"eyes by pixels: {error}\n")
+        sys.exit(NO_GL)
+    eyes = eyes_of(scene)
+    while True:
+        see = link.recv(See)
+        found = eyes.markers(camera.take(np.frombuffer(see.world), see.number))
+        view = View(lens(), np.array(see.rotation).reshape(3, 3), np.array(see.position))
+        seen = eyes.bodies(found, view)
+        things = (Thing(one.name, tuple(one.rotation.ravel().tolist()), tuple(one.position.tolist())) for one in seen)
+        link.send(Saw(see.number, tuple(things)))

@@ -1,0 +1,97 @@
+"""Eyes by pixels: a child process renders the head camera's picture and reads the markers in it; here one waits for it.
+
+Where the camera is comes from the measured joints and the robot's model, never from the simulator.
+"""
+
+from queue import Empty
+
+import msgspec
+
+from agent_runtime.core.errors import WorkerError
+from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.worker import Worker
+from services.executor.local import Array
+from services.executor.pictures import NO_GL
+from services.executor.sight import Neck, Sight
+from velma.errors import GlError
+from velma.kinematics.frames import pose_of
+from velma.kinematics.robot import Robot
+from velma.model.scene import Scene
+from velma.sim.gl import LIBRARIES
+
+ENTRY = "services.executor.eye_process:serve"
+WITHIN_S, TRIES = 60.0, 2
+"""Of a look; a second child is tried. Estimate: the first takes 2 s, or 20 s on a machine with much other work."""
+
+
+class See(msgspec.Struct, frozen=True, tag=True):
+    """To the child: look at this state (float64 bytes), as look `number`, with the camera thought to be there."""
+
+    number: int
+    world: bytes
+    rotation: tuple[float, ...]
+    position: tuple[float, ...]
+
+
+class Thing(msgspec.Struct, frozen=True):
+    """A thing that was seen: rotation (9 numbers, row by row) and position in the world [m]."""
+
+    name: str
+    rotation: tuple[float, ...]
+    position: tuple[float, ...]
+
+
+class Saw(msgspec.Struct, frozen=True, tag=True):
+    """From the child: what look `number` showed."""
+
+    number: int
+    things: tuple[Thing, ...]
+
+
+class PixelReceptor:
+    """Sees the things of a scene by their markers. Calls come from one thread."""
+
+    def __init__(self, scene: Scene, robot: Robot | None = None) -> None:
+        self._scene, self._robot, self._looks = scene, robot or Robot(), 0
+        self._answers = OneReaderQueue[Saw | int]()
+        self._child = self._new()
+
+    def look(self, world: Array, neck: Neck) -> list[Sight]:
+        """Return what the picture of the state `world` (nq,) shows. Raises GlError, WorkerError if no child sees."""
+        self._looks += 1
+        eye = self._robot.camera(*neck)
+        place = tuple(eye.rotation.ravel().tolist()), tuple(eye.translation.tolist())
+        for _ in range(TRIES):
+            self._child.tell(See(self._looks, world.tobytes(), *place))
+            saw = self._answer()
+            if saw is not None:
+                return [Sight(one.name, pose_of(one.rotation, one.position)) for one in saw.things]
+            self._child.kill()
+            self._child = self._new()
+        raise WorkerError(ENTRY, "does not see", "look at ex's log; start with --eyes rays")
+
+    def close(self) -> None:
+        """End the child."""
+        self._child.kill()
+
+    def _answer(self) -> Saw | None:
+        """Return what this look showed; None where the child died or gave no answer in time."""
+        try:
+            while True:
+                match self._answers.get(WITHIN_S):
+                    case Saw(number=number) as saw if number == self._looks:
+                        return saw
+                    case Saw():
+                        continue  # of a look that was given up
+                    case code:
+                        if code == NO_GL:
+                            raise GlError(", ".join(LIBRARIES.values()))
+                        return None
+        except Empty:
+            return None
+
+    def _new(self) -> Worker:
+        self._answers = answers = OneReaderQueue[Saw | int]()
+        child = Worker(ENTRY, answers=Saw, on_message=answers.put, on_end=answers.put)
+        child.tell(self._scene)
+        return child

@@ -1,0 +1,31 @@
+"""What ex sees, and by what: the interface of its eyes."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import pinocchio as pin
+
+from services.executor.local import Array
+
+Neck = tuple[float, float, float]
+"""Measured torso, pan and tilt [rad]: the joints between the world and the camera."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A detected thing: its name, and its pose in the world with the error that eyes have."""
+
+    name: str
+    T_world_object: pin.SE3
+
+
+class Eye(Protocol):
+    """Eyes in the robot's head. The simulator gives them its state in place of light."""
+
+    def look(self, world: Array, neck: Neck, /) -> list[Sight]:
+        """Return what is seen in the state `world` (nq,). The robot is at rest."""
+        ...
+
+    def close(self) -> None:
+        """End what the eyes started."""
+        ...

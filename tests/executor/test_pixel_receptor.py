@@ -1,0 +1,143 @@
+"""Eyes by pixels: what their child sees is near the truth, by the measured joints; a child that dies is replaced."""
+
+import os
+import signal
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from agent_runtime.core.errors import WorkerError
+from companion.eyes import USUAL, VARIABLE, Eyes, eyes
+from companion.look_around import POINTS
+from services.executor import pixel_receptor
+from services.executor.pixel_receptor import PixelReceptor
+from services.executor.receptor import Receptor
+from services.executor.sight import Eye, Neck, Sight
+from services.executor.simulation import receptor
+from services.executor.skills.motions import aim
+from velma import names
+from velma.errors import GlError
+from velma.model.scene import Scene, load, vary
+from velma.sim.mujoco_backend import MujocoBackend
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(180)]
+
+SCENE = vary(load(), 3)
+BACKEND = MujocoBackend(SCENE)
+Point = tuple[float, float, float]
+
+
+def turned(point: Point) -> tuple[np.ndarray, Neck]:
+    """The state with the head on a point, and its joints."""
+    qpos, goal = BACKEND.configuration().copy(), aim(0.0, point)
+    for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
+        qpos[BACKEND.model.joint(name).qposadr[0]] = angle
+    return qpos, (0.0, goal.pan, goal.tilt)
+
+
+def place(name: str) -> np.ndarray:
+    """Where a thing is."""
+    data = mujoco.MjData(BACKEND.model)
+    data.qpos[:] = BACKEND.configuration()
+    mujoco.mj_kinematics(BACKEND.model, data)
+    return np.asarray(data.body(name).xpos.copy())
+
+
+def off(sights: list[Sight], name: str) -> float:
+    """How far from there it is seen [m]."""
+    sight = next(one for one in sights if one.name == name)
+    return float(np.linalg.norm(sight.T_world_object.translation - place(name)))
+
+
+@pytest.fixture(scope="module")
+def eye() -> Iterator[Eye]:
+    """Eyes for the scene."""
+    made = receptor(SCENE, Eyes.PIXELS)
+    yield made
+    made.close()
+
+
+def test_the_survey_shows_all_things_near_the_truth(eye: Eye) -> None:
+    """The three gazes together; millimetres, not the noise of the eyes by rays, which is not theirs."""
+    seen: dict[str, float] = {}
+    for point in POINTS:
+        sights = eye.look(*turned(point))
+        seen |= {one.name: off(sights, one.name) for one in sights}
+    assert set(seen) == {thing.id for thing in SCENE.things}
+    assert max(seen.values()) < 0.006
+
+
+def test_the_camera_is_where_the_joints_say(eye: Eye) -> None:
+    """A neck that measures a hundredth of a radian too much puts the bowl a centimetre aside: truth does not help."""
+    world, (torso, pan, tilt) = turned(tuple(place("bowl_1")))
+    exact = off(eye.look(world, (torso, pan, tilt)), "bowl_1")
+    wrong = off(eye.look(world, (torso, pan + 0.01, tilt)), "bowl_1")
+    distance = float(np.linalg.norm(place("bowl_1")[:2]))
+    assert exact < 0.002
+    assert wrong == pytest.approx(0.01 * distance, rel=0.2)
+
+
+def test_each_look_has_its_own_noise(eye: Eye) -> None:
+    """Twice the same state: not the same pose to the last digit, and near each other."""
+    world, neck = turned(tuple(place("jar_1")))
+    one, other = ({s.name: s for s in eye.look(world, neck)}["jar_1"].T_world_object for _ in range(2))
+    assert 0.0 < np.linalg.norm(one.translation - other.translation) < 0.006
+
+
+def test_a_child_that_died_is_replaced_within_the_look() -> None:
+    """The look gives what it would have given; the next one, too."""
+    made = PixelReceptor(SCENE)
+    try:
+        world, neck = turned(tuple(place("jar_1")))
+        assert off(made.look(world, neck), "jar_1") < 0.006
+        os.kill(made._child.pid, signal.SIGKILL)
+        assert off(made.look(world, neck), "jar_1") < 0.006
+    finally:
+        made.close()
+
+
+def test_a_child_that_gives_no_answer_ends_in_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not in waiting for ever."""
+    monkeypatch.setattr(pixel_receptor, "WITHIN_S", 0.2)
+    monkeypatch.setattr(pixel_receptor, "ENTRY", "agent_runtime.io.worker:no_such_function")
+    made = PixelReceptor(SCENE)
+    try:
+        with pytest.raises(WorkerError, match="does not see"):
+            made.look(*turned(POINTS[0]))
+    finally:
+        made.close()
+
+
+def test_without_opengl_the_look_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With what to install."""
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    made = PixelReceptor(SCENE)
+    try:
+        with pytest.raises(GlError, match="apt install"):
+            made.look(*turned(POINTS[0]))
+    finally:
+        made.close()
+
+
+def test_a_camera_that_is_not_where_the_robot_thinks_errs() -> None:
+    """The scene's calibration error, by a degree: things are seen centimetres aside, all to the same side."""
+    noise = replace(SCENE.noise, camera_turn=0.0175)
+    askew: Scene = replace(SCENE, noise=noise)
+    made = PixelReceptor(askew)
+    try:
+        found = made.look(*turned(tuple(place("jar_1"))))
+        assert 0.003 < off(found, "jar_1") < 0.05
+    finally:
+        made.close()
+
+
+def test_eyes_are_chosen_by_name() -> None:
+    """The usual ones where nothing is said; a wrong name is told with what there is."""
+    assert eyes("") is USUAL
+    assert eyes("pixels") is Eyes.PIXELS
+    with pytest.raises(ValueError, match=f"{VARIABLE}=lidar: there are eyes rays, pixels"):
+        eyes("lidar")
+    assert isinstance(receptor(SCENE, Eyes.RAYS), Receptor)

@@ -1,0 +1,223 @@
+"""The head camera's picture: what is where in it is what is where in the world, in the scene's colours."""
+
+import ctypes
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+
+import mujoco
+import numpy as np
+import pytest
+
+from services.executor.skills.motions import aim
+from velma import names
+from velma.errors import GlError
+from velma.eyes.lens import HALF_WIDTH, HEIGHT, WIDTH, lens
+from velma.model.build import load as robot
+from velma.model.scene import Model, Noise, Scene, Thing, load
+from velma.model.surfaces import MATERIALS
+from velma.sim import gl
+from velma.sim.head_camera import HOUSING, HeadCamera
+from velma.sim.mujoco_backend import MujocoBackend, compiled
+
+OPEN = (1.2, 0.0, 1.3)
+BOWL_M = 0.1  # high, velma/model/objects.yaml
+Point = tuple[float, float, float]
+
+
+class View:
+    """A scene in the start posture, and a camera in it."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.qpos = MujocoBackend(scene).configuration().copy()
+        self.model = compiled(scene)
+        self.camera = HeadCamera(self.model, WIDTH, HEIGHT)
+
+    def turn(self, pan: float, tilt: float) -> "View":
+        """The head."""
+        for name, angle in zip(names.HEAD, (pan, tilt), strict=True):
+            self.qpos[self.model.joint(name).qposadr[0]] = angle
+        return self
+
+    def to(self, point: Point) -> "View":
+        """The head to a point."""
+        goal = aim(0.0, point)
+        return self.turn(goal.pan, goal.tilt)
+
+    def at(self, point: Point) -> tuple[int, int]:
+        """Row and column of a point of the world, by the body of the optical frame and the lens."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.qpos
+        mujoco.mj_kinematics(self.model, data)
+        body = data.body(names.CAMERA_BODY)
+        seen = (np.array(point) - body.xpos) @ body.xmat.reshape(3, 3)
+        column, row = lens().project(seen[None])[0]
+        return round(float(row)), round(float(column))
+
+    def pixel(self, point: Point) -> np.ndarray:
+        """Red, green, blue (3,) where a point of the world is."""
+        row, column = self.at(point)
+        assert 0 <= row < HEIGHT
+        assert 0 <= column < WIDTH
+        return np.array(self.camera.picture(self.qpos)[row, column], dtype=float)
+
+
+Show = Callable[..., View]
+
+
+@pytest.fixture
+def show() -> Iterator[Show]:
+    """Makes views of the canonical scene, or of some things; their contexts are freed."""
+    made: list[View] = []
+
+    def view(*things: Thing) -> View:
+        made.append(View(Scene("test", things, None, Noise(0.0)) if things else load()))
+        return made[-1]
+
+    yield view
+    for one in made:
+        one.camera.close()
+
+
+def hue(pixel: np.ndarray) -> np.ndarray:
+    """A colour without its brightness."""
+    return np.asarray(pixel / np.linalg.norm(pixel))
+
+
+def test_things_have_their_colours_where_they_are(show: Show) -> None:
+    """Looking into the cabinet: the blue bowl, the wood of the shelf beside the jar, grains in the jar's foot."""
+    scene = load()
+    bowl, jar = scene.find("bowl_1"), scene.find("jar_1")
+    assert bowl is not None
+    assert jar is not None
+    view = show().to(bowl.xyz)
+    assert hue(view.pixel(bowl.xyz)) == pytest.approx(hue(np.array(MATERIALS["glaze"][0][:3])), abs=0.1)
+    view.to(jar.xyz)
+    row, column = view.at(jar.xyz)
+    red, green, blue = np.moveaxis(view.camera.picture(view.qpos).astype(int), 2, 0)
+    yellow = (red > blue + 50) & (np.abs(red - green) < 40)  # through the glass; wood is redder
+    assert yellow[row : row + 75, column - 35 : column + 45].sum() > 300
+    assert yellow[row - 75 : row, column - 35 : column + 45].sum() == 0
+
+
+@pytest.mark.parametrize("away", [(0.0, 0.0, 0.0), (0.0, 0.25, 0.0), (0.0, -0.25, 0.1), (0.2, 0.1, -0.2)])
+def test_a_thing_is_drawn_where_mujoco_projects_it(show: Show, away: Point) -> None:
+    """A bowl in the air, looked past by some degrees: all that is blue lies about the pixel of its middle."""
+    bowl = Thing("bowl_1", Model.BOWL, OPEN)
+    aimed = tuple(a + b for a, b in zip(OPEN, away, strict=True))
+    view = show(bowl).to((aimed[0], aimed[1], aimed[2]))
+    picture = view.camera.picture(view.qpos).astype(int)
+    rows, columns = np.nonzero(picture[..., 2] > picture[..., 0] + 40)
+    row, column = view.at((OPEN[0], OPEN[1], OPEN[2] + BOWL_M / 2))
+    assert len(rows) > 2000
+    assert abs(rows.mean() - row) < 10
+    assert abs(columns.mean() - column) < 4
+
+
+def test_nothing_of_the_head_is_in_the_picture(show: Show) -> None:
+    """A picture with the head's shell before the lens is the same as without."""
+    view = show(Thing("bowl_1", Model.BOWL, OPEN))
+    before = view.to(OPEN).camera.picture(view.qpos)
+    shell = np.flatnonzero(view.model.geom_bodyid == view.model.body(HOUSING).id)
+    view.model.geom_pos[shell] = (0.4, 0.21, 0.02)  # x ahead, y up, z right, of the tilting frame
+    assert (view.camera.picture(view.qpos) == before).all()
+
+
+def test_its_arms_are_in_the_picture(show: Show) -> None:
+    """Only what turns with the camera is left out: looking at its hand, the robot sees the orange of its joints."""
+    view = show(Thing("bowl_1", Model.BOWL, (-2.0, 0.0, 1.0)))
+    data = mujoco.MjData(view.model)
+    data.qpos[:] = view.qpos
+    mujoco.mj_kinematics(view.model, data)
+    x, y, z = data.body("left_HandPalmLink").xpos
+    picture = view.to((x, y, z)).camera.picture(view.qpos).astype(int)
+    orange = (picture[..., 0] > picture[..., 1] + 60) & (picture[..., 1] > picture[..., 2] + 30)
+    assert orange.sum() > 4000
+
+
+def bluish(view: View) -> int:
+    """How many pixels are bluer than sky."""
+    picture = view.camera.picture(view.qpos).astype(int)
+    return int((picture[..., 2] > picture[..., 0] + 40).sum())
+
+
+def test_what_stands_in_front_hides_and_what_is_clear_does_not(show: Show) -> None:
+    """A table hides the bowl under it, the thin back of a cabinet lets the bowl behind it be seen."""
+    table = Thing("table_9", Model.TABLE, (0.783, -0.84, 0.0))
+    under, behind = (Thing("bowl_1", Model.BOWL, at) for at in ((0.95, -0.95, 0.4), (1.6, 0.0, 1.3)))
+    assert bluish(show(under).to(under.xyz)) > 2000
+    assert bluish(show(under, table).to(under.xyz)) == 0
+    back = Thing("cabinet_9", Model.CABINET, (1.0, 0.0, 1.15))
+    whole = bluish(show(behind).to(behind.xyz))
+    clear = np.array(show(behind, back).to(behind.xyz).pixel(behind.xyz))
+    closed = np.array(show(back).to(behind.xyz).pixel(behind.xyz))
+    assert whole > 2000
+    assert np.abs(clear - closed).max() > 20
+
+
+def test_a_picture_leaves_the_state_alone_and_is_the_same_again(show: Show) -> None:
+    """It is a function of the state."""
+    view = show().turn(0.3, 0.4)
+    before = view.qpos.copy()
+    first = view.camera.picture(view.qpos)
+    view.camera.picture(view.turn(0.0, 0.0).qpos)
+    assert (view.camera.picture(before) == first).all()
+    assert (view.turn(0.3, 0.4).qpos == before).all()
+    assert first.shape == (HEIGHT, WIDTH, 3)
+    assert first.dtype == np.uint8
+
+
+def test_the_lens_is_that_of_the_robot(show: Show) -> None:
+    """Size and field of view are those of robot.yaml, and the pose that of MuJoCo's body of the optical frame."""
+    (camera,) = [body["camera"] for body in robot()["head"] if "camera" in body]
+    assert tuple(camera["size"]) == (WIDTH, HEIGHT)
+    assert pytest.approx(math.tan(camera["hfov"] / 2)) == HALF_WIDTH
+    view = show(Thing("bowl_1", Model.BOWL, OPEN)).to(OPEN)
+    view.camera.picture(view.qpos)
+    rotation, position = view.camera.pose()
+    data = mujoco.MjData(view.model)
+    data.qpos[:] = view.qpos
+    mujoco.mj_kinematics(view.model, data)
+    body = data.body(names.CAMERA_BODY)
+    assert position == pytest.approx(body.xpos)
+    assert rotation == pytest.approx(body.xmat.reshape(3, 3))
+
+
+def test_both_libraries_draw_the_same(show: Show) -> None:
+    """OSMesa in a process of its own, where it is installed, as here by .ci/run."""
+    view = show(Thing("bowl_1", Model.BOWL, OPEN)).to(OPEN)
+    picture = view.camera.picture(view.qpos)
+    code = (
+        "import sys, numpy as np\n"
+        "from velma.model.scene import Model, Noise, Scene, Thing\n"
+        "from velma.sim.head_camera import HeadCamera\n"
+        "from velma.sim.mujoco_backend import compiled\n"
+        f"thing = Thing('bowl_1', Model.BOWL, {OPEN})\n"
+        f"camera = HeadCamera(compiled(Scene('test', (thing,), None, Noise(0.0))), {WIDTH}, {HEIGHT})\n"
+        "picture = camera.picture(np.frombuffer(sys.stdin.buffer.read()))\n"
+        "sys.stdout.buffer.write(picture.tobytes())\n"
+        "camera.close()\n"
+    )
+    environment = {**os.environ, "MUJOCO_GL": gl.OSMESA}
+    environment.pop("PYOPENGL_PLATFORM", None)
+    run = subprocess.run(
+        [sys.executable, "-c", code], input=view.qpos.tobytes(), capture_output=True, env=environment, timeout=50
+    )
+    assert run.returncode == 0, run.stderr.decode()
+    other = np.frombuffer(run.stdout, np.uint8).reshape(picture.shape)
+    assert np.abs(picture.astype(int) - other).mean() < 0.5
+
+
+def test_without_a_library_the_error_names_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The packages of Debian; and a library that is there without a device is none."""
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+
+    def missing(name: str) -> ctypes.CDLL:
+        raise OSError(f"{name}: cannot open shared object file")
+
+    monkeypatch.setattr(gl.ctypes, "CDLL", missing)
+    assert gl.found() == ""
+    with pytest.raises(GlError, match="libegl1 libegl-mesa0 libgl1-mesa-dri, or apt install libosmesa6"):
+        gl.context(8, 8)

@@ -1,0 +1,45 @@
+"""Pictures of the head camera as a real one would take them: with noise, blur, exposure, and a camera that is not quite
+where the robot's model has it (all of the scene's noise)."""
+
+import mujoco
+import numpy as np
+
+from velma.eyes.disturbed import disturbed
+from velma.eyes.lens import HEIGHT, WIDTH
+from velma.model.scene import Scene
+from velma.sim.head_camera import CAMERA, Array, HeadCamera, Pixels
+from velma.sim.markings import marked
+
+_MOUNT, _PICTURE = 1, 2  # random streams of a scene's seed
+
+
+class Photographs:
+    """Takes pictures in a copy of the world of a scene, things with their markers. Raises GlError without OpenGL."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._noise = scene.noise
+        model = marked(scene)
+        _misplace(model, scene)
+        self._camera = HeadCamera(model, WIDTH, HEIGHT)
+
+    def take(self, qpos: Array, number: int) -> Pixels:
+        """Return the picture (HEIGHT, WIDTH, 3) of the state qpos (nq,); `number`: which look it is, for its noise."""
+        noise = self._noise
+        rng = np.random.default_rng([noise.seed, _PICTURE, number])
+        gain = 1.0 + noise.exposure * rng.uniform(-1.0, 1.0)
+        return disturbed(self._camera.picture(qpos), noise.pixel, noise.blur, gain, rng)
+
+    def close(self) -> None:
+        """Free the camera."""
+        self._camera.close()
+
+
+def _misplace(model: mujoco.MjModel, scene: Scene) -> None:
+    """Turn and shift the camera against the model that the robot has of itself, uniform on each axis."""
+    noise, camera = scene.noise, model.camera(CAMERA).id
+    rng = np.random.default_rng([noise.seed, _MOUNT])
+    turn, off = noise.camera_turn * rng.uniform(-1, 1, 3), noise.camera_shift * rng.uniform(-1, 1, 3)
+    quaternion, before, angle = np.zeros(4), model.cam_quat[camera].copy(), float(np.linalg.norm(turn))
+    mujoco.mju_axisAngle2Quat(quaternion, turn / max(1e-12, angle), angle)
+    mujoco.mju_mulQuat(model.cam_quat[camera], quaternion, before)
+    model.cam_pos[camera] += off
