@@ -1,4 +1,5 @@
-"""Pictures of the head camera as telemetry: a child process makes one when the robot or a thing has moved.
+"""Pictures of the head camera, and of the robot from the room, as telemetry: a child process makes them when the robot
+or a thing has moved.
 
 The child has the lowest priority, so it uses only idle time. One picture is made at a time, at most one in PICTURE_S;
 states that come meanwhile are skipped. Nobody waits for a picture.
@@ -11,7 +12,7 @@ import numpy as np
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
-from companion.telemetry import PICTURE_S, Picture
+from companion.telemetry import PICTURE_S, Picture, RoomPicture
 from services.executor.local import Array, Setup
 
 ENTRY = "services.executor.picture_process:serve"
@@ -29,7 +30,10 @@ LATE_S, PAUSE_S = 60.0, 30.0
 
 
 class Show(msgspec.Struct, frozen=True, tag=True):
-    """To the child: make a picture of this state, all coordinates of the world model as float64 bytes -> Picture."""
+    """To the child: make pictures of this state, all coordinates of the world model as float64 bytes.
+
+    -> RoomPicture, then Picture.
+    """
 
     sim_time_s: float
     world: bytes
@@ -79,12 +83,14 @@ class Pictures:
             self.close()
             self._begin = now + PAUSE_S
         if self._child is None and now >= self._begin:
-            self._child = Worker(ENTRY, answers=Picture, on_message=self._made, on_end=self._ended, nice=NICENESS)
+            self._child = Worker(
+                ENTRY, answers=Picture | RoomPicture, on_message=self._made, on_end=self._ended, nice=NICENESS
+            )
             self._child.tell(self._setup)
         return self._child is not None
 
-    def _made(self, made: Picture) -> None:
-        self._drawing = False
+    def _made(self, made: Picture | RoomPicture) -> None:
+        self._drawing = isinstance(made, RoomPicture)  # the other one follows
         self._post.publish("telemetry", msgspec.msgpack.encode(made))
 
     def _ended(self, code: int) -> None:

@@ -124,7 +124,9 @@ async def _serve(options: Options, listener: socket.socket, address: PageAddress
         soon(partial(page.hear, hi=tasks is not None, **found))
 
     following = Following(hi, told)
-    eye = RobotEye(options, lambda png: soon(partial(page.see, png)), lambda mode: soon(partial(page.hear, mode=mode)))
+    eye = RobotEye(
+        options, lambda *picture: soon(partial(page.see, *picture)), lambda mode: soon(partial(page.hear, mode=mode))
+    )
     config = uvicorn.Config(
         Guard(page.app(), address.port, pairs), lifespan="off", log_config=None, access_log=False,
         timeout_graceful_shutdown=GRACE_S, server_header=False, **settings(),

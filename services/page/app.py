@@ -6,7 +6,6 @@ of others.
 """
 
 import asyncio
-import base64
 import hmac
 import json
 import time
@@ -39,7 +38,6 @@ from services.page.streams import Streams
 LONGEST_BODY = 4096
 BODY_S = 5.0
 LANGUAGE_COOKIE = "velma-language"
-PICTURE = "picture"
 HI_AT_ONCE = 6
 """Requests to hi at the same time, but for a stop's; estimate: hi answers in milliseconds, or hangs."""
 MOST_URGENT = 9
@@ -106,10 +104,9 @@ class Page:
         for language in LANGUAGES:
             self.streams.tell(language, "view", msgspec.json.encode(view.view(self.heard, language)))
 
-    def see(self, png: bytes) -> None:
-        """Show a picture of the head camera."""
-        data = b"data:image/png;base64," + base64.b64encode(png)
-        self.streams.tell(PICTURE, PICTURE, b'"' + data + b'"')
+    def see(self, name: str, url: str) -> None:
+        """Show a picture; `name`: PICTURE or ROOM of the view, `url`: what is in it."""
+        self.streams.tell(name, name, msgspec.json.encode(url))
 
     async def _index(self, request: Request) -> Response:
         language = _language(request)
@@ -131,7 +128,7 @@ class Page:
     async def _events(self, request: Request) -> Response:
         language = request.query_params.get("language", "")
         channel = language if language in LANGUAGES else LANGUAGES[0]
-        return StreamingResponse(self.streams.listen(channel, PICTURE), media_type="text/event-stream")
+        return StreamingResponse(self.streams.listen(channel, *view.PICTURES), media_type="text/event-stream")
 
     async def _speech(self, request: Request) -> Response:
         text, language = request.query_params.get("text", ""), _language(request)

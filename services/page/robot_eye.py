@@ -1,8 +1,9 @@
-"""Robot telemetry that people see: a picture of the head camera, and the mode of the control loop.
+"""Robot telemetry that people see: pictures of the head camera and of the robot, and the mode of the control loop.
 
 Heard from Zenoh with the identity `page`, which may hear this key and nothing else. Calls come from threads of Zenoh.
 """
 
+import base64
 import struct
 import threading
 import zlib
@@ -13,15 +14,18 @@ import msgspec
 from agent_runtime.io.options import Options
 from agent_runtime.io.tap import open_ear
 from companion.design import DESIGN, AgentName
-from companion.telemetry import Picture, RobotState, told
+from companion.telemetry import Picture, RobotState, RoomPicture, told
+from services.page.view import PICTURE, ROOM
 
 IDENTITY = "page"
 
 
 class RobotEye:
-    """Gives each picture (PNG) to `on_picture`, and each change of the control loop's mode to `on_mode`."""
+    """Gives each picture (its name, a data URL) to `on_picture`, and each change of the control loop's mode to `on_mode`."""
 
-    def __init__(self, options: Options, on_picture: Callable[[bytes], None], on_mode: Callable[[str], None]) -> None:
+    def __init__(
+        self, options: Options, on_picture: Callable[[str, str], None], on_mode: Callable[[str], None]
+    ) -> None:
         self._options = options
         self._on_picture, self._on_mode = on_picture, on_mode
         self._mode = ""
@@ -52,9 +56,16 @@ class RobotEye:
                         self._mode = mode
                         self._on_mode(mode)
                 case Picture() as picture:
-                    self._on_picture(png(picture))
+                    self._on_picture(PICTURE, data_url("png", png(picture)))
+                case RoomPicture(jpeg=jpeg):
+                    self._on_picture(ROOM, data_url("jpeg", jpeg))
         except (msgspec.MsgspecError, ValueError):
             return
+
+
+def data_url(form: str, picture: bytes) -> str:
+    """Return a picture in its place as an address (RFC 2397)."""
+    return f"data:image/{form};base64,{base64.b64encode(picture).decode()}"
 
 
 def png(picture: Picture) -> bytes:

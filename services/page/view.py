@@ -13,6 +13,8 @@ from services.page.catalogue import CATALOGUE, leaf, say, state, step
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
 MOST_ENDED = 5
+PICTURES = PICTURE, ROOM = "picture", "room"
+"""Names of the pictures: by the head camera, and of the robot in its room."""
 
 
 class Heard(msgspec.Struct, frozen=True):

@@ -7,6 +7,7 @@ are in the order of velma.names; poses are in the world frame (torso_base). Must
 """
 
 import zlib
+from typing import Any
 
 import msgspec
 
@@ -116,6 +117,13 @@ class Picture(msgspec.Struct, frozen=True, tag=True):
         return found
 
 
+class RoomPicture(msgspec.Struct, frozen=True, tag=True):
+    """The robot in the simulation, from a place in the room, for people only: a JPEG file."""
+
+    sim_time_s: float
+    jpeg: bytes
+
+
 def picture(sim_time_s: float, width: int, height: int, rgb: bytes) -> Picture:
     """A picture of width x height x 3 bytes."""
     return Picture(sim_time_s, width, height, zlib.compress(rgb))
@@ -126,15 +134,17 @@ class _Tagged(msgspec.Struct):
 
 
 _tagged = msgspec.msgpack.Decoder(_Tagged)
-_told: dict[str, msgspec.msgpack.Decoder[RobotState] | msgspec.msgpack.Decoder[Picture]] = {
+_told: dict[str, msgspec.msgpack.Decoder[Any]] = {
     "": msgspec.msgpack.Decoder(RobotState),
     Picture.__name__: msgspec.msgpack.Decoder(Picture),
+    RoomPicture.__name__: msgspec.msgpack.Decoder(RoomPicture),
 }
 
 
-def told(data: bytes) -> RobotState | Picture:
+def told(data: bytes) -> RobotState | Picture | RoomPicture:
     """Return what stands on the key of telemetry. Raises msgspec.MsgspecError for anything else."""
     tag = _tagged.decode(data).type
     if tag not in _told:
         raise msgspec.ValidationError(f"telemetry of type {tag!r}; there are {', '.join(map(repr, _told))}")
-    return _told[tag].decode(data)
+    found: RobotState | Picture | RoomPicture = _told[tag].decode(data)
+    return found

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from velma.model.contacts import SHAPE_GROUP
 from velma.sim import gl
 
 Array = NDArray[np.float64]
@@ -15,8 +16,12 @@ Pixels = NDArray[np.uint8]
 CAMERA = "kinect"
 HOUSING = "head_tilt_link"
 """The link that turns with the camera. It is left out of the picture, as a real camera looks out of its housing."""
-UNSEEN = 5  # a group of geoms that renderers do not show (velma.model.contacts)
+HOUSING_GROUP = 4  # a group of geoms that renderers show when asked to; SHAPE_GROUP (velma.model.contacts) is another
 MOST_GEOMS = 2000  # estimate: a scene has 250
+ROOM_WIDTH, ROOM_HEIGHT = 400, 300  # a part of the picture's buffer; estimate: fingers can be told apart
+ROOM_AT, ROOM_M, ROOM_AZIMUTH, ROOM_ELEVATION = (0.5, -0.1, 0.95), 2.5, 95.0, -22.0
+"""The place in the room: the point it looks at [m], the distance [m], angles [deg]; beside table_1, where nothing hides
+what the hands do (chosen by eye)."""
 
 
 class HeadCamera:
@@ -38,6 +43,7 @@ class HeadCamera:
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._view.fixedcamid = model.camera(CAMERA).id
         self._area = mujoco.MjrRect(0, 0, width, height)
+        self._room, self._from_room = _room_view()
 
     def picture(self, qpos: Array) -> Pixels:
         """Return the picture of the state qpos (nq,) of the world: (height, width, 3), red green blue."""
@@ -45,13 +51,20 @@ class HeadCamera:
         data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_camlight(self._model, data)
+        return self._drawn(self._area, self._option, self._view)
+
+    def room(self) -> Pixels:
+        """Return the robot in the state of the last picture, from a place in the room: (ROOM_HEIGHT, ROOM_WIDTH, 3)."""
+        return self._drawn(mujoco.MjrRect(0, 0, ROOM_WIDTH, ROOM_HEIGHT), self._from_room, self._room)
+
+    def _drawn(self, area: mujoco.MjrRect, option: mujoco.MjvOption, view: mujoco.MjvCamera) -> Pixels:
         every = mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(self._model, data, self._option, None, self._view, every, self._scene)
+        mujoco.mjv_updateScene(self._model, self._data, option, None, view, every, self._scene)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
-        mujoco.mjr_render(self._area, self._scene, self._context)
-        pixels = np.empty((self._area.height, self._area.width, 3), np.uint8)
-        mujoco.mjr_readPixels(pixels, None, self._area, self._context)
+        mujoco.mjr_render(area, self._scene, self._context)
+        pixels = np.empty((area.height, area.width, 3), np.uint8)
+        mujoco.mjr_readPixels(pixels, None, area, self._context)
         return np.ascontiguousarray(pixels[::-1])  # OpenGL begins with the lowest row
 
     def pose(self) -> tuple[Array, Array]:
@@ -74,4 +87,13 @@ def _hide_housing(model: mujoco.MjModel) -> None:
     turns = np.zeros(model.nbody, dtype=bool)
     for body in range(model.nbody):  # parents come first
         turns[body] = body == housing or turns[model.body_parentid[body]]
-    model.geom_group[turns[model.geom_bodyid]] = UNSEEN
+    looks = turns[model.geom_bodyid] & (model.geom_group != SHAPE_GROUP)
+    model.geom_group[looks] = HOUSING_GROUP
+
+
+def _room_view() -> tuple[mujoco.MjvCamera, mujoco.MjvOption]:
+    view, option = mujoco.MjvCamera(), mujoco.MjvOption()
+    view.type = mujoco.mjtCamera.mjCAMERA_FREE
+    view.lookat[:], view.distance, view.azimuth, view.elevation = ROOM_AT, ROOM_M, ROOM_AZIMUTH, ROOM_ELEVATION
+    option.geomgroup[HOUSING_GROUP] = 1
+    return view, option

@@ -16,9 +16,10 @@ let shown = {};
 function listen() {
   if (source) source.close();
   source = new EventSource("/events?language=" + words.language);
-  for (const name of ["view", "picture", "beat", "bye"]) source.addEventListener(name, () => (beat = Date.now()));
+  for (const name of ["view", "picture", "room", "beat", "bye"]) source.addEventListener(name, () => (beat = Date.now()));
   source.addEventListener("view", (event) => show(JSON.parse(event.data)));
-  source.addEventListener("picture", (event) => picture(JSON.parse(event.data)));
+  source.addEventListener("picture", (event) => picture("picture", JSON.parse(event.data)));
+  source.addEventListener("room", (event) => picture("room", JSON.parse(event.data)));
   source.onopen = () => { beat = Date.now(); lost(false); };
   source.onerror = async () => {
     lost(true);
@@ -140,11 +141,11 @@ function thing(one) {
   return group;
 }
 
-function picture(data) {
-  const place = byId("picture");
+function picture(name, data) {
+  const place = byId(name);
   place.src = data;
-  place.hidden = false;
-  byId("no-picture").hidden = true;
+  place.hidden = place.parentNode.hidden = false;
+  if (name === "picture") byId("no-picture").hidden = true;
   describe();
 }
 
