@@ -93,13 +93,24 @@ class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
     wrench: dict[str, tuple[float, ...]] = {}
 
 
-class Picture(msgspec.Struct, frozen=True, tag=True):
-    """The head camera's view in the simulation. `rgb`: rows from the top, 8 bits a colour, under zlib."""
+class Found(msgspec.Struct, frozen=True, array_like=True):
+    """A marker that was found in a picture: the thing it is on, its number, x and y of its four corners, in pixels from
+    the picture's upper left corner."""
+
+    thing: str
+    number: int
+    corners: tuple[float, float, float, float, float, float, float, float]
+
+
+class Picture(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
+    """The head camera's view in the simulation. `rgb`: rows from the top, 8 bits a colour, under zlib. `markers`: those
+    that the eyes find in it at full size and with the camera's noise, which the picture is without."""
 
     sim_time_s: float
     width: int
     height: int
     rgb: bytes
+    markers: tuple[Found, ...] = ()
 
     def pixels(self) -> bytes:
         """width x height x 3 bytes. Raises ValueError where `rgb` is something else, or more than MOST_PIXELS."""
@@ -116,9 +127,9 @@ class Picture(msgspec.Struct, frozen=True, tag=True):
         return found
 
 
-def picture(sim_time_s: float, width: int, height: int, rgb: bytes) -> Picture:
+def picture(sim_time_s: float, width: int, height: int, rgb: bytes, markers: tuple[Found, ...] = ()) -> Picture:
     """A picture of width x height x 3 bytes."""
-    return Picture(sim_time_s, width, height, zlib.compress(rgb))
+    return Picture(sim_time_s, width, height, zlib.compress(rgb), markers)
 
 
 class _Tagged(msgspec.Struct):

@@ -91,6 +91,14 @@ def strips(values: list[Sequence[Any]]) -> Any:
     return rr.LineStrips3D.columns(strips=flat).partition([len(value) for value in values])
 
 
+def outlines(values: list[Sequence[tuple[str, Any]]]) -> Any:
+    """(Label, corners (n, 2) [pixels]) of closed outlines in a picture, as many as there are each time."""
+    flat = [one for value in values for one in value]
+    strips = [np.vstack([corners, corners[:1]]).astype(np.float32) for _, corners in flat]
+    columns = rr.LineStrips2D.columns(strips=strips, labels=[label for label, _ in flat])
+    return columns.partition([len(value) for value in values])
+
+
 def arrows(values: list[tuple[Sequence[Any], Sequence[Any]]]) -> Any:
     """(Origins, vectors) [m] each."""
     origins, vectors = (np.array([one for value in values for one in value[k]]).reshape(-1, 3) for k in (0, 1))

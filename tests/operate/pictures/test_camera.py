@@ -6,19 +6,21 @@ import msgspec
 import pytest
 from noted import Noted, afterwards
 
-from companion.telemetry import Picture, RobotState, picture
-from companion.tools.pictures.camera import CAMERA
+from companion.telemetry import Found, Picture, RobotState, picture
+from companion.tools.pictures.camera import CAMERA, MARKERS
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import pictures, robot
 from operate.pictures.file import write
 from operate.pictures.happenings import Reader
-from operate.pictures.sheet import images
+from operate.pictures.sheet import images, outlines
 from operate.pictures.stage import Stage
 from operate.recording import history, mcap_file
 from operate.recording.records import House, Record
 
 PIXELS = [bytes([k, 2 * k, 255 - k] * 12) for k in (1, 50)]
-PICTURES = [picture(10.0 + k, 4, 3, pixels) for k, pixels in enumerate(PIXELS)]
+SQUARE = (0.5, 0.5, 2.5, 0.5, 2.5, 2.5, 0.5, 2.5)
+FOUND = [(), (Found("jar_1", 8, SQUARE), Found("bowl_1", 16, SQUARE))]
+PICTURES = [picture(10.0 + k, 4, 3, pixels, FOUND[k]) for k, pixels in enumerate(PIXELS)]
 
 
 def house(at: float, data: object) -> House:
@@ -44,6 +46,18 @@ def test_pictures_are_drawn_live_and_afterwards(seen: list[Record]) -> None:
     expected = [(1.0 + k, (4, 3, pixels)) for k, pixels in enumerate(PIXELS)]
     assert sheet.of(CAMERA) == expected
     assert afterwards(history.merged(seen, {}, SYSTEM)).of(CAMERA) == expected
+
+
+def test_markers_are_drawn_with_their_picture(seen: list[Record]) -> None:
+    """None with the first, two with the second, by the names of their things; closed; a time without any is kept."""
+    rows = afterwards(history.merged(seen, {}, SYSTEM)).of(MARKERS)
+    assert [(at, [label for label, _ in found]) for at, found in rows] == [(1.0, []), (2.0, ["jar_1", "bowl_1"])]
+    corners = rows[1][1][0][1]
+    assert corners.ravel().tolist() == list(SQUARE)
+    columns = [column.as_arrow_array().to_pylist() for column in outlines([found for _, found in rows])]
+    assert [len(row) for row in columns[0]] == [0, 2]
+    assert ["jar_1", "bowl_1"] in (row[1] for row in columns)
+    assert [list(point) for point in columns[0][1][0]] == [[0.5, 0.5], [2.5, 0.5], [2.5, 2.5], [0.5, 2.5], [0.5, 0.5]]
 
 
 def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:
