@@ -8,8 +8,8 @@ import sys
 import numpy as np
 
 from agent_runtime.io.worker import Link
+from services.executor.looks import Saw, See, Thing
 from services.executor.pictures import NO_GL
-from services.executor.pixel_receptor import Saw, See, Thing
 from velma.errors import GlError
 from velma.eyes.fit import View
 from velma.eyes.lens import lens

@@ -1,30 +1,44 @@
-"""The child process that makes pictures for people: of each state it gets, from the room and by the head camera."""
+"""The child process that makes pictures for people of each state it gets.
+
+From the room, and by the head camera with what the eyes by pixels would find in it, also where the robot sees by rays:
+the same camera and detector.
+"""
 
 import sys
+from collections.abc import Mapping
 
 import numpy as np
 
 from agent_runtime.io.worker import Link
-from companion.telemetry import RoomPicture, picture
-from services.executor.local import Setup
+from companion.telemetry import Found, Picture
+from services.executor.local import Array, Setup
 from services.executor.pictures import NO_GL, SHRINK, Show
-from services.executor.simulation import scene_of
+from services.executor.world import scene_of
 from velma.errors import GlError
-from velma.eyes.lens import HEIGHT, WIDTH
+from velma.eyes.seeing import Eyes, eyes_of
 from velma.eyes.shown import jpeg, smaller
-from velma.sim.head_camera import HeadCamera
-from velma.sim.mujoco_backend import compiled
+from velma.sim.photographs import Photographs
 
 
 def serve(link: Link) -> None:
     """Make pictures until the agent is gone; ends with NO_GL where there is no OpenGL."""
+    scene = scene_of(link.recv(Setup))
     try:
-        camera = HeadCamera(compiled(scene_of(link.recv(Setup))), WIDTH, HEIGHT)
+        camera = Photographs(scene)
     except GlError as error:
-        sys.stderr.write(f"no pictures of the head camera: {error}\n")
+        sys.stderr.write(f"no pictures of the robot: {error}\n")
         sys.exit(NO_GL)
+    eyes, number = eyes_of(scene), 0
     while True:
-        show = link.recv(Show)
-        pixels = smaller(camera.picture(np.frombuffer(show.world)), SHRINK)
-        link.send(RoomPicture(show.sim_time_s, jpeg(camera.room())))
-        link.send(picture(show.sim_time_s, pixels.shape[1], pixels.shape[0], pixels.tobytes()))
+        show, number = link.recv(Show), number + 1
+        clean, taken = camera.both(np.frombuffer(show.world), number)
+        found = told(eyes, eyes.markers(taken))
+        link.send(Picture(show.sim_time_s, jpeg(smaller(clean, SHRINK)), jpeg(camera.room()), found))
+
+
+def told(eyes: Eyes, markers: Mapping[int, Array]) -> tuple[Found, ...]:
+    """Return markers with corners (4, 2) in the robot's picture, for the smaller one of people."""
+    return tuple(
+        Found(eyes.owner(number), number, tuple(((corners.ravel() + 0.5) / SHRINK).round(2).tolist()))
+        for number, corners in markers.items()
+    )

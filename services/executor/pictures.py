@@ -12,7 +12,7 @@ import numpy as np
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
-from companion.telemetry import PICTURE_S, Picture, RoomPicture
+from companion.telemetry import PICTURE_S, Picture
 from services.executor.local import Array, Setup
 
 ENTRY = "services.executor.picture_process:serve"
@@ -22,7 +22,7 @@ STILL = 0.002
 AGAIN_S = 10.0
 """Between pictures at rest, for viewers that were opened meanwhile; estimate."""
 SHRINK = 2
-"""The robot's picture is smaller by this for people; estimate: 20 kB, and grains in the jar can be told apart."""
+"""The robot's picture is smaller by this for people; estimate: 15 kB, and grains in the jar can be told apart."""
 NO_GL = 3
 """Exit status of a child that has no OpenGL: no other one is started."""
 LATE_S, PAUSE_S = 60.0, 30.0
@@ -30,10 +30,7 @@ LATE_S, PAUSE_S = 60.0, 30.0
 
 
 class Show(msgspec.Struct, frozen=True, tag=True):
-    """To the child: make pictures of this state, all coordinates of the world model as float64 bytes.
-
-    -> RoomPicture, then Picture.
-    """
+    """To the child: make pictures of this state, all coordinates of the world model as float64 bytes -> Picture."""
 
     sim_time_s: float
     world: bytes
@@ -83,14 +80,12 @@ class Pictures:
             self.close()
             self._begin = now + PAUSE_S
         if self._child is None and now >= self._begin:
-            self._child = Worker(
-                ENTRY, answers=Picture | RoomPicture, on_message=self._made, on_end=self._ended, nice=NICENESS
-            )
+            self._child = Worker(ENTRY, answers=Picture, on_message=self._made, on_end=self._ended, nice=NICENESS)
             self._child.tell(self._setup)
         return self._child is not None
 
-    def _made(self, made: Picture | RoomPicture) -> None:
-        self._drawing = isinstance(made, RoomPicture)  # the other one follows
+    def _made(self, made: Picture) -> None:
+        self._drawing = False
         self._post.publish("telemetry", msgspec.msgpack.encode(made))
 
     def _ended(self, code: int) -> None:

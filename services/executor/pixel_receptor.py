@@ -5,12 +5,11 @@ Where the camera is comes from the measured joints and the robot's model, never 
 
 from queue import Empty
 
-import msgspec
-
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.worker import Worker
 from services.executor.local import Array
+from services.executor.looks import Saw, See
 from services.executor.pictures import NO_GL
 from services.executor.sight import Neck, Sight
 from velma.errors import GlError
@@ -22,30 +21,6 @@ from velma.sim.gl import LIBRARIES
 ENTRY = "services.executor.eye_process:serve"
 WITHIN_S, TRIES = 60.0, 2
 """Of a look; a second child is tried. Estimate: the first takes 2 s, or 20 s on a machine with much other work."""
-
-
-class See(msgspec.Struct, frozen=True, tag=True):
-    """To the child: look at this state (float64 bytes), as look `number`, with the camera thought to be there."""
-
-    number: int
-    world: bytes
-    rotation: tuple[float, ...]
-    position: tuple[float, ...]
-
-
-class Thing(msgspec.Struct, frozen=True):
-    """A thing that was seen: rotation (9 numbers, row by row) and position in the world [m]."""
-
-    name: str
-    rotation: tuple[float, ...]
-    position: tuple[float, ...]
-
-
-class Saw(msgspec.Struct, frozen=True, tag=True):
-    """From the child: what look `number` showed."""
-
-    number: int
-    things: tuple[Thing, ...]
 
 
 class PixelReceptor:

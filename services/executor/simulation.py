@@ -4,29 +4,19 @@ The agent reaches the loop through slots in another process; tests and benchmark
 the same Sensed.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 from companion.eyes import Eyes
 from companion.models import KNOWN_AS
-from services.executor.local import Setup
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion
 from services.executor.pixel_receptor import PixelReceptor
 from services.executor.receptor import Receptor
 from services.executor.sight import Eye
 from services.executor.skills.skill import Sensed
-from velma.model import scene as scenes
 from velma.model.scene import Scene
 from velma.names import TORSO
 from velma.sim.mujoco_backend import compiled
-
-
-def scene_of(setup: Setup) -> Scene:
-    """Return the scene of the loop: from its file or the canonical one, varied by the seed. Raises VelmaError."""
-    asked = scenes.load(Path(setup.scene)) if setup.scene else scenes.load()
-    return scenes.vary(asked, setup.seed)
 
 
 def things(scene: Scene) -> dict[str, str]:

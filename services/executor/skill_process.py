@@ -18,6 +18,7 @@ from services.executor.sight import Eye, Neck
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Held, Situation, beginning
 from services.executor.skills.skill import Sensed
+from services.executor.world import scene_of
 from velma import names
 from velma.kinematics import timing
 from velma.kinematics.frames import transform, xyz_quat
@@ -31,7 +32,7 @@ class Stage:
     """Objects kept between acts: the robot model, the receptor, the model of each marked thing."""
 
     def __init__(self, setup: Setup) -> None:
-        asked = simulation.scene_of(setup)
+        asked = scene_of(setup)
         self.robot, self.things = Robot(), simulation.things(asked)
         self.eye: Eye = simulation.receptor(asked, setup.eyes)
 

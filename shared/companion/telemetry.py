@@ -6,9 +6,6 @@ knows `RobotState` only finds fields missing. Only recorders and screens read th
 are in the order of velma.names; poses are in the world frame (torso_base). Must not know: Zenoh, MuJoCo.
 """
 
-import zlib
-from typing import Any
-
 import msgspec
 
 from companion.languages.values import Pose, Vector
@@ -16,8 +13,6 @@ from companion.languages.values import Pose, Vector
 RATE_HZ = 20.0  # estimate: smooth for eyes; about 1 kB a time
 
 PICTURE_S = 1.0  # estimate: enough to see what the robot looks at; some kilobytes a time
-MOST_PIXELS = 640 * 480
-"""Pixels of a picture; estimate: a larger one would exceed a low rate, and is not unpacked."""
 
 
 class Lateness(msgspec.Struct, frozen=True):
@@ -94,39 +89,25 @@ class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
     wrench: dict[str, tuple[float, ...]] = {}
 
 
-class Picture(msgspec.Struct, frozen=True, tag=True):
-    """The head camera's view in the simulation. `rgb`: rows from the top, 8 bits a colour, under zlib."""
+class Found(msgspec.Struct, frozen=True, array_like=True):
+    """A marker that was found in a picture: the thing it is on, its number, x and y of its four corners, in pixels from
+    the picture's upper left corner."""
 
-    sim_time_s: float
-    width: int
-    height: int
-    rgb: bytes
-
-    def pixels(self) -> bytes:
-        """width x height x 3 bytes. Raises ValueError where `rgb` is something else, or more than MOST_PIXELS."""
-        if not (self.width > 0 and self.height > 0 and self.width * self.height <= MOST_PIXELS):
-            raise ValueError(f"a picture of {self.width} x {self.height}, there are 1 to {MOST_PIXELS} pixels")
-        size = 3 * self.width * self.height
-        unpacking = zlib.decompressobj()
-        try:
-            found = unpacking.decompress(self.rgb, size + 1)
-        except zlib.error as error:
-            raise ValueError(f"a picture's rgb is not under zlib: {error}") from None
-        if len(found) != size:
-            raise ValueError(f"a picture of {self.width} x {self.height} has {size} bytes, not {len(found)} or more")
-        return found
+    thing: str
+    number: int
+    corners: tuple[float, float, float, float, float, float, float, float]
 
 
-class RoomPicture(msgspec.Struct, frozen=True, tag=True):
-    """The robot in the simulation, from a place in the room, for people only: a JPEG file."""
+class Picture(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
+    """A state of the simulation in pictures, as JPEG files: `jpeg` by the head camera, `room` from a place in the room.
+
+    `markers`: those that the eyes find in the first one at full size and with the camera's noise, which it is without.
+    """
 
     sim_time_s: float
     jpeg: bytes
-
-
-def picture(sim_time_s: float, width: int, height: int, rgb: bytes) -> Picture:
-    """A picture of width x height x 3 bytes."""
-    return Picture(sim_time_s, width, height, zlib.compress(rgb))
+    room: bytes = b""
+    markers: tuple[Found, ...] = ()
 
 
 class _Tagged(msgspec.Struct):
@@ -134,17 +115,15 @@ class _Tagged(msgspec.Struct):
 
 
 _tagged = msgspec.msgpack.Decoder(_Tagged)
-_told: dict[str, msgspec.msgpack.Decoder[Any]] = {
+_told: dict[str, msgspec.msgpack.Decoder[RobotState] | msgspec.msgpack.Decoder[Picture]] = {
     "": msgspec.msgpack.Decoder(RobotState),
     Picture.__name__: msgspec.msgpack.Decoder(Picture),
-    RoomPicture.__name__: msgspec.msgpack.Decoder(RoomPicture),
 }
 
 
-def told(data: bytes) -> RobotState | Picture | RoomPicture:
+def told(data: bytes) -> RobotState | Picture:
     """Return what stands on the key of telemetry. Raises msgspec.MsgspecError for anything else."""
     tag = _tagged.decode(data).type
     if tag not in _told:
         raise msgspec.ValidationError(f"telemetry of type {tag!r}; there are {', '.join(map(repr, _told))}")
-    found: RobotState | Picture | RoomPicture = _told[tag].decode(data)
-    return found
+    return _told[tag].decode(data)

@@ -53,6 +53,10 @@ class Eyes:
         self._furniture = furniture
         self._detector = Detector(number for every in self._of.values() for number in every)
 
+    def owner(self, number: int) -> str:
+        """Return the name of the body with the marker of this number."""
+        return next(name for name, markers in self._of.items() if number in markers)
+
     def markers(self, pixels: Pixels) -> dict[int, Array]:
         """Return the markers in a picture (height, width, 3), red green blue: fine corners (4, 2) by number."""
         grey = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)

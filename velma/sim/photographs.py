@@ -24,10 +24,18 @@ class Photographs:
 
     def take(self, qpos: Array, number: int) -> Pixels:
         """Return the picture (HEIGHT, WIDTH, 3) of the state qpos (nq,); `number`: which look it is, for its noise."""
-        noise = self._noise
+        return self.both(qpos, number)[1]
+
+    def both(self, qpos: Array, number: int) -> tuple[Pixels, Pixels]:
+        """Return the picture of a perfect camera, and the one that `take` returns."""
+        noise, clean = self._noise, self._camera.picture(qpos)
         rng = np.random.default_rng([noise.seed, _PICTURE, number])
         gain = 1.0 + noise.exposure * rng.uniform(-1.0, 1.0)
-        return disturbed(self._camera.picture(qpos), noise.pixel, noise.blur, gain, rng)
+        return clean, disturbed(clean, noise.pixel, noise.blur, gain, rng)
+
+    def room(self) -> Pixels:
+        """Return the robot in the state of the last picture, from a place in the room (velma.sim.head_camera)."""
+        return self._camera.room()
 
     def close(self) -> None:
         """Free the camera."""

@@ -91,6 +91,14 @@ def strips(values: list[Sequence[Any]]) -> Any:
     return rr.LineStrips3D.columns(strips=flat).partition([len(value) for value in values])
 
 
+def outlines(values: list[Sequence[tuple[str, Any]]]) -> Any:
+    """(Label, corners (n, 2) [pixels]) of closed outlines in a picture, as many as there are each time."""
+    flat = [one for value in values for one in value]
+    strips = [np.vstack([corners, corners[:1]]).astype(np.float32) for _, corners in flat]
+    columns = rr.LineStrips2D.columns(strips=strips, labels=[label for label, _ in flat])
+    return columns.partition([len(value) for value in values])
+
+
 def arrows(values: list[tuple[Sequence[Any], Sequence[Any]]]) -> Any:
     """(Origins, vectors) [m] each."""
     origins, vectors = (np.array([one for value in values for one in value[k]]).reshape(-1, 3) for k in (0, 1))
@@ -103,8 +111,6 @@ def nodes(values: list[tuple[Sequence[str], Sequence[Colour]]]) -> Any:
     return rr.GraphNodes.columns(labels=labels, colors=colours).partition([len(value[0]) for value in values])
 
 
-def images(values: list[tuple[int, int, bytes]]) -> Any:
-    """(Width, height, rows from the top with 3 bytes a pixel) each."""
-    formats = [rr.components.ImageFormat(w, h, color_model="RGB", channel_datatype="U8") for w, h, _ in values]
-    buffers = [np.frombuffer(pixels, np.uint8) for *_, pixels in values]
-    return rr.Image.columns(buffer=buffers, format=formats)
+def images(values: list[bytes]) -> Any:
+    """A JPEG file each."""
+    return rr.EncodedImage.columns(blob=values, media_type=["image/jpeg"] * len(values))

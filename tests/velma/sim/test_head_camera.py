@@ -169,6 +169,21 @@ def test_a_picture_leaves_the_state_alone_and_is_the_same_again(show: Show) -> N
     assert first.dtype == np.uint8
 
 
+def test_from_the_room_the_whole_robot_is_seen(show: Show) -> None:
+    """With the head, which its own camera does not see; and the picture of the camera is the same afterwards, but for rounding."""
+    view = show()
+    start = view.qpos.copy()
+    before = view.camera.picture(start)
+    room = view.camera.room().astype(int)
+    orange = (room[..., 0] > 180) & (room[..., 2] < 80)
+    assert orange.mean() > 0.005  # the covers of its joints
+    turned = view.turn(0.6, 0.5)
+    view.camera.picture(turned.qpos)
+    changed = np.abs(view.camera.room().astype(int) - room).max(axis=2) > 20
+    assert 0.001 < changed.mean() < 0.03  # the head alone is drawn elsewhere
+    assert np.abs(view.camera.picture(start).astype(int) - before).max() <= 1
+
+
 def test_the_lens_is_that_of_the_robot(show: Show) -> None:
     """Size and field of view are those of robot.yaml, and the pose that of MuJoCo's body of the optical frame."""
     (camera,) = [body["camera"] for body in robot()["head"] if "camera" in body]

@@ -1,12 +1,15 @@
-"""Pictures of the head camera, which ex publishes beside its telemetry. Older recordings have none."""
+"""Pictures of the head camera and the markers found in them, which ex publishes beside its telemetry. Older recordings
+have none."""
 
+import numpy as np
 import rerun as rr
 
 from companion.telemetry import Picture
 from operate.pictures.happenings import Happening
-from operate.pictures.sheet import Sheet, images
+from operate.pictures.sheet import Sheet, images, outlines
 
-CAMERA = "camera"
+CAMERA, MARKERS = "camera", "camera/markers"
+MARKED = (64, 220, 120)  # a green that neither wood, glass nor the bowl has
 
 
 class Camera:
@@ -17,17 +20,18 @@ class Camera:
         self._any = False
 
     def take(self, happening: Happening) -> None:
-        """Draw a picture; one that says another size than it has is left out."""
+        """Draw a picture."""
         picture = happening.what
         if not isinstance(picture, Picture):
-            return
-        try:
-            pixels = picture.pixels()
-        except ValueError:
             return
         if not self._any:  # enlarged smoothly: its pixels are larger than the screen's
             self._any = True
             self._sheet.static(
-                CAMERA, rr.Image.from_fields(magnification_filter=rr.components.MagnificationFilter.Linear)
+                CAMERA, rr.EncodedImage.from_fields(magnification_filter=rr.components.MagnificationFilter.Linear)
             )
-        self._sheet.add(CAMERA, images, happening.at, (picture.width, picture.height, pixels), picture.sim_time_s)
+            # A negative radius is in points of the screen.
+            look = rr.LineStrips2D.from_fields(colors=[MARKED], radii=[-1.0], show_labels=False)
+            self._sheet.static(MARKERS, look)
+        self._sheet.add(CAMERA, images, happening.at, picture.jpeg, picture.sim_time_s)
+        found = [(one.thing, np.array(one.corners).reshape(4, 2)) for one in picture.markers]
+        self._sheet.add(MARKERS, outlines, happening.at, found, picture.sim_time_s)
