@@ -1,4 +1,4 @@
-"""Which task goes on: the rules by which state `schedule` decides (paper, section 5.5; requirements R2b, R3b).
+"""Scheduling: the rules by which state `schedule` decides (paper, section 5.5; requirements R2b, R3b).
 
 A rule sees the running task and those that wait, each as an offer with its schedule parameters, and returns its
 decision with the numbers and a sentence. Under every rule a more urgent task replaces the running one at once, and a

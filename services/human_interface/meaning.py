@@ -29,8 +29,8 @@ class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class When(msgspec.Struct, frozen=True, omit_defaults=True):
-    """When the wishes of a sentence are wanted. `urgent`: before all else; `within_s`: seconds until they are done,
-    `later_s`: until they may begin.
+    """Times at which the wishes of a sentence are wanted. `urgent`: before all else; `within_s`: seconds until they are
+    done, `later_s`: until they may begin.
 
     `by`, `at`: the same as times of day in minutes, the next of which is meant (three o'clock is by night and by day).
     """

@@ -1,4 +1,4 @@
-"""When something is wanted, as people say it: "first", "within ten minutes", "before noon", "in ten minutes".
+"""Times, as people say them: "first", "within ten minutes", "before noon", "in ten minutes".
 
 Such words are taken out of a sentence before the grammar reads the rest; words about time that are not understood stay,
 so that the grammar refuses the sentence. By the catalogue. Must not know: tasks, clocks.

@@ -15,7 +15,7 @@ PARTS = {"torso": 1, "right_arm": 7, "left_arm": 7, "head": 2, "right_hand": 4, 
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """Where a thing stood before the robot took it: its pose, and what it was on ("" if that is not known)."""
+    """Place of a thing before the robot took it: its pose, and what it was on ("" if that is not known)."""
 
     pose: Pose
     on: str

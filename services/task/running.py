@@ -28,7 +28,13 @@ ENDS = {
     Outcome.REPLAN: sw.WorkerState.REPLAN,
     Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
 }
-LOOK_FIRST = (rc.NotDoneKind.UNKNOWN, rc.NotDoneKind.NEW_WORLD, rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY)
+LOOK_FIRST = (
+    rc.NotDoneKind.UNKNOWN,
+    rc.NotDoneKind.NEW_WORLD,
+    rc.NotDoneKind.LOST,
+    rc.NotDoneKind.EMPTY,
+    rc.NotDoneKind.BLOCKED,
+)
 _PLAN_AGAIN = (
     rc.NotDoneKind.REPLAN,
     rc.NotDoneKind.SLIPPED,

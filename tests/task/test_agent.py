@@ -126,7 +126,7 @@ def test_a_new_world_is_told_before_anything_is_seen_in_it() -> None:
     assert isinstance(told[-1], wm.SeenBody)
 
 
-@pytest.mark.parametrize("kind", [rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY])
+@pytest.mark.parametrize("kind", [rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY, rc.NotDoneKind.BLOCKED])
 def test_a_loss_is_said_at_once_and_looked_after(kind: str) -> None:
     """co hears why before the look begins, km that nobody knows where the thing is; then a new plan is wanted."""
     scene = Scene()

@@ -100,7 +100,7 @@ def residual(force: Array, gravity: Array, masses: Array, low: Array, high: Arra
 
 
 class Grip(StrEnum):
-    """What is felt of a thing that a hand has closed on."""
+    """State of the grip on a thing that a hand has closed on, as it is felt."""
 
     UNSURE = "unsure"  # not felt in the hand: its support still carries it, or the hand is empty
     HELD = "held"
@@ -110,7 +110,7 @@ class Grip(StrEnum):
 
 
 class Watch(msgspec.Struct, frozen=True):
-    """What is felt of one thing; for how many cycles now r has been small, too large, too large with half the mass."""
+    """Feeling of one thing; for how many cycles now r has been small, too large, too large with half the mass."""
 
     grip: Grip = Grip.UNSURE
     calm: int = 0

@@ -71,7 +71,7 @@ class Act:
             self._largest[row] = max(self._largest[row], distance)
             if distance > self.motion.tolerance_m:
                 self.track = None
-                return Phase.FAILED, f"the {side} hand was {distance:.3f} m beside its path"
+                return Phase.BLOCKED, f"the {side} hand was {distance:.3f} m beside its path"
         return None
 
     def _reached(self, error: Array, hands_done: bool) -> Until | None:

@@ -78,7 +78,7 @@ class GripWatch:
 
     @property
     def verdict(self) -> tuple[Phase, str] | None:
-        """How the motion ends, and why, as soon as it is known; None before."""
+        """Return the end of the motion and its reason as soon as it is known; None before."""
         grips = [watch.grip for watch in self._watch]
         if Grip.WARNED in grips:
             return None

@@ -148,10 +148,11 @@ class Phase(StrEnum):
     CANCELLED = "cancelled"
     LOST = "lost"  # a hand lost what it held
     SLIPPED = "slipped"  # what a hand holds slipped in it
+    BLOCKED = "blocked"  # a hand was beside its path: it met something
 
 
 class GripReport(msgspec.Struct, frozen=True):
-    """What a hand's wrist feels: a velma.control.grip.Grip ("": empty hand or no sensor), the mass in it [kg].
+    """Feeling of a hand's wrist: a velma.control.grip.Grip ("": empty hand or no sensor), the mass in the hand [kg].
 
     The mass is that of the last 0.5 s: at rest for a second, it is a weight.
     """

@@ -156,12 +156,19 @@ class Methods:
         return [(TaskName.PUT_DOWN, thing), ("a_look", thing), ("hold_out", thing, OTHER[side])]
 
     def put_down(self, km: str, name: str) -> Subtasks | None:
-        """Put it down and bring the hand home."""
+        """Put it down and bring the hand home; home alone where it stands already, as after a way that was blocked."""
         side = self.facts.holder(km, name)
-        if side is None:
+        if side is not None:
+            return [("a_place", side), ("a_home", side)]
+        away = self._away(km) if self.facts.support(km, name) else []
+        if not away:
             self.failed(f"no hand holds {name}")
             return None
-        return [("a_place", side), ("a_home", side)]
+        return [("a_home", side) for side in away]
+
+    def _away(self, km: str) -> list[Side]:
+        """Return the sides of empty arms that are not at home."""
+        return [side for side in Side if not self.facts.in_hand(km, side) and not self.facts.at_home(km, side)]
 
     def put_at_nothing(self, km: str, name: str, where: str) -> Subtasks | None:
         """Do nothing where it stands there already."""
@@ -212,7 +219,7 @@ class Methods:
 
     def after_arms_home(self, km: str, task: str, arguments: tuple[str, ...]) -> Subtasks | None:
         """Bring empty arms home, then do the task: after an interrupted act one may be in the way, in a cabinet say."""
-        away = [side for side in Side if not self.facts.in_hand(km, side) and not self.facts.at_home(km, side)]
+        away = self._away(km)
         return [*(("a_home", side) for side in away), (task, *arguments)] if away else self._not("no empty arm is away")
 
     def after_clearing(self, km: str, number: int, task: str, arguments: tuple[str, ...]) -> Subtasks | None:

@@ -139,6 +139,7 @@ class NotDoneKind(StrEnum):
     LOST = "lost"  # a hand lost what it held
     SLIPPED = "slipped"  # what a hand holds slipped in it
     EMPTY = "empty"  # the hand does not hold what it should
+    BLOCKED = "blocked"  # a hand was beside its path: it met something
     CANCELLED = "cancelled"
     INTERRUPTED = "interrupted"  # the machine was too slow, or a process died while the robot stood still
     UNKNOWN = "unknown"  # a process died while the robot moved

@@ -66,7 +66,7 @@ def test_a_hand_beside_its_path_ends_the_motion_in_any_direction(side, axis):
     assert judged(one, error=error(**{side: at})) is None
     assert one.track is not None
     phase, reason = judged(one, error=error(**{side: beyond}))
-    assert phase is Phase.FAILED
+    assert phase is Phase.BLOCKED
     assert f"the {side} hand was 0.251 m" in reason
     assert one.track is None
 

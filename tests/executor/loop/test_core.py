@@ -183,7 +183,7 @@ def test_a_hand_far_from_its_path_ends_the_motion():
 
     core = LoopCore(Stuck(), dynamics=DYNAMICS)
     result = core.run(motion("up", rise(core, 0.3)))
-    assert result.phase is Phase.FAILED
+    assert result.phase is Phase.BLOCKED
     assert "hand was 0.1" in result.reason
     np.testing.assert_allclose(core.setpoint, START)
 

@@ -42,6 +42,11 @@ def test_an_arm_in_the_cabinet_comes_home_first(km, named, grasping: Scene) -> N
     plans.check(plan.root)
 
 
+def test_what_stands_already_is_put_down_when_the_arm_is_home(km, named, grasping: Scene) -> None:
+    """As after the way home was blocked; with all empty arms at home nobody could have put it down."""
+    assert named(km(grasping).plan("put_down", "bowl")) == ["right arm home"]
+
+
 def test_arms_stay_where_the_task_can_be_done_without(km, named, grasping: Scene) -> None:
     """The hand that is at the bowl takes it."""
     assert named(km(grasping).plan("take", "bowl", "right")) == ["take bowl_1"]

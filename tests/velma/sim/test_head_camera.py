@@ -170,7 +170,7 @@ def test_a_picture_leaves_the_state_alone_and_is_the_same_again(show: Show) -> N
 
 
 def test_from_the_room_the_whole_robot_is_seen(show: Show) -> None:
-    """With the head, which its own camera does not see; and the picture of the camera is the same afterwards, but for rounding."""
+    """With the head, which its own camera does not see. That one's picture is the same afterwards, but for rounding."""
     view = show()
     start = view.qpos.copy()
     before = view.camera.picture(start)
