@@ -6,7 +6,7 @@ looks at each thing, off by up to 4 cm. Appends a line per scene, seed and setti
     python benchmarks/eyes.py --seeds 1-30
     python benchmarks/eyes.py --seeds 1-30 --blur 1
     python benchmarks/eyes.py --scene env2 --seeds 1-30
-    python benchmarks/eyes.py --page docs/eyes.md
+    python benchmarks/eyes.py --page docs/eyes.md --picture docs/images/head-camera.png
 """
 
 import math
@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
+import cv2
 import msgspec
 import mujoco
 import numpy as np
@@ -35,6 +36,7 @@ from velma.sim.photographs import Photographs
 RESULTS = Path(__file__).parent / "results" / "eyes.jsonl"
 BEGIN, END = "<!-- eyes: made by benchmarks/eyes.py -->\n", "<!-- end of eyes -->"
 JITTER_M, TORSOS = 0.04, (0.0, 0.3, 0.0, -0.3)
+PICTURED, GREEN = (0.95, 0.31, 1.05), (120, 220, 64)  # [m] where the head looks; blue, green, red
 BOWL_ON_TABLE = (0.82, -0.56, 0.775)  # [m] where the task puts it
 DISTANCES = ((0.0, 0.8), (0.8, 1.1), (1.1, 1.5), (1.5, 3.0))  # [m] from the camera
 COVERED = 7.815  # chi squared of three unknowns, 95 %
@@ -95,6 +97,32 @@ def _line(seen: Any, rotation: np.ndarray, position: np.ndarray) -> dict[str, An
     }  # fmt: skip
 
 
+def draw(scene: Scene, file: Path) -> None:
+    """Save what the camera sees of the jar's surroundings, with the markers found and the names of what is believed."""
+    backend, robot, eyes, camera = MujocoBackend(scene), Robot(), eyes_of(scene), Photographs(scene)
+    qpos, goal = backend.configuration().copy(), aim(0.0, PICTURED)
+    for joint, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
+        qpos[backend.model.joint(joint).qposadr[0]] = angle
+    (clean, taken), eye = camera.both(qpos, 0), robot.camera(0.0, goal.pan, goal.tilt)
+    found, view = eyes.markers(taken), View(lens(), eye.rotation, eye.translation)
+    shown = cv2.cvtColor(clean, cv2.COLOR_RGB2BGR)
+    fine = {"shift": 4, "lineType": cv2.LINE_AA}
+    cv2.polylines(shown, [np.rint(16 * at).astype(np.int32) for at in found.values()], True, GREEN, 2, **fine)
+    for seen in eyes.bodies(found, view):
+        corners = np.concatenate([found[number] for number in seen.numbers])
+        _label(shown, f"{seen.name}: {len(seen.numbers)} markers", corners[:, 0].mean(), corners[:, 1].min() - 14)
+    cv2.imwrite(str(file), shown, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    camera.close()
+
+
+def _label(picture: np.ndarray, words: str, x: float, y: float) -> None:
+    """Write black on white, the middle at x, the lower end at y."""
+    (width, height), _ = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
+    left, low = int(x - width / 2), int(y)
+    cv2.rectangle(picture, (left - 4, low - height - 5), (left + width + 4, low + 5), (255, 255, 255), cv2.FILLED)
+    cv2.putText(picture, words, (left, low), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (30, 30, 30), 1, cv2.LINE_AA)
+
+
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the tables of a results file: by setting and thing, then by distance."""
     out = []
@@ -152,6 +180,7 @@ def main(
     blur: Annotated[float | None, typer.Option(help="in pixels, else the scene's")] = None,
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     page: Annotated[Path | None, typer.Option(help="put the tables into this page")] = None,
+    picture: Annotated[Path | None, typer.Option(help="save a picture with what is found in it")] = None,
 ) -> None:
     """Run the seeds that do not stand in the results file yet; make the tables."""
     rows = tables.read(out)
@@ -164,6 +193,8 @@ def main(
         rows.append(row)
         with out.open("ab") as file:
             file.write(msgspec.json.encode(row) + b"\n")
+    if picture is not None:
+        draw(load(CANONICAL.with_stem(scene)), picture)
     if page is not None:
         tables.put(page, BEGIN, table(rows), END)
     else:
