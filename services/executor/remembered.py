@@ -5,6 +5,7 @@ know: geometry, the simulator.
 """
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.languages import rc, rs
 from companion.languages.values import BodyPosture, Pose, Side
@@ -35,6 +36,7 @@ class Remembered(msgspec.Struct, frozen=True):
     """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first message of the loop.
 
     `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
+    `placed`: things that a hand let go of in the last act and that were not seen since, by id the time [s].
     `unfinished`: pours that were begun and not ended, by source. `time`: simulated [s].
     `epoch`: name of the simulated world in which all that is so, "" of a real one.
     """
@@ -44,6 +46,7 @@ class Remembered(msgspec.Struct, frozen=True):
     fingers: dict[Side, float] = {}
     seen: dict[str, rs.Seen] = {}
     held: dict[Side, Holding] = {}
+    placed: dict[str, float] = {}
     unfinished: dict[str, Unfinished] = {}
     time: float = 0.0
     epoch: str = ""
@@ -61,7 +64,8 @@ class Remembered(msgspec.Struct, frozen=True):
 
     def not_done(self, key: str, kind: str, reason: str) -> rc.NotDone:
         """Return the outcome of an act that was not done, with the posture."""
-        return rc.NotDone(key, kind, reason, self.posture(), held=self.holding())
+        placed = tuple(replace(self.seen[name], at=at) for name, at in self.placed.items())
+        return rc.NotDone(key, kind, reason, self.posture(), held=self.holding(), placed=placed)
 
 
 SIDES = (Side.RIGHT, Side.LEFT)

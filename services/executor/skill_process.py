@@ -79,7 +79,7 @@ def remembered(here: Situation, epoch: str) -> Remembered:
     fingers = {Side(side): float(angle) for side, angle in here.fingers.items()}
     head = (float(here.head[0]), float(here.head[1]))
     q, time = tuple(float(x) for x in here.q), float(here.time)
-    return Remembered(q, head, fingers, seen, held, dict(here.unfinished), time, epoch)
+    return Remembered(q, head, fingers, seen, held, dict(here.placed), dict(here.unfinished), time, epoch)
 
 
 def serve(link: Link) -> None:

@@ -25,7 +25,7 @@ WORLD = "world"
 def subject_of(observation: wm.AnySight) -> str:
     """Return the subject of an observation; the latest version of each subject counts."""
     match observation:
-        case wm.SeenObject(object=name) | wm.LostObject(object=name):
+        case wm.SeenObject(object=name) | wm.PlacedObject(object=name) | wm.LostObject(object=name):
             return f"object:{name}"
         case wm.SeenHand(side=side):
             return f"hand:{side.value}"
@@ -43,7 +43,7 @@ def observed(scene: Scene, observation: wm.AnySight, version: Version, now: floa
     subject = subject_of(observation)
     if any(version <= scene.versions[known] for known in (subject, WORLD) if known in scene.versions):
         return scene
-    at = observation.at if isinstance(observation, wm.SeenObject) else now
+    at = observation.at if isinstance(observation, wm.SeenObject | wm.PlacedObject) else now
     stamped = msgspec.structs.replace(
         scene, versions={**scene.versions, subject: version}, times={**scene.times, subject: at}
     )
@@ -66,6 +66,10 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
             origin = None if _moved_by_others(kept, pose) else kept.origin
             seen = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=exact, origin=origin)
             return related(scene.with_thing(seen), at, name)
+        case wm.PlacedObject(object=name, model=model, pose=pose):
+            kept = scene.things.get(name, Thing(name, model, pose))
+            left = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=False)
+            return related(scene.with_thing(left), at, name)
         case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
             before = scene.hands.get(side, Held()).object
             return related(_taken(scene, name).with_hand(side, Held(name, grasp, pose)), at, before, name)

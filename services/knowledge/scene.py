@@ -22,7 +22,7 @@ class Origin(msgspec.Struct, frozen=True):
 
 
 class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An object, with the pose where it was last seen or is predicted to be.
+    """An object, with the pose where it was last seen, where a hand let go of it, or where it is predicted to be.
 
     `exact`: it was seen there. `on`, `inside`: computed from poses and shapes. `at`: time of that observation,
     `related_at`: of the newest observation behind its relations [s, observer's clock]. `origin`: of the first time that

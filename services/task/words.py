@@ -11,7 +11,7 @@ SURVEY = rc.Look(key="survey", at=POINTS)
 
 
 def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
-    """Yield the posture, what each hand holds, then everything seen that no hand holds."""
+    """Yield the posture, what each hand holds, then everything seen or put down that no hand holds."""
     if outcome.body is not None:
         yield wm.SeenBody(body=outcome.body)
     in_hand = set()
@@ -26,6 +26,8 @@ def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
     for seen in outcome.seen:
         if seen.object not in in_hand:
             yield wm.SeenObject(object=seen.object, model=seen.model, pose=seen.pose, at=seen.at)
+    for one in outcome.placed:
+        yield wm.PlacedObject(object=one.object, model=one.model, pose=one.pose, at=one.at)
 
 
 def subject(observation: wm.AnyObservation) -> str:

@@ -7,12 +7,15 @@ from hypothesis import strategies as st
 
 from companion.languages import wm
 from companion.languages.values import Pose, Side
+from services.knowledge.answers import ask
 from services.knowledge.observe import observed, subject_of
+from services.knowledge.overlays import Overlays
 from services.knowledge.relations import relate
 from services.knowledge.scene import Origin, Scene
 from services.knowledge.store import Store
 
 from .conftest import KITCHEN, yaw
+from .storing import store_observation
 
 
 def seen(name: str, model: str, xyz: tuple[float, float, float], at: float = 0.0) -> wm.SeenObject:
@@ -31,6 +34,7 @@ MOVES: tuple[wm.AnyObservation, ...] = (
     wm.SeenHand(Side.RIGHT, "bowl_1", "1", Pose((0.0, 0.0, 0.0))),
     wm.SeenHand(Side.LEFT),
     wm.SeenHand(Side.RIGHT, "jar_1", "1", Pose((0.0, 0.0, 0.0))),
+    wm.PlacedObject("jar_1", "jar", Pose((0.75, -0.8, 0.875)), 2.0),
 )
 
 
@@ -71,6 +75,34 @@ def test_what_was_lost_is_nowhere_until_it_is_seen() -> None:
     again = observed(scene, seen("jar_1", "jar", (0.783, -0.84, 0.875)), (1, 9))
     assert "jar_1" in again.things
     assert again.lost == {}
+
+
+TAKEN_OUT = wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))
+PUT = wm.PlacedObject("jar_1", "jar", Pose((0.783, -0.84, 0.877)), 7.0)
+
+
+@pytest.mark.parametrize("told", [(wm.SeenHand(Side.LEFT), PUT), (PUT, wm.SeenHand(Side.LEFT))])
+def test_what_was_put_down_stays_where_the_hand_left_it(kitchen: Store, told: tuple[wm.AnySight, ...]) -> None:
+    """On the table, not seen there, since the hand let go of it; not in the cabinet where it was seen last."""
+    scene = kitchen.scene
+    for count, observation in enumerate((TAKEN_OUT, *told)):
+        scene = observed(scene, observation, (9, count), 9.0)
+    jar = scene.things["jar_1"]
+    assert (jar.pose, jar.exact, jar.at, jar.on, jar.inside) == (PUT.pose, False, 7.0, "table_1", ())
+    assert (scene.holder("jar_1"), scene.times["object:jar_1"]) == (None, 7.0)
+    assert jar.origin is not None
+    assert jar.origin.on == "cabinet_2"
+    assert observed(scene, PUT, (9, 0)) is scene, "old news"
+    seen_there = observed(scene, seen("jar_1", "jar", (0.78, -0.84, 0.875), 8.0), (9, 9)).things["jar_1"]
+    assert (seen_there.exact, seen_there.at, seen_there.origin) == (True, 8.0, jar.origin)
+
+
+def test_what_was_put_down_is_known_after_a_restart(kitchen: Store) -> None:
+    """Its place, and that nobody saw it there, are in the store."""
+    for count, observation in enumerate((TAKEN_OUT, wm.SeenHand(Side.LEFT), PUT)):
+        assert store_observation(kitchen, observation, (9, count), now=9.0)
+    answer = ask(kitchen.scene, Overlays(), wm.ObjectPose(object="jar_1"))[1]
+    assert answer == wm.PoseOf("jar_1", PUT.pose, exact=False, on="table_1")
 
 
 def test_on_the_roof_is_not_inside() -> None:

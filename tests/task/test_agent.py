@@ -9,7 +9,7 @@ from ta_alone import BODY, HOME, LOOK, OK, Scene, plan
 
 from agent_runtime.core.events import Woken
 from agent_runtime.testing.wires import Point
-from companion.languages import hfsm, rc, sw, wm
+from companion.languages import hfsm, rc, rs, sw, wm
 from companion.languages.values import Pose, Side
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -142,6 +142,18 @@ def test_a_loss_is_said_at_once_and_looked_after(kind: str) -> None:
     assert scene.hears("co", 3).state is sw.WorkerState.REPLAN
     told = [content for _, _, content in scene.heard["km"] if content is not None]
     assert wm.LostObject("jar_1", Side.LEFT) in told
+
+
+def test_what_was_put_down_and_not_seen_is_told_so() -> None:
+    """km hears where the hand let go of it, and of no sight."""
+    scene, at = Scene(), Pose((0.6, -0.5, 0.875))
+    scene.start(plan(hfsm.ActState("home", HOME)))
+    scene.hears("ex", 1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    scene.ex(P.INFORM, rc.Done("plan/1", BODY, placed=(rs.Seen("jar_1", "jar", at, 3.0),)))
+    assert scene.hears("co", 2).state is sw.WorkerState.SUCCEEDED
+    told = [content for _, _, content in scene.heard["km"] if isinstance(content, wm.SeenObject | wm.PlacedObject)]
+    assert told == [wm.PlacedObject("jar_1", "jar", at, 3.0)]
 
 
 @pytest.mark.parametrize("weighed", [None, (0.26, 0.2)])

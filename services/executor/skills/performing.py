@@ -4,7 +4,7 @@ What a hand does not feel, the act has not done: a hand that lost its thing, or 
 outcome says so.
 """
 
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 from typing import Any
 
 from msgspec.structs import replace
@@ -21,6 +21,7 @@ from velma.kinematics.frames import xyz_quat
 
 OPEN_BY, OPEN_SPEED = 0.45, 2.0  # [rad], [rad/s]: half open within 0.25 s, so that it is told at once; estimates
 _MOVES_A_THING = (rc.MoveJoint, rc.MoveCartesian, rc.Pour)
+Names = Collection[str]
 Performance = Generator[Motion, Sensed, rc.Done | rc.NotDone]
 
 
@@ -41,20 +42,22 @@ def perform(here: Situation, command: rc.Act) -> Performance:
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:
-                return (yield from _emptied(here, command.key, Phase.LOST, _feeling(here, sensed, Grip.LOST), began))
+                return (
+                    yield from _emptied(here, sights, command.key, Phase.LOST, _feeling(here, sensed, Grip.LOST), began)
+                )
             else:
-                return ended(here, command.key, sensed.ended, sensed.reason, began)
+                return ended(here, sights, command.key, sensed.ended, sensed.reason, began)
     except StopIteration:
         if unfelt := _unfelt(here, command, sensed):
-            return (yield from _emptied(here, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
-        seen = tuple(_seen(here, name) for name in sights)
-        return rc.Done(command.key, posture(here), seen, held(here), here.time - began, here.weighed)
+            return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
+        seen, placed = _seen_and_placed(here, sights)
+        return rc.Done(command.key, posture(here), seen, held(here), here.time - began, here.weighed, placed)
     except Cancelled:
-        return ended(here, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
+        return ended(here, sights, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
     except NotPossible as reason:
         if unfelt := _unfelt(here, command, sensed):
-            return (yield from _emptied(here, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
-        return ended(here, command.key, reason.kind, reason.reason, began)
+            return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
+        return ended(here, sights, command.key, reason.kind, reason.reason, began)
 
 
 def _unfelt(here: Situation, command: rc.Act, sensed: Sensed | None) -> list[str]:
@@ -74,7 +77,7 @@ def _feeling(here: Situation, sensed: Sensed | None, felt: Grip) -> list[str]:
     return [side for side in here.held if side in grips and grips[side].felt == felt]
 
 
-def _emptied(here: Situation, key: str, kind: str, sides: list[str], began: float) -> Performance:
+def _emptied(here: Situation, sights: Names, key: str, kind: str, sides: list[str], began: float) -> Performance:
     """Open hands that do not hold what they should, so that they can move again, and return the outcome."""
     lost = {Side(side): here.lose(side) for side in sides}
     hands: dict[str, Any] = {}
@@ -87,7 +90,7 @@ def _emptied(here: Situation, key: str, kind: str, sides: list[str], began: floa
         here.forget(name)  # it may have been seen while it fell
     words = "lost" if kind == Phase.LOST else "does not feel"
     reason = " and ".join(f"the {side} hand {words} {name}" for side, name in lost.items())
-    return replace(ended(here, key, kind, reason, began), lost=lost)
+    return replace(ended(here, sights, key, kind, reason, began), lost=lost)
 
 
 def take(here: Situation, sensed: Sensed) -> None:
@@ -96,16 +99,23 @@ def take(here: Situation, sensed: Sensed) -> None:
     here.see(sensed.sights)
 
 
-def ended(here: Situation, key: str, kind: str, reason: str, began: float) -> rc.NotDone:
+def ended(here: Situation, sights: Names, key: str, kind: str, reason: str, began: float) -> rc.NotDone:
     """Return the outcome of an act that was not done."""
-    seen = tuple(_seen(here, name) for name in here.seen if here.holder(name) is None)
-    return rc.NotDone(key, kind, reason, posture(here), seen, held(here), here.time - began)
+    seen, placed = _seen_and_placed(here, sights)
+    return rc.NotDone(key, kind, reason, posture(here), seen, held(here), here.time - began, placed=placed)
 
 
-def _seen(here: Situation, name: str) -> rs.Seen:
+def _seen_and_placed(here: Situation, sights: Names) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:
+    """Return what was seen in this act, and what a hand let go of and that was not seen since."""
+    seen = (name for name in sights if name not in here.placed and (name in here.seen or here.holder(name)))
+    placed = here.placed.items()
+    return tuple(_at(here, name, here.time) for name in seen), tuple(_at(here, name, at) for name, at in placed)
+
+
+def _at(here: Situation, name: str, time: float) -> rs.Seen:
     side = here.holder(name)
     pose = here.seen[name] if side is None else here.robot.grip(here.q, side) * here.held[side].T_grip_object
-    return rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), here.time)
+    return rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), time)
 
 
 def posture(here: Situation) -> BodyPosture:

@@ -33,8 +33,9 @@ class Held:
 class Situation:
     """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen, things held.
 
-    `unfinished`: pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour
-    of this act [kg].
+    `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]. `unfinished`:
+    pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
+    [kg].
     """
 
     robot: Robot
@@ -45,6 +46,7 @@ class Situation:
     fingers: dict[str, float] = field(default_factory=lambda: {"left": 0.0, "right": 0.0})
     seen: dict[str, pin.SE3] = field(default_factory=dict)
     held: dict[str, Held] = field(default_factory=dict)
+    placed: dict[str, float] = field(default_factory=dict)
     unfinished: dict[str, Unfinished] = field(default_factory=dict)
     time: float = 0.0
     weighed: tuple[float, float] | None = None
@@ -54,6 +56,7 @@ class Situation:
         for sight in sights:
             side = self.holder(sight.name)
             if side is None:
+                self.placed.pop(sight.name, None)
                 self.place(sight.name, sight.T_world_object)
             else:
                 grip = self.robot.grip(self.q, side)
@@ -74,6 +77,7 @@ class Situation:
         held = self.held.pop(side)
         pose = self.robot.grip(self.q, side) * held.T_grip_object
         self.seen[held.object] = pose
+        self.placed[held.object] = self.time
         self.world.detach(held.object, pose)
 
     def lose(self, side: str) -> str:
@@ -86,6 +90,7 @@ class Situation:
 
     def forget(self, name: str) -> None:
         """Note that nobody knows where a thing is."""
+        self.placed.pop(name, None)
         if self.seen.pop(name, None) is not None:
             self.world.remove(name)
 

@@ -118,7 +118,8 @@ class Home(Command, frozen=True):
 class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object, T_grip_object).
 
-    `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt.
+    `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt. `placed`: things
+    where a hand let go of them, not seen since.
     """
 
     key: str
@@ -127,6 +128,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     held: dict[Side, tuple[str, str, Pose]] = {}
     sim_time: float = 0.0
     weighed: tuple[float, float] | None = None
+    placed: tuple[Seen, ...] = ()
 
 
 class NotDoneKind(StrEnum):
@@ -147,7 +149,10 @@ class NotDoneKind(StrEnum):
 
 
 class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """An act ended otherwise. `kind`: a NotDoneKind; `reason` in words; `lost`: what is in no hand any more."""
+    """An act ended otherwise. `kind`: a NotDoneKind; `reason` in words; `lost`: what is in no hand any more.
+
+    `placed`: as of Done.
+    """
 
     key: str
     kind: str
@@ -157,6 +162,7 @@ class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
     held: dict[Side, tuple[str, str, Pose]] = {}
     sim_time: float = 0.0
     lost: dict[Side, str] = {}
+    placed: tuple[Seen, ...] = ()
 
 
 class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

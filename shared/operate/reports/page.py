@@ -1,5 +1,6 @@
 """report.html of any system: one file that needs nothing else. A system may have a page of its own."""
 
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -55,7 +56,7 @@ def template(file: Path) -> jinja2.Template:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {"number": number, "size": size, "ms": milliseconds, "share": share}
+    environment.filters |= {"number": number, "size": size, "ms": milliseconds, "share": share, "place": place}
     return environment.from_string(file.read_text(encoding="utf-8"))
 
 
@@ -81,6 +82,11 @@ def size(value: float | None) -> str:
         if value >= step:
             return f"{value / step:.3g}\u00a0{unit}"
     return f"{value:.0f}\u00a0B"
+
+
+def place(xyz: Sequence[float] | None) -> str:
+    """A point in metres, to the millimetre."""
+    return ABSENT if xyz is None else "\u2002".join(f"{part:.3f}" for part in xyz)
 
 
 def milliseconds(value: float | None) -> str:

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from companion.languages import hfsm, rc, wm
@@ -9,6 +10,8 @@ from companion.languages.values import Pose, Side
 from services.knowledge.geometry import place as placed
 from services.knowledge.observe import observed
 from services.knowledge.scene import Scene
+from velma import names
+from velma.kinematics.robot import Robot
 
 
 def told(scene: Scene, *observations: wm.AnyObservation) -> Scene:
@@ -103,6 +106,29 @@ def test_a_thing_is_taken_with_the_wanted_hand(km, named, beginning: Scene, side
     hands = {state.command.side for state in step.states}
     assert len(hands) == 1
     assert side in ("", *hands)
+
+
+def test_what_was_put_down_unseen_is_taken_from_where_the_hand_left_it(km, named, jar_carried: Scene) -> None:
+    """From the table, not out of the cabinet where it was seen last: no part of the plan goes there."""
+    put = wm.PlacedObject("jar_1", "jar", JAR_ON_TABLE.pose, 3.0)
+    scene = told(jar_carried, wm.SeenHand(Side.LEFT), put)
+    plan = km(scene).plan("take", "jar", "")
+    assert named(plan)[-1] == "take jar_1"
+    move, grasp = plan.root.states[-1].states[:2]
+    q, side = np.zeros(15), grasp.command.side
+    q[names.COLUMNS[side]] = move.command.path[-1]
+    grip = Robot().grip(q, side).translation
+    assert math.dist(grip[:2], put.pose.xyz[:2]) < math.dist(grip[:2], jar_carried.things["cabinet_2"].pose.xyz[:2])
+
+
+def test_what_was_put_down_unseen_is_looked_at_where_the_hand_left_it(km, named, bowl_out: Scene) -> None:
+    """The look goes there, and another plan is made when it was seen."""
+    put = wm.PlacedObject("bowl_1", "bowl_high", Pose((0.75, -0.75, 0.775)), 3.0)
+    plan = km(told(bowl_out, wm.SeenHand(Side.RIGHT), put)).plan("pour", "jar", "bowl")
+    assert named(plan)[0] == "look at bowl_1"
+    look = plan.root.states[0].states[0].command
+    assert isinstance(look, rc.Look)
+    assert math.dist(look.at[0][:2], put.pose.xyz[:2]) < 0.05
 
 
 @pytest.mark.parametrize("side", ["left", ""])

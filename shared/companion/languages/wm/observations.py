@@ -37,6 +37,15 @@ class FeltContent(Observation, frozen=True):
     left: float
 
 
+class PlacedObject(Observation, frozen=True):
+    """A hand let go of an object here at `at`; nobody has seen it since."""
+
+    object: str
+    model: str
+    pose: Pose
+    at: float
+
+
 class LostObject(Observation, frozen=True):
     """An object is not in the hand that held it, and nobody knows where it is."""
 
@@ -56,7 +65,7 @@ class WorldLost(Observation, frozen=True):
     reason: str
 
 
-AnySight = SeenObject | SeenBody | SeenHand | FeltContent | LostObject
+AnySight = SeenObject | PlacedObject | SeenBody | SeenHand | FeltContent | LostObject
 AnyObservation = AnySight | NothingSeen | WorldLost
 
 

@@ -13,6 +13,8 @@ from operate.reports.page import ABSENT, MOST_VIOLATIONS, STYLE, faults, heat, t
 from topdown.judge.verdicts import VIOLATIONS
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
+MOST_APART_MM = 30.0
+"""Between belief and truth of a thing; more is shown as wrong. Estimate: a jar 20 mm aside is still grasped well."""
 
 
 def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -> str:
@@ -39,6 +41,7 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
         houses=history.houses,
         against=VIOLATIONS,
         most_violations=MOST_VIOLATIONS,
+        most_apart_mm=MOST_APART_MM,
     )
 
 

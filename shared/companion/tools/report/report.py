@@ -8,7 +8,7 @@ import msgspec
 
 from companion.design import DESIGN
 from companion.telemetry import Lateness
-from companion.tools.report import events, plans, verdict
+from companion.tools.report import believed, events, plans, verdict
 from companion.tools.report.clock import Clock
 from companion.tools.report.paper import TABLE_8
 from companion.tools.telemetry import paced, robot, truth
@@ -78,7 +78,8 @@ class Loop(msgspec.Struct, frozen=True):
 
 class Report(msgspec.Struct, frozen=True):
     """report.json. `wall_time_s`: from the person's command to its end; `sim_time_s`: of all acts; `energy_J`: work of
-    the body's joints.
+    the body's joints. `beliefs`: where the robot believes each thing to be, beside the truth; `poured`: how much it
+    believes to have poured, beside the truth.
     """
 
     success: bool
@@ -101,6 +102,8 @@ class Report(msgspec.Struct, frozen=True):
     holes: tuple[HoleAt, ...]
     missing: tuple[str, ...]
     faults: tuple[FaultAt, ...] = ()
+    beliefs: tuple[believed.Believed, ...] = ()
+    poured: believed.Share | None = None
 
 
 def build(history: History) -> Report:
@@ -128,6 +131,8 @@ def build(history: History) -> Report:
         holes=holes(history),
         missing=(),
         faults=faults(history),
+        beliefs=believed.things(history),
+        poured=believed.share(history),
     )
     return msgspec.structs.replace(report, missing=_missing(report, history))
 

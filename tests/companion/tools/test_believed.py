@@ -1,0 +1,109 @@
+"""The robot's belief beside the truth in a report: of a recorded run, and with one thing changed at a time."""
+
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+from synthetic import with_truth
+
+from companion.asking import Heard
+from companion.languages import LANGUAGES, RC, WM, rc, wm
+from companion.languages.values import Pose, Side
+from companion.tools.report import believed, page, report
+from companion.tools.system import SYSTEM
+from companion.tools.telemetry import truth
+from fipa_codec.communicate import encode
+from operate.recording.history import History, load
+from operate.recording.records import Spoken
+from services.knowledge.beliefs import believed as of_km
+
+POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
+NEAR_MM = 10.0
+"""The receptor errs by up to 4 mm on each axis, and a held thing is where its hand should be, some mm higher."""
+
+
+@pytest.fixture(scope="module")
+def past() -> History:
+    """The recorded pour; jar in the left hand, bowl on the table at its end."""
+    return load(POUR, SYSTEM)
+
+
+def saying(one: Spoken, content: object, id: str, received: float) -> Spoken:
+    """The communicate with another content, said under this id at this time."""
+    language = WM if isinstance(content, wm.AnyObservation) else RC
+    wire = encode(msgspec.structs.replace(one.communicate, content=language.encode(content), id=id))
+    return msgspec.structs.replace(one, wire=wire, id=id, received=received).read_in(LANGUAGES)
+
+
+def told(past: History, *observations: wm.AnyObservation) -> History:
+    """The history in which ta told km this at its end, newer than all before."""
+    last = max((one for one in past.said if one.content and one.receiver == "km"), key=lambda one: one.received)
+    more = (
+        saying(last, one, f"test/{number}@9.{number}", last.received + 1.0) for number, one in enumerate(observations)
+    )
+    return msgspec.structs.replace(past, said=(*past.said, *more))
+
+
+def found(past: History, name: str) -> believed.Believed:
+    """The belief about one thing."""
+    return next(one for one in believed.things(past) if one.object == name)
+
+
+def test_belief_is_that_of_km(past: History) -> None:
+    """Km's own functions make the same poses of the same messages; each is near the truth."""
+    heard = [Heard(one.received, one.wire) for one in past.said if "km" in (one.receiver, one.sender)]
+    scene = of_km(heard).scene
+    rows = believed.things(past)
+    assert {one.object for one in rows} == set(scene.things)
+    for one in rows:
+        side = scene.holder(one.object)
+        assert one.held == (str(side) if side else "")
+        assert side or one.at == scene.things[one.object].pose.xyz
+        assert one.id
+        assert one.t is not None
+        if one.true_at is not None:
+            assert one.apart_mm == pytest.approx(1000.0 * math.dist(one.at or (), one.true_at))
+            assert one.apart_mm < NEAR_MM
+    jar, bowl = (found(past, name) for name in ("jar_1", "bowl_1"))
+    assert (jar.how, jar.held) == ("in the left hand", "left")
+    assert (bowl.how, bowl.after) == ("seen", "pour")
+    assert jar.apart_mm is not None
+
+
+def test_a_thing_that_was_moved_unseen_is_shown_apart(past: History) -> None:
+    """The truth has the bowl 0.1 m away: the row says so, in red."""
+    at, last = truth(past)[-1]
+    x, y, z = last.at["bowl_1"]
+    moved = msgspec.structs.replace(last, at={**last.at, "bowl_1": (x + 0.1, y, z)}, poses={})
+    changed = with_truth(past, (*truth(past)[:-1], (at, moved)))
+    assert found(changed, "bowl_1").apart_mm == pytest.approx(100.0, abs=NEAR_MM)
+    text = page.rendered(changed, report.build(changed), "run")
+    assert text.count('<td class="n wrong">') == 1
+
+
+def test_what_was_put_down_unseen_or_lost_is_said_so(past: History) -> None:
+    """With its place, or without one."""
+    let_go = wm.SeenHand(Side.LEFT)
+    put = found(told(past, let_go, wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0)), "jar_1")
+    assert (put.how, put.at, put.held) == ("put down, not seen since", (0.6, -0.5, 0.876), "")
+    assert put.id == "test/1@9.1"
+    lost = found(told(past, let_go, wm.LostObject("jar_1", Side.LEFT)), "jar_1")
+    assert (lost.how, lost.at, lost.apart_mm) == ("lost by the left hand", None, None)
+    assert [one.how for one in believed.things(told(past, wm.WorldLost("it began again"))) if one.at] == []
+
+
+def test_the_poured_share_is_believed_by_weight(past: History) -> None:
+    """The recording is of before pours were weighed; with weights, half of the content left the jar."""
+    assert believed.share(past) == believed.Share(None, None, None, 1.0)
+    (key,) = {one.content.key for one in past.said if isinstance(one.content, rc.Pour)}
+    (done,) = [one for one in past.said if isinstance(one.content, rc.Done) and one.content.key == key]
+    empty = next(one.content.empty_mass for one in past.said if isinstance(one.content, rc.Pour))
+    one = saying(
+        done, msgspec.structs.replace(done.content, weighed=(empty + 0.06, empty + 0.03)), done.id, done.received
+    )
+    weighed = msgspec.structs.replace(past, said=tuple(one if other is done else other for other in past.said))
+    share = believed.share(weighed)
+    assert (share.believed, share.left_kg, share.content_kg) == tuple(map(pytest.approx, (0.5, 0.03, 0.06)))
+    text = page.rendered(weighed, report.build(weighed), "run")
+    assert "50\u00a0% by weight (30\u00a0g of 60\u00a0g left the jar), 100\u00a0% in truth" in text

@@ -1,0 +1,59 @@
+"""What is put down and not seen is told as that, where the hand left it: true loop, simulated physics."""
+
+import numpy as np
+import pytest
+from robot import Acting
+
+from companion.languages import rc
+from companion.languages.values import Side
+from services.executor.receptor import Receptor
+from services.executor.remembered import Remembered
+from services.executor.skill_process import remembered
+
+JAR, LEFT = "jar_1", Side.LEFT
+NEAR_M = 0.02  # of the true place: the receptor's noise of 4 mm on each axis, and what slips at the opening (estimate)
+pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
+
+
+class Blind(Receptor):
+    """Sees nothing."""
+
+    def __init__(self) -> None:
+        pass
+
+    def look(self, qpos: np.ndarray) -> list:
+        """Return nothing."""
+        return []
+
+
+class OnlyInTheHand(Receptor):
+    """Sees until the jar stands still in no hand."""
+
+    def __init__(self, acting: Acting) -> None:
+        self._acting, self._eye = acting, acting.eye
+
+    def look(self, qpos: np.ndarray) -> list:
+        """Return what the other eye sees while the jar is held."""
+        return self._eye.look(qpos) if self._acting.here.holder(JAR) else []
+
+
+@pytest.mark.parametrize("sees", ["nothing", "the jar in the hand"])
+def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, sees: str) -> None:
+    """Also when it was seen in the hand in the same act; the outcome tells its place and the time of the release."""
+    jar_out.eye = Blind() if sees == "nothing" else OnlyInTheHand(jar_out)
+    done = jar_out.done(jar_out.put_down(JAR, LEFT))
+    (placed,) = done.placed
+    assert (placed.object, placed.model) == (JAR, "jar")
+    assert JAR not in [one.object for one in done.seen]
+    assert np.linalg.norm(np.array(placed.pose.xyz) - jar_out.truth.at[JAR]) < NEAR_M
+    assert placed.at < jar_out.here.time
+    kept: Remembered = remembered(jar_out.here, "")
+    assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, "also if its end is not told"
+
+
+def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> None:
+    """With the time of the last sight."""
+    jar_out.done(jar_out.put_down(JAR, LEFT))
+    look = jar_out.done(rc.Look("look", (tuple(jar_out.here.seen[JAR].translation),)))
+    assert look.placed == ()
+    assert JAR in [one.object for one in look.seen]
