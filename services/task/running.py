@@ -19,6 +19,7 @@ from services.task.memory import Memory, Pending, Soft, way_to_safety
 from services.task.words import SURVEY
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
+REST_KG = 0.015  # in a jar, beside its own mass, that is told; as much as a sensor that drifts can tell (measured)
 ATTEMPTS = 2  # to put down what is held: the second one starts elsewhere, with newer observations (estimate)
 Outcome = hfsm.Outcome
 
@@ -201,11 +202,17 @@ def _seen(memory: Memory, outcome: rc.Done) -> str:
     match leaf:
         case hfsm.ActState(command=rc.Look()):
             return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}"
-        case hfsm.ActState(command=rc.Pour(source=source)) if outcome.weighed is not None:
-            before, after = outcome.weighed
-            return f"felt: {1000 * (before - after):.0f} g left {source}"
+        case hfsm.ActState(command=rc.Pour() as pour) if outcome.weighed is not None:
+            return _felt(pour, *outcome.weighed)
         case _:
             return ""
+
+
+def _felt(pour: rc.Pour, before: float, after: float) -> str:
+    """Return how much [kg] was felt to leave a source, and how much to stay in it."""
+    words = f"felt: {1000 * (before - after):.0f} g left {pour.source}"
+    rest = after - pour.empty_mass
+    return f"{words}, {1000 * rest:.0f} g are still in it" if rest > REST_KG else words
 
 
 # --- questions --------------------------------------------------------------------------------------------------------

@@ -156,6 +156,21 @@ def test_what_was_put_down_and_not_seen_is_told_so() -> None:
     assert told == [wm.PlacedObject("jar_1", "jar", at, 3.0)]
 
 
+def test_what_stays_in_the_jar_is_told() -> None:
+    """Beside what left it; a few grams are not, since the hand does not tell them from nothing."""
+    told = []
+    for after in (0.21, 0.23):
+        scene = Scene()
+        scene.start(
+            plan(hfsm.ActState("pour", rc.Pour("plan/1", Side.LEFT, "jar_1", "b", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)))
+        )
+        scene.hears("ex", 1)
+        scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+        scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=(0.26, after)))
+        told.append(scene.hears("co", 2).reason)
+    assert told == ["felt: 50 g left jar_1", "felt: 30 g left jar_1, 30 g are still in it"]
+
+
 @pytest.mark.parametrize("weighed", [None, (0.26, 0.2)])
 def test_content_is_told_only_if_it_was_felt(weighed: tuple[float, float] | None) -> None:
     """With how much left the jar; without a weight km hears of no content."""

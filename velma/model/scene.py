@@ -58,10 +58,11 @@ class Thing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Content(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Number of grains in a vessel."""
+    """Number of grains in a vessel; their friction on its inside, None: that of objects.yaml."""
 
     inside: str = "jar_1"
     grains: int = 30
+    friction: float | None = None
 
 
 class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -143,6 +144,7 @@ _ID = re.compile(r"(?!grain_\d)[a-z]+(_[a-z]+)*_\d+")  # no body of the robot or
 MOST_SPREAD = 0.5  # [m, rad] estimate: a wrong unit is found
 # A jar 0.2 m high holds no more, and the simulation of a larger pile takes longer than a cycle.
 MOST_GRAINS = 60
+MOST_FRICTION = 3.0  # estimate: grains that stick to a wall of 70 degrees
 
 
 def load(path: Path = CANONICAL) -> Scene:
@@ -175,6 +177,8 @@ def checked(scene: Scene) -> Scene:
             raise SceneError("content.inside", content.inside, f"the id of a jar that stands upright, one of {jars}")
         if not 0 <= content.grains <= MOST_GRAINS:
             raise SceneError("content.grains", content.grains, f"a number from 0 to {MOST_GRAINS}")
+        if content.friction is not None and not 0 <= content.friction <= MOST_FRICTION:
+            raise SceneError("content.friction", content.friction, f"a number from 0 to {MOST_FRICTION:g}")
     _check_noise(scene.noise)
     _check_spread(scene.spread)
     return scene

@@ -46,7 +46,7 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     default, world = root.find("default"), root.find("worldbody")
     assert default is not None
     assert world is not None
-    _classes(default, objects()["contact"])
+    _classes(default, _contacts(scene))
     surfaces.studio(root, world, offscreen)
     _wrists(root)
     for thing in scene.things:
@@ -55,6 +55,15 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     if vessel is not None and scene.content is not None:
         _grains(world, vessel, scene.content.grains)
     return ET.tostring(root, encoding="unicode")
+
+
+def _contacts(scene: Scene) -> Numbers:
+    """Return the numbers of all contacts, with the friction of the content on the inside of a jar."""
+    contact: Numbers = objects()["contact"]
+    if scene.content is None or scene.content.friction is None:
+        return contact
+    inner = contact["inner"]
+    return {**contact, "inner": {**inner, "friction": [scene.content.friction, *inner["friction"][1:]]}}
 
 
 def _wrists(root: ET.Element) -> None:

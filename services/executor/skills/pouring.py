@@ -1,14 +1,19 @@
 """The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen now.
 
-The jar is weighed in the same posture before and after: what left it was felt. A pour that goes on after an
+The jar is weighed in the same posture before and after: what left it was felt. With much still in it, it is tilted once
+more, farther. A pour that goes on after an
 interruption adds what left in the earlier tilts; what is taken out of the jar between two tilts was not poured.
 """
 
+import math
+from collections.abc import Generator
+
 import numpy as np
+from msgspec import structs
 
 from companion import models
 from companion.languages import rc
-from services.executor.loop.program import GripReport
+from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
 from services.executor.skills import motions
 from services.executor.skills.moving import joining
@@ -21,6 +26,8 @@ from velma.kinematics.tasks.pouring import Stream, follow
 from velma.kinematics.tasks.speeds import BACK_SPEED, TILT_SPEED
 
 WEIGH_S = 1.0  # [s] at rest, until the weight is true to 1 g (velma.control.grip.LOAD_S)
+MUCH = 0.25  # of the content, left after a tilt; estimate: of 60 g as much as can be told from nothing (LEAST_KG)
+FARTHER = math.radians(15.0)  # of the second tilt; estimate: grains that stick to a wall of 45 degrees slide at 60
 LEAST_KG = 0.015  # that counts as poured: two deviations of a sensor that drifts by 0.05 N meanwhile (7.5 g, measured)
 
 
@@ -43,6 +50,17 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
     if _grip(command, before).felt == Grip.UNSURE and _grip(command, before).mass < held.mass / 2.0:
         raise empty(f"the {command.side} hand does not feel {command.source}")
     _begin(here, command, before)
+    after = yield from _tilted(here, command, flow, tilt)
+    if _much_left(here, command, after):
+        after = yield from _tilted(here, command, flow, _farther(here, command, flow, tilt))
+    _weigh(here, command, after)
+
+
+def _tilted(
+    here: Situation, command: rc.Pour, flow: Stream, tilt: list[np.ndarray]
+) -> Generator[Motion, Sensed, Sensed]:
+    """Tilt, hold, and turn back along the same way; return what is felt then."""
+    rim = flow.rim
     try:
         yield motions.along(here, command.key, tilt[1:], TILT_SPEED, watch=rim, settle_s=command.hold)
     except (Cancelled, NotPossible):
@@ -52,10 +70,24 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
             here, command, (yield motions.along(here, command.key, back, BACK_SPEED, watch=rim, settle_s=WEIGH_S))
         )
         raise
-    rest = motions.payload(command.side, command.empty_mass, held.T_grip_object)
+    rest = motions.payload(command.side, command.empty_mass, here.held[command.side].T_grip_object)
     # A cancel from here on changes nothing: the jar goes upright either way.
-    after = yield motions.along(here, command.key, tilt[::-1][1:], BACK_SPEED, watch=rim, settle_s=WEIGH_S, **rest)
-    _weigh(here, command, after)
+    return (yield motions.along(here, command.key, tilt[::-1][1:], BACK_SPEED, watch=rim, settle_s=WEIGH_S, **rest))
+
+
+def _much_left(here: Situation, command: rc.Pour, after: Sensed) -> bool:
+    """Whether the hand feels that much of the content is still in the source; never without sensors."""
+    begun, grip = here.unfinished.get(command.source), _grip(command, after)
+    if begun is None or grip.felt != Grip.HELD:
+        return False
+    rest, content = grip.mass - command.empty_mass, begun.full - command.empty_mass
+    return rest > max(LEAST_KG, MUCH * content)
+
+
+def _farther(here: Situation, command: rc.Pour, flow: Stream, tilt: list[np.ndarray]) -> list[np.ndarray]:
+    """Return a tilt that begins as this one and goes farther; this one where the arm cannot."""
+    first, last = command.tilts
+    return _tilt(here, structs.replace(command, tilts=(first, last + FARTHER)), flow, tilt[0]) or tilt
 
 
 def _grip(command: rc.Pour, sensed: Sensed) -> GripReport:

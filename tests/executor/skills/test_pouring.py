@@ -41,16 +41,27 @@ def over_the_bowl(jar_out: Acting) -> tuple[Situation, rc.Pour]:
     return here, rc.Pour("pour", LEFT, JAR, BOWL, tilting.azimuth, tilting.spin, (FIRST_TILT, LAST_TILT), 1.0, EMPTY)
 
 
-def poured(here: Situation, command: rc.Pour, before: float, after: float, cancelled: int = -1) -> rc.Done | rc.NotDone:
-    """Perform a pour with these masses [kg] felt; its n-th motion is cancelled."""
-    work = perform(here, command)
+def poured(
+    here: Situation, command: rc.Pour, before: float, *after: float, cancelled: int = -1
+) -> rc.Done | rc.NotDone:
+    """Perform a pour with these masses [kg] felt: before, after each tilt; its n-th motion is cancelled."""
+    return performed(here, command, before, *after, cancelled=cancelled)[0]
+
+
+def performed(
+    here: Situation, command: rc.Pour, before: float, *after: float, cancelled: int = -1
+) -> tuple[rc.Done | rc.NotDone, list[Motion]]:
+    """Perform it, and return its motions, too; a tilt has two."""
+    work, motions = perform(here, command), []
+    felt = [before, *(mass for mass in after for _ in range(2))]
     try:
-        motion, number = next(work), 0
+        motion = next(work)
         while True:
-            motion = work.send(_sensed(here, motion, before if number == BEFORE else after, number == cancelled))
-            number += 1
+            motions.append(motion)
+            mass = felt[min(len(motions), len(felt)) - 1]
+            motion = work.send(_sensed(here, motion, mass, len(motions) - 1 == cancelled))
     except StopIteration as stop:
-        return stop.value
+        return stop.value, motions
 
 
 def _sensed(here: Situation, motion: Motion, mass: float, cancelled: bool) -> Sensed:
@@ -75,6 +86,48 @@ def test_a_pour_that_goes_on_counts_from_its_beginning(left: float, over_the_bow
     assert isinstance(outcome, rc.Done)
     assert outcome.weighed == (FULL, EMPTY)
     assert isinstance(poured(here, command, EMPTY, EMPTY), rc.NotDone), "a third one pours nothing"
+
+
+def tilt_of(here: Situation, motion: Motion) -> float:
+    """The angle [rad] between the jar's axis and the vertical at the end of a motion."""
+    grip = here.robot.grip(motion.path()[-1], LEFT)
+    return float(np.arccos((grip * here.held[LEFT].T_grip_object).rotation[2, 2]))
+
+
+def test_a_jar_with_much_left_is_tilted_once_more_and_farther(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """What left it is that of both tilts; a third one is not tried, and what stays in it is told."""
+    here, command = over_the_bowl
+    outcome, motions = performed(here, command, FULL, HALF, EMPTY)
+    assert isinstance(outcome, rc.Done)
+    assert outcome.weighed == (FULL, EMPTY)
+    before, first, _, second, _ = (tilt_of(here, motion) for motion in motions)
+    assert (before, first) == pytest.approx((FIRST_TILT, LAST_TILT), abs=0.02)
+    assert second > first + 0.2
+    outcome, motions = performed(here, command, FULL, HALF, HALF)
+    assert isinstance(outcome, rc.Done)
+    assert (outcome.weighed, len(motions)) == ((FULL, HALF), 5)
+
+
+@pytest.mark.parametrize("left", [EMPTY, 0.212])
+def test_a_jar_with_little_left_is_tilted_once(left: float, over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """A fifth of the content is less than a hand tells from nothing."""
+    outcome, motions = performed(*over_the_bowl, FULL, left)
+    assert isinstance(outcome, rc.Done)
+    assert (outcome.weighed, len(motions)) == ((FULL, left), 3)
+
+
+def test_content_that_does_not_leave_in_two_tilts_is_not_poured(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """It is tried twice, then the pour fails."""
+    outcome, motions = performed(*over_the_bowl, FULL, FULL, FULL)
+    assert isinstance(outcome, rc.NotDone)
+    assert (outcome.kind, len(motions)) == ("failed", 5)
+
+
+def test_a_second_tilt_that_is_cancelled_counts_too(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """What had left in the first one, and in the second until then, is not forgotten."""
+    here, command = over_the_bowl
+    assert isinstance(poured(here, command, FULL, HALF, EMPTY, cancelled=3), rc.NotDone)
+    assert here.unfinished[JAR].left == pytest.approx(FULL - EMPTY)
 
 
 def test_content_taken_out_between_two_tilts_was_not_poured(over_the_bowl: tuple[Situation, rc.Pour]) -> None:

@@ -173,6 +173,7 @@ def test_leaving_a_thing_out_does_not_move_the_others():
         ({"spread": Spread(cabinet=math.nan)}, "smaller number first"),
         ({"spread": Spread(jar_depth=(0.1, -0.1))}, "smaller number first"),
         ({"content": scene.Content(grains=500)}, "from 0 to 60"),
+        ({"content": scene.Content(friction=30.0)}, "from 0 to 3"),
         ({"noise": scene.Noise(position=3.0)}, "from 0 to 0.1"),
     ],
 )
@@ -253,3 +254,13 @@ def test_looks_of_vessels_follow_their_numbers():
         assert np.hypot(points[:, 0], points[:, 1]).max() == pytest.approx(numbers[key], abs=1e-3)
         assert np.ptp(points[:, 2]) == pytest.approx(numbers[height], abs=1e-3)
         assert not model.geom(body).contype[0]
+
+
+@pytest.mark.parametrize("friction", [None, 1.2])
+def test_grains_rub_on_the_inside_of_the_jar_as_the_scene_says(friction: float | None) -> None:
+    """Its outside, which hands hold, is as it was; without a word both are as measured."""
+    whole = msgspec.structs.replace(CANONICAL, content=scene.Content(friction=friction))
+    model = mujoco.MjModel.from_xml_string(scene_xml(whole))
+    inside = {float(model.geom(f"jar_1_{name}").friction[0]) for name in ("bottom", "inner_0", "inner_11")}
+    assert inside == {0.3 if friction is None else friction}
+    assert float(model.geom("jar_1_side").friction[0]) == 0.6
