@@ -217,20 +217,26 @@ def bound(jobs: tuple[Job, ...], at: int) -> bool:
     return any(comes_after(jobs[at], job) for job in jobs[:at])
 
 
+ANYTHING = "anything"
+"""Stands for the things of a command that names none."""
+
+
 def comes_after(job: Job, earlier: Job) -> bool:
-    """Whether a task comes after one said earlier: both name the same thing, one is about whatever is on the table, or
-    the sentence has this order.
-    """
-    command = job.command
-    if command.after == earlier.conversation or bool(things_of(command) & things_of(earlier.command)):
-        return True
-    return any(isinstance(one.command, cmd.ClearTable) for one in (job, earlier))
+    """Whether a task comes after one said earlier: both are about the same thing, or the sentence has this order."""
+    mine, others = things_of(job.command), things_of(earlier.command)
+    whatever = ANYTHING in mine | others and bool(mine and others)
+    return job.command.after == earlier.conversation or bool(mine & others) or whatever
 
 
 def things_of(command: cmd.Task) -> frozenset[str]:
-    """Return the kinds of things that a command names: jar and jar_1 may be the same one."""
-    named = (getattr(command, field, "") for field in ("source", "destination", "object"))
-    return frozenset(name.partition("_")[0] for name in named if name)
+    """Return the kinds of things that a command is about: jar and jar_1 may be the same one.
+
+    {ANYTHING} for whatever is on the table, or in a hand; none for a look around.
+    """
+    named = [name for field in ("source", "destination", "object") if (name := getattr(command, field, ""))]
+    if isinstance(command, cmd.LookAround):
+        return frozenset()
+    return frozenset(name.partition("_")[0] for name in named) or frozenset({ANYTHING})
 
 
 def choice_open(memory: Memory) -> bool:

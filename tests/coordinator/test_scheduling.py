@@ -194,6 +194,14 @@ def test_a_table_is_cleared_after_what_was_said_before():
     assert order_of(cmd.ClearTable(), cmd.Take("jar", deadline=20.0)) == [0, 1]
 
 
+def test_hands_are_swapped_in_the_order_of_what_was_said():
+    """Whatever they hold by then; with a name it is about that thing alone."""
+    assert order_of(cmd.Take("jar"), cmd.SwapHands(deadline=20.0)) == [0, 1]
+    assert order_of(cmd.SwapHands(), cmd.Take("bowl", deadline=20.0)) == [0, 1]
+    assert order_of(cmd.Take("jar"), cmd.SwapHands("bowl", deadline=20.0)) == [1, 0]
+    assert order_of(cmd.ClearTable(), cmd.LookAround(deadline=20.0)) == [1, 0]
+
+
 def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     """co's own steps: the one under way goes on, the urgent one is the next, and hears how many come before it."""
     scene = Scene()
