@@ -13,10 +13,11 @@ from operate.cli.fleet.checkup import Check, Checks, Level
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look
 from operate.cli.fleet.targets import Target
+from velma.sim import gl
 
 NEEDED = (*checkup_machine.NEEDED, "knowledge", "planner", "executor")
 """The extras that the whole fleet on one machine needs."""
-IMPORTS = (*checkup_machine.IMPORTS, "pinocchio", "coal", "ompl", "mujoco")
+IMPORTS = (*checkup_machine.IMPORTS, "pinocchio", "coal", "ompl", "mujoco", "cv2")
 """Libraries with parts that are not Python: installed is not yet loadable."""
 MEMORY = 1 << 30
 """Bytes that the fleet uses: 975 MiB resident before its first task (measured 2026-11-21)."""
@@ -62,11 +63,22 @@ def _paced(measured: pace.Pace | None, remedy: str) -> Iterator[Check]:
         yield Check("priority", Level.NOTE, "the loop gets no real-time priority: it runs without", right)
 
 
+def opengl() -> Iterator[Check]:
+    """Whether the head camera's pictures can be drawn here."""
+    if name := gl.found():
+        yield Check("OpenGL", Level.FINE, f"{name} draws without a display")
+    else:
+        lost = "none without a display: no pictures of the head camera, no eyes by pixels"
+        remedy = "Debian: apt install libegl1 libegl-mesa0 libgl1-mesa-dri, or apt install libosmesa6"
+        yield Check("OpenGL", Level.NOTE, lost, remedy)
+
+
 CHECKS = Checks(
     machine={
         "libraries": partial(checkup_machine.libraries, NEEDED),
         "imports": partial(checkup_machine.imports, IMPORTS),
         "memory": partial(checkup_machine.memory, MEMORY),
+        "OpenGL": opengl,
         "real time": real_time,
     },
     fleet={"hi": person, "real time": loop},
