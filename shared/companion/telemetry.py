@@ -106,7 +106,7 @@ class Picture(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
 
     sim_time_s: float
     jpeg: bytes
-    room: bytes = b""
+    room: bytes
     markers: tuple[Found, ...] = ()
 
 
