@@ -8,6 +8,7 @@ from companion.languages import rc
 from companion.languages.values import Side
 from services.executor.receptor import Receptor
 from services.executor.remembered import Remembered
+from services.executor.sight import Neck
 from services.executor.skill_process import remembered
 
 JAR, LEFT = "jar_1", Side.LEFT
@@ -21,7 +22,7 @@ class Blind(Receptor):
     def __init__(self) -> None:
         pass
 
-    def look(self, qpos: np.ndarray) -> list:
+    def look(self, qpos: np.ndarray, neck: Neck) -> list:
         """Return nothing."""
         return []
 
@@ -32,9 +33,9 @@ class OnlyInTheHand(Receptor):
     def __init__(self, acting: Acting) -> None:
         self._acting, self._eye = acting, acting.eye
 
-    def look(self, qpos: np.ndarray) -> list:
+    def look(self, qpos: np.ndarray, neck: Neck) -> list:
         """Return what the other eye sees while the jar is held."""
-        return self._eye.look(qpos) if self._acting.here.holder(JAR) else []
+        return self._eye.look(qpos, neck) if self._acting.here.holder(JAR) else []
 
 
 @pytest.mark.parametrize("sees", ["nothing", "the jar in the hand"])
