@@ -207,9 +207,7 @@ def main(
         if seed in known:
             continue
         line = measured(SCRIPTS[script], seed, base / f"seed-{seed}")
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with out.open("ab") as file:
-            file.write(msgspec.json.encode(line) + b"\n")
+        tables.append(out, line)
         told = "good" if line["good"] else f"FAILED: {_wrong(line)}"
         typer.echo(f"seed {seed}: {told}, {len(line['commands'])} commands, {line['wall_s']} s, load {line['load']}")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
+import tables
 import typer
 from pour_one_process import Run
 
@@ -111,8 +112,7 @@ class Cancelled(Run):
             self.child = True
         line["wall_s"] = round(time.perf_counter() - self.began, 1)
         typer.echo(f"{'good' if line['good'] else 'BAD '} {msgspec.json.encode(line).decode()}")
-        with self.out.open("ab") as file:
-            file.write(msgspec.json.encode(line) + b"\n")
+        tables.append(self.out, line)
         os._exit(0)
 
 

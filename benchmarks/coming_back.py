@@ -272,8 +272,7 @@ def _loads(line: dict[str, Any]) -> str:
 
 
 def _told(out: Path, line: dict[str, Any]) -> None:
-    with out.open("ab") as file:
-        file.write(msgspec.json.encode(line) + b"\n")
+    tables.append(out, line)
     typer.echo(str(line))
 
 

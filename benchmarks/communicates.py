@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+import tables
 import typer
 from fleets import KINDS, PARTS, Fleet
 from round_trip import WM
@@ -285,9 +286,7 @@ def main(
                 continue
             typer.echo(shown(row))
             if not quick:
-                out.parent.mkdir(parents=True, exist_ok=True)
-                with out.open("ab") as file:
-                    file.write(msgspec.json.encode(row) + b"\n")
+                tables.append(out, row)
     typer.echo(f"load of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 
 

@@ -191,8 +191,7 @@ def main(
             continue
         row = setting | measured(varied, seed)
         rows.append(row)
-        with out.open("ab") as file:
-            file.write(msgspec.json.encode(row) + b"\n")
+        tables.append(out, row)
     if picture is not None:
         draw(load(CANONICAL.with_stem(scene)), picture)
     if page is not None:

@@ -73,8 +73,7 @@ def main(
             continue
         with tempfile.TemporaryDirectory(prefix="fault-", ignore_cleanup_errors=True) as folder:
             line = cell(victim, phase, fault, 1 + number % 10, Path(folder))
-        with out.open("ab") as file:
-            file.write(msgspec.json.encode(line) + b"\n")
+        tables.append(out, line)
         words = "poured" if line["poured"] else f"NOT POURED: {line['why']}"
         typer.echo(f"{fault} {victim} at {phase}: {words}, doubled {line['doubled']}, {line['wall_s']} s")
 

@@ -1,4 +1,4 @@
-"""What becomes of two tasks when a process is killed or hung while one is left for the other, or cancelled.
+"""A process is killed or hung while one task is left for another, or cancelled: whether both tasks end as wanted.
 
 A pour is left for a more urgent "look around" while the jar is carried, and taken up again; or cancelled there. One
 fleet per cell, --speed max. Good is: what was asked for is done or cancelled, nothing was dropped, and a cancelled pour
@@ -137,8 +137,7 @@ def main(
         if (victim, phase, fault) in known:
             continue
         line = measured(victim, phase, fault, seed, base / f"{victim}-{fault}-{phase}")
-        with out.open("ab") as file:
-            file.write(msgspec.json.encode(line) + b"\n")
+        tables.append(out, line)
         typer.echo(msgspec.json.encode(line).decode())
 
 

@@ -19,7 +19,6 @@ import time
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 import tables
 import typer
 
@@ -142,8 +141,7 @@ def main(
             if left <= 0:
                 continue
             line = row(target, fresh(target.name, known), min(left, max(500, int(ROW * target.weight))))
-            with out.open("ab") as file:
-                file.write(msgspec.json.encode(line) + b"\n")
+            tables.append(out, line)
             known[target.name, line["seed"]] = line["inputs"]
             done[target.name] += line["inputs"] or left
             typer.echo(f"{target.name} {line['seed']}: {line['inputs']} inputs, {line['crashes'] or 'no crash'}")

@@ -146,9 +146,7 @@ def main(
                 if (seed, phase, kind) in known:
                     continue
                 line = measured(seed, phase, kind, base / f"{seed}-{kind}-{number}")
-                out.parent.mkdir(parents=True, exist_ok=True)
-                with out.open("ab") as file:
-                    file.write(msgspec.json.encode(line) + b"\n")
+                tables.append(out, line)
                 typer.echo(msgspec.json.encode(line).decode())
 
 

@@ -16,7 +16,6 @@ from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 import tables
 import typer
 
@@ -88,8 +87,7 @@ def main(
         if (victim, side, first) in known:
             continue
         line = block(victim, side, range(first, min(first + BLOCK, count + 1)), usual)
-        with out.open("ab") as file:
-            file.write(msgspec.json.encode(line) + b"\n")
+        tables.append(out, line)
         typer.echo(f"{victim} {side} {first}: {line['runs']} runs, {line['wrong'] or 'all the same'}")
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+import tables
 import typer
 
 DEADLINE_S = 900.0  # estimate: a run takes 40-60 s at --speed max, two minutes at --speed 1; thrice that when busy
@@ -73,7 +74,7 @@ def main(
     """Run the seeds that do not stand in the results file yet at this speed, on a machine this busy."""
     first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
-    lines = [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
+    lines = tables.read(out)
     known = {(line["seed"], line["speed"], line.get("busy", 0)) for line in lines}
     base = runs or Path(tempfile.mkdtemp(prefix="pour-fleet-"))
     for seed in range(first, last + 1):
@@ -81,8 +82,7 @@ def main(
             continue
         with busy_machine(busy):
             result = measured(seed, speed, base / f"seed-{seed}-{speed}-{busy}") | {"busy": busy}
-        with out.open("ab") as file:
-            file.write(msgspec.json.encode(result) + b"\n")
+        tables.append(out, result)
         verdict = "poured" if result["success"] else f"FAILED: {result['failure']}"
         times = f"sim {result.get('sim_time_s')} s, demo {result['demo_wall_s']} s, load {result['load']}"
         typer.echo(f"seed {seed}: {verdict}, {times}, {result.get('plans')}")

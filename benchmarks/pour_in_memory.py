@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+import tables
 import typer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "fleet"))
@@ -51,8 +52,7 @@ def main(
         if seed in known:
             continue
         result = measured(seed)
-        with out.open("ab") as file:
-            file.write(msgspec.json.encode(result) + b"\n")
+        tables.append(out, result)
         typer.echo(f"seed {seed}: {result}")
 
 

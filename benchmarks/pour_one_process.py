@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
+import tables
 import typer
 
 from companion.eyes import Eyes
@@ -168,7 +168,7 @@ def main(
     """Run the seeds that do not stand in the results file yet."""
     first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
-    lines = [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
+    lines = tables.read(out)
     known = {
         line["seed"] for line in lines if (line.get("scene", CANONICAL.stem), line.get("eyes", "rays")) == (scene, eyes)
     }
@@ -176,8 +176,7 @@ def main(
         if seed in known:
             continue
         result = measured(seed, verbose, scene, eyes)
-        with out.open("ab") as file:
-            file.write(msgspec.json.encode(result) + b"\n")
+        tables.append(out, result)
         typer.echo(f"seed {seed}: {'poured' if result['success'] else 'FAILED'} {result['failure']} {result['poured']} "
                    f"sim {result['sim_time_s']} s wall {result['wall_s']} s plans {result['plans']}")  # fmt: skip
 

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
+import tables
 import typer
 from pour_fleet import measured
 
@@ -44,9 +44,7 @@ def main(
         beside.wait(timeout=10)
     found = FIGURES.search((folder / "cyclictest").read_text())
     line["cyclictest_us"] = dict(zip(("min", "avg", "max"), map(int, found.groups()), strict=True)) if found else None
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with out.open("ab") as file:
-        file.write(msgspec.json.encode(line) + b"\n")
+    tables.append(out, line)
     loop = line.get("loop", {})
     typer.echo(f"success {line['success']}, sim {line.get('sim_time_s')} s, plans {line.get('plans')}")
     typer.echo(

@@ -186,8 +186,7 @@ def main(
     try:
         for row in range(len(lines), rows):
             line = measure(processes, row)
-            with out.open("ab") as file:
-                file.write(msgspec.json.encode(line) + b"\n")
+            tables.append(out, line)
             typer.echo(f"{row}: {line['seconds']} s, {line['memory_mb']}, {line['journals']}")
     finally:
         processes.end()

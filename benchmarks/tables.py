@@ -11,6 +11,13 @@ def read(out: Path) -> list[dict[str, Any]]:
     return [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
 
 
+def append(out: Path, line: object) -> None:
+    """Add a row, a dict or struct, to a results file, which is made where it is missing."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with out.open("ab") as file:
+        file.write(msgspec.json.encode(line) + b"\n")
+
+
 def put(page: Path, begin: str, text: str, end: str) -> None:
     """Put a text between two marks of a page, in place of what stands there."""
     head, _, rest = page.read_text(encoding="utf-8").partition(begin)

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
+import tables
 import typer
 from communicates import commit
 from fleets import tree
@@ -163,8 +164,7 @@ def main(
         return
     with tempfile.TemporaryDirectory(prefix="roco-viewer-") as folder:
         row = measure(Path(folder), freeze, frozen)
-    with out.open("ab") as file:
-        file.write(msgspec.json.encode(row) + b"\n")
+    tables.append(out, row)
     for phase in row.phases:
         memory = ", ".join(f"{who} {mb:.0f} MB" for who, mb in phase.rss_mb.items())
         print(f"{phase.name:16} {phase.n:6} trips  p50 {phase.p50_us:7.0f} us  p99 {phase.p99_us:8.0f} us  {memory}")

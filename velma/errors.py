@@ -48,9 +48,8 @@ class BackendError(VelmaError):
 class GlError(VelmaError):
     """No OpenGL library that draws without a display works here."""
 
+    REMEDY = "Debian: apt install libegl1 libegl-mesa0 libgl1-mesa-dri, or apt install libosmesa6"
+
     def __init__(self, tried: str) -> None:
         self.tried = tried
-        super().__init__(
-            f"OpenGL: none of {tried} works here, the head camera needs one; Debian: apt install libegl1 libegl-mesa0 "
-            "libgl1-mesa-dri, or apt install libosmesa6"
-        )
+        super().__init__(f"OpenGL: none of {tried} works here, the head camera needs one; {self.REMEDY}")

@@ -30,8 +30,8 @@ def serve(options: Options) -> int:
     slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS_FILE)
     try:
         seeing = eyes(os.environ.get(VARIABLE, ""))
-        if seeing is Eyes.PIXELS and not gl.found():
-            raise GlError(", ".join(gl.LIBRARIES.values()))
+        if seeing is Eyes.PIXELS:
+            gl.required()
     except (ValueError, GlError) as error:
         sys.stderr.write(f"executor: {error}\n")
         return USAGE_ERROR

@@ -1,6 +1,6 @@
-"""The child process by which ex sees: takes a picture of each state it gets, and tells what the markers in it tell.
+"""The child process by which ex sees: makes a picture of each state it gets, reads the markers in it.
 
-It knows the true state only as light: poses are from the picture and from the camera's pose that it is told.
+The true state is used for the picture alone: poses are from the picture and the measured pose of the camera.
 """
 
 import sys
@@ -19,7 +19,7 @@ from velma.sim.photographs import Photographs
 
 
 def serve(link: Link) -> None:
-    """Look until the other side is gone; ends with NO_GL where there is no OpenGL."""
+    """Look until the other side is gone. Exit with NO_GL without OpenGL."""
     scene = link.recv(Scene)
     try:
         camera = Photographs(scene)

@@ -21,7 +21,7 @@ from velma.sim.photographs import Photographs
 
 
 def serve(link: Link) -> None:
-    """Make pictures until the agent is gone; ends with NO_GL where there is no OpenGL."""
+    """Make pictures until the agent is gone. Exit with NO_GL without OpenGL."""
     scene = scene_of(link.recv(Setup))
     try:
         camera = Photographs(scene)

@@ -12,11 +12,10 @@ from services.executor.local import Array
 from services.executor.looks import Saw, See
 from services.executor.pictures import NO_GL
 from services.executor.sight import Neck, Sight
-from velma.errors import GlError
 from velma.kinematics.frames import pose_of
 from velma.kinematics.robot import Robot
 from velma.model.scene import Scene
-from velma.sim.gl import LIBRARIES
+from velma.sim.gl import missing
 
 ENTRY = "services.executor.eye_process:serve"
 WITHIN_S, TRIES = 60.0, 2
@@ -60,7 +59,7 @@ class PixelReceptor:
                         continue  # of a look that was given up
                     case code:
                         if code == NO_GL:
-                            raise GlError(", ".join(LIBRARIES.values()))
+                            raise missing()
                         return None
         except Empty:
             return None

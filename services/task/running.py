@@ -19,7 +19,6 @@ from services.task.memory import Memory, Pending, Soft, way_to_safety
 from services.task.words import SURVEY
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
-REST_KG = 0.015  # in a jar, beside its own mass, that is told; as much as a sensor that drifts can tell (measured)
 ATTEMPTS = 2  # to put down what is held: the second one starts elsewhere, with newer observations (estimate)
 Outcome = hfsm.Outcome
 
@@ -212,7 +211,7 @@ def _felt(pour: rc.Pour, before: float, after: float) -> str:
     """Return how much [kg] was felt to leave a source, and how much to stay in it."""
     words = f"felt: {1000 * (before - after):.0f} g left {pour.source}"
     rest = after - pour.empty_mass
-    return f"{words}, {1000 * rest:.0f} g are still in it" if rest > REST_KG else words
+    return f"{words}, {1000 * rest:.0f} g are still in it" if rest > rc.LEAST_WEIGHED_KG else words
 
 
 # --- questions --------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What a real camera does to a picture: noise, blur, exposure."""
+"""Noise, blur and exposure of a real camera."""
 
 import cv2
 import numpy as np

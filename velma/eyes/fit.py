@@ -6,6 +6,7 @@ the camera's pose is given.
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,7 +65,7 @@ def fit(view: View, corners: Array, pixels: Array, start: tuple[Array, Array], u
             return None
         step = np.zeros(6)
         step[columns] = np.linalg.solve(normal, -slopes.T @ off)
-        position, rotation = position + step[:3], _turn(step[3:]) @ rotation
+        position, rotation = position + step[:3], np.asarray(cv2.Rodrigues(step[3:])[0]) @ rotation
         if np.abs(step).max() < CLOSE_M:
             break
     off, slopes = _linear(view, corners @ rotation.T, position, pixels)
@@ -96,15 +97,6 @@ def _cross(arms: Array) -> Array:
     x, y, z = arms.T
     nothing = np.zeros_like(x)
     return np.stack([nothing, -z, y, z, nothing, -x, -y, x, nothing], axis=1).reshape(-1, 3, 3)
-
-
-def _turn(vector: Array) -> Array:
-    """Return the rotation (3, 3) about a vector (3,), its length the angle [rad]."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    axis = _cross(vector[None] / angle)[0]
-    return np.asarray(np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis)
 
 
 def _stood(rotation: Array) -> Array:

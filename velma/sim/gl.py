@@ -26,15 +26,24 @@ def found() -> str:
     return next((name for name in names if _works(name)), "")
 
 
+def required() -> str:
+    """Return the name of the library that works here. Raises GlError where neither does."""
+    if name := found():
+        return name
+    raise missing()
+
+
+def missing() -> GlError:
+    """Return the error of a machine where neither library works."""
+    return GlError(", ".join(LIBRARIES.values()))
+
+
 def context(width: int, height: int) -> Any:
     """Return a context of this thread that is current, for pictures of width x height pixels.
 
     Raises GlError where neither library works.
     """
-    name = found()
-    if not name:
-        raise GlError(", ".join(LIBRARIES.values()))
-    made = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
+    made = importlib.import_module(f"mujoco.{required()}").GLContext(width, height)
     made.make_current()
     return made
 

@@ -1,8 +1,8 @@
 """The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen now.
 
 The jar is weighed in the same posture before and after: what left it was felt. With much still in it, it is tilted once
-more, farther. A pour that goes on after an
-interruption adds what left in the earlier tilts; what is taken out of the jar between two tilts was not poured.
+more, farther. A pour that goes on after an interruption adds what left in the earlier tilts; what is taken out of the
+jar between two tilts was not poured.
 """
 
 import math
@@ -26,9 +26,8 @@ from velma.kinematics.tasks.pouring import Stream, follow
 from velma.kinematics.tasks.speeds import BACK_SPEED, TILT_SPEED
 
 WEIGH_S = 1.0  # [s] at rest, until the weight is true to 1 g (velma.control.grip.LOAD_S)
-MUCH = 0.25  # of the content, left after a tilt; estimate: of 60 g as much as can be told from nothing (LEAST_KG)
+MUCH = 0.25  # of the content, left after a tilt; estimate: of 60 g as much as rc.LEAST_WEIGHED_KG
 FARTHER = math.radians(15.0)  # of the second tilt; estimate: grains that stick to a wall of 45 degrees slide at 60
-LEAST_KG = 0.015  # that counts as poured: two deviations of a sensor that drifts by 0.05 N meanwhile (7.5 g, measured)
 
 
 def pour(here: Situation, command: rc.Pour) -> Skill:
@@ -81,7 +80,7 @@ def _much_left(here: Situation, command: rc.Pour, after: Sensed) -> bool:
     if begun is None or grip.felt != Grip.HELD:
         return False
     rest, content = grip.mass - command.empty_mass, begun.full - command.empty_mass
-    return rest > max(LEAST_KG, MUCH * content)
+    return rest > max(rc.LEAST_WEIGHED_KG, MUCH * content)
 
 
 def _farther(here: Situation, command: rc.Pour, flow: Stream, tilt: list[np.ndarray]) -> list[np.ndarray]:
@@ -119,7 +118,7 @@ def _weigh(here: Situation, command: rc.Pour, after: Sensed) -> None:
     if begun is None or grip.felt != Grip.HELD:
         return
     full, rest = begun.full, grip.mass
-    if full - rest < LEAST_KG:
+    if full - rest < rc.LEAST_WEIGHED_KG:
         raise failed(f"nothing left {command.source}: it weighs {full:.3f} kg before and {rest:.3f} kg after the pour")
     here.weighed = full, rest
 

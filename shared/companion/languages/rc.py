@@ -115,6 +115,11 @@ class Home(Command, frozen=True):
     side: Side
 
 
+LEAST_WEIGHED_KG = 0.015
+"""Difference of two weights of a pour that counts: two deviations of a sensor that drifts by 0.05 N meanwhile (7.5 g,
+measured)."""
+
+
 class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object, T_grip_object).
 

@@ -13,14 +13,13 @@ from agent_runtime.core.streams import parse_observation
 from companion.languages import rc, wm
 from companion.languages.values import BodyPosture, Pose, Side, Vector
 from companion.telemetry import TrueState
+from companion.tools.asking import KM
 from companion.tools.pictures import robot
 from companion.tools.report import plans, verdict
 from companion.wording import spaced
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from velma.names import BODY, GRIP_BODY
-
-KM = "km"
 
 
 class Believed(msgspec.Struct, frozen=True):

@@ -13,6 +13,7 @@ from operate.cli.fleet.checkup import Check, Checks, Level
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look
 from operate.cli.fleet.targets import Target
+from velma.errors import GlError
 from velma.sim import gl
 
 NEEDED = (*checkup_machine.NEEDED, "knowledge", "planner", "executor")
@@ -69,8 +70,7 @@ def opengl() -> Iterator[Check]:
         yield Check("OpenGL", Level.FINE, f"{name} draws without a display")
     else:
         lost = "none without a display: no pictures of the head camera, no eyes by pixels"
-        remedy = "Debian: apt install libegl1 libegl-mesa0 libgl1-mesa-dri, or apt install libosmesa6"
-        yield Check("OpenGL", Level.NOTE, lost, remedy)
+        yield Check("OpenGL", Level.NOTE, lost, GlError.REMEDY)
 
 
 CHECKS = Checks(

@@ -90,8 +90,8 @@ def _see(asked: Eyes | None) -> None:
     if asked is not None:
         os.environ[VARIABLE] = asked
     try:
-        if named(os.environ.get(VARIABLE, "")) is Eyes.PIXELS and not gl.found():
-            raise GlError(", ".join(gl.LIBRARIES.values()))
+        if named(os.environ.get(VARIABLE, "")) is Eyes.PIXELS:
+            gl.required()
     except (ValueError, GlError) as error:
         raise UsageError(str(error)) from None
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from companion.asking import PREFIXES, Question, Rows, Term
 from companion.languages import wm
 from companion.tools import asking
+from companion.tools.asking import KM
 from companion.wording import plain, spaced
 from operate.recording.records import Spoken
 from operate.recording.traced import Run
@@ -17,7 +18,6 @@ from operate.tracing.trace import Message, Trace
 
 SECONDS, ROWS = 5.0, 1000
 """Bounds of a query, as of `roco ask`."""
-KM = "km"
 THINGS = "SELECT DISTINCT ?thing WHERE { GRAPH ?said { ?thing a ?class } ?said a roco:Observation }"
 BELIEFS = """SELECT ?subject ?relation ?value ?since WHERE {{ VALUES ?subject {{ thing:{0} content:{0} }}
   GRAPH ?said {{ ?subject ?relation ?value }} ?said a roco:Observation ; roco:toldAt ?since
