@@ -13,7 +13,7 @@ from services.executor.pictures import NO_GL
 from velma.errors import GlError
 from velma.eyes.fit import View
 from velma.eyes.lens import lens
-from velma.eyes.seeing import eyes_of
+from velma.eyes.seeing import Seen, eyes_of
 from velma.model.scene import Scene
 from velma.sim.photographs import Photographs
 
@@ -29,8 +29,11 @@ def serve(link: Link) -> None:
     eyes = eyes_of(scene)
     while True:
         see = link.recv(See)
-        found = eyes.markers(camera.take(np.frombuffer(see.world), see.number))
+        pixels = camera.take(np.frombuffer(see.world), see.number)
         view = View(lens(), np.array(see.rotation).reshape(3, 3), np.array(see.position))
-        seen = eyes.bodies(found, view)
-        things = (Thing(one.name, tuple(one.rotation.ravel().tolist()), tuple(one.position.tolist())) for one in seen)
-        link.send(Saw(see.number, tuple(things)))
+        bodies = eyes.bodies(eyes.markers(pixels), view)
+        link.send(Saw(see.number, tuple(_thing(one, eyes.content(one, pixels, view)) for one in bodies)))
+
+
+def _thing(seen: Seen, content: float | None) -> Thing:
+    return Thing(seen.name, tuple(seen.rotation.ravel().tolist()), tuple(seen.position.tolist()), content)

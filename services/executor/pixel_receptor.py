@@ -39,7 +39,7 @@ class PixelReceptor:
             self._child.tell(See(self._looks, world.tobytes(), *place))
             saw = self._answer()
             if saw is not None:
-                return [Sight(one.name, pose_of(one.rotation, one.position)) for one in saw.things]
+                return [Sight(one.name, pose_of(one.rotation, one.position), one.content) for one in saw.things]
             self._child.kill()
             self._child = self._new()
         raise WorkerError(ENTRY, "does not see", "look at ex's log; start with --eyes rays")

@@ -24,12 +24,13 @@ class Unfinished(msgspec.Struct, frozen=True):
     """A pour that was begun: into which thing, and what the hand felt of the source [kg].
 
     `full`: the mass before the tilt, with what had left in earlier tilts. `left`: the mass that left in all tilts, None
-    while the last one has not been weighed.
+    while the last one has not been weighed. `had`: the mass seen in the destination before.
     """
 
     destination: str
     full: float
     left: float | None = None
+    had: float = 0.0
 
 
 class Remembered(msgspec.Struct, frozen=True):

@@ -13,10 +13,15 @@ Neck = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Sight:
-    """A detected thing: its name, and its pose in the world with the error that eyes have."""
+    """A detected thing: its name, and its pose in the world with the error that eyes have.
+
+    `content`: mass of what is seen in it [kg]; None where these eyes, or from there, do not tell. An arm before the
+    opening hides some of it.
+    """
 
     name: str
     T_world_object: pin.SE3
+    content: float | None = None
 
 
 class Eye(Protocol):

@@ -42,6 +42,8 @@ class Stage:
         here.q, here.head, here.time = felt.setpoint().copy(), felt.head, felt.time
         for name, seen in kept.seen.items():
             here.place(name, transform(seen.pose))
+            if seen.content is not None:
+                here.contents[name] = seen.content
         for side, angle in kept.fingers.items():
             here.set_fingers(str(side), angle)
         for side, one in kept.held.items():
@@ -70,7 +72,8 @@ class Stage:
 def remembered(here: Situation, epoch: str) -> Remembered:
     """Return a situation as plain data; `epoch` names its world."""
     seen = {
-        name: rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), here.time) for name, pose in here.seen.items()
+        name: rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), here.time, here.contents.get(name))
+        for name, pose in here.seen.items()
     }
     held = {
         Side(side): Holding(one.object, one.grasp, Pose(*xyz_quat(one.T_grip_object)), one.mass)

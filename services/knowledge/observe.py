@@ -59,12 +59,14 @@ def forgotten(scene: Scene, version: Version) -> Scene:
 
 def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
     match observation:
-        case wm.SeenObject(object=name, model=model, pose=pose):
+        case wm.SeenObject(object=name, model=model, pose=pose, content=content):
             # A held object moves with the hand: its pose is valid only at the moment of the observation.
             exact = scene.holder(name) is None
             kept = scene.things.get(name, Thing(name, model, pose))
             origin = None if _moved_by_others(kept, pose) else kept.origin
             seen = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=exact, origin=origin)
+            if content is not None:
+                seen = msgspec.structs.replace(seen, content=content)
             return related(scene.with_thing(seen), at, name)
         case wm.PlacedObject(object=name, model=model, pose=pose):
             kept = scene.things.get(name, Thing(name, model, pose))

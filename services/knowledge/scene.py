@@ -26,7 +26,8 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `exact`: it was seen there. `on`, `inside`: computed from poses and shapes. `at`: time of that observation,
     `related_at`: of the newest observation behind its relations [s, observer's clock]. `origin`: of the first time that
-    the robot took it; None before, and after somebody else moved it.
+    the robot took it; None before, and after somebody else moved it. `content`: mass of what was seen in it [kg] when
+    it was looked into last, None if it never was.
     """
 
     id: str
@@ -38,6 +39,7 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
     inside: tuple[str, ...] = ()
     related_at: float = 0.0
     origin: Origin | None = None
+    content: float | None = None
 
     @property
     def known(self) -> Model | None:

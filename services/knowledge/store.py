@@ -135,11 +135,12 @@ def _thing(scene: Scene, thing: Thing) -> Subject:
     if (side := scene.holder(thing.id)) is not None:
         facts.append((str(ROCO.isGraspedBy), str(ROCO[f"{side.value}_hand"])))
         facts.append((str(ROCO.isGraspedWith), iri(GRASP, f"{thing.model}/{scene.hands[side].grasp}")))
-    values = (
+    values: tuple[tuple[str, bool | float], ...] = (
         (str(ROCO.isMoveable), thing.moveable),
         (str(ROCO.hasExactPose), thing.exact),
         (str(ROCO.relatedAt), thing.related_at),
     )
+    values += () if thing.content is None else ((str(ROCO.contentSeen), thing.content),)
     stored = Stored(key, thing=thing)
     return Subject(iri(THING, thing.id), stored, scene.versions.get(key), scene.times.get(key), tuple(facts), values)
 

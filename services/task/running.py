@@ -179,7 +179,8 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     if memory.looking:
         return finish(replace(memory, looking=False), Outcome.REPLAN, memory.reason)
     if isinstance(outcome, rc.Done):
-        return leave(memory, turn, Outcome.SUCCEEDED, _seen(memory, outcome), finish)
+        end = Outcome.FAILED if outcome.arrived is False else Outcome.SUCCEEDED
+        return leave(memory, turn, end, _seen(memory, outcome), finish)
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
         memory = replace(memory, reason=memory.reason or outcome.reason)
@@ -202,7 +203,7 @@ def _seen(memory: Memory, outcome: rc.Done) -> str:
         case hfsm.ActState(command=rc.Look()):
             return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}"
         case hfsm.ActState(command=rc.Pour() as pour) if outcome.weighed is not None:
-            return _felt(pour, *outcome.weighed)
+            return _felt(pour, *outcome.weighed) + _looked_into(pour, outcome)
         case _:
             return ""
 
@@ -212,6 +213,15 @@ def _felt(pour: rc.Pour, before: float, after: float) -> str:
     words = f"felt: {1000 * (before - after):.0f} g left {pour.source}"
     rest = after - pour.empty_mass
     return f"{words}, {1000 * rest:.0f} g are still in it" if rest > rc.LEAST_WEIGHED_KG else words
+
+
+def _looked_into(pour: rc.Pour, outcome: rc.Done) -> str:
+    """Return how much was seen in the destination then."""
+    seen = next((one.content for one in outcome.seen if one.object == pour.destination), None)
+    if outcome.arrived is None or seen is None:
+        return ""
+    words = f"; seen: about {100 * round(10 * seen, 1):.0f} g in {pour.destination}"
+    return words if outcome.arrived else f"{words}: the rest is not there"
 
 
 # --- questions --------------------------------------------------------------------------------------------------------

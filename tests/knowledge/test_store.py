@@ -18,7 +18,14 @@ number = st.floats(-2.0, 2.0, allow_nan=False)
 poses = st.builds(Pose, st.tuples(number, number, number))
 names = st.sampled_from(["jar_1", "bowl_1", 'odd "name" > x', "schüssel"])
 observations: st.SearchStrategy[wm.AnyObservation] = st.one_of(
-    st.builds(wm.SeenObject, names, st.sampled_from(["jar", "bowl_high", "table", "teapot"]), poses, number),
+    st.builds(
+        wm.SeenObject,
+        names,
+        st.sampled_from(["jar", "bowl_high", "table", "teapot"]),
+        poses,
+        number,
+        st.none() | st.floats(0.0, 1.0),
+    ),
     st.builds(wm.SeenHand, st.sampled_from(Side), st.one_of(st.just(""), names), st.just("3"), poses),
     st.builds(wm.FeltContent, names, names, st.floats(0.0, 1.0)),
     st.builds(
@@ -99,7 +106,9 @@ def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> N
     """No property is made up by the store."""
     store_observation(kitchen, wm.FeltContent("jar_1", "bowl_1", 0.06), (1, 30))
     store_observation(kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31))
+    store_observation(kitchen, wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06), (1, 32))
     graph = kitchen.graph()
+    assert graph.value(URIRef(iri(THING, "bowl_1")), ROCO.contentSeen).toPython() == 0.06
     used = {p for p in graph.predicates() if p in ROCO}
     assert all((p, RDF.type, None) in graph for p in used)
 

@@ -171,6 +171,36 @@ def test_what_stays_in_the_jar_is_told() -> None:
     assert told == ["felt: 50 g left jar_1", "felt: 30 g left jar_1, 30 g are still in it"]
 
 
+@pytest.mark.parametrize(
+    ("arrived", "content", "state", "told"),
+    [
+        (True, 0.058, sw.WorkerState.SUCCEEDED, "felt: 60 g left jar_1; seen: about 60 g in bowl_1"),
+        (
+            False,
+            0.03,
+            sw.WorkerState.FAILED,
+            "felt: 60 g left jar_1; seen: about 30 g in bowl_1: the rest is not there",
+        ),
+        (None, None, sw.WorkerState.SUCCEEDED, "felt: 60 g left jar_1"),
+    ],
+)
+def test_content_that_is_not_seen_to_arrive_was_not_poured(
+    arrived: bool | None, content: float | None, state: sw.WorkerState, told: str
+) -> None:
+    """What left the jar was felt; what is in the bowl is seen, and told to km."""
+    scene, at = Scene(), Pose((0.7, -0.3, 0.776))
+    pour = rc.Pour("plan/1", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.3, 2.3), 1.0, 0.2)
+    scene.start(plan(hfsm.ActState("pour", pour)))
+    scene.hears("ex", 1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    seen = (rs.Seen("bowl_1", "bowl_high", at, 3.0, content),)
+    scene.ex(P.INFORM, rc.Done("plan/1", BODY, seen, weighed=(0.26, 0.2), arrived=arrived))
+    report = scene.hears("co", 2)
+    assert (report.state, report.reason.startswith(told)) == (state, True), report.reason
+    news = [one for _, _, one in scene.heard["km"] if isinstance(one, wm.SeenObject)]
+    assert news == [wm.SeenObject("bowl_1", "bowl_high", at, 3.0, content)]
+
+
 @pytest.mark.parametrize("weighed", [None, (0.26, 0.2)])
 def test_content_is_told_only_if_it_was_felt(weighed: tuple[float, float] | None) -> None:
     """With how much left the jar; without a weight km hears of no content."""

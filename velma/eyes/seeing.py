@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from velma.eyes import beginning, edges
+from velma.eyes import beginning, content, edges
 from velma.eyes.detect import Detector
 from velma.eyes.fit import FLOOR_PX, Fit, View, fit
 from velma.model.markers import Marker, of_scene
@@ -42,20 +42,36 @@ class Seen(NamedTuple):
 
 def eyes_of(scene: Scene) -> "Eyes":
     """Return the eyes for the things of a scene."""
-    return Eyes(of_scene(scene), frozenset(thing.id for thing in scene.of(Model.CABINET, *TABLES)))
+    furniture = frozenset(thing.id for thing in scene.of(Model.CABINET, *TABLES))
+    openings = {thing.id: hole for thing in scene.things if (hole := content.opening(thing.model)) is not None}
+    return Eyes(of_scene(scene), furniture, openings)
 
 
 class Eyes:
-    """Sees bodies with `markers` by name. `furniture`: those that always stand upright."""
+    """Sees bodies with `markers` by name. `furniture`: those that always stand upright; `openings`: radius and height
+    [m] of the circle through which one looks into a body."""
 
-    def __init__(self, markers: Mapping[str, Sequence[Marker]], furniture: frozenset[str]) -> None:
+    def __init__(
+        self,
+        markers: Mapping[str, Sequence[Marker]],
+        furniture: frozenset[str],
+        openings: Mapping[str, tuple[float, float]],
+    ) -> None:
         self._of = {name: {one.number: one for one in every} for name, every in markers.items()}
-        self._furniture = furniture
+        self._furniture, self._openings = furniture, openings
         self._detector = Detector(number for every in self._of.values() for number in every)
 
     def owner(self, number: int) -> str:
         """Return the name of the body with the marker of this number."""
         return next(name for name, markers in self._of.items() if number in markers)
+
+    def content(self, seen: Seen, pixels: Pixels, view: View) -> float | None:
+        """Return the mass [kg] of what is seen in a body; None for one that cannot be looked into from there."""
+        hole = self._openings.get(seen.name)
+        if hole is None or seen.tipped:
+            return None
+        edge = content.circle(*hole) @ seen.rotation.T + seen.position
+        return content.seen_mass(pixels, view, edge)
 
     def markers(self, pixels: Pixels) -> dict[int, Array]:
         """Return the markers in a picture (height, width, 3), red green blue: fine corners (4, 2) by number."""

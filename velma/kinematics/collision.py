@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import Any, Literal
 from xml.etree import ElementTree as ET
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -27,6 +28,7 @@ Kind = Literal["furniture", "object"]
 MARGIN = 0.006  # m: kept free between any two shapes when planning (trial runs)
 DISTAL_SHARE = 1 / 3  # a finger's outer joint turns by this share of the inner one while it moves freely (BarrettHand)
 ROBOT = "robot"
+HEAD_M, THIN_M = 0.2, 0.001  # of a line of sight: its part inside the head, its radius; estimates
 
 
 class UnknownThing(VelmaError):
@@ -190,6 +192,30 @@ class World:
                 distance = pin.computeDistance(self._shapes, self._placed, k).min_distance
                 nearest[key] = min(distance, nearest.get(key, np.inf))
         return sorted(((a, b, d) for (a, b), d in nearest.items()), key=lambda found: found[2])
+
+    def hidden(self, q: Array, eye: Array, points: Sequence[Array], name: str) -> bool:
+        """Whether the robot or a thing hides one of these points (3,) of the thing `name` from `eye` (3,), at q (15,).
+
+        Neither the head nor that thing itself counts.
+        """
+        if not self._fresh:
+            self._refresh()
+        self._q[self._columns] = q
+        pin.updateGeometryPlacements(self._body.model, self._data, self._shapes, self._placed, self._q)
+        others = [k for k, group in enumerate(self._groups) if group != name]
+        return any(self._crossed(k, eye, point) for point in points for k in others)
+
+    def _crossed(self, geometry: int, eye: Array, point: Array) -> bool:
+        """Whether the line from before the head to the point meets the geometry."""
+        way = point - eye
+        length = float(np.linalg.norm(way))
+        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), way / length).matrix()
+        middle = eye + way * (length + HEAD_M) / (2 * length)
+        line, at = coal.Capsule(THIN_M, length - HEAD_M), coal.Transform3s(turn, middle)
+        shape, placed = self._shapes.geometryObjects[geometry], self._placed.oMg[geometry]
+        there = coal.Transform3s(placed.rotation, placed.translation)
+        found = coal.CollisionResult()
+        return bool(coal.collide(line, at, shape.geometry, there, coal.CollisionRequest(), found))
 
     # -- inside ----------------------------------------------------------------------------------------------------
     def _thing(self, name: str) -> _Thing:

@@ -51,7 +51,8 @@ def perform(here: Situation, command: rc.Act) -> Performance:
         if unfelt := _unfelt(here, command, sensed):
             return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
         seen, placed = _seen_and_placed(here, sights)
-        return rc.Done(command.key, posture(here), seen, held(here), here.time - began, here.weighed, placed)
+        took = here.time - began
+        return rc.Done(command.key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived)
     except Cancelled:
         return ended(here, sights, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
     except NotPossible as reason:
@@ -115,7 +116,8 @@ def _seen_and_placed(here: Situation, sights: Names) -> tuple[tuple[rs.Seen, ...
 def _at(here: Situation, name: str, time: float) -> rs.Seen:
     side = here.holder(name)
     pose = here.seen[name] if side is None else here.robot.grip(here.q, side) * here.held[side].T_grip_object
-    return rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), time)
+    content = here.contents[name] if name in here.looked_into else None
+    return rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), time, content)
 
 
 def posture(here: Situation) -> BodyPosture:

@@ -3,6 +3,7 @@
 Poses come only from the receptor. A held object moves with the hand, by the last pose seen in it.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -16,6 +17,7 @@ from velma import names
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 
+EDGE_POINTS = 12  # 5 cm apart on a bowl: narrower than a finger with its neighbours (estimate)
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
 
@@ -35,7 +37,8 @@ class Situation:
 
     `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]. `unfinished`:
     pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
-    [kg].
+    [kg]; `arrived`: whether what left is seen in the destination. `contents`: mass seen in things [kg], by the last
+    look into each that no arm hid; `looked_into`: those of this act.
     """
 
     robot: Robot
@@ -50,6 +53,9 @@ class Situation:
     unfinished: dict[str, Unfinished] = field(default_factory=dict)
     time: float = 0.0
     weighed: tuple[float, float] | None = None
+    arrived: bool | None = None
+    contents: dict[str, float] = field(default_factory=dict)
+    looked_into: set[str] = field(default_factory=set)
 
     def see(self, sights: Sequence[Sight]) -> None:
         """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
@@ -62,6 +68,19 @@ class Situation:
                 grip = self.robot.grip(self.q, side)
                 self.held[side].T_grip_object = grip.inverse() * sight.T_world_object
                 self.world.attach(sight.name, side, self.held[side].T_grip_object)
+        for sight in sights:
+            if sight.content is not None and self.in_view(sight.name, self.q):
+                self.contents[sight.name] = sight.content
+                self.looked_into.add(sight.name)
+
+    def in_view(self, name: str, q: np.ndarray) -> bool:
+        """Whether nothing that is known hides the opening of a thing from the head, in the posture q (15,)."""
+        hole = models.MODELS[self.models[name]].hole
+        if hole is None or name not in self.seen:
+            return False
+        eye = self.robot.camera(float(q[names.TORSO]), *self.head).translation
+        points = [self.seen[name].act(np.array(point)) for point in _edge(hole)]
+        return not self.world.hidden(q, eye, points, name)
 
     def holder(self, name: str) -> str | None:
         """Return the side of the hand that holds it, None for none."""
@@ -104,6 +123,13 @@ class Situation:
         self.seen[name] = pose
         model = models.MODELS[self.models[name]]
         self.world.put(name, model.shapes, pose, "object" if model.moveable else "furniture")
+
+
+def _edge(hole: models.Opening) -> list[tuple[float, float, float]]:
+    """Return points on the edge of an opening, and its centre, in the thing's frame."""
+    x, y, z = hole.centre
+    around = (math.tau * k / EDGE_POINTS for k in range(EDGE_POINTS))
+    return [hole.centre, *((x + hole.radius * math.cos(a), y + hole.radius * math.sin(a), z) for a in around)]
 
 
 def beginning(robot: Robot, things: dict[str, str]) -> Situation:

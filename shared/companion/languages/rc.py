@@ -124,7 +124,8 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object, T_grip_object).
 
     `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt. `placed`: things
-    where a hand let go of them, not seen since.
+    where a hand let go of them, not seen since. `arrived`: whether what left the source of a pour is in the
+    destination, by a look into it; None: not looked into.
     """
 
     key: str
@@ -134,6 +135,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     sim_time: float = 0.0
     weighed: tuple[float, float] | None = None
     placed: tuple[Seen, ...] = ()
+    arrived: bool | None = None
 
 
 class NotDoneKind(StrEnum):

@@ -8,13 +8,17 @@ import msgspec
 from companion.languages.values import BodyPosture, Name, Pose
 
 
-class Seen(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """An object seen: its id and model, its pose in the world, the time [s, simulated]."""
+class Seen(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+    """An object seen: its id and model, its pose in the world, the time [s, simulated].
+
+    `content`: mass of what was seen in it [kg], right to some grams; None: it was not looked into.
+    """
 
     object: Name
     model: str
     pose: Pose
     at: float
+    content: float | None = None
 
 
 class RobotState(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

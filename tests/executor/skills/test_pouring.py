@@ -12,16 +12,18 @@ from companion.languages import rc
 from companion.languages.values import Side
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
+from services.executor.sight import Sight
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Sensed
+from velma import names
 from velma.control.grip import Grip
 from velma.kinematics.frames import standing
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, tiltings
 
 JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
 FULL, HALF, EMPTY = 0.26, 0.23, 0.20  # [kg] the jar of the canonical scene with all, half, none of its content
-BEFORE, TILTED = 0, 1  # motions of a pour
+BEFORE, TILTED, LOOK = 0, 1, 4  # motions of a pour; the number of the one with the look into the bowl
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
@@ -49,9 +51,14 @@ def poured(
 
 
 def performed(
-    here: Situation, command: rc.Pour, before: float, *after: float, cancelled: int = -1
+    here: Situation,
+    command: rc.Pour,
+    before: float,
+    *after: float,
+    cancelled: int = -1,
+    content: tuple[float | None, float | None] = (None, None),
 ) -> tuple[rc.Done | rc.NotDone, list[Motion]]:
-    """Perform it, and return its motions, too; a tilt has two."""
+    """Perform it, and return its motions, too; a tilt has two, the look into the bowl one."""
     work, motions = perform(here, command), []
     felt = [before, *(mass for mass in after for _ in range(2))]
     try:
@@ -59,15 +66,19 @@ def performed(
         while True:
             motions.append(motion)
             mass = felt[min(len(motions), len(felt)) - 1]
-            motion = work.send(_sensed(here, motion, mass, len(motions) - 1 == cancelled))
+            seen = content[0] if len(motions) < LOOK else content[1]
+            motion = work.send(_sensed(here, motion, mass, len(motions) - 1 == cancelled, seen))
     except StopIteration as stop:
         return stop.value, motions
 
 
-def _sensed(here: Situation, motion: Motion, mass: float, cancelled: bool) -> Sensed:
+def _sensed(here: Situation, motion: Motion, mass: float, cancelled: bool, content: float | None) -> Sensed:
     q = motion.path()[-1]
     grips = {str(LEFT): GripReport(felt=Grip.HELD, mass=mass)}
-    return Sensed("cancelled" if cancelled else "done", "", q, q, {}, {}, grips, here.head, [], here.time + 1.0)
+    sights = [] if content is None else [Sight(BOWL, here.seen[BOWL], content)]
+    ended = "cancelled" if cancelled else "done"
+    head = here.head if motion.head is None else (motion.head.pan, motion.head.tilt)
+    return Sensed(ended, "", q, q, {}, {}, grips, head, sights, here.time + 1.0)
 
 
 def test_what_left_the_jar_was_felt(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
@@ -100,12 +111,12 @@ def test_a_jar_with_much_left_is_tilted_once_more_and_farther(over_the_bowl: tup
     outcome, motions = performed(here, command, FULL, HALF, EMPTY)
     assert isinstance(outcome, rc.Done)
     assert outcome.weighed == (FULL, EMPTY)
-    before, first, _, second, _ = (tilt_of(here, motion) for motion in motions)
+    before, first, _, second, _, _ = (tilt_of(here, motion) for motion in motions)
     assert (before, first) == pytest.approx((FIRST_TILT, LAST_TILT), abs=0.02)
     assert second > first + 0.2
     outcome, motions = performed(here, command, FULL, HALF, HALF)
     assert isinstance(outcome, rc.Done)
-    assert (outcome.weighed, len(motions)) == ((FULL, HALF), 5)
+    assert (outcome.weighed, len(motions)) == ((FULL, HALF), 6)
 
 
 @pytest.mark.parametrize("left", [EMPTY, 0.212])
@@ -113,7 +124,7 @@ def test_a_jar_with_little_left_is_tilted_once(left: float, over_the_bowl: tuple
     """A fifth of the content is less than a hand tells from nothing."""
     outcome, motions = performed(*over_the_bowl, FULL, left)
     assert isinstance(outcome, rc.Done)
-    assert (outcome.weighed, len(motions)) == ((FULL, left), 3)
+    assert (outcome.weighed, len(motions)) == ((FULL, left), 4)
 
 
 def test_content_that_does_not_leave_in_two_tilts_is_not_poured(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
@@ -156,3 +167,74 @@ def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl: tuple[Situati
     outcome = poured(here, msgspec.structs.replace(command, destination="bowl_2"), EMPTY, EMPTY)
     assert isinstance(outcome, rc.NotDone)
     assert outcome.reason == "nothing left jar_1: it weighs 0.200 kg before and 0.200 kg after the pour"
+
+
+# --- the look into the bowl -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("had", "seen", "arrived"),
+    [
+        (0.0, 0.055, True),
+        (0.0, 0.03, False),
+        (0.0, 0.0, False),
+        (0.03, 0.05, True),
+        (0.03, 0.03, False),
+        (0.0, 0.036, True),
+    ],
+)
+def test_what_left_the_jar_is_looked_for_in_the_bowl(
+    had: float, seen: float, arrived: bool, over_the_bowl: tuple[Situation, rc.Pour]
+) -> None:
+    """What was in it before does not count; what is seen there is told."""
+    here, command = over_the_bowl
+    here.contents[BOWL] = had
+    outcome, _ = performed(here, command, FULL, EMPTY, content=(None, seen))
+    assert isinstance(outcome, rc.Done)
+    assert outcome.arrived is arrived
+    assert {one.object: one.content for one in outcome.seen}[BOWL] == seen
+
+
+def test_only_the_last_look_tells_what_arrived(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """What was seen before and during the tilt is old."""
+    outcome, motions = performed(*over_the_bowl, FULL, EMPTY, content=(0.03, None))
+    assert isinstance(outcome, rc.Done)
+    assert (outcome.arrived, len(motions)) == (None, LOOK)
+
+
+def test_a_look_that_something_hides_tells_nothing(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """A box stands between the head and the bowl, wherever the hand is."""
+    here, command = over_the_bowl
+    bowl, eye = here.seen[BOWL].translation, here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
+    here.models = {**here.models, "box_1": "box1"}
+    here.place("box_1", standing(eye + 0.3 * (bowl - eye)))
+    outcome, _ = performed(here, command, FULL, EMPTY, content=(None, 0.03))
+    assert isinstance(outcome, rc.Done)
+    assert outcome.arrived is None
+    assert all(one.content is None for one in outcome.seen)
+    here.forget("box_1")
+
+
+def test_the_hand_is_drawn_back_until_the_bowl_is_in_view(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """The last motion ends where nothing is before the bowl."""
+    here, command = over_the_bowl
+    _, motions = performed(here, command, FULL, EMPTY)
+    assert here.in_view(BOWL, motions[-1].path()[-1])
+
+
+def test_a_cancel_while_it_looks_changes_nothing(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """All has left the jar: the pour is done, and it was not looked into."""
+    outcome, _ = performed(*over_the_bowl, FULL, EMPTY, cancelled=LOOK - 1)
+    assert isinstance(outcome, rc.Done)
+    assert (outcome.weighed, outcome.arrived) == ((FULL, EMPTY), None)
+
+
+def test_content_of_an_earlier_tilt_counts_as_poured(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """Half had left before an interruption: all of it must be there, more than was in the bowl before."""
+    here, command = over_the_bowl
+    here.contents[BOWL] = 0.0
+    poured(here, command, FULL, HALF, cancelled=TILTED)
+    here.contents[BOWL] = 0.03  # seen meanwhile
+    outcome, _ = performed(here, command, HALF, EMPTY, content=(None, 0.03))
+    assert isinstance(outcome, rc.Done)
+    assert outcome.arrived is False

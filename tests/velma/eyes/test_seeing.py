@@ -12,10 +12,10 @@ from velma import names
 from velma.eyes.disturbed import disturbed
 from velma.eyes.fit import View
 from velma.eyes.lens import HEIGHT, WIDTH, lens
-from velma.eyes.seeing import Eyes, Seen
+from velma.eyes.seeing import Seen, eyes_of
 from velma.kinematics.robot import Robot
 from velma.model.markers import of_scene
-from velma.model.scene import TABLES, Model, Scene, load, vary
+from velma.model.scene import Scene, load, vary
 from velma.sim.head_camera import HeadCamera
 from velma.sim.markings import marked
 from velma.sim.mujoco_backend import MujocoBackend
@@ -32,8 +32,7 @@ class Look:
         self.model = marked(self.scene)
         self.data = mujoco.MjData(self.model)
         self.camera, self.robot = HeadCamera(self.model, WIDTH, HEIGHT), Robot()
-        furniture = frozenset(thing.id for thing in self.scene.of(Model.CABINET, *TABLES))
-        self.eyes = Eyes(of_scene(self.scene), furniture)
+        self.eyes = eyes_of(self.scene)
         self.rng = np.random.default_rng(seed)
 
     def put(self, name: str, pose: pin.SE3) -> None:

@@ -210,6 +210,31 @@ def test_the_head_is_part_of_the_robot(robot: Robot) -> None:
     assert world.free(q)
 
 
+@pytest.mark.parametrize(("at", "hides"), [((0.6, 0.0, 1.3), True), ((0.6, 0.3, 1.3), False), ((0.9, 0.0, 0.8), False)])
+def test_what_is_between_the_eye_and_a_point_hides_it(
+    at: tuple[float, float, float], hides: bool, robot: Robot
+) -> None:
+    """A ball on the line; not one beside it, nor one behind the point. The thing itself hides nothing of it."""
+    world, q, eye, point = World(robot), np.array(names.START), np.array([0.2, 0.0, 1.7]), np.array([0.8, 0.0, 1.1])
+    world.put("bowl", [Box((0.1, 0.1, 0.1))], standing(point))
+    assert not world.hidden(q, eye, [point], "bowl")
+    world.put("ball", [Sphere(0.05)], standing(at))
+    assert world.hidden(q, eye, [point], "bowl") is hides
+    assert world.hidden(q, eye, [point], "ball"), "the bowl is before a point inside it"
+
+
+def test_an_arm_before_the_eye_hides_a_point(robot: Robot) -> None:
+    """The point behind the hand is hidden, until the arm is elsewhere."""
+    world, eye, reaching = World(robot), np.array([0.1, 0.0, 1.7]), np.array(names.START)
+    reaching[names.ARM["left"]] = 0.0  # straight to the side
+    palm = robot.grip(reaching, "left").act(np.array([0.0, 0.0, -0.15]))
+    behind = eye + 1.2 * (palm - eye)
+    assert world.hidden(reaching, eye, [behind], "")
+    away = reaching.copy()
+    away[names.TORSO] = 0.8
+    assert not world.hidden(away, eye, [behind], "")
+
+
 def test_only_shapes_are_shapes(robot: Robot) -> None:
     """A thing of an unknown shape is refused by a typed error."""
     world = World(robot)

@@ -10,10 +10,13 @@ class Observation(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=T
 
 
 class SeenObject(Observation, frozen=True):
+    """`content`: mass of what was seen in the object [kg], right to some grams; None: it was not looked into."""
+
     object: str
     model: str
     pose: Pose
     at: float
+    content: float | None = None
 
 
 class SeenBody(Observation, frozen=True):

@@ -31,6 +31,7 @@ WORDS = {
     "isGraspedWith": "it is held by grasp {value}",
     "hasExactPose": "its pose is {value}",
     "isMoveable": "it {value} be moved",
+    "contentSeen": "about {value} kg were seen in it",
 }
 TRUTH = {"hasExactPose": ("only predicted", "known as it was seen"), "isMoveable": ("cannot", "can")}
 """Words for false and for true."""
