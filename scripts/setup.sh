@@ -111,7 +111,7 @@ except (AttributeError, ImportError, OSError) as error:
     seen = ""
     print(f"OpenGL cannot be looked for: {error}", file=sys.stderr)
 if not seen:  # only pictures of the head camera, and seeing by them, need it
-    print("no OpenGL without a display: there are no pictures of the head camera, and `--eyes pixels` is refused", file=sys.stderr)
+    print("no OpenGL without a display: there are no pictures of the head camera, and the robot sees by rays (docs/eyes.md)", file=sys.stderr)
     print("  Debian: apt install libegl1 libegl-mesa0 libgl1-mesa-dri, or apt install libosmesa6", file=sys.stderr)
 sys.exit(failed)
 PYTHON

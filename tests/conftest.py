@@ -3,6 +3,7 @@
 In CI it draws the same examples each time, so that a commit is refused for what it changed; elsewhere it draws others.
 
 Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make everything slower.
+For the same reason their robots see by rays (ROCO_EYES), but where a pour as shipped is tested.
 Every module is compiled once for all processes that tests start, also where the environment says otherwise (BYTECODE).
 A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
 has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.
@@ -25,6 +26,7 @@ settings.register_profile(
 )
 settings.load_profile("any machine")
 os.environ.setdefault("ROCO_VIEW", "off")
+os.environ.setdefault("ROCO_EYES", "rays")
 BYTECODE = str(Path(__file__).parents[1] / ".venv/bytecode")
 os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = BYTECODE
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -29,8 +29,9 @@ def serve(options: Options) -> int:
     ROCO_EYES the eyes."""
     slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS_FILE)
     try:
-        seeing = eyes(os.environ.get(VARIABLE, ""))
-        if seeing is Eyes.PIXELS:
+        asked = os.environ.get(VARIABLE, "")
+        seeing = eyes(asked, gl.found)
+        if asked and seeing is Eyes.PIXELS:
             gl.required()
     except (ValueError, GlError) as error:
         sys.stderr.write(f"executor: {error}\n")

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.eyes import USUAL, Eyes
+from companion.eyes import Eyes
 from companion.languages import rc
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Remembered
@@ -78,7 +78,7 @@ class Setup(msgspec.Struct, frozen=True):
 
     scene: str = ""
     seed: int = 0
-    eyes: Eyes = USUAL
+    eyes: Eyes = Eyes.RAYS
 
 
 class Perform(Message, frozen=True):

@@ -1,23 +1,30 @@
 """The two ways in which the simulated robot sees. ex is told by the environment, as it is of speed and seed."""
 
+from collections.abc import Callable
 from enum import StrEnum
 
 VARIABLE = "ROCO_EYES"
 
 
 class Eyes(StrEnum):
-    """`RAYS`: true poses with noise, of things that rays from the camera hit. `PIXELS`: by markers in the head camera's
-    rendered picture, which needs OpenGL."""
+    """`PIXELS`: by markers in the head camera's rendered picture, which needs OpenGL. `RAYS`: true poses with noise, of
+    things that rays from the camera hit; content is not seen."""
 
     RAYS = "rays"
     PIXELS = "pixels"
 
 
-USUAL = Eyes.RAYS
+USUAL = Eyes.PIXELS
+"""Where OpenGL is; else RAYS."""
 
 
-def eyes(asked: str) -> Eyes:
-    """Return the eyes of this name, "" for the usual ones. Raises ValueError with a sentence."""
+def eyes(asked: str, opengl: Callable[[], object]) -> Eyes:
+    """Return the eyes of this name; "" for pixels where `opengl` is true, else rays. Raises ValueError with a sentence.
+
+    Eyes that were asked for are returned whether OpenGL is there or not.
+    """
     if asked and asked not in list(Eyes):
         raise ValueError(f"{VARIABLE}={asked}: there are eyes {', '.join(Eyes)}")
-    return Eyes(asked) if asked else USUAL
+    if asked:
+        return Eyes(asked)
+    return USUAL if opengl() else Eyes.RAYS

@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from agent_runtime.core.errors import WorkerError
-from companion.eyes import USUAL, VARIABLE, Eyes, eyes
+from companion.eyes import VARIABLE, Eyes, eyes
 from companion.look_around import POINTS
 from services.executor import pixel_receptor
 from services.executor.pixel_receptor import PixelReceptor
@@ -135,9 +135,10 @@ def test_a_camera_that_is_not_where_the_robot_thinks_errs() -> None:
 
 
 def test_eyes_are_chosen_by_name() -> None:
-    """The usual ones where nothing is said; a wrong name is told with what there is."""
-    assert eyes("") is USUAL
-    assert eyes("pixels") is Eyes.PIXELS
+    """Where nothing is said, by pixels if OpenGL is there; a wrong name is told with what there is."""
+    assert eyes("", lambda: "egl") is Eyes.PIXELS
+    assert eyes("", lambda: "") is Eyes.RAYS
+    assert eyes("pixels", lambda: "") is Eyes.PIXELS
     with pytest.raises(ValueError, match=f"{VARIABLE}=lidar: there are eyes rays, pixels"):
-        eyes("lidar")
+        eyes("lidar", lambda: "egl")
     assert isinstance(receptor(SCENE, Eyes.RAYS), Receptor)

@@ -10,7 +10,7 @@ import msgspec
 import typer
 from rich.console import Console
 
-from companion.eyes import USUAL, VARIABLE, Eyes
+from companion.eyes import VARIABLE, Eyes
 from companion.eyes import eyes as named
 from companion.tools.verbs import main_job, pace
 from companion.tools.verbs.page import door_when_there
@@ -37,7 +37,8 @@ Page = Annotated[bool, typer.Option("--page", help="Open the person's page in a 
 Seeing = Annotated[
     Eyes | None,
     typer.Option(
-        "--eyes", help=f"rays: true poses with noise; pixels: by markers in the rendered picture; else {USUAL}."
+        "--eyes",
+        help="pixels: by markers in the rendered picture; rays: true poses with noise; else pixels, with OpenGL.",
     ),
 ]
 
@@ -62,11 +63,11 @@ def demo(
     Examples:
       roco demo
       roco demo --speed max --seed 7 --headless
-      roco demo --eyes pixels
+      roco demo --eyes rays
       roco demo --format json
     """
     with problems(form), interrupts.heard():
-        _see(eyes)
+        _see(eyes, form)
         run, latest = running_fleets.place(out, another, datetime.now())
         starting.check(up.options(seed, Speed.REAL, scene, insecure))
         console = Console()
@@ -85,15 +86,19 @@ def demo(
             raise typer.Exit(1)
 
 
-def _see(asked: Eyes | None) -> None:
+def _see(asked: Eyes | None, form: Form) -> None:
     """Let ex have these eyes, or those of the environment. Raises UsageError where nothing here can draw for them."""
     if asked is not None:
         os.environ[VARIABLE] = asked
+    words = os.environ.get(VARIABLE, "")
     try:
-        if named(os.environ.get(VARIABLE, "")) is Eyes.PIXELS:
+        seeing = named(words, gl.found)
+        if words and seeing is Eyes.PIXELS:
             gl.required()
     except (ValueError, GlError) as error:
         raise UsageError(str(error)) from None
+    if not words and seeing is Eyes.RAYS and form is Format.TEXT:
+        typer.echo(f"eyes by rays: {gl.missing()}", err=True)
 
 
 def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:
