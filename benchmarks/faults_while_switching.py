@@ -80,7 +80,9 @@ class Cell:
     def _inject(self) -> None:
         roco = Path(sys.executable).with_name("roco")
         words = [str(roco), "fault", self.fault, self.victim, *FAULTS[self.fault], "--run-dir", str(self.fleet.run)]
-        subprocess.run(words, check=True, capture_output=True, timeout=FAULT_S)
+        done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=FAULT_S)
+        if done.returncode:
+            raise NotSeenError(done.stderr)
 
 
 def measured(victim: str, phase: str, fault: str, seed: int, folder: Path) -> dict[str, Any]:
@@ -89,7 +91,7 @@ def measured(victim: str, phase: str, fault: str, seed: int, folder: Path) -> di
     line["load"] = round(os.getloadavg()[0], 1)
     began = time.monotonic()
     try:
-        with WatchedFleet(folder, seed) as fleet:
+        with WatchedFleet(folder, seed, "--faults") as fleet:
             line["wrong"] = Cell(fleet, victim, fault).run(phase)
             line["dropped"] = fleet.dropped
     except (NotSeenError, ConsoleError, OSError, subprocess.SubprocessError) as error:

@@ -5,11 +5,10 @@ communicates between them are left out. Appends one line per seed to a results f
 
     python benchmarks/pour_one_process.py --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
     python benchmarks/pour_one_process.py --scene env2 --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
-    python benchmarks/pour_one_process.py --eyes pixels --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
+    python benchmarks/pour_one_process.py --eyes rays --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
 """
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -29,9 +28,9 @@ from services.knowledge.store import Store
 from services.planner.search.search import search
 from services.task import plan as plans
 from services.task.running import LOOK_FIRST, OF_KIND
-from services.task.words import SURVEY
+from services.task.words import SURVEY, observations
 from velma.kinematics.robot import Robot
-from velma.model.scene import CANONICAL, load, vary
+from velma.model.scene import CANONICAL, Scene, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
@@ -41,9 +40,8 @@ MOST_PLANS = 6
 class Run:
     """One world, one robot, one memory of it."""
 
-    def __init__(self, seed: int, verbose: bool = False, name: str = CANONICAL.stem, eyes: Eyes = Eyes.RAYS) -> None:
+    def __init__(self, scene: Scene, seed: int, verbose: bool = False, eyes: Eyes = Eyes.PIXELS) -> None:
         self.seed, self.verbose = seed, verbose
-        scene = vary(load(CANONICAL.with_stem(name)), seed)
         self.backend = MujocoBackend(scene)
         self.truth = TruthReader(self.backend)
         self.body = InProcess(LoopCore(self.backend), receptor(scene, eyes))
@@ -75,14 +73,12 @@ class Run:
 
     def observe(self, outcome: rc.Done | rc.NotDone) -> None:
         """Take ta's report to km after an act."""
-        for observation in self.observations(outcome):
+        nowhere: list[wm.AnySight] = [wm.MissingObject(object=name) for name in outcome.missing]
+        if isinstance(outcome, rc.NotDone):
+            nowhere += [wm.LostObject(object=name, side=side) for side, name in outcome.lost.items()]
+        for one in (*nowhere, *observations(outcome)):
             self.version += 1
-            self.store.write(observed(self.store.scene, observation, (1, self.version)))
-
-    def observations(self, outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnyObservation]:
-        from services.task.words import observations
-
-        yield from observations(outcome)
+            self.store.write(observed(self.store.scene, one, (1, self.version)))
 
     def ask(self, query: wm.AnyQuery) -> wm.AnyAnswer:
         """Return km's answer."""
@@ -120,6 +116,11 @@ class Run:
             return (hfsm.Outcome.SUCCEEDED, "") if holds else (leaf.otherwise, f"{leaf.name} no")
         done = self.act(leaf.command)
         if isinstance(done, rc.Done):
+            if done.arrived is False:
+                return hfsm.Outcome.FAILED, "much of the content is not there"
+            if done.missing:
+                self.act(SURVEY)
+                return hfsm.Outcome.REPLAN, f"missing: {', '.join(done.missing)}"
             return hfsm.Outcome.SUCCEEDED, ""
         if done.kind in LOOK_FIRST:
             self.act(SURVEY)
@@ -138,10 +139,10 @@ class Run:
         return "too many plans"
 
 
-def measured(seed: int, verbose: bool, name: str = CANONICAL.stem, eyes: Eyes = Eyes.RAYS) -> dict[str, object]:
+def measured(seed: int, verbose: bool, name: str = CANONICAL.stem, eyes: Eyes = Eyes.PIXELS) -> dict[str, object]:
     """One seed, as a line of the results file."""
     began = time.perf_counter()
-    run = Run(seed, verbose, name, eyes)
+    run = Run(vary(load(CANONICAL.with_stem(name)), seed), seed, verbose, eyes)
     try:
         failure = run.pour()
     finally:
@@ -162,7 +163,7 @@ def main(
     seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
     scene: Annotated[str, typer.Option(help="a scene of velma/model/scenes")] = CANONICAL.stem,
-    eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.RAYS,
+    eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.PIXELS,
     verbose: Annotated[bool, typer.Option()] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""

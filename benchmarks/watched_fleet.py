@@ -41,15 +41,15 @@ class NotSeenError(Exception):
 class WatchedFleet:
     """Started on entry, brought down on exit."""
 
-    def __init__(self, run: Path, seed: int) -> None:
-        self.run, self.seed, self.dropped = run, seed, ""
+    def __init__(self, run: Path, seed: int, *options: str) -> None:
+        self.run, self.seed, self.options, self.dropped = run, seed, options, ""
         self._link: AgentLink | None = None
         self._over = threading.Event()
         self._watching = threading.Thread(target=self._watch, daemon=True)
 
     def __enter__(self) -> "WatchedFleet":
         self.run.parent.mkdir(parents=True, exist_ok=True)
-        words = ["up", "--out", str(self.run), "--speed", "max", "--seed", str(self.seed)]
+        words = ["up", "--out", str(self.run), "--speed", "max", "--seed", str(self.seed), *self.options]
         roco = Path(sys.executable).with_name("roco")
         subprocess.run([str(roco), *words], check=True, capture_output=True, timeout=UP_S)
         self.wait(lambda: self.hi.tasks() is not None, "the human interface", 90.0)

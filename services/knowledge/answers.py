@@ -206,7 +206,8 @@ def _thing(scene: Scene, name: str) -> Thing:
         return scene.things[name]
     for thing, lost in scene.lost.items():
         if name in (thing, lost.kind.lower()):
-            raise _NotKnown(f"the {lost.side} hand lost {thing}, which has not been seen since: a person is needed")
+            how = f"{thing} is not where it was" if lost.side is None else f"the {lost.side} hand lost {thing}"
+            raise _NotKnown(f"{how}, and has not been seen since: a person is needed")
     raise _NotKnown(f"no {name} has been seen (seen so far: {', '.join(sorted(scene.things)) or 'nothing'})")
 
 

@@ -58,9 +58,7 @@ class Beliefs:
         except FipaError:
             return
         match content:
-            case (
-                wm.SeenObject() | wm.SeenBody() | wm.SeenHand() | wm.FeltContent() | wm.LostObject() | wm.PlacedObject()
-            ):
+            case _ if isinstance(content, wm.AnySight):
                 self._observe(communicate, content, one.at)
             case wm.HypotheticalState(id=name, state=parent):
                 told = Source(name, communicate.sender, one.at, parent=parent)

@@ -25,7 +25,12 @@ WORLD = "world"
 def subject_of(observation: wm.AnySight) -> str:
     """Return the subject of an observation; the latest version of each subject counts."""
     match observation:
-        case wm.SeenObject(object=name) | wm.PlacedObject(object=name) | wm.LostObject(object=name):
+        case (
+            wm.SeenObject(object=name)
+            | wm.PlacedObject(object=name)
+            | wm.LostObject(object=name)
+            | wm.MissingObject(object=name)
+        ):
             return f"object:{name}"
         case wm.SeenHand(side=side):
             return f"hand:{side.value}"
@@ -77,6 +82,8 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
             return related(_taken(scene, name).with_hand(side, Held(name, grasp, pose)), at, before, name)
         case wm.LostObject(object=name, side=side):
             return scene.without(name, side)
+        case wm.MissingObject(object=name):
+            return scene.without(name, None)
         case wm.FeltContent(source=source, destination=destination):
             return msgspec.structs.replace(scene, contents={**scene.contents, source: destination})
         case wm.SeenBody(body=body):

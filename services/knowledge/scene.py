@@ -66,16 +66,18 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Lost(msgspec.Struct, frozen=True):
-    """An object that a hand lost: its class in the ontology, the hand. Nobody knows where it is."""
+    """An object that nobody knows where it is: its class in the ontology, the hand that lost it; None: it was missing
+    where it should have been.
+    """
 
     kind: str
-    side: Side
+    side: Side | None
 
 
 class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     """Objects, hands, joints [rad] per part of the body, spaces kept free, contents poured (source -> destination).
 
-    `lost`: objects that were lost from a hand and not seen since.
+    `lost`: objects that were lost from a hand, or missing where they should be, and not seen since.
 
     `versions`: the newest observation of each subject; `times`: when it was made, or when it arrived if it carries no
     time. A missing hand or part was never observed.
@@ -99,10 +101,10 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
         lost = {name: one for name, one in self.lost.items() if name != thing.id}
         return msgspec.structs.replace(self, things={**self.things, thing.id: thing}, lost=lost)
 
-    def without(self, name: str, side: Side) -> "Scene":
-        """Return the scene after the hand `side` lost this object."""
-        thing = self.things.get(name)
-        kind = thing.kind if thing is not None else "PhysicalObject"
+    def without(self, name: str, side: Side | None) -> "Scene":
+        """Return the scene after the hand `side` lost this object, or it was missing (None)."""
+        thing, before = self.things.get(name), self.lost.get(name)
+        kind = thing.kind if thing is not None else before.kind if before is not None else "PhysicalObject"
         hands = {where: Held() if held.object == name else held for where, held in self.hands.items()}
         things = {other: one for other, one in self.things.items() if other != name}
         return msgspec.structs.replace(self, things=things, hands=hands, lost={**self.lost, name: Lost(kind, side)})

@@ -115,6 +115,7 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
     elif isinstance(command, rc.Pour) and outcome.weighed is not None:
         before, after = outcome.weighed
         news.insert(0, wm.FeltContent(source=command.source, destination=command.destination, left=before - after))
+    news[:0] = [wm.MissingObject(object=name) for name in outcome.missing]
     for one in news:
         turn.observe(OBSERVER, subject(one), one, last=isinstance(one, wm.SeenBody))
     return replace(memory, hands={side: held[0] for side, held in outcome.held.items()})

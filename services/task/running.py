@@ -33,6 +33,7 @@ LOOK_FIRST = (
     rc.NotDoneKind.NEW_WORLD,
     rc.NotDoneKind.LOST,
     rc.NotDoneKind.EMPTY,
+    rc.NotDoneKind.MISSING,
     rc.NotDoneKind.BLOCKED,
 )
 _PLAN_AGAIN = (
@@ -179,21 +180,23 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     if memory.looking:
         return finish(replace(memory, looking=False), Outcome.REPLAN, memory.reason)
     if isinstance(outcome, rc.Done):
+        if outcome.missing and outcome.arrived is None and memory.safe is None:
+            return _look(memory, turn, outcome.key, f"{' and '.join(outcome.missing)}: not where it was")
         end = Outcome.FAILED if outcome.arrived is False else Outcome.SUCCEEDED
         return leave(memory, turn, end, _seen(memory, outcome), finish)
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
         memory = replace(memory, reason=memory.reason or outcome.reason)
     if outcome.kind in LOOK_FIRST and memory.safe is None:
-        return _look(memory, turn, outcome)
+        return _look(memory, turn, outcome.key, outcome.reason)
     return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), outcome.reason, finish)
 
 
-def _look(memory: Memory, turn: Turn, outcome: rc.NotDone) -> Memory:
+def _look(memory: Memory, turn: Turn, key: str, reason: str) -> Memory:
     """Look around after an act that left the world unknown, without moving an arm; then plan again. Say why at once."""
-    memory = replace(memory, looking=True, reason=outcome.reason)
-    tell(memory, turn, sw.WorkerState.ERROR, outcome.reason[: orders.PATH_CHARS])
-    return acts.begin(memory, turn, replace(SURVEY, key=f"{outcome.key}.look"))
+    memory = replace(memory, looking=True, reason=reason)
+    tell(memory, turn, sw.WorkerState.ERROR, reason[: orders.PATH_CHARS])
+    return acts.begin(memory, turn, replace(SURVEY, key=f"{key}.look"))
 
 
 def _seen(memory: Memory, outcome: rc.Done) -> str:
@@ -217,6 +220,8 @@ def _felt(pour: rc.Pour, before: float, after: float) -> str:
 
 def _looked_into(pour: rc.Pour, outcome: rc.Done) -> str:
     """Return how much was seen in the destination then."""
+    if pour.destination in outcome.missing:
+        return f"; {pour.destination} is not where it was"
     seen = next((one.content for one in outcome.seen if one.object == pour.destination), None)
     if outcome.arrived is None or seen is None:
         return ""

@@ -77,6 +77,25 @@ def test_what_was_lost_is_nowhere_until_it_is_seen() -> None:
     assert again.lost == {}
 
 
+def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
+    """Missing twice it is still a bowl; whoever asks for one hears that it is not where it was."""
+    bowl = seen("bowl_1", "bowl_high", (0.783, -0.84, 0.775))
+    scene = scene_of(bowl, wm.MissingObject("bowl_1"), wm.MissingObject("bowl_1"))
+    assert "bowl_1" not in scene.things
+    _, told = ask(scene, Overlays(), wm.ObjectPose(object="bowl"))
+    assert told == wm.Unknown("bowl_1 is not where it was, and has not been seen since: a person is needed")
+    assert "bowl_1" in observed(scene, bowl, (1, 9)).things
+
+
+def test_content_that_was_seen_stays_known_until_it_is_looked_into_again() -> None:
+    """A sight from too far away tells nothing of it."""
+    there, pose = (0.783, -0.84, 0.775), Pose((0.783, -0.84, 0.775))
+    scene = scene_of(wm.SeenObject("bowl_1", "bowl_high", pose, 1.0, 0.03), seen("bowl_1", "bowl_high", there, 2.0))
+    assert scene.things["bowl_1"].content == 0.03
+    scene = observed(scene, wm.SeenObject("bowl_1", "bowl_high", pose, 3.0, 0.06), (1, 9))
+    assert scene.things["bowl_1"].content == 0.06
+
+
 TAKEN_OUT = wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))
 PUT = wm.PlacedObject("jar_1", "jar", Pose((0.783, -0.84, 0.877)), 7.0)
 

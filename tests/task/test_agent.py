@@ -126,7 +126,9 @@ def test_a_new_world_is_told_before_anything_is_seen_in_it() -> None:
     assert isinstance(told[-1], wm.SeenBody)
 
 
-@pytest.mark.parametrize("kind", [rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY, rc.NotDoneKind.BLOCKED])
+@pytest.mark.parametrize(
+    "kind", [rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY, rc.NotDoneKind.MISSING, rc.NotDoneKind.BLOCKED]
+)
 def test_a_loss_is_said_at_once_and_looked_after(kind: str) -> None:
     """co hears why before the look begins, km that nobody knows where the thing is; then a new plan is wanted."""
     scene = Scene()
@@ -142,6 +144,25 @@ def test_a_loss_is_said_at_once_and_looked_after(kind: str) -> None:
     assert scene.hears("co", 3).state is sw.WorkerState.REPLAN
     told = [content for _, _, content in scene.heard["km"] if content is not None]
     assert wm.LostObject("jar_1", Side.LEFT) in told
+
+
+def test_what_is_missing_is_said_at_once_and_looked_for() -> None:
+    """A look that was done, and showed that the bowl is not there: km hears so, the robot looks around, plans again."""
+    scene, at = Scene(), Pose((1.0, 0.0, 0.0))
+    scene.start(plan(hfsm.ActState("look", rc.Look("plan/1", ((0.6, -0.5, 0.8),)))))
+    scene.hears("ex", 1)
+    scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
+    table = rs.Seen("table_1", "table", at, 3.0)
+    scene.ex(P.INFORM, rc.Done("plan/1", BODY, (table,), missing=("bowl_1",)))
+    assert (report := scene.hears("co", 2)).state is sw.WorkerState.ERROR
+    assert report.reason == "bowl_1: not where it was"
+    look = scene.hears("ex", 2)
+    assert isinstance(look, rc.Look)
+    scene.ex(P.INFORM, rc.Done(look.key, BODY), number=1)
+    assert scene.hears("co", 3).state is sw.WorkerState.REPLAN
+    told = [content for _, _, content in scene.heard["km"] if content is not None]
+    assert wm.MissingObject("bowl_1") in told
+    assert wm.SeenObject("table_1", "table", at, 3.0) in told
 
 
 def test_what_was_put_down_and_not_seen_is_told_so() -> None:

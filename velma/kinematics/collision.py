@@ -193,17 +193,17 @@ class World:
                 nearest[key] = min(distance, nearest.get(key, np.inf))
         return sorted(((a, b, d) for (a, b), d in nearest.items()), key=lambda found: found[2])
 
-    def hidden(self, q: Array, eye: Array, points: Sequence[Array], name: str) -> bool:
-        """Whether the robot or a thing hides one of these points (3,) of the thing `name` from `eye` (3,), at q (15,).
+    def hidden(self, q: Array, eye: Array, points: Sequence[Array], name: str) -> int:
+        """Return how many points (3,) of the thing `name` the robot or a thing hides from `eye` (3,), at q (15,).
 
-        Neither the head nor that thing itself counts.
+        Neither the head nor that thing itself hides any.
         """
         if not self._fresh:
             self._refresh()
         self._q[self._columns] = q
         pin.updateGeometryPlacements(self._body.model, self._data, self._shapes, self._placed, self._q)
         others = [k for k, group in enumerate(self._groups) if group != name]
-        return any(self._crossed(k, eye, point) for point in points for k in others)
+        return sum(any(self._crossed(k, eye, point) for k in others) for point in points)
 
     def _crossed(self, geometry: int, eye: Array, point: Array) -> bool:
         """Whether the line from before the head to the point meets the geometry."""

@@ -8,7 +8,7 @@ from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions
 from services.executor.skills.moving import joining, straight
 from services.executor.skills.situation import Held, Situation
-from services.executor.skills.skill import Cancelled, NotPossible, Skill, empty, replan
+from services.executor.skills.skill import Cancelled, NotPossible, Skill, empty, missing, replan
 from velma import names
 from velma.kinematics import ik
 from velma.kinematics.frames import transform
@@ -22,17 +22,22 @@ FINGERS_NEEDED = 3
 
 
 def grasp(here: Situation, command: rc.Grasp) -> Skill:
-    """Grasp. Raises replan if the object is unknown or the path not free, empty if the hand closes on nothing."""
+    """Grasp. Raises replan if the object is unknown or the path not free, missing if it is not where it was.
+
+    Raises empty if the hand closes on nothing.
+    """
     if command.object not in here.seen:
         raise replan(f"{command.object} has not been seen")
     side = command.side
     poses = [here.seen[command.object] * transform(point.at) for point in command.approach]
     first, legs = _approach(here, side, command, poses)
     watch = here.seen[command.object].translation
-    yield motions.along(
+    sensed = yield motions.along(
         here, command.key, first, APPROACH_SPEED, watch=watch, settle_s=TARE_S,
         **motions.hand(side, motions.fingers(command.approach[0].fingers)),
     )  # fmt: skip
+    if here.miss(command.object, sensed.sights):
+        raise missing(f"{command.object} is not where it was")
     try:
         for leg, point in zip(legs, command.approach[1:], strict=True):
             options = motions.hand(side, motions.fingers(point.fingers))

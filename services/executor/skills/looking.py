@@ -1,6 +1,7 @@
 """The skill that looks: turn the head to each point, rest a moment, take what the receptor sees.
 
 Where a thing should be that is not seen, an arm may be before it: the torso is turned, and the head looks there again.
+Where it is still not seen, and the robot's own model says that nothing hides the place, the thing is missing.
 """
 
 from collections.abc import Iterator
@@ -26,10 +27,10 @@ def look(here: Situation, command: rc.Look) -> Skill:
     for point in command.at:
         sought = _expected(here, point)
         sensed = yield motions.still(here, command.key, watch=point, settle_s=REST_S)
-        for turned in _turned(here) if _hidden(sought, sensed) else ():
+        for turned in _turned(here) if _unseen(here, sought, sensed) else ():
             if motion := _turning(here, command.key, turned, point):
                 sensed = yield motion
-            if not _hidden(sought, sensed):
+            if not _unseen(here, sought, sensed):
                 break
 
 
@@ -39,7 +40,10 @@ def _expected(here: Situation, point: tuple[float, float, float]) -> set[str]:
     return {name for name in near if here.holder(name) is None}
 
 
-def _hidden(sought: set[str], sensed: Sensed) -> bool:
+def _unseen(here: Situation, sought: set[str], sensed: Sensed) -> bool:
+    """Whether something sought is not seen from here; where nothing hides it, it is missing."""
+    for name in sought:
+        here.miss(name, sensed.sights)
     return bool(sought - {sight.name for sight in sensed.sights})
 
 

@@ -28,6 +28,7 @@ Performance = Generator[Motion, Sensed, rc.Done | rc.NotDone]
 def perform(here: Situation, command: rc.Act) -> Performance:
     """Yield motions, take the Sensed of each, return the outcome."""
     began, sights, sensed = here.time, {}, None
+    here.begin()
     skill: Skill = SKILLS[type(command)](here, command)
     try:
         motion = next(skill)
@@ -50,9 +51,7 @@ def perform(here: Situation, command: rc.Act) -> Performance:
     except StopIteration:
         if unfelt := _unfelt(here, command, sensed):
             return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
-        seen, placed = _seen_and_placed(here, sights)
-        took = here.time - began
-        return rc.Done(command.key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived)
+        return _done(here, sights, command.key, began)
     except Cancelled:
         return ended(here, sights, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
     except NotPossible as reason:
@@ -100,10 +99,25 @@ def take(here: Situation, sensed: Sensed) -> None:
     here.see(sensed.sights)
 
 
+def _done(here: Situation, sights: Names, key: str, began: float) -> rc.Done:
+    """Return the outcome of an act that was done."""
+    missing, (seen, placed) = _missing(here), _seen_and_placed(here, sights)
+    took = here.time - began
+    return rc.Done(key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived, missing)
+
+
 def ended(here: Situation, sights: Names, key: str, kind: str, reason: str, began: float) -> rc.NotDone:
     """Return the outcome of an act that was not done."""
-    seen, placed = _seen_and_placed(here, sights)
-    return rc.NotDone(key, kind, reason, posture(here), seen, held(here), here.time - began, placed=placed)
+    missing, (seen, placed) = _missing(here), _seen_and_placed(here, sights)
+    took = here.time - began
+    return rc.NotDone(key, kind, reason, posture(here), seen, held(here), took, placed=placed, missing=missing)
+
+
+def _missing(here: Situation) -> tuple[str, ...]:
+    """Forget where things were that are missing, and return them."""
+    for name in here.missing:
+        here.forget(name)
+    return tuple(sorted(here.missing))
 
 
 def _seen_and_placed(here: Situation, sights: Names) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:

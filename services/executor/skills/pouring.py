@@ -20,7 +20,7 @@ from services.executor.remembered import Unfinished
 from services.executor.skills import motions
 from services.executor.skills.moving import joining, straight
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill, empty, failed, replan
+from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill, empty, failed, missing, replan
 from velma import names
 from velma.control.grip import Grip
 from velma.kinematics import ik
@@ -40,8 +40,8 @@ AWAY = ((0.15, 0.0), (0.25, 0.0), (0.25, 0.1), (0.15, 0.2), (0.3, 0.2), (0.0, 0.
 
 
 def pour(here: Situation, command: rc.Pour) -> Skill:
-    """Pour. Raises replan if the source is not held, the destination not seen, or the tilt impossible; empty if the
-    hand does not feel the source, failed if nothing left it."""
+    """Pour. Raises replan if the source is not held, the destination not seen, or the tilt impossible; missing if the
+    destination is not there any more, empty if the hand does not feel the source, failed if nothing left it."""
     held = here.held.get(command.side)
     if held is None or held.object != command.source:
         raise replan(f"the {command.side} hand does not hold {command.source}")
@@ -57,6 +57,8 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
     before = yield motions.along(here, command.key, joining(here, q), TILT_SPEED, watch=rim, settle_s=WEIGH_S)
     if _grip(command, before).felt == Grip.UNSURE and _grip(command, before).mass < held.mass / 2.0:
         raise empty(f"the {command.side} hand does not feel {command.source}")
+    if here.miss(command.destination, before.sights):
+        raise missing(f"{command.destination} is not where it was")
     _begin(here, command, before)
     after = yield from _tilted(here, command, flow, tilt)
     if _much_left(here, command, after):
@@ -72,7 +74,8 @@ def _look_into(here: Situation, command: rc.Pour, rim: np.ndarray) -> Skill:
     here.looked_into.discard(command.destination)  # what was seen in it before this is old
     with suppress(NotPossible, Cancelled):
         away = [] if here.in_view(command.destination, here.q) else _away(here, command)
-        yield motions.along(here, command.key, away, BACK_SPEED, watch=rim)
+        sensed = yield motions.along(here, command.key, away, BACK_SPEED, watch=rim)
+        here.miss(command.destination, sensed.sights)
 
 
 def _away(here: Situation, command: rc.Pour) -> list[np.ndarray]:
@@ -89,7 +92,9 @@ def _away(here: Situation, command: rc.Pour) -> list[np.ndarray]:
 
 def _compare(here: Situation, command: rc.Pour, had: float, left: float) -> None:
     """Note whether what left the source [kg] is seen in the destination; nothing if that was not looked into."""
-    if command.destination in here.looked_into:
+    if command.destination in here.missing:
+        here.arrived = False
+    elif command.destination in here.looked_into:
         here.arrived = here.contents[command.destination] > ENOUGH * min(had + left, SEEN_KG)
 
 

@@ -17,6 +17,8 @@ from velma import names
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 
+SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
+ENOUGH_SEEN = 1 / 3  # of an opening, that a thing is surely seen by: a bowl below a jar that is about to be tilted
 EDGE_POINTS = 12  # 5 cm apart on a bowl: narrower than a finger with its neighbours (estimate)
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
@@ -38,7 +40,8 @@ class Situation:
     `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]. `unfinished`:
     pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
     [kg]; `arrived`: whether what left is seen in the destination. `contents`: mass seen in things [kg], by the last
-    look into each that no arm hid; `looked_into`: those of this act.
+    look into each that no arm hid; `looked_into`: those of this act. `missing`: things
+    that were looked for in it and are not where they should be.
     """
 
     robot: Robot
@@ -56,10 +59,17 @@ class Situation:
     arrived: bool | None = None
     contents: dict[str, float] = field(default_factory=dict)
     looked_into: set[str] = field(default_factory=set)
+    missing: set[str] = field(default_factory=set)
+
+    def begin(self) -> None:
+        """Forget what is told at the end of one act only."""
+        self.weighed = self.arrived = None
+        self.looked_into, self.missing = set(), set()
 
     def see(self, sights: Sequence[Sight]) -> None:
         """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
         for sight in sights:
+            self.missing.discard(sight.name)
             side = self.holder(sight.name)
             if side is None:
                 self.placed.pop(sight.name, None)
@@ -73,14 +83,25 @@ class Situation:
                 self.contents[sight.name] = sight.content
                 self.looked_into.add(sight.name)
 
-    def in_view(self, name: str, q: np.ndarray) -> bool:
-        """Whether nothing that is known hides the opening of a thing from the head, in the posture q (15,)."""
-        hole = models.MODELS[self.models[name]].hole
-        if hole is None or name not in self.seen:
+    def in_view(self, name: str, q: np.ndarray, least: float = 1.0) -> bool:
+        """Whether at least this share of a thing's opening, else its origin, is not hidden from the head, at q (15,).
+
+        By what is known. A thing in a hand, or farther away than it is surely seen, is not in view.
+        """
+        if name not in self.seen or self.holder(name) is not None:
             return False
         eye = self.robot.camera(float(q[names.TORSO]), *self.head).translation
-        points = [self.seen[name].act(np.array(point)) for point in _edge(hole)]
-        return not self.world.hidden(q, eye, points, name)
+        hole = models.MODELS[self.models[name]].hole
+        points = [self.seen[name].act(np.array(point)) for point in (_edge(hole) if hole else [(0.0, 0.0, 0.0)])]
+        if np.linalg.norm(points[0] - eye) > SURE_M:
+            return False
+        return self.world.hidden(q, eye, points, name) <= (1.0 - least) * len(points)
+
+    def miss(self, name: str, sights: Sequence[Sight]) -> bool:
+        """Note that a thing is missing, if it is not seen though enough of it is in view; return whether it is."""
+        if name not in {sight.name for sight in sights} and self.in_view(name, self.q, ENOUGH_SEEN):
+            self.missing.add(name)
+        return name in self.missing
 
     def holder(self, name: str) -> str | None:
         """Return the side of the hand that holds it, None for none."""

@@ -36,7 +36,8 @@ Skill = Generator[Motion, Sensed, None]
 
 
 class NotPossible(Exception):
-    """The act cannot be done. `kind`: failed, replan (the world is not as planned), empty or slipped (in the hand)."""
+    """The act cannot be done. `kind`: failed, replan (the world is not as planned), missing (a thing), empty or
+    slipped (in the hand)."""
 
     def __init__(self, kind: str, reason: str) -> None:
         self.kind, self.reason = kind, reason
@@ -74,6 +75,11 @@ def replan(reason: str) -> NotPossible:
 def empty(reason: str) -> NotPossible:
     """Return the exception for a hand that does not hold what it should."""
     return NotPossible(rc.NotDoneKind.EMPTY, reason)
+
+
+def missing(reason: str) -> NotPossible:
+    """Return the exception for a thing that is not where it should be."""
+    return NotPossible(rc.NotDoneKind.MISSING, reason)
 
 
 def failed(reason: str) -> NotPossible:

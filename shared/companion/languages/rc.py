@@ -125,7 +125,8 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
 
     `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt. `placed`: things
     where a hand let go of them, not seen since. `arrived`: whether what left the source of a pour is in the
-    destination, by a look into it; None: not looked into.
+    destination, by a look into it; None: not looked into. `missing`: things that were looked for and are not where they
+    should be, though nothing hides the place.
     """
 
     key: str
@@ -136,6 +137,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     weighed: tuple[float, float] | None = None
     placed: tuple[Seen, ...] = ()
     arrived: bool | None = None
+    missing: tuple[str, ...] = ()
 
 
 class NotDoneKind(StrEnum):
@@ -148,6 +150,7 @@ class NotDoneKind(StrEnum):
     LOST = "lost"  # a hand lost what it held
     SLIPPED = "slipped"  # what a hand holds slipped in it
     EMPTY = "empty"  # the hand does not hold what it should
+    MISSING = "missing"  # a thing is not where it should be
     BLOCKED = "blocked"  # a hand was beside its path: it met something
     CANCELLED = "cancelled"
     INTERRUPTED = "interrupted"  # the machine was too slow, or a process died while the robot stood still
@@ -158,7 +161,7 @@ class NotDoneKind(StrEnum):
 class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """An act ended otherwise. `kind`: a NotDoneKind; `reason` in words; `lost`: what is in no hand any more.
 
-    `placed`: as of Done.
+    `placed`, `missing`: as of Done.
     """
 
     key: str
@@ -170,6 +173,7 @@ class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
     sim_time: float = 0.0
     lost: dict[Side, str] = {}
     placed: tuple[Seen, ...] = ()
+    missing: tuple[str, ...] = ()
 
 
 class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from robot import Acting
 
@@ -11,12 +12,26 @@ from companion.languages import rc
 from services.executor.loop.program import Motion
 from services.executor.sight import Sight
 from services.executor.skills.looking import look
+from services.executor.skills.motions import aim
+from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Sensed
 from velma import names
+from velma.kinematics.frames import standing
 
 BOWL = "bowl_1"
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
+
+
+@pytest.fixture
+def cabinet_gone(jar_out: Acting) -> Situation:
+    """The bowl stands where nothing but an arm can hide it, and near enough."""
+    here = jar_out.here
+    here.forget("cabinet_2")
+    here.place(BOWL, standing((0.6, 0.0, 0.9)))
+    goal = aim(float(here.q[names.TORSO]), (0.6, 0.0, 0.9))
+    here.head = goal.pan, goal.tilt
+    return here
 
 
 def looked(here: Situation, at: Sequence[tuple[float, float, float]], seen_from: int) -> list[Motion]:
@@ -29,6 +44,7 @@ def looked(here: Situation, at: Sequence[tuple[float, float, float]], seen_from:
             motions.append(motion)
             here.q = motion.path()[-1]
             sights = [bowl] if len(motions) >= seen_from else []
+            here.see(sights)
             motion = work.send(Sensed("done", "", here.q, here.q, {}, {}, {}, here.head, sights, here.time))
     except StopIteration:
         return motions
@@ -57,3 +73,50 @@ def test_the_torso_turns_until_a_hidden_thing_is_seen(seen_from: int, motions: i
 def test_a_place_where_nothing_should_be_is_looked_at_once(jar_out: Acting) -> None:
     """A look around turns the head alone."""
     assert len(looked(jar_out.here, [(1.0, 0.0, 2.0), (0.6, -0.9, 1.6)], 99)) == 2
+
+
+def test_a_thing_that_is_not_where_nothing_hides_it_is_missing(cabinet_gone: Situation) -> None:
+    """After the torso has turned, too; one that is seen at last is not."""
+    here = cabinet_gone
+    at = tuple(float(x) for x in here.seen[BOWL].translation)
+    here.begin()
+    looked(here, [at], 2)
+    assert here.missing == set()
+    looked(here, [at], 99)
+    assert here.missing == {BOWL}
+
+
+def test_a_thing_that_may_be_hidden_is_not_missing(cabinet_gone: Situation) -> None:
+    """A box stands before it."""
+    here = cabinet_gone
+    bowl, eye = here.seen[BOWL].translation, here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
+    here.models = {**here.models, "box_1": "box3"}
+    here.place("box_1", pin.SE3(np.eye(3), eye + 0.5 * (bowl - eye)))
+    here.begin()
+    looked(here, [tuple(float(x) for x in bowl)], 99)
+    assert here.missing == set()
+
+
+def test_what_is_missing_is_told_and_forgotten(cabinet_gone: Situation) -> None:
+    """The outcome names it; the next act does not know of it."""
+    here = cabinet_gone
+    at = tuple(float(x) for x in here.seen[BOWL].translation)
+    outcome = performed(here, rc.Look("look", (at,)))
+    assert isinstance(outcome, rc.Done)
+    assert outcome.missing == (BOWL,)
+    assert BOWL not in here.seen
+    again = performed(here, rc.Look("look again", (at,)))
+    assert isinstance(again, rc.Done)
+    assert again.missing == ()
+
+
+def performed(here: Situation, command: rc.Look) -> rc.Done | rc.NotDone:
+    """Perform it; nothing is seen."""
+    work = perform(here, command)
+    try:
+        motion = next(work)
+        while True:
+            q = motion.path()[-1]
+            motion = work.send(Sensed("done", "", q, q, {}, {}, {}, here.head, [], here.time))
+    except StopIteration as stop:
+        return stop.value

@@ -7,6 +7,7 @@ from robot import Acting
 from companion.languages import rc
 from companion.languages.values import Side
 from services.executor.loop.core import LoopCore
+from services.executor.sight import Sight
 from velma.names import COLUMNS
 
 JAR, LEFT = "jar_1", Side.LEFT
@@ -74,15 +75,33 @@ def test_a_jar_that_is_not_lifted_is_not_taken(holding: Acting) -> None:
     assert holding.truth.tilt_deg[JAR] < 10.0
 
 
-def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(before_the_jar: Acting) -> None:
-    """Before the fingers are closed to the end; the jar has been taken away since it was seen."""
+def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(
+    before_the_jar: Acting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before the fingers are closed to the end; the jar is taken away while the hand reaches for it."""
+    core = before_the_jar.core
+    at = core.backend.model.joint(JAR).qposadr[0]
+
+    def look(*_: object) -> list[Sight]:
+        core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
+        return [Sight(JAR, before_the_jar.here.seen[JAR])]
+
+    monkeypatch.setattr(before_the_jar.eye, "look", look)
+    outcome = before_the_jar.act(before_the_jar.taking[1])
+    assert isinstance(outcome, rc.NotDone)
+    assert (outcome.kind, outcome.lost, outcome.held) == ("empty", {}, {})
+    assert before_the_jar.here.world.free(core.setpoint)
+
+
+def test_a_hand_does_not_reach_for_what_is_gone(before_the_jar: Acting) -> None:
+    """The jar is not where it was, and the eyes see its place: the fingers stay open."""
     core = before_the_jar.core
     at = core.backend.model.joint(JAR).qposadr[0]
     core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
     outcome = before_the_jar.act(before_the_jar.taking[1])
     assert isinstance(outcome, rc.NotDone)
-    assert (outcome.kind, outcome.lost, outcome.held) == ("empty", {}, {})
-    assert before_the_jar.here.world.free(core.setpoint)
+    assert (outcome.kind, outcome.missing, outcome.held) == ("missing", (JAR,), {})
+    assert JAR not in before_the_jar.here.seen
 
 
 def test_what_is_carried_is_felt(jar_out: Acting) -> None:

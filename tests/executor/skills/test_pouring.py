@@ -1,5 +1,6 @@
 """Weights of a pour: felt before and after, over interruptions. No physics: the test says what the hand feels."""
 
+import dataclasses
 from itertools import islice
 
 import msgspec
@@ -75,7 +76,8 @@ def performed(
 def _sensed(here: Situation, motion: Motion, mass: float, cancelled: bool, content: float | None) -> Sensed:
     q = motion.path()[-1]
     grips = {str(LEFT): GripReport(felt=Grip.HELD, mass=mass)}
-    sights = [] if content is None else [Sight(BOWL, here.seen[BOWL], content)]
+    standing = [(name, pose) for name, pose in here.seen.items() if here.holder(name) is None]
+    sights = [Sight(name, pose, content if name == BOWL else None) for name, pose in standing]
     ended = "cancelled" if cancelled else "done"
     head = here.head if motion.head is None else (motion.head.pan, motion.head.tilt)
     return Sensed(ended, "", q, q, {}, {}, grips, head, sights, here.time + 1.0)
@@ -238,3 +240,16 @@ def test_content_of_an_earlier_tilt_counts_as_poured(over_the_bowl: tuple[Situat
     outcome, _ = performed(here, command, HALF, EMPTY, content=(None, 0.03))
     assert isinstance(outcome, rc.Done)
     assert outcome.arrived is False
+
+
+def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """It is not seen below the jar, where some of it would be in view: the jar stays upright."""
+    here, command = over_the_bowl
+    sights: list[Sight] = [Sight("table_1", here.seen["table_1"])]
+    work = perform(here, command)
+    motion = next(work)
+    sensed = _sensed(here, motion, FULL, False, None)
+    assert here.in_view(BOWL, motion.path()[-1], 1 / 3), "the jar hides too much of it here"
+    with pytest.raises(StopIteration) as end:
+        work.send(dataclasses.replace(sensed, sights=sights))
+    assert (end.value.value.kind, end.value.value.missing) == ("missing", (BOWL,))

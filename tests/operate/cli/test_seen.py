@@ -82,12 +82,14 @@ def test_a_child_counts_for_its_parent() -> None:
         f"8 (c) S 7 {rest.format(ticks=5, pages=2)}",
         f"9 (d) T 1 {rest.format(ticks=1, pages=1)}",
         "10 (cut) S",
+        f"11 (e) Z 1 {rest.format(ticks=1, pages=0)}",
     ]
     found = process_status.stats(lines)
-    assert sorted(found) == [7, 8, 9]
+    assert sorted(found) == [7, 8, 9, 11]
     assert process_status.used(7, found) == Used(15 * process_status.TICK_S, 5 * process_status.PAGE, False)
     assert process_status.used(9, found) == Used(process_status.TICK_S, process_status.PAGE, True)
     assert process_status.used(10, found) is None
+    assert process_status.used(11, found) is None, "it has ended: no signal reaches it"
 
 
 def look(pid: int, cpu_s: float, at: float) -> Look:

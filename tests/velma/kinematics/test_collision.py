@@ -219,7 +219,7 @@ def test_what_is_between_the_eye_and_a_point_hides_it(
     world.put("bowl", [Box((0.1, 0.1, 0.1))], standing(point))
     assert not world.hidden(q, eye, [point], "bowl")
     world.put("ball", [Sphere(0.05)], standing(at))
-    assert world.hidden(q, eye, [point], "bowl") is hides
+    assert world.hidden(q, eye, [point, point], "bowl") == 2 * hides
     assert world.hidden(q, eye, [point], "ball"), "the bowl is before a point inside it"
 
 

@@ -56,6 +56,12 @@ class LostObject(Observation, frozen=True):
     side: Side
 
 
+class MissingObject(Observation, frozen=True):
+    """An object was looked for, and is not where it should be: nothing hides the place. Nobody knows where it is."""
+
+    object: str
+
+
 class NothingSeen(Observation, frozen=True):
     """A look around is over, and showed nothing: why. One that showed something ends with the posture."""
 
@@ -68,7 +74,7 @@ class WorldLost(Observation, frozen=True):
     reason: str
 
 
-AnySight = SeenObject | PlacedObject | SeenBody | SeenHand | FeltContent | LostObject
+AnySight = SeenObject | PlacedObject | SeenBody | SeenHand | FeltContent | LostObject | MissingObject
 AnyObservation = AnySight | NothingSeen | WorldLost
 
 

@@ -77,7 +77,7 @@ def share(history: History) -> Share:
     return Share((before - after) / content if content > 0.0 else None, before - after, content, true)
 
 
-_OF_OBJECTS = (wm.SeenObject, wm.PlacedObject, wm.LostObject, wm.SeenHand)
+_OF_OBJECTS = (wm.SeenObject, wm.PlacedObject, wm.LostObject, wm.MissingObject, wm.SeenHand)
 
 
 def _newest(history: History) -> dict[str, Spoken]:
@@ -97,10 +97,10 @@ def _newest(history: History) -> dict[str, Spoken]:
 
 def _key(content: object) -> str:
     match content:
-        case wm.SeenObject(object=name) | wm.PlacedObject(object=name) | wm.LostObject(object=name):
-            return f"object:{name}"
         case wm.SeenHand(side=side):
             return f"hand:{side}"
+        case _ if isinstance(content, _OF_OBJECTS):
+            return f"object:{content.object}"
         case wm.SeenBody():
             return "body"
     return ""
@@ -116,6 +116,8 @@ def _believed(history: History, name: str, newest: dict[str, Spoken], true_at: V
             how, at = "put down, not seen since", xyz
         case wm.LostObject(side=side):
             how = f"lost by the {side} hand"
+        case wm.MissingObject():
+            how = "missing where it was"
     for side in Side:
         hand = newest.get(f"hand:{side}")
         if hand is not None and isinstance(hand.content, wm.SeenHand) and hand.content.object == name:

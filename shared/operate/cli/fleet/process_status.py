@@ -19,8 +19,8 @@ LATE_S = 3.0
 UNSUPERVISED = "no supervisor: who dies now stays dead"
 PAUSED = "paused"
 """State of an agent that takes no step until it is resumed."""
-FROZEN = "T"
-"""State of a process that was stopped by a signal (man 5 proc)."""
+FROZEN, ENDED = "T", "Z"
+"""State of a process that was stopped by a signal, and of one that has ended unknown to its parent (man 5 proc)."""
 
 
 class Unheard(msgspec.Struct, frozen=True):
@@ -215,8 +215,8 @@ def stats(lines: Iterable[str]) -> dict[int, Stat]:
 
 
 def used(pid: int, found: Mapping[int, Stat]) -> Used | None:
-    """Return the use of resources by a process and its children; None if there is no such process."""
-    if pid not in found:
+    """Return the use of resources by a process and its children; None if there is no such process, or it has ended."""
+    if pid not in found or found[pid].state == ENDED:
         return None
     tree, grown = {pid}, 0
     while grown != len(tree):
