@@ -204,9 +204,12 @@ def _among(found: str, wanted: str) -> bool:
 def _thing(scene: Scene, name: str) -> Thing:
     if name in scene.things:
         return scene.things[name]
+    for known in scene.things.values():
+        if name == known.kind.lower():
+            return known
     for thing, lost in scene.lost.items():
         if name in (thing, lost.kind.lower()):
-            how = f"{thing} is not where it was" if lost.side is None else f"the {lost.side} hand lost {thing}"
+            how = f"{thing} is not where it was" if lost.side is None else f"{thing} was lost by the {lost.side} hand"
             raise _NotKnown(f"{how}, and has not been seen since: a person is needed")
     raise _NotKnown(f"no {name} has been seen (seen so far: {', '.join(sorted(scene.things)) or 'nothing'})")
 

@@ -21,17 +21,18 @@ WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
 
 class Found(NamedTuple):
     """Result of a search: steps, the thing to be localized before the same task is planned again ("" if the steps do
-    the whole task), and what is told to the person when they are done.
+    the whole task), what is told to the person when they are done, and the outcome if the thing is not localized.
     """
 
     steps: list[Step]
     sought: str
     told: str
+    otherwise: hfsm.Outcome = hfsm.Outcome.REPLAN
 
 
 def plan(request: str, task: str, found: Found, queries: int, held: dict[Side, rc.Release]) -> hfsm.HierarchicalPlan:
     """Return the plan of these steps in order; `held`: the commands that put down what the hands hold at the start."""
-    steps, sought, told = found
+    steps, sought, told, otherwise = found
     holding = dict(held)
     states: list[hfsm.State] = []
     names = _names(steps)
@@ -42,7 +43,7 @@ def plan(request: str, task: str, found: Found, queries: int, held: dict[Side, r
         states.append(_machine(request, number, name, step, _safe(request, number, holding)))
         _note_released(holding, step)
     if sought:
-        states.append(_localized(sought))
+        states.append(_localized(sought, otherwise))
         states.append(hfsm.EndState("replan", hfsm.Outcome.REPLAN, f"{sought} is localized now"))
     if not states or told:
         name = "nothing to do" if not states else "tell"
@@ -142,9 +143,10 @@ def _note_released(holding: dict[Side, rc.Release], step: Step) -> None:
             holding.pop(command.side, None)
 
 
-def _localized(name: str) -> hfsm.AskState:
+def _localized(name: str, otherwise: hfsm.Outcome) -> hfsm.AskState:
     """Return the state that asks km whether the thing has been seen where it stands."""
-    return hfsm.AskState(f"is {name} localized?", wm.Holds(relation=wm.Relation.HAS_EXACT_POSE, subject=name))
+    query = wm.Holds(relation=wm.Relation.HAS_EXACT_POSE, subject=name)
+    return hfsm.AskState(f"is {name} localized?", query, otherwise=otherwise)
 
 
 # --- what the hands hold when the plan begins -------------------------------------------------------------------------

@@ -1,7 +1,7 @@
-"""Primitive tasks that turn the head: to look around, and at one thing."""
+"""Primitive tasks that turn the head: to look around, at one thing, and for one."""
 
 from companion.languages import rc
-from companion.look_around import POINTS
+from companion.look_around import EVERYWHERE, POINTS
 from services.planner.search.steps import Geometry, Step
 
 POINT_S, LOOK_S = (
@@ -13,6 +13,11 @@ POINT_S, LOOK_S = (
 def look_around() -> Step:
     """Return the step that looks at points all around the front. It needs no fact."""
     return Step("look around", (rc.Look(key="", at=POINTS),), (), POINT_S * len(POINTS))
+
+
+def look_for(word: str) -> Step:
+    """Return the step that looks wherever the head can be turned to, for a thing that has not been seen."""
+    return Step(f"look for {word}", (rc.Look(key="", at=EVERYWHERE),), (), POINT_S * len(EVERYWHERE))
 
 
 def look(geometry: Geometry, state: str, name: str) -> Step:

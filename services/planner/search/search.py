@@ -11,10 +11,19 @@ from services.planner.search import assembling
 from services.planner.search.asking import Asking, Unanswered
 from services.planner.search.domain import A_PLACE, A_SIDE, A_THING, TASKS, Search
 from services.planner.search.facts import Facts
+from services.planner.search.looking import look_for
 from services.planner.search.steps import Geometry
 from velma.kinematics.robot import Robot
 
 REASONS = 3  # the newest ones that are told; a report has room for no more (estimate)
+
+
+class NotSeen(Unanswered):
+    """km knows of no thing for a word."""
+
+    def __init__(self, word: str, why: Unanswered) -> None:
+        self.word = word
+        super().__init__(why.query, why.reason)
 
 
 class NotATask(Exception):
@@ -28,7 +37,10 @@ class NotATask(Exception):
 def search(
     network: hfsm.GroundTaskNetwork, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], seed: int
 ) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
-    """Return a plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count iterations."""
+    """Return a plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count iterations.
+
+    Where a thing has not been seen, it is a plan to look for it, and to plan again.
+    """
     asking = Asking(ask, network.id)
     geometry = Geometry(Robot(), asking, seed)
     try:
@@ -36,6 +48,10 @@ def search(
         start = asking.suppose("", ())
         searching = Search(geometry)
         found = searching.run(todo, start)
+    except NotSeen as unseen:
+        look = assembling.Found([look_for(unseen.word)], unseen.word, "", hfsm.Outcome.FAILED)
+        name = f"look for {unseen.word}"
+        return assembling.plan(network.id, name, look, asking.queries, assembling.held_at(asking, ""))
     except (Unanswered, NotATask) as why:
         return hfsm.NoPlan(network.id, why.reason)
     if found is None:
@@ -59,14 +75,17 @@ def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
 
 
 def _thing(asking: Asking, word: str) -> str:
-    """Return the first thing that km knows by this id or kind; "" stays. Raise Unanswered with km's reason."""
+    """Return the first thing that km knows by this id or kind; "" stays. Raise NotSeen with km's reason."""
     if not word:
         return word
     things = asking(wm.ListObjects(), wm.Objects).objects
     for thing in things:
         if word in (thing.id, thing.kind.lower()):
             return thing.id
-    return asking(wm.ObjectPose(object=word), wm.PoseOf).object
+    try:
+        return asking(wm.ObjectPose(object=word), wm.PoseOf).object
+    except Unanswered as why:
+        raise NotSeen(word, why) from why
 
 
 def _side(asking: Asking, word: str) -> str:

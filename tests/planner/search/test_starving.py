@@ -2,7 +2,7 @@
 
 import pytest
 
-from companion.languages import hfsm, wm
+from companion.languages import hfsm, rc, wm
 from services.knowledge.scene import Scene
 
 SOON = (
@@ -68,12 +68,17 @@ def test_an_answer_of_another_kind_is_no_answer(km, beginning: Scene) -> None:
     assert "answered with a Truth" in plan.reason
 
 
-def test_what_was_never_seen_is_named(km, beginning: Scene) -> None:
-    """With what was seen instead."""
-    plan = km(beginning).plan("pour", "jar", "bucket")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert "no bucket has been seen" in plan.reason
-    assert "jar_1" in plan.reason
-    plan = km(Scene()).plan("pour", "jar", "bowl")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert plan.reason == "no jar has been seen (seen so far: nothing)"
+def test_what_was_never_seen_is_looked_for_once(km, beginning: Scene) -> None:
+    """A look wherever the head turns; then km is asked for it, and if it does not know it, the task fails."""
+    for known, word in ((beginning, "bucket"), (Scene(), "jar")):
+        plan = km(known).plan("pour", "jar", word) if word == "bucket" else km(known).plan("pour", "jar", "bowl")
+        assert isinstance(plan, hfsm.HierarchicalPlan)
+        machine, asked, end = plan.root.states
+        assert isinstance(machine, hfsm.Machine)
+        (look,) = machine.states
+        assert isinstance(look, hfsm.ActState)
+        assert isinstance(look.command, rc.Look)
+        assert isinstance(asked, hfsm.AskState)
+        assert (asked.query.subject, asked.otherwise) == (word, hfsm.Outcome.FAILED)
+        assert isinstance(end, hfsm.EndState)
+        assert end.outcome is hfsm.Outcome.REPLAN

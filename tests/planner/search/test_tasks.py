@@ -74,13 +74,17 @@ def test_what_no_grasp_fits_needs_a_person(km, beginning: Scene, pose: Pose, wor
     assert f"jar_1 {words}" in plan.reason
 
 
-def test_what_a_hand_lost_needs_a_person_until_it_is_seen(km, beginning: Scene) -> None:
-    """The reason says which hand lost it; seen again, it is taken again."""
+def test_what_a_hand_lost_is_looked_for_until_it_is_seen(km, beginning: Scene) -> None:
+    """The plan is to look, and to ask km, which says which hand lost it; seen again, it is taken again."""
     jar = beginning.things["jar_1"]
     scene = told(beginning, wm.LostObject("jar_1", Side.LEFT))
-    plan = km(scene).plan("take", "jar", "")
-    assert isinstance(plan, hfsm.NoPlan)
-    assert plan.reason == "the left hand lost jar_1, which has not been seen since: a person is needed"
+    known = km(scene)
+    plan = known.plan("take", "jar", "")
+    assert isinstance(plan, hfsm.HierarchicalPlan)
+    asked = plan.root.states[1]
+    assert isinstance(asked, hfsm.AskState)
+    reason = "jar_1 was lost by the left hand, and has not been seen since: a person is needed"
+    assert known.ask(asked.query) == wm.Unknown(reason)
     scene = observed(scene, wm.SeenObject("jar_1", jar.model, jar.pose, 4.0), (9, 10), 4.0)
     assert isinstance(km(scene).plan("take", "jar", ""), hfsm.HierarchicalPlan)
 
