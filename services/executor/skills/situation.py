@@ -40,8 +40,8 @@ class Situation:
     `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]. `unfinished`:
     pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
     [kg]; `arrived`: whether what left is seen in the destination. `contents`: mass seen in things [kg], by the last
-    look into each that no arm hid; `looked_into`: those of this act. `missing`: things
-    that were looked for in it and are not where they should be.
+    look into each that no arm hid; `looked_into`: those of this act. `missing`: things that were looked for in this act
+    and are not where they should be.
     """
 
     robot: Robot
