@@ -258,8 +258,7 @@ def _answered(memory: Memory, turn: Turn, finish: Finish) -> Memory:
 
 
 def _no(leaf: hfsm.AskState, content: object) -> str:
-    why = content.reason if isinstance(content, wm.Unknown | wm.UnknownState) else "no"
-    return f"{leaf.name} {why}"
+    return content.reason if isinstance(content, wm.Unknown | wm.UnknownState) else f"{leaf.name} no"
 
 
 def tell(memory: Memory, turn: Turn, state: sw.WorkerState, reason: str = "") -> None:
