@@ -113,7 +113,8 @@ class Run:
         if isinstance(leaf, hfsm.AskState):
             truth = self.ask(leaf.query)
             holds = isinstance(truth, wm.Truth) and truth.value is leaf.expect
-            return (hfsm.Outcome.SUCCEEDED, "") if holds else (leaf.otherwise, f"{leaf.name} no")
+            why = truth.reason if isinstance(truth, wm.Unknown) else f"{leaf.name} no"
+            return (hfsm.Outcome.SUCCEEDED, "") if holds else (leaf.otherwise, why)
         done = self.act(leaf.command)
         if isinstance(done, rc.Done):
             if done.arrived is False:
