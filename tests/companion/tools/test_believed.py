@@ -8,7 +8,7 @@ import pytest
 from synthetic import with_truth
 
 from companion.asking import Heard
-from companion.languages import LANGUAGES, RC, WM, rc, wm
+from companion.languages import LANGUAGES, RC, WM, rc, rs, wm
 from companion.languages.values import Pose, Side
 from companion.tools.report import believed, page, report
 from companion.tools.system import SYSTEM
@@ -99,11 +99,13 @@ def test_the_poured_share_is_believed_by_weight(past: History) -> None:
     (key,) = {one.content.key for one in past.said if isinstance(one.content, rc.Pour)}
     (done,) = [one for one in past.said if isinstance(one.content, rc.Done) and one.content.key == key]
     empty = next(one.content.empty_mass for one in past.said if isinstance(one.content, rc.Pour))
-    one = saying(
-        done, msgspec.structs.replace(done.content, weighed=(empty + 0.06, empty + 0.03)), done.id, done.received
-    )
+    seen = (rs.Seen("bowl_1", "bowl_high", Pose((0.6, -0.5, 0.775)), 60.0, content=0.028),)
+    content = msgspec.structs.replace(done.content, weighed=(empty + 0.06, empty + 0.03), seen=seen)
+    one = saying(done, content, done.id, done.received)
     weighed = msgspec.structs.replace(past, said=tuple(one if other is done else other for other in past.said))
     share = believed.share(weighed)
     assert (share.believed, share.left_kg, share.content_kg) == tuple(map(pytest.approx, (0.5, 0.03, 0.06)))
     text = page.rendered(weighed, report.build(weighed), "run")
-    assert "50\u00a0% by weight (30\u00a0g of 60\u00a0g left the jar), 100\u00a0% in truth" in text
+    assert share.seen_kg == 0.028
+    assert "50\u00a0% by weight (30\u00a0g of 60\u00a0g left the jar), about 28\u00a0g seen in the bowl, " in text
+    assert "100\u00a0% in truth" in text

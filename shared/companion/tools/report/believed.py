@@ -41,13 +41,15 @@ class Believed(msgspec.Struct, frozen=True):
 
 class Share(msgspec.Struct, frozen=True):
     """The part of the content that the robot believes to have poured, from the weight [kg] that left the source in its
-    last pour that was done and what it took the content to weigh; `true`: grains in the bowl of all grains.
+    last pour that was done and what it took the content to weigh; `seen_kg`: in the bowl then, null where it was not
+    looked into; `true`: grains in the bowl of all grains.
     """
 
     believed: float | None
     left_kg: float | None
     content_kg: float | None
     true: float | None
+    seen_kg: float | None = None
 
 
 def things(history: History) -> tuple[Believed, ...]:
@@ -64,7 +66,7 @@ def share(history: History) -> Share:
     """Return how much was poured by belief and by truth."""
     true = verdict.poured(history).fraction
     done = [
-        (one.content.weighed, act.command)
+        (one.content.weighed, act.command, one.content.seen)
         for act in plans.acts(history)
         if act.done and isinstance(act.command, rc.Pour)
         for one in history.said
@@ -72,9 +74,10 @@ def share(history: History) -> Share:
     ]
     if not done:
         return Share(None, None, None, true)
-    (before, after), pour = done[-1]
+    (before, after), pour, seen = done[-1]
     content = before - pour.empty_mass
-    return Share((before - after) / content if content > 0.0 else None, before - after, content, true)
+    inside = next((one.content for one in seen if one.object == pour.destination), None)
+    return Share((before - after) / content if content > 0.0 else None, before - after, content, true, inside)
 
 
 _OF_OBJECTS = (wm.SeenObject, wm.PlacedObject, wm.LostObject, wm.MissingObject, wm.SeenHand)
