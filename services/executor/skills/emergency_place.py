@@ -100,10 +100,11 @@ def free_spot(
 
 
 def _spots(here: Situation, held: Held, radius: float, side: str) -> list[tuple[str, np.ndarray]]:
-    """Return spots (3,) clear of everything seen, nearest to the shoulder of the arm first."""
+    """Return spots (3,) clear of everything seen, within reach, nearest to the held thing first."""
     sign = 1.0 if side == "left" else -1.0
     shoulder = np.array([0.0, 0.27 * sign, 1.35])  # proghtn-backstream@019fd34: shoulder centres
-    reach = max(REACH_M, float(np.linalg.norm(held_pose(here, side).translation - shoulder)) + SPACING_M)
+    at = held_pose(here, side).translation
+    reach = max(REACH_M, float(np.linalg.norm(at - shoulder)) + SPACING_M)
     others = [
         p.translation for n, p in here.seen.items() if models.MODELS[here.models[n]].moveable and n != held.object
     ]
@@ -116,4 +117,4 @@ def _spots(here: Situation, held: Held, radius: float, side: str) -> list[tuple[
                 clear = all(np.linalg.norm((spot - o)[:2]) > CLEAR_M or abs(spot[2] - o[2]) > 0.3 for o in others)
                 if clear and NEAR_M < np.linalg.norm(spot - shoulder) < reach:
                     spots.append((name, spot))
-    return sorted(spots, key=lambda s: float(np.linalg.norm(s[1] - shoulder)))
+    return sorted(spots, key=lambda s: float(np.linalg.norm(s[1] - at)))

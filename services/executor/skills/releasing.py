@@ -22,6 +22,7 @@ from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEE
 
 BELOW_M = 0.02  # the descent aims this far below the place; contact ends it; task runs with the true robot model
 CONTACT_M = 0.003  # set-point below the hand that counts as contact (about 4.5 N at 1500 N/m), same runs
+HIGH_M = 0.04  # above its place a thing is not let go, whatever the hand met: it would fall (estimate)
 SETTLE_S = 0.3
 OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5  # same runs (they waited 0.9 s in all)
 SPREAD_SPEED = 0.5  # [rad/s], same runs
@@ -41,7 +42,7 @@ def release(here: Situation, command: rc.Release) -> Skill:
 
 
 def _lower(here: Situation, command: rc.Release) -> Skill:
-    """Carry the object to above its place and go down to contact."""
+    """Carry the object to above its place and go down to contact. Raises replan if it is not there then."""
     side = command.side
     place, path = _place(here, side, command)
     if path:
@@ -53,6 +54,9 @@ def _lower(here: Situation, command: rc.Release) -> Skill:
         here, command.key, down, DOWN_SPEED, until=Until.CONTACT, contact_side=str(side), contact_m=CONTACT_M,
         settle_s=SETTLE_S,
     )  # fmt: skip
+    above = (here.robot.grip(here.q, side) * here.held[side].T_grip_object).translation[2] - place.translation[2]
+    if above > HIGH_M:
+        raise replan(f"the {side} hand met something {above:.2f} m above the place of {command.object}")
 
 
 def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, list[np.ndarray]]:
