@@ -1,4 +1,6 @@
-"""The pour of pour_one_process while somebody meddles with the world: what the robot says, and what is true.
+"""Pours while somebody moves things: what the robot says, and what is true.
+
+The pour is that of pour_one_process.
 
 `pushed`: jar or bowl is shifted by 5 cm while the robot reaches for it, or the bowl on the table before the tilt.
 `knocked`: the jar is struck out of the hand (its fingers lose their friction for 1.5 s) while it is carried.
@@ -29,10 +31,10 @@ from velma.model.scene_xml import grain_name
 RESULTS = Path(__file__).parent / "results/disturbed.jsonl"
 PAGE = Path(__file__).parents[1] / "docs/eyes.md"
 BEGIN, END = "<!-- disturbed: python benchmarks/disturbed.py --table -->\n", "<!-- /disturbed -->\n"
-PUSH_M, KNOCK_S = 0.05, 1.5
+PUSH_M, KNOCK_S = 0.05, 1.5  # as far as a passing arm pushes (estimate); as in tests/fleet/test_lost.py
 JAR, BOWL, BOX = "jar_1", "bowl_1", "box_1"
 ASIDE = (-2.0, 2.0, 0.056)  # on the floor, where nobody looks or reaches
-LEAST = 0.9
+LEAST = 0.9  # of the content, that a pour moves, as the report demands
 
 
 class Disturbed(Run):
@@ -53,16 +55,12 @@ class Disturbed(Run):
         return super().act(command)
 
     def move(self, name: str, xyz: np.ndarray) -> None:
-        """Put a thing elsewhere, with the grains in it."""
+        """Put the origin of a thing at `xyz` (3,) [m, world], the jar with its grains."""
         model, data = self.backend.model, self.backend.data
         shift = xyz - data.body(name).xpos
-        first = model.jnt_qposadr[model.body(name).jntadr[0]]
-        moved = [first + np.arange(3)]
-        for k in range(self.truth.read().grains):
-            if name == JAR:
-                moved.append(model.jnt_qposadr[model.body(grain_name(k)).jntadr[0]] + np.arange(3))
-        for columns in moved:
-            data.qpos[columns] += shift
+        grains = range(self.truth.read().grains if name == JAR else 0)
+        for body in (name, *map(grain_name, grains)):
+            data.qpos[model.jnt_qposadr[model.body(body).jntadr[0]] + np.arange(3)] += shift
         data.qvel[model.jnt_dofadr[model.body(name).jntadr[0]] + np.arange(6)] = 0.0
         mujoco.mj_step1(model, data)
 
@@ -186,10 +184,13 @@ def printed(lines: list[dict[str, Any]]) -> Iterator[str]:
             counts = (sum(ending(line) == kind for line in ran) for kind in kinds)
             yield f"| {case} | {len(ran)} | {' | '.join(map(str, counts))} |"
     yield ""
+    seeds: dict[str, list[int]] = {}
     for line in lines:
         if line["happened"] and ending(line) != "done":
             words = f"{ending(line)}, {100 * line['poured']:.0f} % in the bowl: {line['said']}"
-            yield f"- {line['case']}, seed {line['seed']}: {words}"
+            seeds.setdefault(f"{line['case']}: {words}", []).append(line["seed"])
+    for words, of in seeds.items():
+        yield f"- {words} (seed {', '.join(map(str, of))})"
 
 
 def main(

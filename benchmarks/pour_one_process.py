@@ -73,10 +73,7 @@ class Run:
 
     def observe(self, outcome: rc.Done | rc.NotDone) -> None:
         """Take ta's report to km after an act."""
-        nowhere: list[wm.AnySight] = [wm.MissingObject(object=name) for name in outcome.missing]
-        if isinstance(outcome, rc.NotDone):
-            nowhere += [wm.LostObject(object=name, side=side) for side, name in outcome.lost.items()]
-        for one in (*nowhere, *observations(outcome)):
+        for one in observations(outcome):
             self.version += 1
             self.store.write(observed(self.store.scene, one, (1, self.version)))
 

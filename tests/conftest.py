@@ -3,7 +3,7 @@
 In CI it draws the same examples each time, so that a commit is refused for what it changed; elsewhere it draws others.
 
 Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make everything slower.
-For the same reason their robots see by rays (ROCO_EYES), but where a pour as shipped is tested.
+Their robots see by rays (ROCO_EYES), which is faster, except where a pour as shipped is tested.
 Every module is compiled once for all processes that tests start, also where the environment says otherwise (BYTECODE).
 A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
 has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.

@@ -103,8 +103,8 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def without(self, name: str, side: Side | None) -> "Scene":
         """Return the scene after the hand `side` lost this object, or it was missing (None)."""
-        thing, before = self.things.get(name), self.lost.get(name)
-        kind = thing.kind if thing is not None else before.kind if before is not None else "PhysicalObject"
+        known = self.things.get(name) or self.lost.get(name)
+        kind = known.kind if known is not None else "PhysicalObject"
         hands = {where: Held() if held.object == name else held for where, held in self.hands.items()}
         things = {other: one for other, one in self.things.items() if other != name}
         return msgspec.structs.replace(self, things=things, hands=hands, lost={**self.lost, name: Lost(kind, side)})

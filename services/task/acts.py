@@ -110,12 +110,9 @@ def _observed(memory: Memory, turn: Turn, command: rc.Act, outcome: Outcome) -> 
     if outcome.body is None or (isinstance(command, rc.Look) and isinstance(outcome, rc.NotDone)):
         return memory
     news: list[wm.AnySight] = sorted(observations(outcome), key=lambda one: isinstance(one, wm.SeenBody))
-    if isinstance(outcome, rc.NotDone):
-        news[:0] = [wm.LostObject(object=name, side=side) for side, name in outcome.lost.items()]
-    elif isinstance(command, rc.Pour) and outcome.weighed is not None:
+    if isinstance(command, rc.Pour) and isinstance(outcome, rc.Done) and outcome.weighed is not None:
         before, after = outcome.weighed
         news.insert(0, wm.FeltContent(source=command.source, destination=command.destination, left=before - after))
-    news[:0] = [wm.MissingObject(object=name) for name in outcome.missing]
     for one in news:
         turn.observe(OBSERVER, subject(one), one, last=isinstance(one, wm.SeenBody))
     return replace(memory, hands={side: held[0] for side, held in outcome.held.items()})

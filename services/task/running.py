@@ -225,7 +225,7 @@ def _looked_into(pour: rc.Pour, outcome: rc.Done) -> str:
     seen = next((one.content for one in outcome.seen if one.object == pour.destination), None)
     if outcome.arrived is None or seen is None:
         return ""
-    words = f"; seen: about {100 * round(10 * seen, 1):.0f} g in {pour.destination}"
+    words = f"; seen: about {round(1000 * seen, -1):.0f} g in {pour.destination}"
     return words if outcome.arrived else f"{words}: the rest is not there"
 
 

@@ -11,7 +11,13 @@ SURVEY = rc.Look(key="survey", at=POINTS)
 
 
 def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
-    """Yield the posture, what each hand holds, then everything seen or put down that no hand holds."""
+    """Yield what is nowhere any more, the posture, what each hand holds, then everything seen or put down that no hand
+    holds."""
+    for name in outcome.missing:
+        yield wm.MissingObject(object=name)
+    if isinstance(outcome, rc.NotDone):
+        for side, name in outcome.lost.items():
+            yield wm.LostObject(object=name, side=side)
     if outcome.body is not None:
         yield wm.SeenBody(body=outcome.body)
     in_hand = set()

@@ -14,12 +14,8 @@ class Eyes(StrEnum):
     PIXELS = "pixels"
 
 
-USUAL = Eyes.PIXELS
-"""Where OpenGL is; else RAYS."""
-
-
 def eyes(asked: str, opengl: Callable[[], object]) -> Eyes:
-    """Return the eyes of this name; "" for pixels where `opengl` is true, else rays. Raises ValueError with a sentence.
+    """Return the eyes of this name; for "" pixels where `opengl` returns true, else rays. Raise ValueError for another.
 
     Eyes that were asked for are returned whether OpenGL is there or not.
     """
@@ -27,4 +23,4 @@ def eyes(asked: str, opengl: Callable[[], object]) -> Eyes:
         raise ValueError(f"{VARIABLE}={asked}: there are eyes {', '.join(Eyes)}")
     if asked:
         return Eyes(asked)
-    return USUAL if opengl() else Eyes.RAYS
+    return Eyes.PIXELS if opengl() else Eyes.RAYS

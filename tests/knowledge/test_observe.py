@@ -78,7 +78,7 @@ def test_what_was_lost_is_nowhere_until_it_is_seen() -> None:
 
 
 def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
-    """Missing twice it is still a bowl; whoever asks for one hears that it is not where it was."""
+    """It keeps its class, also when it is missing twice. A question for a bowl is answered with the reason."""
     bowl = seen("bowl_1", "bowl_high", (0.783, -0.84, 0.775))
     scene = scene_of(bowl, wm.MissingObject("bowl_1"), wm.MissingObject("bowl_1"))
     assert "bowl_1" not in scene.things

@@ -202,20 +202,12 @@ class World:
             self._refresh()
         self._q[self._columns] = q
         pin.updateGeometryPlacements(self._body.model, self._data, self._shapes, self._placed, self._q)
-        others = [k for k, group in enumerate(self._groups) if group != name]
-        return sum(any(self._crossed(k, eye, point) for k in others) for point in points)
-
-    def _crossed(self, geometry: int, eye: Array, point: Array) -> bool:
-        """Whether the line from before the head to the point meets the geometry."""
-        way = point - eye
-        length = float(np.linalg.norm(way))
-        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), way / length).matrix()
-        middle = eye + way * (length + HEAD_M) / (2 * length)
-        line, at = coal.Capsule(THIN_M, length - HEAD_M), coal.Transform3s(turn, middle)
-        shape, placed = self._shapes.geometryObjects[geometry], self._placed.oMg[geometry]
-        there = coal.Transform3s(placed.rotation, placed.translation)
-        found = coal.CollisionResult()
-        return bool(coal.collide(line, at, shape.geometry, there, coal.CollisionRequest(), found))
+        others = [
+            (self._shapes.geometryObjects[k].geometry, coal.Transform3s(at.rotation, at.translation))
+            for k, (group, at) in enumerate(zip(self._groups, self._placed.oMg, strict=True))
+            if group != name
+        ]
+        return sum(_crossed(others, eye, point) for point in points)
 
     # -- inside ----------------------------------------------------------------------------------------------------
     def _thing(self, name: str) -> _Thing:
@@ -305,3 +297,14 @@ class World:
             first, second = self._groups == a, self._groups == b
             meets[np.ix_(first, second)] = meets[np.ix_(second, first)] = False
         return meets
+
+
+def _crossed(shapes: Sequence[tuple[Any, Any]], eye: Array, point: Array) -> bool:
+    """Whether the line from before the head to the point meets one of the shapes, each with its transform."""
+    way = point - eye
+    length = float(np.linalg.norm(way))
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), way / length).matrix()
+    line = coal.Capsule(THIN_M, length - HEAD_M)
+    at = coal.Transform3s(turn, eye + way * (length + HEAD_M) / (2 * length))
+    request, found = coal.CollisionRequest(), coal.CollisionResult()
+    return any(coal.collide(line, at, shape, there, request, found) for shape, there in shapes)

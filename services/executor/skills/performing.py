@@ -101,23 +101,16 @@ def take(here: Situation, sensed: Sensed) -> None:
 
 def _done(here: Situation, sights: Names, key: str, began: float) -> rc.Done:
     """Return the outcome of an act that was done."""
-    missing, (seen, placed) = _missing(here), _seen_and_placed(here, sights)
-    took = here.time - began
+    seen, placed = _seen_and_placed(here, sights)
+    took, missing = here.time - began, tuple(sorted(here.missing))
     return rc.Done(key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived, missing)
 
 
 def ended(here: Situation, sights: Names, key: str, kind: str, reason: str, began: float) -> rc.NotDone:
     """Return the outcome of an act that was not done."""
-    missing, (seen, placed) = _missing(here), _seen_and_placed(here, sights)
-    took = here.time - began
+    seen, placed = _seen_and_placed(here, sights)
+    took, missing = here.time - began, tuple(sorted(here.missing))
     return rc.NotDone(key, kind, reason, posture(here), seen, held(here), took, placed=placed, missing=missing)
-
-
-def _missing(here: Situation) -> tuple[str, ...]:
-    """Forget where things were that are missing, and return them."""
-    for name in here.missing:
-        here.forget(name)
-    return tuple(sorted(here.missing))
 
 
 def _seen_and_placed(here: Situation, sights: Names) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:

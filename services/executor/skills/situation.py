@@ -68,8 +68,8 @@ class Situation:
 
     def see(self, sights: Sequence[Sight]) -> None:
         """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
+        self.missing -= {sight.name for sight in sights}
         for sight in sights:
-            self.missing.discard(sight.name)
             side = self.holder(sight.name)
             if side is None:
                 self.placed.pop(sight.name, None)
@@ -98,9 +98,10 @@ class Situation:
         return self.world.hidden(q, eye, points, name) <= (1.0 - least) * len(points)
 
     def miss(self, name: str, sights: Sequence[Sight]) -> bool:
-        """Note that a thing is missing, if it is not seen though enough of it is in view; return whether it is."""
+        """Forget where a thing is, if it is not seen though enough of it is in view; return whether it is missing."""
         if name not in {sight.name for sight in sights} and self.in_view(name, self.q, ENOUGH_SEEN):
             self.missing.add(name)
+            self.forget(name)
         return name in self.missing
 
     def holder(self, name: str) -> str | None:

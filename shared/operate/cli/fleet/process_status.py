@@ -215,7 +215,7 @@ def stats(lines: Iterable[str]) -> dict[int, Stat]:
 
 
 def used(pid: int, found: Mapping[int, Stat]) -> Used | None:
-    """Return the use of resources by a process and its children; None if there is no such process, or it has ended."""
+    """Return the resources that a process and its children use; None if it does not exist or has ended."""
     if pid not in found or found[pid].state == ENDED:
         return None
     tree, grown = {pid}, 0
