@@ -7,7 +7,8 @@ Their robots see by rays (ROCO_EYES), which is faster, except where a pour as sh
 Every module is compiled once for all processes that tests start, also where the environment says otherwise (BYTECODE).
 A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
 has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.
-A test of real processes that fails is tried once more, no other; its name is added to the file ROCO_SECOND_TRIES.
+A test of real processes that fails is tried once more, no other; its name is added to the file ROCO_SECOND_TRIES, and
+why it failed at first is printed, whatever became of it.
 """
 
 import os
@@ -32,6 +33,8 @@ os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = BYTECODE
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 os.environ["DOCKER_HOST"] = "unix:///nowhere"
+LINES = 30
+"""Of a first failure that are printed; estimate: the assertion and where it stands."""
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -44,13 +47,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Name what passed at its second try only; of two workers and the process that started them, only that one does."""
+    """Name what was tried twice, and why; of the workers and the process that started them, only that one does."""
     if "PYTEST_XDIST_WORKER" in os.environ:
         return
     failed = {report.nodeid for kind in ("failed", "error") for report in terminalreporter.stats.get(kind, ())}
-    again = [one.nodeid for one in terminalreporter.stats.get("rerun", ()) if one.nodeid not in failed]
-    for name in again:
-        terminalreporter.write_line(f"passed at its second try: {name}")
+    twice: dict[str, str] = {one.nodeid: one.longreprtext for one in terminalreporter.stats.get("rerun", ())}
+    again = [name for name in twice if name not in failed]
+    for name, why in twice.items():
+        terminalreporter.section(f"{'passed' if name in again else 'failed'} at its second try: {name}")
+        terminalreporter.write_line("\n".join(why.splitlines()[-LINES:]))
     if again and (file := os.environ.get("ROCO_SECOND_TRIES")):
         with Path(file).open("a", encoding="utf-8") as names:
             names.writelines(f"{name}\n" for name in again)

@@ -62,8 +62,9 @@ def same(seen: Seen | None, fault: Fault) -> bool:
 
 
 def back(seen: Seen | None, fault: Fault) -> bool:
-    """Whether another process has taken the place of the one that was hit, and is ready."""
-    return seen is not None and seen.status.state is ProcessState.READY and not same(seen, fault)
+    """Whether another process has taken the place of the one that was hit, lives, and is ready."""
+    lives = seen is not None and seen.used is not None and seen.status.state is ProcessState.READY
+    return lives and not same(seen, fault)
 
 
 def now(fleet: Target, fault: Fault) -> Seen | None:
