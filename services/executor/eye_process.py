@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from agent_runtime.io.worker import Link
-from services.executor.looks import Saw, See, Thing
+from services.executor.looks import Saw, See, Thing, uncertainty
 from services.executor.pictures import NO_GL
 from velma.errors import GlError
 from velma.eyes.fit import View
@@ -36,4 +36,5 @@ def serve(link: Link) -> None:
 
 
 def _thing(seen: Seen, content: float | None) -> Thing:
-    return Thing(seen.name, tuple(seen.rotation.ravel().tolist()), tuple(seen.position.tolist()), content)
+    rotation, position = tuple(seen.rotation.ravel().tolist()), tuple(seen.position.tolist())
+    return Thing(seen.name, rotation, position, content, uncertainty(seen.covariance))

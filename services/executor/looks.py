@@ -1,6 +1,10 @@
 """Messages between eyes by pixels and their child process. Light to import: the child needs nothing else of ex."""
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.languages.values import Uncertainty
 
 
 class See(msgspec.Struct, frozen=True, tag=True):
@@ -16,12 +20,14 @@ class Thing(msgspec.Struct, frozen=True):
     """A thing that was seen: rotation (9 numbers, row by row) and position in the world [m].
 
     `content`: mass of what is seen in it [kg]; None for a thing that cannot be looked into from there.
+    `uncertainty`: of the pose.
     """
 
     name: str
     rotation: tuple[float, ...]
     position: tuple[float, ...]
     content: float | None = None
+    uncertainty: Uncertainty | None = None
 
 
 class Saw(msgspec.Struct, frozen=True, tag=True):
@@ -29,3 +35,16 @@ class Saw(msgspec.Struct, frozen=True, tag=True):
 
     number: int
     things: tuple[Thing, ...]
+
+
+def uncertainty(covariance: NDArray[np.float64]) -> Uncertainty:
+    """Return the uncertainty of a pose by its covariance [m, rad].
+
+    It is (4, 4), of x, y, z and the rotation about the vertical, or (6, 6), of x, y, z and the rotations about x, y, z.
+    """
+    xyz, turn = covariance[:3, :3][np.triu_indices(3)], covariance[3, 3] if len(covariance) == 4 else covariance[5, 5]
+    return Uncertainty(tuple(_short(value) for value in xyz), _short(turn))  # type: ignore[arg-type]
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")

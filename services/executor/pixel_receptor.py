@@ -9,7 +9,7 @@ from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.worker import Worker
 from services.executor.local import Array
-from services.executor.looks import Saw, See
+from services.executor.looks import Saw, See, Thing
 from services.executor.pictures import NO_GL
 from services.executor.sight import Neck, Sight
 from velma.kinematics.frames import pose_of
@@ -39,7 +39,7 @@ class PixelReceptor:
             self._child.tell(See(self._looks, world.tobytes(), *place))
             saw = self._answer()
             if saw is not None:
-                return [Sight(one.name, pose_of(one.rotation, one.position), one.content) for one in saw.things]
+                return [_sight(one) for one in saw.things]
             self._child.kill()
             self._child = self._new()
         raise WorkerError(ENTRY, "does not see", "look at ex's log; start with --eyes rays")
@@ -69,3 +69,7 @@ class PixelReceptor:
         child = Worker(ENTRY, answers=Saw, on_message=answers.put, on_end=answers.put)
         child.tell(self._scene)
         return child
+
+
+def _sight(one: Thing) -> Sight:
+    return Sight(one.name, pose_of(one.rotation, one.position), one.content, one.uncertainty)

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from services.executor.looks import uncertainty
 from services.executor.sight import Neck, Sight
 from velma import names
 from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
@@ -21,6 +22,7 @@ from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
 NEAREST_M, FARTHEST_M = 0.4, 3.0
 LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: one or two markers of a thing must be visible
 TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform about each axis
+LEAST_M = 0.0005  # deviation along each axis that is told without noise, too; estimate: nobody sees better
 AROUND = 8  # points around a cylinder
 GRID_M = 0.15  # between points on a box's face, at least two in each direction
 
@@ -38,6 +40,8 @@ class Receptor:
         self._bodies = {name: model.body(name).id for name in things}
         self._points = {name: np.array(list(_points(model, body))) for name, body in self._bodies.items()}
         self._noise_m, self._seed, self._looks = noise_m, seed, 0
+        variances = [noise_m**2 / 3 + LEAST_M**2] * 2 + [LEAST_M**2, TURN_NOISE**2 / 3]  # of uniform noise
+        self._uncertainty = uncertainty(np.diag(variances))
 
     def look(self, qpos: np.ndarray, _neck: Neck | None = None) -> list[Sight]:
         """Return what is seen in the state qpos (nq,) of the world. Heights have no noise. Joints are not needed."""
@@ -55,7 +59,7 @@ class Receptor:
         shift = np.array([*rng.uniform(-self._noise_m, self._noise_m, 2), 0.0])
         turn = pin.exp3(rng.uniform(-TURN_NOISE, TURN_NOISE, 3))
         rotation = self._data.xmat[body].reshape(3, 3)
-        return Sight(name, pin.SE3(turn @ rotation, self._data.xpos[body] + shift))
+        return Sight(name, pin.SE3(turn @ rotation, self._data.xpos[body] + shift), uncertainty=self._uncertainty)
 
     def _visible(self, name: str) -> bool:
         body, eye = self._bodies[name], self._data.xpos[self._camera]

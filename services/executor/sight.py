@@ -5,6 +5,7 @@ from typing import Protocol
 
 import pinocchio as pin
 
+from companion.languages.values import Uncertainty
 from services.executor.local import Array
 
 Neck = tuple[float, float, float]
@@ -16,12 +17,13 @@ class Sight:
     """A detected thing: its name, and its pose in the world with the error that eyes have.
 
     `content`: mass of what is seen in it [kg]; None where these eyes, or from there, do not tell. An arm before the
-    opening hides some of it.
+    opening hides some of it. `uncertainty`: of the pose; None where these eyes do not tell.
     """
 
     name: str
     T_world_object: pin.SE3
     content: float | None = None
+    uncertainty: Uncertainty | None = None
 
 
 class Eye(Protocol):

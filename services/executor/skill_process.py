@@ -44,6 +44,8 @@ class Stage:
             here.place(name, transform(seen.pose))
             if seen.content is not None:
                 here.contents[name] = seen.content
+            if seen.uncertainty is not None:
+                here.uncertain[name] = seen.uncertainty
         for side, angle in kept.fingers.items():
             here.set_fingers(str(side), angle)
         for side, one in kept.held.items():
@@ -72,7 +74,14 @@ class Stage:
 def remembered(here: Situation, epoch: str) -> Remembered:
     """Return a situation as plain data; `epoch` names its world."""
     seen = {
-        name: rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), here.time, here.contents.get(name))
+        name: rs.Seen(
+            name,
+            here.models[name],
+            Pose(*xyz_quat(pose)),
+            here.time,
+            here.contents.get(name),
+            here.uncertain.get(name),
+        )
         for name, pose in here.seen.items()
     }
     held = {

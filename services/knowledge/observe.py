@@ -1,4 +1,4 @@
-"""Observations become facts: the newest one of a subject counts, older ones are ignored.
+"""Observations become facts: the newest one of a subject counts, older ones are ignored; poses that agree are fused.
 
 Pure: a scene in, a scene out. Must not know: who observed, protocols.
 """
@@ -9,6 +9,7 @@ import msgspec
 
 from companion.languages import wm
 from companion.languages.values import Pose
+from services.knowledge.fusing import fused
 from services.knowledge.relations import related
 from services.knowledge.scene import Held, Origin, Scene, Thing
 
@@ -69,13 +70,15 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
             exact = scene.holder(name) is None
             kept = scene.things.get(name, Thing(name, model, pose))
             origin = None if _moved_by_others(kept, pose) else kept.origin
-            seen = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=exact, origin=origin)
-            if content is not None:
-                seen = msgspec.structs.replace(seen, content=content)
+            sure = kept.uncertainty if exact and kept.exact else None
+            pose, uncertainty = fused((kept.pose, sure), (pose, observation.uncertainty))
+            content = kept.content if content is None else content
+            told = {"pose": pose, "uncertainty": uncertainty, "content": content}
+            seen = msgspec.structs.replace(kept, model=model, at=at, exact=exact, origin=origin, **told)
             return related(scene.with_thing(seen), at, name)
         case wm.PlacedObject(object=name, model=model, pose=pose):
             kept = scene.things.get(name, Thing(name, model, pose))
-            left = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=False)
+            left = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=False, uncertainty=None)
             return related(scene.with_thing(left), at, name)
         case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
             before = scene.hands.get(side, Held()).object

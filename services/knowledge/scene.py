@@ -7,7 +7,7 @@ stores, agents, queries.
 
 import msgspec
 
-from companion.languages.values import Pose, Shape, Side
+from companion.languages.values import Pose, Shape, Side, Uncertainty
 from companion.models import MODELS, Model
 
 PARTS = {"torso": 1, "right_arm": 7, "left_arm": 7, "head": 2, "right_hand": 4, "left_hand": 4}
@@ -27,7 +27,7 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
     `exact`: it was seen there. `on`, `inside`: computed from poses and shapes. `at`: time of that observation,
     `related_at`: of the newest observation behind its relations [s, observer's clock]. `origin`: of the first time that
     the robot took it; None before, and after somebody else moved it. `content`: mass of what was seen in it [kg] when
-    it was looked into last, None if it never was.
+    it was looked into last, None if it never was. `uncertainty`: of the pose where it was seen; None: it is not known.
     """
 
     id: str
@@ -40,6 +40,7 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
     related_at: float = 0.0
     origin: Origin | None = None
     content: float | None = None
+    uncertainty: Uncertainty | None = None
 
     @property
     def known(self) -> Model | None:

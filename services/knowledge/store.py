@@ -141,6 +141,7 @@ def _thing(scene: Scene, thing: Thing) -> Subject:
         (str(ROCO.relatedAt), thing.related_at),
     )
     values += () if thing.content is None else ((str(ROCO.contentSeen), thing.content),)
+    values += () if thing.uncertainty is None else ((str(ROCO.placeDeviation), thing.uncertainty.deviation),)
     stored = Stored(key, thing=thing)
     return Subject(iri(THING, thing.id), stored, scene.versions.get(key), scene.times.get(key), tuple(facts), values)
 

@@ -31,7 +31,7 @@ def observations(outcome: rc.Done | rc.NotDone) -> Iterator[wm.AnySight]:
             yield wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose)
     for seen in outcome.seen:
         if seen.object not in in_hand:
-            yield wm.SeenObject(object=seen.object, model=seen.model, pose=seen.pose, at=seen.at, content=seen.content)
+            yield wm.SeenObject(seen.object, seen.model, seen.pose, seen.at, seen.content, seen.uncertainty)
     for one in outcome.placed:
         yield wm.PlacedObject(object=one.object, model=one.model, pose=one.pose, at=one.at)
 

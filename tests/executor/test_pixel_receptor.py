@@ -70,6 +70,15 @@ def test_the_survey_shows_all_things_near_the_truth(eye: Eye) -> None:
     assert max(seen.values()) < 0.006
 
 
+def test_a_sight_tells_how_far_it_may_be_off(eye: Eye) -> None:
+    """The true place is within four of the told deviations, which are millimetres."""
+    for point in POINTS:
+        for sight in eye.look(*turned(point)):
+            told = sight.uncertainty
+            assert told is not None
+            assert off([sight], sight.name) < 4 * told.deviation < 0.04
+
+
 def test_the_camera_is_where_the_joints_say(eye: Eye) -> None:
     """A neck that measures a hundredth of a radian too much puts the bowl a centimetre aside: truth does not help."""
     world, (torso, pan, tilt) = turned(tuple(place("bowl_1")))

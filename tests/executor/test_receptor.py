@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.executor.receptor import FARTHEST_M, TURN_NOISE, Receptor
+from services.executor.receptor import FARTHEST_M, LEAST_M, TURN_NOISE, Receptor
 from services.executor.sight import Sight
 from services.executor.skills.motions import aim
 from velma import names
@@ -152,6 +152,15 @@ def test_the_error_fills_its_range(jar_in_sight: Place) -> None:
     assert (found.max(axis=0) > 0.9 * NOISE_M).all()
     assert (found.min(axis=0) < -0.9 * NOISE_M).all()
     assert np.abs(found.mean(axis=0)) == pytest.approx(0.0, abs=0.2 * NOISE_M)
+
+
+def test_the_error_is_as_large_as_is_told(jar_in_sight: Place) -> None:
+    """By its mean square over many looks; each sight tells the same."""
+    (told,) = {jar_in_sight.eye().look(jar_in_sight.qpos)[0].uncertainty for _ in range(3)}
+    assert told is not None
+    squares = (errors(jar_in_sight.eye(), jar_in_sight, 400)[:, :2] ** 2).mean(axis=0)
+    assert (told.xyz[0], told.xyz[3]) == pytest.approx(tuple(squares + LEAST_M**2), rel=0.15)
+    assert told.xyz[5] == pytest.approx(LEAST_M**2)
 
 
 def test_the_turn_is_a_little_off(jar_in_sight: Place) -> None:

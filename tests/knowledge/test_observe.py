@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.languages import wm
-from companion.languages.values import Pose, Side
+from companion.languages.values import Pose, Side, Uncertainty
 from services.knowledge.answers import ask
 from services.knowledge.observe import observed, subject_of
 from services.knowledge.overlays import Overlays
@@ -36,6 +36,10 @@ MOVES: tuple[wm.AnyObservation, ...] = (
     wm.SeenHand(Side.RIGHT, "jar_1", "1", Pose((0.0, 0.0, 0.0))),
     wm.PlacedObject("jar_1", "jar", Pose((0.75, -0.8, 0.875)), 2.0),
 )
+
+
+SURE = Uncertainty((3e-7, 0.0, 0.0, 3e-7, 0.0, 3e-7), 1e-6)
+UNSURE = Uncertainty((3e-5, 0.0, 0.0, 3e-5, 0.0, 3e-5), 1e-4)
 
 
 def scene_of(*observations: wm.AnyObservation) -> Scene:
@@ -265,3 +269,33 @@ def test_what_it_stood_on_is_kept_too(kitchen: Store) -> None:
     store = Store.open()
     store.write(scene)
     assert store.scene.things["jar_1"].origin == Origin(kitchen.scene.things["jar_1"].pose, "cabinet_2")
+
+
+def test_a_far_look_does_not_undo_a_near_one() -> None:
+    """They are fused where they agree; what moved is where it was seen last."""
+    near = msgspec.structs.replace(seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE)
+    far = msgspec.structs.replace(seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE)
+    moved = msgspec.structs.replace(far, pose=Pose((0.85, -0.84, 0.875)))
+    both = scene_of(near, far).things["jar_1"]
+    assert (both.pose.xyz, both.at) == (pytest.approx((0.783, -0.84, 0.875), abs=2e-4), 2.0)
+    assert both.uncertainty is not None
+    assert both.uncertainty.deviation <= SURE.deviation
+    for last in (moved, msgspec.structs.replace(far, uncertainty=None)):
+        assert scene_of(near, last).things["jar_1"].pose == last.pose
+    assert scene_of(far, near).things["jar_1"].pose.xyz == pytest.approx(both.pose.xyz, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    "between",
+    [
+        wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0))),
+        wm.PlacedObject("jar_1", "jar", Pose((0.783, -0.84, 0.875)), 1.5),
+        wm.MissingObject("jar_1"),
+    ],
+)
+def test_a_sight_of_a_thing_that_a_hand_had_counts_alone(between: wm.AnySight) -> None:
+    """Where it was before says nothing then, and a place where a hand left it was not seen."""
+    near = msgspec.structs.replace(seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE)
+    far = msgspec.structs.replace(seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE)
+    thing = scene_of(near, between, wm.SeenHand(Side.LEFT), far).things["jar_1"]
+    assert (thing.pose, thing.uncertainty) == (far.pose, UNSURE)

@@ -2,17 +2,20 @@
 
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rdflib import RDF, URIRef
 
 from companion.languages import wm
-from companion.languages.values import BodyPosture, Pose, Side
+from companion.languages.values import BodyPosture, Pose, Side, Uncertainty
 from services.knowledge.ontology import ROCO, below
 from services.knowledge.store import THING, Store, iri
 
 from .conftest import KITCHEN
 from .storing import store_observation
+
+SURE = Uncertainty((3e-6, 0.0, 0.0, 4e-6, 0.0, 2e-6), 1e-6)
 
 number = st.floats(-2.0, 2.0, allow_nan=False)
 poses = st.builds(Pose, st.tuples(number, number, number))
@@ -106,9 +109,10 @@ def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> N
     """No property is made up by the store."""
     store_observation(kitchen, wm.FeltContent("jar_1", "bowl_1", 0.06), (1, 30))
     store_observation(kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31))
-    store_observation(kitchen, wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06), (1, 32))
+    store_observation(kitchen, wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE), (1, 32))
     graph = kitchen.graph()
     assert graph.value(URIRef(iri(THING, "bowl_1")), ROCO.contentSeen).toPython() == 0.06
+    assert graph.value(URIRef(iri(THING, "bowl_1")), ROCO.placeDeviation).toPython() == pytest.approx(0.003)
     used = {p for p in graph.predicates() if p in ROCO}
     assert all((p, RDF.type, None) in graph for p in used)
 

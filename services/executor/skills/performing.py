@@ -124,7 +124,8 @@ def _at(here: Situation, name: str, time: float) -> rs.Seen:
     side = here.holder(name)
     pose = here.seen[name] if side is None else here.robot.grip(here.q, side) * here.held[side].T_grip_object
     content = here.contents[name] if name in here.looked_into else None
-    return rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), time, content)
+    uncertainty = here.uncertain.get(name) if side is None else None
+    return rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), time, content, uncertainty)
 
 
 def posture(here: Situation) -> BodyPosture:

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion import models
+from companion.languages.values import Uncertainty
 from services.executor.remembered import Unfinished
 from services.executor.sight import Sight
 from velma import names
@@ -40,7 +41,8 @@ class Situation:
     `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]. `unfinished`:
     pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
     [kg]; `arrived`: whether what left is seen in the destination. `contents`: mass seen in things [kg], by the last
-    look into each that no arm hid; `looked_into`: those of this act. `missing`: things that were looked for in this act
+    look into each that no arm hid; `looked_into`: those of this act. `uncertain`: how far
+    the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in this act
     and are not where they should be.
     """
 
@@ -59,6 +61,7 @@ class Situation:
     arrived: bool | None = None
     contents: dict[str, float] = field(default_factory=dict)
     looked_into: set[str] = field(default_factory=set)
+    uncertain: dict[str, Uncertainty] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)
 
     def begin(self) -> None:
@@ -74,6 +77,7 @@ class Situation:
             if side is None:
                 self.placed.pop(sight.name, None)
                 self.place(sight.name, sight.T_world_object)
+                self._note(sight.name, sight.uncertainty)
             else:
                 grip = self.robot.grip(self.q, side)
                 self.held[side].T_grip_object = grip.inverse() * sight.T_world_object
@@ -104,6 +108,11 @@ class Situation:
             self.forget(name)
         return name in self.missing
 
+    def _note(self, name: str, uncertainty: Uncertainty | None) -> None:
+        self.uncertain.pop(name, None)
+        if uncertainty is not None:
+            self.uncertain[name] = uncertainty
+
     def holder(self, name: str) -> str | None:
         """Return the side of the hand that holds it, None for none."""
         return next((side for side, held in self.held.items() if held.object == name), None)
@@ -119,6 +128,7 @@ class Situation:
         pose = self.robot.grip(self.q, side) * held.T_grip_object
         self.seen[held.object] = pose
         self.placed[held.object] = self.time
+        self._note(held.object, None)
         self.world.detach(held.object, pose)
 
     def lose(self, side: str) -> str:

@@ -5,13 +5,14 @@ Ours (the paper names no language for C5). A pose here was seen by the head came
 
 import msgspec
 
-from companion.languages.values import BodyPosture, Name, Pose
+from companion.languages.values import BodyPosture, Name, Pose, Uncertainty
 
 
 class Seen(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
     """An object seen: its id and model, its pose in the world, the time [s, simulated].
 
     `content`: mass of what was seen in it [kg], right to some grams; None: it was not looked into.
+    `uncertainty`: of the pose; None: it is not known.
     """
 
     object: Name
@@ -19,6 +20,7 @@ class Seen(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, om
     pose: Pose
     at: float
     content: float | None = None
+    uncertainty: Uncertainty | None = None
 
 
 class RobotState(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

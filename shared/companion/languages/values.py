@@ -4,6 +4,7 @@ Units m and rad. A pose `T_A_B` is the frame B seen in the frame A; the world is
 as in the robot's own description. Nothing here knows a protocol or an agent.
 """
 
+import math
 from enum import StrEnum
 from typing import Annotated
 
@@ -26,6 +27,20 @@ class Pose(msgspec.Struct, frozen=True, array_like=True):
 
     xyz: Vector
     quat_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+
+class Uncertainty(msgspec.Struct, frozen=True, array_like=True):
+    """How far a seen pose may be off: the covariance of x, y, z in the world [m^2], its upper triangle row by row, and
+    the variance of the rotation about the vertical [rad^2].
+    """
+
+    xyz: tuple[float, float, float, float, float, float]
+    turn: float
+
+    @property
+    def deviation(self) -> float:
+        """Root mean square of how far the place may be off [m]."""
+        return math.sqrt(self.xyz[0] + self.xyz[3] + self.xyz[5])
 
 
 class Box(msgspec.Struct, frozen=True, tag=True):

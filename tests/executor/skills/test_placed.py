@@ -48,6 +48,7 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, sees
     assert JAR not in [one.object for one in done.seen]
     assert np.linalg.norm(np.array(placed.pose.xyz) - jar_out.truth.at[JAR]) < NEAR_M
     assert placed.at < jar_out.here.time
+    assert placed.uncertainty is None
     kept: Remembered = remembered(jar_out.here, "")
     assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, "also if its end is not told"
 
@@ -57,4 +58,5 @@ def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> Non
     jar_out.done(jar_out.put_down(JAR, LEFT))
     look = jar_out.done(rc.Look("look", (tuple(jar_out.here.seen[JAR].translation),)))
     assert look.placed == ()
-    assert JAR in [one.object for one in look.seen]
+    (jar,) = [one for one in look.seen if one.object == JAR]
+    assert jar.uncertainty is not None

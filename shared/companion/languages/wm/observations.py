@@ -2,7 +2,7 @@
 
 import msgspec
 
-from companion.languages.values import BodyPosture, Pose, Side
+from companion.languages.values import BodyPosture, Pose, Side, Uncertainty
 
 
 class Observation(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -10,13 +10,17 @@ class Observation(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=T
 
 
 class SeenObject(Observation, frozen=True):
-    """`content`: mass of what was seen in the object [kg], right to some grams; None: it was not looked into."""
+    """`content`: mass of what was seen in the object [kg], right to some grams; None: it was not looked into.
+
+    `uncertainty`: of the pose; None: it is not known.
+    """
 
     object: str
     model: str
     pose: Pose
     at: float
     content: float | None = None
+    uncertainty: Uncertainty | None = None
 
 
 class SeenBody(Observation, frozen=True):

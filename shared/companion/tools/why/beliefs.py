@@ -32,6 +32,7 @@ WORDS = {
     "hasExactPose": "its pose is {value}",
     "isMoveable": "it {value} be moved",
     "contentSeen": "about {value} kg were seen in it",
+    "placeDeviation": "its place is known to within {value} m",
 }
 TRUTH = {"hasExactPose": ("only predicted", "known as it was seen"), "isMoveable": ("cannot", "can")}
 """Words for false and for true."""
