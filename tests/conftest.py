@@ -39,7 +39,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Real processes meet other work of the machine: a second try. A pure test that fails once is wrong."""
+    """Real processes meet other work of the machine: a second try. A pure test that fails once is wrong.
+
+    Files with such tests begin first: at the end, workers wait for each other only as long as a short file takes.
+    """
+    real = {item.path for item in items if item.get_closest_marker("zenoh") or item.get_closest_marker("process")}
+    items.sort(key=lambda item: item.path not in real)
     if config.pluginmanager.hasplugin("rerunfailures"):
         for item in items:
             if item.get_closest_marker("zenoh") or item.get_closest_marker("process"):
