@@ -14,6 +14,7 @@ from typing import Annotated
 
 import tables
 import typer
+from msgspec.structs import replace
 
 from companion.eyes import Eyes
 from companion.languages import hfsm, rc, wm
@@ -30,7 +31,7 @@ from services.task import plan as plans
 from services.task.running import LOOK_FIRST, OF_KIND
 from services.task.words import SURVEY, observations
 from velma.kinematics.robot import Robot
-from velma.model.scene import CANONICAL, Scene, load, vary
+from velma.model.scene import CANONICAL, Scene, checked, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
@@ -137,10 +138,19 @@ class Run:
         return "too many plans"
 
 
-def measured(seed: int, verbose: bool, name: str = CANONICAL.stem, eyes: Eyes = Eyes.PIXELS) -> dict[str, object]:
-    """One seed, as a line of the results file."""
+def noisy(scene: Scene, noise: str) -> Scene:
+    """Return a scene with other noise than its own."""
+    changes = dict(one.split("=") for one in noise.split(",") if one)
+    values = {name: int(value) if name == "delay" else float(value) for name, value in changes.items()}
+    return checked(replace(scene, noise=replace(scene.noise, **values)))
+
+
+def measured(
+    seed: int, verbose: bool, name: str = CANONICAL.stem, eyes: Eyes = Eyes.PIXELS, noise: str = ""
+) -> dict[str, object]:
+    """One seed, as a line of the results file. `noise`: of the scene, as "height=0.01,outliers=0.02"."""
     began = time.perf_counter()
-    run = Run(vary(load(CANONICAL.with_stem(name)), seed), seed, verbose, eyes)
+    run = Run(noisy(vary(load(CANONICAL.with_stem(name)), seed), noise), seed, verbose, eyes)
     try:
         failure = run.pour()
     finally:
@@ -150,8 +160,8 @@ def measured(seed: int, verbose: bool, name: str = CANONICAL.stem, eyes: Eyes = 
     held = max(truth.fingers_on.get("jar_1", {}).values(), default=0) >= 3
     good = not failure and poured >= 0.9 and held and truth.tilt_deg["bowl_1"] < 10.0
     return {
-        "scene": name, "eyes": eyes, "seed": seed, "success": good, "failure": failure, "poured": round(poured, 3),
-        "held": held, "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2),
+        "scene": name, "eyes": eyes, "noise": noise, "seed": seed, "success": good, "failure": failure,
+        "poured": round(poured, 3), "held": held, "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2),
         "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans,
         "work_J": round(truth.work_J, 1), "acts": run.acts,
     }  # fmt: skip
@@ -162,6 +172,7 @@ def main(
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
     scene: Annotated[str, typer.Option(help="a scene of velma/model/scenes")] = CANONICAL.stem,
     eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.PIXELS,
+    noise: Annotated[str, typer.Option(help="of the scene, as height=0.01,outliers=0.02")] = "",
     verbose: Annotated[bool, typer.Option()] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
@@ -169,12 +180,14 @@ def main(
     out.parent.mkdir(parents=True, exist_ok=True)
     lines = tables.read(out)
     known = {
-        line["seed"] for line in lines if (line.get("scene", CANONICAL.stem), line.get("eyes", "rays")) == (scene, eyes)
+        line["seed"]
+        for line in lines
+        if (line.get("scene", CANONICAL.stem), line.get("eyes", "rays"), line.get("noise", "")) == (scene, eyes, noise)
     }
     for seed in range(first, last + 1):
         if seed in known:
             continue
-        result = measured(seed, verbose, scene, eyes)
+        result = measured(seed, verbose, scene, eyes, noise)
         tables.append(out, result)
         typer.echo(f"seed {seed}: {'poured' if result['success'] else 'FAILED'} {result['failure']} {result['poured']} "
                    f"sim {result['sim_time_s']} s wall {result['wall_s']} s plans {result['plans']}")  # fmt: skip

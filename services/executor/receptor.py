@@ -16,6 +16,7 @@ from services.executor.looks import uncertainty
 from services.executor.sight import Neck, Sight
 from velma import names
 from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
+from velma.model.scene import Noise
 
 # Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see held
 # things (estimate).
@@ -23,6 +24,7 @@ NEAREST_M, FARTHEST_M = 0.4, 3.0
 LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: one or two markers of a thing must be visible
 TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform about each axis
 LEAST_M = 0.0005  # deviation along each axis that is told without noise, too; estimate: nobody sees better
+OUTLIER_M = 0.1  # largest error of a sight that is wrong, on each horizontal axis
 AROUND = 8  # points around a cylinder
 GRID_M = 0.15  # between points on a box's face, at least two in each direction
 
@@ -30,21 +32,23 @@ GRID_M = 0.15  # between points on a box's face, at least two in each direction
 class Receptor:
     """Detects the things (bodies by name) of a world model with the head camera.
 
-    `noise_m`: largest error on each horizontal axis [m]; `seed` of the noise. The same looks in the same order give the
-    same sights.
+    The same looks in the same order give the same sights.
     """
 
-    def __init__(self, model: mujoco.MjModel, things: tuple[str, ...], noise_m: float, seed: int) -> None:
+    def __init__(self, model: mujoco.MjModel, things: tuple[str, ...], noise: Noise) -> None:
         self._model, self._data = model, mujoco.MjData(model)
         self._camera = model.body(names.CAMERA_BODY).id
         self._bodies = {name: model.body(name).id for name in things}
         self._points = {name: np.array(list(_points(model, body))) for name, body in self._bodies.items()}
-        self._noise_m, self._seed, self._looks = noise_m, seed, 0
-        variances = [noise_m**2 / 3 + LEAST_M**2] * 2 + [LEAST_M**2, TURN_NOISE**2 / 3]  # of uniform noise
-        self._uncertainty = uncertainty(np.diag(variances))
+        self._largest, self._seed, self._looks = np.array([noise.position] * 2 + [noise.height]), noise.seed, 0
+        self._outliers = noise.outliers
+        constant = np.random.default_rng([noise.seed, *b"bias"]).uniform(-noise.bias, noise.bias, (len(things), 3))
+        self._bias = dict(zip(things, constant, strict=True))
+        variances = (self._largest**2 + noise.bias**2) / 3 + LEAST_M**2  # of uniform errors
+        self._uncertainty = uncertainty(np.diag([*variances, TURN_NOISE**2 / 3]))
 
     def look(self, qpos: np.ndarray, _neck: Neck | None = None) -> list[Sight]:
-        """Return what is seen in the state qpos (nq,) of the world. Heights have no noise. Joints are not needed."""
+        """Return what is seen in the state qpos (nq,) of the world. Joints are not needed."""
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         self._looks += 1
@@ -56,9 +60,12 @@ class Receptor:
 
     def _noisy(self, name: str, rng: np.random.Generator) -> Sight:
         body = self._bodies[name]
-        shift = np.array([*rng.uniform(-self._noise_m, self._noise_m, 2), 0.0])
+        across = rng.uniform(-self._largest[:2], self._largest[:2])
         turn = pin.exp3(rng.uniform(-TURN_NOISE, TURN_NOISE, 3))
         rotation = self._data.xmat[body].reshape(3, 3)
+        shift = np.array([*across, rng.uniform(-self._largest[2], self._largest[2])]) + self._bias[name]
+        if rng.random() < self._outliers:
+            shift[:2] += rng.uniform(-OUTLIER_M, OUTLIER_M, 2)
         return Sight(name, pin.SE3(turn @ rotation, self._data.xpos[body] + shift), uncertainty=self._uncertainty)
 
     def _visible(self, name: str) -> bool:

@@ -28,7 +28,7 @@ def receptor(scene: Scene, eyes: Eyes = Eyes.RAYS) -> Eye:
     """Return the eyes for a scene, with their own copy of the world."""
     if eyes is Eyes.PIXELS:
         return PixelReceptor(scene)
-    return Receptor(compiled(scene), tuple(t.id for t in scene.things), scene.noise.position, scene.noise.seed)
+    return Receptor(compiled(scene), tuple(t.id for t in scene.things), scene.noise)
 
 
 class InProcess:

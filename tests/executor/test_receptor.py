@@ -1,5 +1,6 @@
 """The head camera: sees what is in its picture and not hidden, with an error that is small and never nothing."""
 
+import msgspec
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,7 @@ from velma.model.scene import Model, Noise, Scene, Thing, load
 from velma.sim.mujoco_backend import MujocoBackend
 
 NOISE_M = 0.004
+USUAL = Noise(NOISE_M)
 CANONICAL = load()
 JAR = CANONICAL.find("jar_1")
 OPEN = (1.2, 0.0, 1.3)  # in the air, in front of the robot
@@ -26,15 +28,15 @@ OPEN = (1.2, 0.0, 1.3)  # in the air, in front of the robot
 class Place:
     """A scene with its state and an eye in it."""
 
-    def __init__(self, things: tuple[Thing, ...], noise_m: float = NOISE_M) -> None:
-        scene = Scene("test", things, None, Noise(noise_m))
+    def __init__(self, things: tuple[Thing, ...], noise: Noise = USUAL) -> None:
+        scene = Scene("test", things, None, noise)
         backend = MujocoBackend(scene)
         self.model, self.qpos = backend.model, backend.configuration().copy()
         self.things = tuple(thing.id for thing in things)
-        self.noise_m = noise_m
+        self.noise = noise
 
     def eye(self, seed: int = 3) -> Receptor:
-        return Receptor(self.model, self.things, self.noise_m, seed)
+        return Receptor(self.model, self.things, msgspec.structs.replace(self.noise, seed=seed))
 
     def turn(self, point: tuple[float, float, float]) -> "Place":
         """The head to a point."""
@@ -173,5 +175,26 @@ def test_the_turn_is_a_little_off(jar_in_sight: Place) -> None:
 
 def test_without_noise_the_place_is_exact() -> None:
     """The error is the scene's, not the receptor's own."""
-    place = Place((jar(OPEN),), 0.0).turn(OPEN)
+    place = Place((jar(OPEN),), Noise(0.0)).turn(OPEN)
     assert place.seen()["jar_1"].T_world_object.translation == pytest.approx(OPEN)
+
+
+def test_heights_and_a_constant_error_are_options() -> None:
+    """What is constant is the same at each look, another one for another seed."""
+    place = Place((jar(OPEN),), Noise(0.002, height=0.01, bias=0.005)).turn(OPEN)
+    middles = []
+    for seed in (3, 4):
+        found = errors(place.eye(seed), place, 400)
+        middles.append((found.max(axis=0) + found.min(axis=0)) / 2)
+        assert np.ptp(found, axis=0) == pytest.approx((0.004, 0.004, 0.02), rel=0.1)
+        assert (np.abs(middles[-1]) <= 0.0055).all()
+    assert np.linalg.norm(middles[0] - middles[1]) > 0.001
+
+
+def test_some_sights_are_far_off() -> None:
+    """As many as the scene says, by up to 10 cm; the others as without them."""
+    place = Place((jar(OPEN),), Noise(0.002, outliers=0.2)).turn(OPEN)
+    found = np.abs(errors(place.eye(), place, 600)[:, :2]).max(axis=1)
+    far = found > 0.002
+    assert far.mean() == pytest.approx(0.2, abs=0.05)
+    assert 0.05 < found.max() < 0.102

@@ -68,9 +68,16 @@ class Content(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Errors of what is measured, drawn from `seed`.
 
-    `position` [m]: of a seen thing, uniform within it on each horizontal axis. Of the wrist sensors on each axis:
-    `force` [N], `torque` [Nm]: standard deviation of each sample; `force_bias`, `torque_bias`: largest constant error,
-    uniform. Estimates: no data sheet of the sensors was found; torques at a lever of 0.05 m.
+    Of eyes by rays: `position`, `height` [m]: of a seen thing on each horizontal axis and upwards, uniform; `bias` [m]:
+    constant for a thing, on each axis; `outliers`: share of sights that are off by up to 0.1 m.
+
+    Of the robot: `joint` [rad], standard deviation of measured positions of body joints, from which their speeds are
+    computed; `delay`: cycles by which both are late, 0 or 1; `weight`: largest share by which a drive errs about the
+    weight that it holds. `mass`: largest share by which things are heavier or lighter than their models say.
+
+    Of the wrist sensors on each axis: `force` [N], `torque` [Nm]: standard deviation of each sample; `force_bias`,
+    `torque_bias`: largest constant error, uniform. Estimates: no data sheet of the sensors was found; torques at a
+    lever of 0.05 m.
 
     Of the head camera, for eyes by pixels: `pixel` [grey levels] and `blur` [pixels], standard deviations of noise and
     point spread; `exposure`: largest share by which a picture is too bright or dark; `camera_turn` [rad],
@@ -89,6 +96,13 @@ class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     exposure: float = 0.0
     camera_turn: float = 0.0
     camera_shift: float = 0.0
+    height: float = 0.0
+    bias: float = 0.0
+    outliers: float = 0.0
+    joint: float = 0.0
+    delay: int = 0
+    weight: float = 0.0
+    mass: float = 0.0
 
 
 class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -139,6 +153,13 @@ _MOST_NOISE = (
     ("exposure", "a share", 0.9),
     ("camera_turn", "radians", 0.1),
     ("camera_shift", "metres", 0.1),
+    ("height", "metres", 0.1),
+    ("bias", "metres", 0.1),
+    ("outliers", "a share", 1.0),
+    ("joint", "radians", 0.01),
+    ("delay", "a cycle", 1),
+    ("weight", "a share", 0.5),
+    ("mass", "a share", 0.9),
 )
 _ID = re.compile(r"(?!grain_\d)[a-z]+(_[a-z]+)*_\d+")  # no body of the robot or of the content is named like that
 MOST_SPREAD = 0.5  # [m, rad] estimate: a wrong unit is found

@@ -12,7 +12,7 @@ import numpy as np
 from velma.model.scene import Scene, checked
 from velma.model.scene_xml import WRIST_SENSORS, scene_xml
 from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
-from velma.sim import overlaps, wrist_noise
+from velma.sim import overlaps, sensor_noise
 from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
@@ -50,15 +50,18 @@ class MujocoBackend:
         mujoco.set_mju_user_warning(lambda _message: None)
         self._places()
         self._limits()
+        self._weigh()
         self.data.qpos[self._q] = START
         mujoco.mj_step1(model, self.data)
         overlaps.refuse(scene, model, self.data)
         self._state = at_rest()
         self._state.wrist = np.zeros((2, 6))
-        self._errors = wrist_noise.table(scene.noise)
+        self._wrist_errors, self._joint_errors = sensor_noise.wrists(scene.noise), sensor_noise.joints(scene.noise)
+        self._weights, self._late = sensor_noise.weights(scene.noise), scene.noise.delay > 0
+        self._before = np.stack((START, np.zeros(len(BODY))))
         self._locked = np.zeros(2)
         self._work = 0.0
-        self._saved = np.zeros(mujoco.mj_stateSize(model, STATE) + 3 + self._wrist.size)
+        self._saved = np.zeros(mujoco.mj_stateSize(model, STATE) + 3 + self._wrist.size + self._before.size)
 
     def _places(self) -> None:
         model = self.model
@@ -93,18 +96,28 @@ class MujocoBackend:
             self.model.dof_solref[dofs, 0] = LOCK_SOLREF
             self.model.dof_solimp[dofs, :2] = LOCK_SOLIMP
 
+    def _weigh(self) -> None:
+        """Make things as heavy as they are, which their models need not say."""
+        bodies = [self.model.body(thing.id).id for thing in self.scene.things]
+        if not self.scene.noise.mass:
+            return
+        factors = sensor_noise.masses(self.scene.noise, len(bodies))
+        self.model.body_mass[bodies] *= factors
+        self.model.body_inertia[bodies] *= factors[:, None]
+        mujoco.mj_setConst(self.model, self.data)
+
     def observe(self) -> State:
-        """Return the state. Joints are measured without error or delay; forces with noise, before the last step."""
+        """Return the state, with the errors and the delay that the scene's noise says; forces before the last step."""
         state, qpos = self._state, self.data.qpos
         state.time = self.data.time
-        state.q[:] = qpos[self._q]
-        state.v[:] = self.data.qvel[self._v]
+        cycle = round(self.data.time / PERIOD_S) % sensor_noise.CYCLES
+        q, v = self._before if self._late else (qpos[self._q], self.data.qvel[self._v])
+        state.q[:], state.v[:] = (q, v) + self._joint_errors[cycle]
         state.head[:] = qpos[self._head]
         state.spread[:] = qpos[self._spread]
         state.proximal[:] = qpos[self._proximal]
         state.distal[:] = qpos[self._distal]
-        cycle = round(self.data.time / PERIOD_S)
-        state.wrist = self.data.sensordata[self._wrist] + self._errors[cycle % len(self._errors)]
+        state.wrist = self.data.sensordata[self._wrist] + self._wrist_errors[cycle]
         return state
 
     def step(self, command: Command) -> None:
@@ -113,7 +126,8 @@ class MujocoBackend:
         if (command.locked != self._locked).any():
             self._lock(command.locked)
         ctrl = data.ctrl
-        ctrl[self._motors] = command.tau + data.qfrc_bias[self._v]
+        self._before[:] = data.qpos[self._q], data.qvel[self._v]
+        ctrl[self._motors] = command.tau + self._weights * data.qfrc_bias[self._v]
         ctrl[self._head_servos] = command.head
         ctrl[self._spread_servos] = command.spread
         ctrl[self._proximal_servos] = command.proximal
@@ -140,22 +154,28 @@ class MujocoBackend:
         return hashlib.sha256(f"{mujoco.__version__} {scene_xml(self.scene)}".encode()).digest()
 
     def save(self) -> bytes:
-        """Return the state between two steps, with the forces measured last, the locks and the work so far."""
-        rest = self._saved[: -self._wrist.size]
-        self._saved[-self._wrist.size :] = self.data.sensordata[self._wrist.ravel()]
-        mujoco.mj_getState(self.model, self.data, rest[:-3], STATE)
-        rest[-3:-1], rest[-1] = self._locked, self._work
+        """Return the state between two steps, with the locks, the work so far, what was measured last and before."""
+        state, locked, work, wrist, before = self._parts(self._saved)
+        mujoco.mj_getState(self.model, self.data, state, STATE)
+        locked[:], work[:], wrist[:] = self._locked, self._work, self.data.sensordata[self._wrist.ravel()]
+        before[:] = self._before.ravel()
         return self._saved.tobytes()
+
+    def _parts(self, saved: Array) -> list[Array]:
+        """Return the parts of what `save` returns, as views."""
+        return np.split(
+            saved, np.cumsum([saved.size - 3 - self._wrist.size - self._before.size, 2, 1, self._wrist.size])
+        )
 
     def restore(self, saved: bytes) -> None:
         """Take up a state of `save`: the same commands lead to the same states, bit for bit."""
-        whole = np.frombuffer(saved)
-        state = whole[: -self._wrist.size]
-        mujoco.mj_setState(self.model, self.data, state[:-3], STATE)
-        self._lock(state[-3:-1])
-        self._work = float(state[-1])
+        state, locked, work, wrist, before = self._parts(np.frombuffer(saved))
+        mujoco.mj_setState(self.model, self.data, state, STATE)
+        self._lock(locked)
+        self._work = float(work[0])
         mujoco.mj_step1(self.model, self.data)
-        self.data.sensordata[self._wrist.ravel()] = whole[-self._wrist.size :]
+        self.data.sensordata[self._wrist.ravel()] = wrist
+        self._before[:] = before.reshape(self._before.shape)
 
     @property
     def work_J(self) -> float:

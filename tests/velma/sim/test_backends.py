@@ -228,3 +228,64 @@ def test_a_restored_robot_reads_the_same_forces():
     other.restore(one.save())
     np.testing.assert_array_equal(one.observe().wrist, other.observe().wrist)
     assert np.abs(other.observe().wrist).max() > 5.0
+
+
+MEASURED = scene.Noise(seed=3, joint=1e-4, delay=1, weight=0.05, mass=0.1)
+
+
+def test_joints_are_measured_as_the_scene_says():
+    """With white noise, a cycle late; speeds are of two such positions."""
+    exact = MujocoBackend(EMPTY)
+    robot = MujocoBackend(
+        msgspec.structs.replace(EMPTY, noise=msgspec.structs.replace(EMPTY.noise, joint=1e-4, delay=1))
+    )
+    push = no_command()
+    push.tau[0] = 5.0
+    errors, late, before = [], [], exact.observe().q.copy()
+    for _ in range(500):
+        for one in (exact, robot):
+            one.step(push)
+        now, read = exact.observe(), robot.observe()
+        errors.append(read.q - before)
+        late.append(abs(read.q[0] - before[0]) < abs(read.q[0] - now.q[0]))
+        before = now.q.copy()
+    assert np.std(errors, axis=0) == pytest.approx(1e-4, rel=0.2)
+    assert np.abs(np.mean(errors, axis=0)).max() < 2e-5
+    assert np.mean(late[200:]) > 0.9, "the robot moves by more than the noise then"
+
+
+def test_a_drive_that_errs_about_the_weight_lets_the_arm_move():
+    """Each by its own share; without the error it holds still."""
+    for share, moves in ((0.0, False), (0.1, True)):
+        noise = msgspec.structs.replace(EMPTY.noise, weight=share)
+        robot = MujocoBackend(msgspec.structs.replace(EMPTY, noise=noise))
+        start = robot.observe().q.copy()
+        assert bool(np.abs(run(robot, no_command(), 0.2).q - start).max() > 1e-3) is moves
+
+
+def test_things_are_heavier_than_their_models_say():
+    """Within the share, each by its own; what a robot knows of them does not change."""
+    canonical = scene.load()
+    light, heavy = (
+        MujocoBackend(msgspec.structs.replace(canonical, noise=msgspec.structs.replace(canonical.noise, mass=share)))
+        for share in (0.0, 0.1)
+    )
+    factors = [heavy.model.body(name).mass[0] / light.model.body(name).mass[0] for name in ("jar_1", "bowl_1")]
+    assert all(0.9 <= factor <= 1.1 for factor in factors)
+    assert abs(factors[0] - factors[1]) > 1e-3
+    jar = heavy.model.body("jar_1").id
+    assert heavy.model.body_inertia[jar] == pytest.approx(factors[0] * light.model.body_inertia[jar])
+
+
+def test_a_restored_robot_measures_on_as_it_would_have():
+    """With all its errors: the same states to the same commands."""
+    noisy = msgspec.structs.replace(scene.load(), noise=MEASURED)
+    one, other = MujocoBackend(noisy), MujocoBackend(noisy)
+    run(one, no_command(), 0.1)
+    other.restore(one.save())
+    for _ in range(20):
+        seen, again = one.observe(), other.observe()
+        np.testing.assert_array_equal(seen.q, again.q)
+        np.testing.assert_array_equal(seen.v, again.v)
+        one.step(no_command())
+        other.step(no_command())
