@@ -52,20 +52,20 @@ class Receptor:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         self._looks += 1
-        rng = np.random.default_rng([self._seed, self._looks])
-        return [self._noisy(name, rng) for name in self._bodies if self._visible(name)]
+        rng, more = (np.random.default_rng([self._seed, self._looks, *kind]) for kind in (b"", b"more"))
+        return [self._noisy(name, rng, more) for name in self._bodies if self._visible(name)]
 
     def close(self) -> None:
         """Nothing was started."""
 
-    def _noisy(self, name: str, rng: np.random.Generator) -> Sight:
+    def _noisy(self, name: str, rng: np.random.Generator, more: np.random.Generator) -> Sight:
         body = self._bodies[name]
         across = rng.uniform(-self._largest[:2], self._largest[:2])
         turn = pin.exp3(rng.uniform(-TURN_NOISE, TURN_NOISE, 3))
         rotation = self._data.xmat[body].reshape(3, 3)
-        shift = np.array([*across, rng.uniform(-self._largest[2], self._largest[2])]) + self._bias[name]
-        if rng.random() < self._outliers:
-            shift[:2] += rng.uniform(-OUTLIER_M, OUTLIER_M, 2)
+        shift = np.array([*across, more.uniform(-self._largest[2], self._largest[2])]) + self._bias[name]
+        if more.random() < self._outliers:
+            shift[:2] += more.uniform(-OUTLIER_M, OUTLIER_M, 2)
         return Sight(name, pin.SE3(turn @ rotation, self._data.xpos[body] + shift), uncertainty=self._uncertainty)
 
     def _visible(self, name: str) -> bool:

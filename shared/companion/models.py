@@ -15,6 +15,15 @@ from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose, Shape, Side, Vector
 
 UP: Vector = (0.0, 0.0, 1.0)
+LYING = "lying"
+"""Kind of the grasps of things that lie on their side."""
+ACROSS = {
+    "lying": (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0),
+    "lying_turned": (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)),
+}
+"""Turn of a thing in a grasp across its axis: its z is the grip's -x, as where it stands (grasps.json, jar), or x."""
+BEFORE_M = 0.15
+"""Way of the hand to a thing (grasps.json, jar)."""
 KNOWN_AS = {"bowl": "bowl_high", "cabinet": "cabinet_no_door"}
 """Kinds of the simulated scene (velma.model.scene.Model) -> names of models, where they differ."""
 
@@ -154,6 +163,16 @@ class GraspKind(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     first: int
 
 
+class Lying(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How a hand takes a thing that lies on its side: distance of its axis from the palm's grip frame [m], fingers
+    before they close [rad], the way out [m]."""
+
+    squeeze_deg: float
+    depth: float
+    fingers: float
+    out: float
+
+
 class Closing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Grasps of things of a model, and the way out (models.toml says what the numbers mean)."""
 
@@ -163,6 +182,7 @@ class Closing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     out: float
     deeper: float
     kinds: tuple[GraspKind, ...]
+    lying: Lying | None = None
 
     def kind_of(self, number: int) -> str:
         """The kind of the grasp with this number."""
@@ -224,6 +244,26 @@ def _grasps(closing: Closing, entry: _GraspSet) -> tuple[wm.GraspDef, ...]:
     )
 
 
+def _lying(closing: Closing, entry: _GraspSet) -> tuple[wm.GraspDef, ...]:
+    """The grasps of a thing that lies, if there are some: across its axis, from above."""
+    lies = closing.lying
+    if lies is None:
+        return ()
+    depths, squeeze = (lies.depth + BEFORE_M, lies.depth), math.radians(lies.squeeze_deg)
+    return tuple(
+        wm.GraspDef(
+            id=name,
+            steps=tuple(wm.GraspStep(Pose((0.0, 0.0, depth), turn), lies.fingers) for depth in depths),
+            closed=entry.closed,
+            squeeze=squeeze,
+            speed=closing.speed,
+            out=lies.out,
+            kind=LYING,
+        )
+        for name, turn in ACROSS.items()
+    )
+
+
 def _read(name: str) -> Any:
     path = Path(__file__).with_name(name)
     return tomllib.loads(path.read_text("utf-8")) if path.suffix == ".toml" else msgspec.json.decode(path.read_bytes())
@@ -234,5 +274,7 @@ _sets = msgspec.convert(_read("grasps.json"), _GraspsFile).sets
 
 MODELS: dict[str, Model] = {entry.name: entry.model() for entry in _models.model}
 CLOSINGS: dict[str, Closing] = {closing.model: closing for closing in _models.closing}
-GRASPS: dict[str, tuple[wm.GraspDef, ...]] = {name: _grasps(CLOSINGS[name], entry) for name, entry in _sets.items()}
+GRASPS: dict[str, tuple[wm.GraspDef, ...]] = {
+    name: (*_grasps(CLOSINGS[name], entry), *_lying(CLOSINGS[name], entry)) for name, entry in _sets.items()
+}
 REACH: dict[Side, wm.Reach] = {side: _models.reach.of(side) for side in Side}

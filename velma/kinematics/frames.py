@@ -11,6 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 import pinocchio as pin
 
+_STANDS = math.cos(math.radians(15.0))
+"""Of the axis of a thing to the vertical: farther tilted, grasps of one that stands do not fit (trial: 90 deg off)."""
+
 
 class PoseLike(Protocol):
     """A pose as in communicates: translation [m] and quaternion, w first."""
@@ -61,6 +64,11 @@ def heading(direction: Any) -> float:
 def tilt(pose: pin.SE3) -> float:
     """Return angle [rad] between the frame's z axis and the vertical."""
     return math.acos(min(1.0, max(-1.0, pose.rotation[2, 2])))
+
+
+def lies(pose: pin.SE3) -> bool:
+    """Whether a thing is tilted so far that grasps of one that stands do not fit."""
+    return bool(pose.rotation[2, 2] < _STANDS)
 
 
 def level(pose: pin.SE3) -> pin.SE3:

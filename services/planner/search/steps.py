@@ -4,6 +4,7 @@ A step asks km for what it needs in its first state, computes the geometry, and 
 found, with the reason added to `why`. Speeds and distances: task runs with the true robot model.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -16,7 +17,7 @@ from services.planner.search.asking import Asking
 from services.planner.search.situation import Situation, on_wire, situation
 from velma import names
 from velma.kinematics import ik, motion
-from velma.kinematics.frames import transform
+from velma.kinematics.frames import tilt, transform
 from velma.kinematics.motion import Keep
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.carrying import upright
@@ -27,6 +28,7 @@ TRIED, ENOUGH = 8, 3  # estimate: more goals make motions hardly quicker, but pl
 # Iterations of a tree: most paths need some hundreds (benchmarks/kinematics.py), so all goals are tried with few before
 # any with many; trees for each goal.
 QUICK, EFFORTS, ATTEMPTS = (500,), (500, 4000), 2
+TAKEN_LYING = math.radians(61.0)  # so far tilted in a hand, a thing was taken as it lay: none is carried so (putting)
 CLOSE_S, OPEN_S = 4.0, 2.5  # [s] a hand takes to close by touch and to open; only for the expected duration
 
 Path = list[np.ndarray]
@@ -121,10 +123,13 @@ class Geometry:
         return found
 
     def _upright(self, here: Situation, side: Side, largest_tilt: float | None) -> Keep | None:
-        """Return the condition that a held object stays upright; None for an empty hand."""
+        """Return the condition that a held object stays upright; None for an empty hand, or one taken as it lay."""
         if largest_tilt is None or side not in here.held:
             return None
-        return upright(self.robot, side, here.held[side].T_grip_object, largest_tilt)
+        T_grip_object = here.held[side].T_grip_object
+        if tilt(self.robot.grip(here.q, side) * T_grip_object) > TAKEN_LYING:
+            return None
+        return upright(self.robot, side, T_grip_object, largest_tilt)
 
     def duration(self, path: Path, speed: float) -> float:
         """Return the time [s] of a joint path at a tool speed [m/s]."""

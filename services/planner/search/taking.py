@@ -8,17 +8,17 @@ import pinocchio as pin
 
 from companion.languages import rc, wm
 from companion.languages.values import Side
+from companion.models import LYING
 from services.planner.search.facts import Facts
 from services.planner.search.situation import Situation, configured, on_wire
 from services.planner.search.steps import CLOSE_S, Geometry, Path, Step, approach_points, free_speed, move
-from velma.kinematics.frames import transform
+from velma.kinematics.frames import lies, transform
 from velma.kinematics.tasks.carrying import carries
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 
 GRASPS, CARRIES = 8, 16  # estimate: found in 0.1 s
 FLOOR_M = 0.3  # [m] height below which no hand reaches a thing: IK 0 of 15 on the floor, from 0.30 to 0.45 m some
-UPRIGHT = math.cos(math.radians(15.0))  # farther tilted, the known grasps do not fit (measured: axis 90 deg off)
 CARRY_TILT = math.radians(35.0)  # task runs with the true robot model
 ANY_TORSO = (-0.9, 0.9)  # [rad] range of the torso at a grasp; same runs; never tried for a box (face)
 TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (-1.0, 1.0)}  # [rad], same runs
@@ -78,7 +78,7 @@ def _approaches(
     wanted: int,
 ) -> list[Approach]:
     """Return solved grasps; none, with the reason noted, if there are none."""
-    if beyond := out_of_reach(geometry.pose(here.state, target.name)):
+    if beyond := out_of_reach(geometry.pose(here.state, target.name), known[0].kind):
         geometry.failed(f"{target.name} {beyond}: a person is needed")
         return []
     found = approaches(
@@ -90,17 +90,18 @@ def _approaches(
     return found
 
 
-def out_of_reach(pose: pin.SE3) -> str:
-    """Return why no known grasp fits a thing in this pose; "" where one may."""
+def out_of_reach(pose: pin.SE3, kind: str) -> str:
+    """Return why no grasp of this kind fits a thing in this pose; "" where one may."""
     if pose.translation[2] < FLOOR_M:
         return "fell on the floor"
-    return "lies on its side" if pose.rotation[2, 2] < UPRIGHT else ""
+    return "lies on its side" if lies(pose) and kind != LYING else ""
 
 
 def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:
-    """Return the known grasps of an object of the same kind as its first one."""
+    """Return the known grasps of an object of the same kind as its first one, or those of one that lies if it does."""
     known = geometry.ask(wm.GraspSet(state=state, object=name), wm.Grasps).grasps
-    return [g for g in known if g.kind == known[0].kind]
+    lying = [g for g in known if g.kind == LYING]
+    return lying if lying and lies(geometry.pose(state, name)) else [g for g in known if g.kind == known[0].kind]
 
 
 def ways(known: list[wm.GraspDef]) -> list[GraspWay]:

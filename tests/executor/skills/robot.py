@@ -22,7 +22,7 @@ from services.executor.skills.situation import Situation, beginning
 from services.executor.skills.skill import Sensed
 from velma.kinematics import motion
 from velma.kinematics.collision import MARGIN
-from velma.kinematics.frames import transform, xyz_quat
+from velma.kinematics.frames import lies, transform, xyz_quat
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.grasping import Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.placing import backwards
@@ -119,7 +119,9 @@ class Acting:
 
     def plan_to_take_off_the_table(self, name: str, side: Side) -> None:
         """Work out the commands that take a thing that stands free, by any of its grasps: `taking`."""
-        self._plan(name, side, -self.here.seen[name].translation, models.GRASPS[self.things[name]])
+        pose = self.here.seen[name]
+        fitting = [one for one in models.GRASPS[self.things[name]] if (one.kind == models.LYING) is lies(pose)]
+        self._plan(name, side, -pose.translation, fitting)
 
     def _plan(self, name: str, side: Side, direction: np.ndarray, grasps: Sequence[wm.GraspDef]) -> None:
         out = direction * np.array([1.0, 1.0, 0.0])

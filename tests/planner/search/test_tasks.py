@@ -11,7 +11,10 @@ from services.knowledge.geometry import place as placed
 from services.knowledge.observe import observed
 from services.knowledge.scene import Scene
 from velma import names
+from velma.kinematics.frames import tilt, transform
 from velma.kinematics.robot import Robot
+
+LIES = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 
 
 def told(scene: Scene, *observations: wm.AnyObservation) -> Scene:
@@ -61,17 +64,33 @@ def test_a_destination_not_seen_since_is_looked_at(km, named, bowl_placed: Scene
 
 
 @pytest.mark.parametrize(
-    ("pose", "words"),
+    ("name", "pose", "words"),
     [
-        (Pose((0.7, 0.3, 0.1)), "fell on the floor: a person is needed"),
-        (Pose((0.58, -0.52, 0.815), (0.7071, 0.7071, 0.0, 0.0)), "lies on its side: a person is needed"),
+        ("jar_1", Pose((0.7, 0.3, 0.1)), "fell on the floor: a person is needed"),
+        ("bowl_1", Pose((0.58, -0.52, 0.875), LIES), "lies on its side: a person is needed"),
     ],
 )
-def test_what_no_grasp_fits_needs_a_person(km, beginning: Scene, pose: Pose, words: str) -> None:
-    """On the floor, or lying on a table where a standing one would be in reach."""
-    plan = km(told(beginning, wm.SeenObject("jar_1", "jar", pose, 3.0))).plan("take", "jar", "")
+def test_what_no_grasp_fits_needs_a_person(km, beginning: Scene, name: str, pose: Pose, words: str) -> None:
+    """On the floor, or a bowl that lies on a table where a standing one would be in reach."""
+    model = beginning.things[name].model
+    plan = km(told(beginning, wm.SeenObject(name, model, pose, 3.0))).plan("take", name, "")
     assert isinstance(plan, hfsm.NoPlan)
-    assert f"jar_1 {words}" in plan.reason
+    assert f"{name} {words}" in plan.reason
+
+
+def test_a_jar_that_lies_is_taken_from_above_and_stood_up(km, named, beginning: Scene) -> None:
+    """Across its axis; by the end of the plan it stands upright on a table."""
+    lying = Pose((0.58, -0.52, 0.815), LIES)
+    known = km(told(beginning, wm.SeenObject("jar_1", "jar", lying, 3.0)))
+    plan = known.plan("put_at", "jar_1", "table")
+    assert named(plan) == ["take jar_1", "place jar_1", "right arm home"]
+    (grasp,) = [leaf.command for step in plan.root.states for leaf in step.states if isinstance(leaf.command, rc.Grasp)]
+    hand = transform(lying) * transform(grasp.approach[-1].at)
+    assert hand.rotation[2, 2] < -0.8
+    assert abs(hand.rotation[:, 2] @ transform(lying).rotation[:, 2]) < 0.01
+    assert lying.xyz[2] + 0.02 < hand.translation[2] < lying.xyz[2] + 0.05
+    supposed = known.overlays.states[list(known.overlays.states)[-1]].scene.things["jar_1"]
+    assert tilt(transform(supposed.pose)) < 0.02
 
 
 def test_what_a_hand_lost_is_looked_for_until_it_is_seen(km, beginning: Scene) -> None:

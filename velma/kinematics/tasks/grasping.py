@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from velma.kinematics import ik
 from velma.kinematics.collision import World
-from velma.kinematics.frames import heading, shifted, standing
+from velma.kinematics.frames import heading, lies, shifted, standing
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks import attaching
 
@@ -86,8 +86,13 @@ def _candidates(ways: Sequence[GraspWay], rng: np.random.Generator, tries: int) 
 
 def grips(target: Target, way: GraspWay, azimuth: float) -> list[pin.SE3] | None:
     """Return the grip poses in the world for each step of `way`, the object turned so that the hand approaches against
-    `target.out` turned by `azimuth` [rad]. None for an object that is not symmetric and turned too far from that."""
+    `target.out` turned by `azimuth` [rad]; to one that lies, from above. None for an object that is not symmetric and
+    turned too far from that."""
     T_object_grip = [pose.inverse() for pose, _ in way.steps]
+    if lies(target.pose):
+        down = target.pose.rotation.T @ np.array([0.0, 0.0, -1.0])
+        about = heading(down) - heading(T_object_grip[-1].rotation[:, 2]) + azimuth
+        return [target.pose * standing(np.zeros(3), about) * t for t in T_object_grip]
     wanted = heading(-target.out) + azimuth
     if target.symmetric:
         turned = standing(target.pose.translation, wanted - heading(T_object_grip[-1].rotation[:, 2]))
