@@ -5,12 +5,16 @@ communicates between them are left out. Appends one line per seed to a results f
 
     python benchmarks/pour_one_process.py --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
     python benchmarks/pour_one_process.py --scene env2 --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
-    python benchmarks/pour_one_process.py --eyes rays --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
+    python benchmarks/pour_one_process.py --eyes rays --noise height=0.01 --seeds 1-20 --out …
+    python benchmarks/pour_one_process.py --out benchmarks/results/pour_one_process.jsonl --table
 """
 
+import math
+import statistics
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tables
 import typer
@@ -36,6 +40,8 @@ from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
 MOST_PLANS = 6
+PAGE = Path(__file__).parents[1] / "docs/scenes.md"
+BEGIN, END = "<!-- noise: python benchmarks/pour_one_process.py --table -->\n", "<!-- /noise -->\n"
 
 
 class Run:
@@ -167,6 +173,26 @@ def measured(
     }  # fmt: skip
 
 
+def rows(lines: list[dict[str, Any]]) -> Iterator[str]:
+    """Yield the table of what each noise does, and below it why a pour was not done."""
+    yield "| eyes | noise that the scene has not | pours | done | simulated, median [s] |\n|---|---|---|---|---|\n"
+    failed = []
+    kinds = sorted({(line["eyes"], line["noise"]) for line in lines if "noise" in line}, key=lambda one: one[::-1])
+    for eyes, noise in kinds:
+        same = [one for one in lines if (one.get("eyes"), one.get("noise")) == (eyes, noise)]
+        done = [one for one in same if one["success"]]
+        middle = statistics.median(one["sim_time_s"] for one in done) if done else math.nan
+        words = noise.replace(",", ", ").replace("=", " ") or "none"
+        yield f"| {eyes} | {words} | {len(same)} | {len(done)} | {middle:.0f} |\n"
+        failed += [f"- {eyes}, {words}, seed {one['seed']}: {why(one)}\n" for one in same if not one["success"]]
+    yield "".join(["\n", *failed]) if failed else ""
+
+
+def why(line: dict[str, Any]) -> str:
+    """Return why a pour counts as failed: what the robot said, or that it was wrong."""
+    return str(line["failure"]) or f"said done, {100 * line['poured']:.0f} % of the content are in the bowl"
+
+
 def main(
     seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
@@ -174,8 +200,12 @@ def main(
     eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.PIXELS,
     noise: Annotated[str, typer.Option(help="of the scene, as height=0.01,outliers=0.02")] = "",
     verbose: Annotated[bool, typer.Option()] = False,
+    table: Annotated[bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
+    if table:
+        tables.put(PAGE, BEGIN, "".join(rows(tables.read(out))), END)
+        return
     first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
     lines = tables.read(out)

@@ -3,6 +3,7 @@ what `roco fault KIND` may be told.
 """
 
 import signal
+import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 
@@ -76,6 +77,18 @@ def _sends(number: signal.Signals) -> Callable[[Target, Fault], None]:
     return lambda fleet, fault: fleet.signal(fault.target, number)
 
 
+def _stopped(fleet: Target, fault: Fault) -> None:
+    """Stop it, and see it stopped: a busy machine does not do so at once, and one that runs counts as continued."""
+    fleet.signal(fault.target, signal.SIGSTOP)
+    until = time.monotonic() + STOPPED_S
+    while same(seen := now(fleet, fault), fault) and not _is_frozen(seen) and time.monotonic() < until:
+        time.sleep(PERIOD_S)
+
+
+def _is_frozen(seen: Seen | None) -> bool:
+    return seen is not None and seen.used is not None and seen.used.frozen
+
+
 def _killed(fleet: Target, fault: Fault) -> None:
     """Kill it, and let nobody start it again."""
     fleet.signal(fault.target, signal.SIGKILL)
@@ -99,7 +112,7 @@ def _nothing(fleet: Target, fault: Fault) -> None:
 def _frozen_over(seen: Seen | None, fault: Fault) -> str:
     if not same(seen, fault):
         return "ended by another"
-    return "" if seen is not None and seen.used is not None and seen.used.frozen else "continued by another"
+    return "" if _is_frozen(seen) else "continued by another"
 
 
 def _back_over(seen: Seen | None, fault: Fault) -> str:
@@ -115,7 +128,7 @@ def _never_over(seen: Seen | None, fault: Fault) -> str:
 
 
 def _frozen(for_s: float) -> Kind:
-    return Kind(_sends(signal.SIGSTOP), _frozen_over, _continue, for_s)
+    return Kind(_stopped, _frozen_over, _continue, for_s)
 
 
 def _wired(kind: str, amount: Amount | None = None) -> Kind:
@@ -131,6 +144,8 @@ def _wired(kind: str, amount: Amount | None = None) -> Kind:
     )
 
 
+STOPPED_S, PERIOD_S = 10.0, 0.01
+"""Time that a signal may need, and between two looks; estimates."""
 HANG_S, PAUSE_S = 60.0, 1.0
 """Estimates: whoever looks after a hung process has ended it by then; a pause shorter than that is not seen."""
 WIRE_S = 5.0
