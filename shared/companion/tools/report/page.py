@@ -4,6 +4,7 @@ from datetime import datetime
 from pathlib import Path
 
 from companion.design import DESIGN
+from companion.tools.beliefs import MOST_APART_MM
 from companion.tools.report import planning, plans, story
 from companion.tools.report.paper import PAPER, TABLE_8, Paper
 from companion.tools.report.report import Report
@@ -13,8 +14,6 @@ from operate.reports.page import ABSENT, MOST_VIOLATIONS, STYLE, faults, heat, t
 from topdown.judge.verdicts import VIOLATIONS
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
-MOST_APART_MM = 30.0
-"""Between belief and truth of a thing; more is shown as wrong. Estimate: a jar 20 mm aside is still grasped well."""
 
 
 def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -> str:
