@@ -1,7 +1,9 @@
-"""A verdict of topdown's judge as a line for files and people, used by the monitor and the console.
+"""Verdicts of topdown's judge in words: a line for files and people, all of a run in a sentence.
 
 Must not know: files, the network.
 """
+
+from collections.abc import Mapping
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
@@ -47,6 +49,14 @@ def line(judgement: Judgement, system: System | None) -> Judged:
         violation=judgement.violation,
         log=heard.log,
     )
+
+
+def outcome(verdicts: Mapping[str, int]) -> str:
+    """Return in words how communicates stand to the design: counts by verdict, none of them a violation."""
+    total = sum(verdicts.values())
+    words = {Verdict.SLOW: "slow", Verdict.NOT_JUDGED: "could not be judged"}
+    apart = [f"{verdicts[one]} of {total} communicates {word}" for one, word in words.items() if verdicts.get(one)]
+    return "; ".join(("nothing against the design", *apart)) if apart else f"all {total} communicates as designed"
 
 
 def _text(one: Communicate, system: System | None) -> str:

@@ -1,7 +1,7 @@
 """Two sets of runs side by side: what became worse, by how much, and where they begin to say different things. Pure.
 
-A quantity is worse only when the whole 95 % interval of the difference lies beyond the threshold. With one run a side
-there is none, so it stays open; but of two single runs one that succeeded and one that did not is a regression.
+A quantity is worse only when the whole 95 % interval of the difference lies beyond the threshold. With one or two runs
+a side there is none, so it stays open; but of two single runs one that succeeded and one that did not is a regression.
 """
 
 from collections.abc import Mapping, Sequence
@@ -93,7 +93,7 @@ def compared(a: Runs, b: Runs, thresholds: Mapping[str, float] = THRESHOLDS) -> 
         b=b.name,
         runs=(len(a.results), len(b.results)),
         rows=rows,
-        lost=_lost(a.results, b.results),
+        lost=_lost(a.results, b.results) if _paired(a, b) else (),
         diverged=_diverged(a, b),
         regression=any(row.verdict is Verdict.WORSE for row in rows),
     )
@@ -148,7 +148,7 @@ def _quantities(a: Runs, b: Runs, thresholds: Mapping[str, float]) -> tuple[Comp
 def _quantity(quantity: Quantity, a: Runs, b: Runs, threshold: float) -> Compared:
     first, second = values(quantity, a.results), values(quantity, b.results)
     ours, theirs = intervals.mean(list(first.values())), intervals.mean(list(second.values()))
-    apart = intervals.difference(first, second)
+    apart = intervals.difference(first, second, seeded=a.seeded and b.seeded)
     percent, low, high = _percent(apart, abs(ours.value) if ours else 0.0)
     return Compared(
         name=quantity.name,
@@ -180,10 +180,11 @@ def _lost(a: tuple[Result[Any], ...], b: tuple[Result[Any], ...]) -> tuple[Lost,
 
 
 def _diverged(a: Runs, b: Runs) -> tuple[Diverged, ...]:
-    """Of the seeds that both have; two single runs are compared whatever their seeds."""
-    if len(a.said) == len(b.said) == 1:
-        (seed, ours), (_, theirs) = *a.said.items(), *b.said.items()
-        return (Diverged(seed, diverging.first(ours, theirs)),)
-    return tuple(
-        Diverged(seed, diverging.first(a.said[seed], b.said[seed])) for seed in sorted(set(a.said) & set(b.said))
-    )
+    """Of the seeds that both have."""
+    common = sorted(set(a.said) & set(b.said)) if _paired(a, b) else []
+    return tuple(Diverged(seed, diverging.first(a.said[seed], b.said[seed])) for seed in common)
+
+
+def _paired(a: Runs, b: Runs) -> bool:
+    """Whether runs of one number belong together: of one seed, or two single ones of unknown seeds."""
+    return (a.seeded and b.seeded) or len(a.results) == len(b.results) == 1

@@ -1,7 +1,7 @@
 """Intervals of 95 %: of a mean over runs, of a share of runs, of a difference between two sets. Pure.
 
-Means: Student's t over runs; differences: paired t where both sets have the same seeds, else Welch's t; shares:
-Wilson's score, their difference Newcombe's hybrid score (Statistics in Medicine 17, 1998, method 10).
+Means: Student's t over runs; differences: paired t over seeds that both sets have, else Welch's t; shares: Wilson's
+score, their difference Newcombe's hybrid score (Statistics in Medicine 17, 1998, method 10).
 """
 
 import math
@@ -12,6 +12,8 @@ import numpy as np
 from scipy import stats
 
 LEVEL = 0.95
+LEAST = 3
+"""Values that an interval of Student's or Welch's needs; of two its factor is 12.7, which tells nobody anything."""
 
 
 class Interval(msgspec.Struct, frozen=True):
@@ -43,16 +45,16 @@ def mean(values: Sequence[float]) -> Interval | None:
 
 
 def half_width(values: Sequence[float]) -> float | None:
-    """Half the width of Student's interval of the mean; None for fewer than two runs."""
+    """Half the width of Student's interval of the mean; None for fewer than LEAST runs."""
     n = len(values)
-    return None if n < 2 else float(stats.t.ppf((1 + LEVEL) / 2, n - 1) * np.std(values, ddof=1) / math.sqrt(n))
+    return None if n < LEAST else float(stats.t.ppf((1 + LEVEL) / 2, n - 1) * np.std(values, ddof=1) / math.sqrt(n))
 
 
 def band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means over runs and half widths, (m,) each, of values (runs, m); without width for fewer than two runs."""
+    """Means over runs and half widths, (m,) each, of values (runs, m); without width for fewer than LEAST runs."""
     n = len(values)
     middle = values.mean(axis=0)
-    if n < 2:
+    if n < LEAST:
         return middle, np.zeros_like(middle)
     return middle, stats.t.ppf((1 + LEVEL) / 2, n - 1) * values.std(axis=0, ddof=1) / math.sqrt(n)
 
@@ -65,17 +67,20 @@ def share(yes: int, n: int) -> Interval | None:
     return Interval(yes / n, max(0.0, float(found.low)), min(1.0, float(found.high)), n)
 
 
-def difference(a: Mapping[int, float], b: Mapping[int, float]) -> Difference | None:
-    """Of means, seed -> value in each set; None where a set is empty."""
+def difference(a: Mapping[int, float], b: Mapping[int, float], *, seeded: bool = True) -> Difference | None:
+    """Of means, seed -> value in each set; None where a set is empty.
+
+    Seeds that both sets have are paired where they are LEAST or more, and at least half of the larger set. `seeded`:
+    the numbers are seeds; else nothing is paired.
+    """
     if not a or not b:
         return None
-    if set(a) == set(b) and len(a) > 1:
-        apart = [b[seed] - a[seed] for seed in sorted(a)]
-        middle, half = float(np.mean(apart)), half_width(apart)
-        assert half is not None
-        return Difference(middle, middle - half, middle + half, "paired t")
-    first, second = [a[seed] for seed in sorted(a)], [b[seed] for seed in sorted(b)]
-    return _welch(first, second)
+    common = sorted(set(a) & set(b)) if seeded else []
+    half = half_width([b[seed] - a[seed] for seed in common])
+    if half is None or 2 * len(common) < max(len(a), len(b)):
+        return _welch([a[seed] for seed in sorted(a)], [b[seed] for seed in sorted(b)])
+    middle = float(np.mean([b[seed] - a[seed] for seed in common]))
+    return Difference(middle, middle - half, middle + half, "paired t")
 
 
 def difference_of_shares(a: tuple[int, int], b: tuple[int, int]) -> Difference | None:
@@ -100,8 +105,8 @@ def _reach(interval: Interval) -> tuple[float, float]:
 
 def _welch(a: Sequence[float], b: Sequence[float]) -> Difference:
     apart = float(np.mean(b) - np.mean(a))
-    if min(len(a), len(b)) < 2:
-        return Difference(apart, None, None, "one run")
+    if min(len(a), len(b)) < LEAST:
+        return Difference(apart, None, None, "too few runs")
     spread = [float(np.var(one, ddof=1)) / len(one) for one in (a, b)]
     total = sum(spread)
     if total == 0.0:

@@ -100,13 +100,17 @@ class Measures(msgspec.Struct, frozen=True):
 
 
 class Runs(msgspec.Struct, frozen=True):
-    """A set of runs; `said`: seed -> what was said in that run, where that was recorded."""
+    """A set of runs; `said`: seed -> what was said in that run, where that was recorded.
+
+    `seeded`: each has a seed of its own; else they are numbered, and the numbers say nothing.
+    """
 
     name: str
     setting: Setting | None
     results: tuple[Result[Any], ...]
     said: dict[int, tuple[Said, ...]]
     measures: Measures
+    seeded: bool = True
 
 
 def of(system: System) -> Measures:

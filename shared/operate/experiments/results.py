@@ -112,8 +112,9 @@ def _single(place: Path) -> tuple[Result[Any], tuple[Said, ...]]:
 def _put_together(name: str, singles: list[tuple[Result[Any], tuple[Said, ...]]], own: measures.Measures) -> Runs:
     """Runs whose seeds do not tell them apart are numbered instead."""
     seeds = [result.seed for result, _ in singles]
-    if None in seeds or len(set(seeds)) < len(seeds):
+    seeded = None not in seeds and len(set(seeds)) == len(seeds)
+    if not seeded:
         seeds = list(range(1, len(singles) + 1))
     numbered = [msgspec.structs.replace(result, seed=n) for n, (result, _) in zip(seeds, singles, strict=True)]
     told = {n: rows for n, (_, rows) in zip(seeds, singles, strict=True) if rows and n is not None}
-    return Runs(name, None, tuple(numbered), told, own)
+    return Runs(name, None, tuple(numbered), told, own, seeded)

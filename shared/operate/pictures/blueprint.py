@@ -5,36 +5,39 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
 from operate.pictures.graph import HIGH, WIDE
+from operate.pictures.sequence import SEQUENCE
 from operate.pictures.sheet import RUN
 
 LIVE_S = 90.0
 """Time span of live plots [s]; estimate: a minute and a half is what a person looks back."""
+YOUNG = 0.0
+"""Duration of a run that has just begun: plots show it from its beginning, so that they are not empty."""
 
 
 def blueprint(end_s: float | None) -> rrb.Blueprint:
-    """Of a run that lasted `end_s`; None: it goes on, plots show its last LIVE_S and the cursor follows."""
+    """Of a run that lasted `end_s`; None: it goes on, plots show its last LIVE_S; YOUNG: all of it so far."""
     time = axis(end_s)
     seen = rrb.Vertical(graph(), log(), row_shares=(3, 2))
     told = rrb.Vertical(states("agents", time), sizes(time), bandwidth(time), row_shares=(3, 1, 1))
-    return whole(end_s, rrb.Horizontal(seen, told, column_shares=(1, 1), name="run"))
+    return whole(end_s, rrb.Horizontal(seen, told, column_shares=(1, 1), name="run"), conversations())
 
 
 def whole(end_s: float | None, *tabs: rrb.Container) -> rrb.Blueprint:
     """Tabs, the first one shown, above the time panel."""
-    playing = rrb.components.PlayState.Playing if end_s is not None else rrb.components.PlayState.Following
+    playing = rrb.components.PlayState.Playing if end_s else rrb.components.PlayState.Following
     time = rrb.TimePanel(timeline=RUN, play_state=playing, state="collapsed")
     return rrb.Blueprint(rrb.Tabs(*tabs, active_tab=0), time, collapse_panels=True)
 
 
 def axis(end_s: float | None) -> rrb.TimeAxis:
     """The axis of all plots."""
+    at, after = rr.TimeRangeBoundary.absolute, rr.TimeRangeBoundary.cursor_relative
     if end_s is None:
-        bounds = [
-            rr.TimeRangeBoundary.cursor_relative(seconds=-LIVE_S),
-            rr.TimeRangeBoundary.cursor_relative(seconds=2),
-        ]
+        bounds = [after(seconds=-LIVE_S), after(seconds=2)]
+    elif end_s == YOUNG:
+        bounds = [at(seconds=0), after(seconds=2)]
     else:
-        bounds = [rr.TimeRangeBoundary.absolute(seconds=at) for at in (-0.02 * end_s, 1.02 * end_s)]
+        bounds = [at(seconds=-0.02 * end_s), at(seconds=1.02 * end_s)]
     return rrb.TimeAxis(view_range=rr.TimeRange(*bounds))
 
 
@@ -59,9 +62,15 @@ def log() -> rrb.TextLogView:
     return rrb.TextLogView(origin="communicates", name="communicates", columns=columns)
 
 
+def conversations() -> rrb.Container:
+    """A tab: the newest communicates as a sequence diagram, beside the log of all."""
+    lanes = rrb.Spatial2DView(origin=SEQUENCE, name="who says what to whom, newest below")
+    return rrb.Horizontal(lanes, log(), column_shares=(3, 2), name="conversations")
+
+
 def sizes(time: rrb.TimeAxis) -> rrb.TimeSeriesView:
     """A point for each communicate."""
-    name = "size of each communicate, log10 bytes"
+    name = "size of each communicate; 2: 100 B, 3: 1 kB, 4: 10 kB"  # the viewer has no logarithmic axis
     return rrb.TimeSeriesView(origin="sizes", name=name, axis_x=time, plot_legend=rrb.Corner2D.RightTop)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import rerun as rr
 
 from operate.pictures import viewer_address, wire
+from operate.pictures.blueprint import LIVE_S, YOUNG
 from operate.pictures.file import NAME, laid_out
 from operate.pictures.happenings import Happening, Lost, Reader
 from operate.pictures.server import Server, rss_mb
@@ -49,7 +50,7 @@ class Child:
         self._reader = Reader(system)
         self._stage: Stage | None = None
         self._early: list[Happening] = []
-        self._idle = True
+        self._idle, self._young = True, False
         self._out = rr.RecordingStream(NAME, recording_id=f"{NAME}-live-{time.time():.3f}")
         viewer_address.tell(run, place)
 
@@ -92,7 +93,8 @@ class Child:
             self._stage.take(happening)
 
     def _begin(self, at: float) -> None:
-        rr.connect_grpc(self._server.url, default_blueprint=laid_out(self._system, None), recording=self._out)
+        rr.connect_grpc(self._server.url, default_blueprint=laid_out(self._system, YOUNG), recording=self._out)
+        self._young = True
         self._stage = Stage(Sheet(self._out, at), self._system)
         for happening in self._early:
             self._stage.take(happening)
@@ -100,6 +102,9 @@ class Child:
 
     def _flush(self) -> None:
         if self._stage is not None:
+            if self._young and time.time() - self._stage.sheet.begin > LIVE_S:
+                self._young = False
+                rr.send_blueprint(laid_out(self._system, None), make_active=False, recording=self._out)
             if self._idle:  # else what comes says what time it is: it may have waited
                 self._stage.pass_time(time.time() - FLUSH_S)
             self._stage.sheet.flush()

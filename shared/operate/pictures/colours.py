@@ -6,15 +6,21 @@ GREY: Colour = (120, 130, 145)
 FRESH: Colour = (38, 150, 180)
 RED: Colour = (205, 60, 60)
 ORANGE: Colour = (222, 140, 30)
+INK: Colour = (240, 238, 250)
+"""Of labels: the viewer writes them on dark grey in both of its themes."""
+GHOST: Colour = (150, 80, 220)
+"""Of what somebody believes and is not so."""
+PLANNED: Colour = (60, 120, 230)
+"""Of what is planned and is not yet so."""
 CHANNELS: tuple[Colour, ...] = (
-    (230, 159, 0),
-    (214, 93, 130),
-    (150, 120, 220),
-    (38, 150, 180),
-    (136, 148, 165),
-    (76, 168, 92),
+    (60, 115, 230),
+    (215, 85, 180),
+    (140, 165, 20),
+    (20, 175, 180),
+    (165, 125, 240),
+    (60, 165, 85),
 )
-"""Of C1, C2 and so on; C7 looks like C1."""
+"""Of C1, C2 and so on; C7 looks like C1. None looks like GREY, ORANGE or RED: levels of a log."""
 SIDES: dict[str, Colour] = {"right": (214, 93, 130), "left": (38, 150, 180)}
 AXES: tuple[Colour, ...] = ((220, 60, 60), (60, 170, 70), (60, 100, 220))
 """x, y, z of a frame."""

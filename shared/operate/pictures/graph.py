@@ -75,9 +75,9 @@ class Graph:
 
 def positions(design: Design) -> dict[str, tuple[float, float]]:
     """Agents on an ellipse, neighbours by channels side by side; each channel in the middle of its two."""
-    ring = _ring(design)
-    turn = 2 * math.pi / len(ring)
-    places = {a: (-WIDE * math.cos(turn * k), -HIGH * math.sin(turn * k)) for k, a in enumerate(ring)}
+    around = ring(design)
+    turn = 2 * math.pi / len(around)
+    places = {a: (-WIDE * math.cos(turn * k), -HIGH * math.sin(turn * k)) for k, a in enumerate(around)}
     ordered = {agent: places[agent] for agent in design.agents}
     for name, one in design.channels.items():
         (ax, ay), (bx, by) = (places[agent] for agent in one.ends)
@@ -85,15 +85,15 @@ def positions(design: Design) -> dict[str, tuple[float, float]]:
     return ordered
 
 
-def _ring(design: Design) -> list[str]:
-    """Agents in an order in which channels lead from one to the next, where they do; the least connected first."""
+def ring(design: Design) -> list[str]:
+    """Return the agents so that channels lead from one to the next, where they do; the least connected first."""
     beside = {
         a: [b for one in design.channels.values() if a in one.ends for b in one.ends if b != a] for a in design.agents
     }
-    ring: list[str] = []
+    found: list[str] = []
     waiting = sorted(beside, key=lambda agent: len(beside[agent]))
     while waiting:
-        near = [agent for agent in waiting if ring and agent in beside[ring[-1]]]
-        ring.append(min(near, key=lambda agent: len(beside[agent])) if near else waiting[0])
-        waiting.remove(ring[-1])
-    return ring
+        near = [agent for agent in waiting if found and agent in beside[found[-1]]]
+        found.append(min(near, key=lambda agent: len(beside[agent])) if near else waiting[0])
+        waiting.remove(found[-1])
+    return found

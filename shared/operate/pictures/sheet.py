@@ -58,6 +58,10 @@ def transforms(values: list[tuple[Sequence[float], Sequence[float]]]) -> Any:
     return rr.Transform3D.columns(translation=np.array([at for at, _ in values]), quaternion=turns)
 
 
+HIDDEN = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+"""A transform whose quaternion has no direction: the viewer leaves out the entity and all below it."""
+
+
 def scalars(values: list[Sequence[float]]) -> Any:
     """As many numbers each as the first row has."""
     return rr.Scalars.columns(scalars=np.concatenate(values)).partition([len(value) for value in values])
@@ -85,6 +89,13 @@ def points(values: list[Sequence[Sequence[float]]]) -> Any:
     return rr.Points3D.columns(positions=flat).partition([len(value) for value in values])
 
 
+def labels(values: list[Sequence[tuple[Sequence[float], str]]]) -> Any:
+    """(Point [m], text) each, as many as there are; the look stands statically."""
+    flat = [one for value in values for one in value]
+    places = np.array([at for at, _ in flat], dtype=np.float32).reshape(-1, 3)
+    return rr.Points3D.columns(positions=places, labels=[text for _, text in flat]).partition(list(map(len, values)))
+
+
 def strips(values: list[Sequence[Any]]) -> Any:
     """Lines through points (n, 3) [m], as many lines as there are."""
     flat = [np.asarray(strip, dtype=np.float32) for value in values for strip in value]
@@ -103,6 +114,15 @@ def arrows(values: list[tuple[Sequence[Any], Sequence[Any]]]) -> Any:
     """(Origins, vectors) [m] each."""
     origins, vectors = (np.array([one for value in values for one in value[k]]).reshape(-1, 3) for k in (0, 1))
     return rr.Arrows3D.columns(origins=origins, vectors=vectors).partition([len(origin) for origin, _ in values])
+
+
+def flat_arrows(values: list[Sequence[tuple[Any, Any, str, Colour]]]) -> Any:
+    """(Origin, vector [points of the viewer], label, colour) of arrows in a plane, as many as there are each time."""
+    origins, vectors, texts, colours = (
+        list(one) for one in zip(*(one for value in values for one in value), strict=True)
+    )
+    columns = rr.Arrows2D.columns(origins=origins, vectors=vectors, labels=texts, colors=colours)
+    return columns.partition(list(map(len, values)))
 
 
 def nodes(values: list[tuple[Sequence[str], Sequence[Colour]]]) -> Any:

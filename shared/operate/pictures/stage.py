@@ -5,6 +5,7 @@ from typing import Protocol
 from operate.pictures.graph import Graph
 from operate.pictures.happenings import Happening, Lost
 from operate.pictures.lanes import Faults, Lanes
+from operate.pictures.sequence import Sequence
 from operate.pictures.sheet import Sheet
 from operate.pictures.traffic import Bandwidth, Log, Sizes
 from operate.run_folder import Fault, Judged
@@ -26,6 +27,7 @@ class Stage:
         self.sheet, design = sheet, system.design
         own = system.addition("drawers")
         self._graph, self._bandwidth = Graph(sheet, design), Bandwidth(sheet, design)
+        self._sequence = Sequence(sheet, design)
         self._drawers: tuple[Drawer, ...] = (
             *(own(sheet) if own is not None else ()),
             Lanes(sheet, design),
@@ -34,6 +36,7 @@ class Stage:
             Sizes(sheet, design),
             self._graph,
             self._bandwidth,
+            self._sequence,
         )
 
     def take(self, happening: Happening) -> None:
@@ -47,3 +50,4 @@ class Stage:
         """It is `at` [unix s]: what is counted over time may be drawn."""
         self._graph.pass_time(at)
         self._bandwidth.pass_time(at)
+        self._sequence.pass_time(at)

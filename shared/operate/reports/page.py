@@ -6,14 +6,17 @@ from pathlib import Path
 
 import jinja2
 
+from operate import verdict_lines
 from operate.recording.history import History
 from operate.reports import figures
 from operate.reports.counts import Communicates
-from operate.reports.report import FaultAt, Report
+from operate.reports.report import FaultAt, Judged, Report
 from operate.system import System
 from topdown.judge.verdicts import VIOLATIONS
 
-TEMPLATE, FAULTS = (Path(__file__).with_name(name) for name in ("page.html.j2", "faults.html.j2"))
+TEMPLATE, FAULTS, JUDGED = (
+    Path(__file__).with_name(name) for name in ("page.html.j2", "faults.html.j2", "judged.html.j2")
+)
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 ABSENT = "–"
 MOST_VIOLATIONS = 50
@@ -35,8 +38,7 @@ def rendered(history: History, report: Report, run: str, system: System) -> str:
         heat=heat(report.communicates),
         faults=faults(report.faults, history),
         houses=history.houses,
-        against=VIOLATIONS,
-        most_violations=MOST_VIOLATIONS,
+        judged=judged(report.judged),
         style=STYLE,
     )
 
@@ -49,6 +51,12 @@ def faults(found: tuple[FaultAt, ...], history: History) -> str:
     end = max([last, *(one.end for one in found if one.end is not None), *(one.start for one in found)])
     stretches = [(one.target, one.kind, one.start, end if one.end is None else one.end) for one in found]
     return template(FAULTS).render(faults=found, figure=figures.faults(stretches, end))
+
+
+def judged(found: Judged | None) -> str:
+    """Return the part of a page about what the judge says."""
+    outcome = verdict_lines.outcome(found.verdicts) if found else ""
+    return template(JUDGED).render(judged=found, outcome=outcome, against=VIOLATIONS, most_violations=MOST_VIOLATIONS)
 
 
 def template(file: Path) -> jinja2.Template:

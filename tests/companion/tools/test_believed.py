@@ -10,12 +10,14 @@ from synthetic import with_truth
 from companion.asking import Heard
 from companion.languages import LANGUAGES, RC, WM, rc, rs, wm
 from companion.languages.values import Pose, Side
+from companion.tools.beliefs import Beliefs
 from companion.tools.report import believed, page, report
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.communicate import encode
 from operate.recording.history import History, load
 from operate.recording.records import Spoken
+from services.knowledge.beliefs import Beliefs as KmBeliefs
 from services.knowledge.beliefs import believed as of_km
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -71,6 +73,21 @@ def test_belief_is_that_of_km(past: History) -> None:
     assert jar.apart_mm is not None
 
 
+def test_each_observation_changes_both_beliefs_alike(past: History) -> None:
+    """After each one, km has the same things in the same places and hands."""
+    ours, theirs = Beliefs(), KmBeliefs()
+    for one in (one for one in past.said if one.receiver == "km"):
+        theirs.hear(Heard(one.received, one.wire))
+        if not ours.hear(one):
+            continue
+        scene = theirs.scene
+        assert ours.objects == set(scene.things)
+        for name in ours.objects:
+            belief = ours.about(name)
+            assert belief.side == scene.holder(name)
+            assert belief.side or belief.pose == scene.things[name].pose
+
+
 def test_a_thing_that_was_moved_unseen_is_shown_apart(past: History) -> None:
     """The truth has the bowl 0.1 m away: the row says so, in red."""
     at, last = truth(past)[-1]
@@ -91,6 +108,27 @@ def test_what_was_put_down_unseen_or_lost_is_said_so(past: History) -> None:
     lost = found(told(past, let_go, wm.LostObject("jar_1", Side.LEFT)), "jar_1")
     assert (lost.how, lost.at, lost.apart_mm) == ("lost by the left hand", None, None)
     assert [one.how for one in believed.things(told(past, wm.WorldLost("it began again"))) if one.at] == []
+
+
+def test_what_is_lost_is_in_no_hand(past: History) -> None:
+    """Though no hand was told to be empty; before the loss it was."""
+    jar = found(told(past, wm.LostObject("jar_1", Side.LEFT)), "jar_1")
+    assert (jar.how, jar.held, jar.at) == ("lost by the left hand", "", None)
+    again = told(past, wm.LostObject("jar_1", Side.LEFT), wm.SeenHand(Side.LEFT, "jar_1", "47", Pose((0.0, 0.0, 0.0))))
+    assert found(again, "jar_1").held == "left"
+
+
+def test_nothing_older_than_a_lost_world_counts(past: History) -> None:
+    """Though it is heard after it."""
+    lost = told(past, wm.WorldLost("it began again"))
+    (last,) = lost.said[-1:]
+    late = saying(
+        last, wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0), "object/jar_1@8.0", last.received
+    )
+    beliefs = Beliefs()
+    assert beliefs.hear(last)
+    assert not beliefs.hear(late)
+    assert beliefs.objects == set()
 
 
 def test_the_poured_share_is_believed_by_weight(past: History) -> None:

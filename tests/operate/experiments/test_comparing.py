@@ -1,6 +1,7 @@
 """Planted regressions are found, equal sets pass, and the first communicate that differs is named."""
 
 import random
+import shutil
 from pathlib import Path
 
 import msgspec
@@ -229,6 +230,30 @@ def test_of_sets_each_common_seed_is_aligned() -> None:
     found = comparing.compared(runs(range(1, 7)), msgspec.structs.replace(other, said=changed))
     assert [one.seed for one in found.diverged] == [2, 3, 4, 5, 6]
     assert [one.seed for one in found.diverged if one.first is not None] == [5]
+
+
+def test_runs_of_other_seeds_are_not_aligned() -> None:
+    """Neither two single ones, nor sets whose runs are only numbered; single ones without a seed are."""
+    changed = {2: said(2)[:-1]}
+    other = msgspec.structs.replace(runs([2]), said=changed)
+    assert comparing.compared(runs([1]), other).diverged == ()
+    unseeded = [
+        msgspec.structs.replace(one, seeded=False) for one in (runs(range(1, 4)), runs(range(1, 4), failing=[2]))
+    ]
+    found = comparing.compared(*unseeded)
+    assert (found.diverged, found.lost) == ((), ())
+    singles = [msgspec.structs.replace(one, seeded=False) for one in (runs([1]), runs([1]))]
+    assert [one.first for one in comparing.compared(*singles).diverged] == [None]
+
+
+def test_recordings_of_one_seed_are_numbered(tmp_path: Path) -> None:
+    """Two in one folder are no pair of two in another."""
+    for name in ("one", "two"):
+        shutil.copytree(POUR, tmp_path / name)
+    found = results.load(tmp_path)
+    assert [one.seed for one in found.results] == [1, 2]
+    assert not found.seeded
+    assert results.load(POUR).seeded
 
 
 def test_a_recorded_run_compares_with_itself() -> None:

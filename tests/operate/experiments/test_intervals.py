@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from operate.experiments import intervals
 
-VALUES = st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=40)
+VALUES = st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=40)
 TRIALS = 3000
 
 
@@ -120,14 +120,37 @@ def test_more_runs_say_more() -> None:
     assert all(later < before for before, later in pairwise(wide))
 
 
-def test_one_run_has_no_interval_and_none_has_nothing() -> None:
-    """A single value is told, without pretending to know its spread."""
-    found = intervals.mean([3.0])
-    assert found is not None
-    assert (found.value, found.low, found.high, found.n) == (3.0, None, None, 1)
+def test_one_or_two_runs_have_no_interval_and_none_has_nothing() -> None:
+    """Their values are told, without pretending to know their spread."""
+    for some in ([3.0], [3.0, 4.0]):
+        found = intervals.mean(some)
+        assert found == intervals.Interval(sum(some) / len(some), None, None, len(some))
+        assert intervals.band(np.array(some)[:, None])[1].tolist() == [0.0]
     assert intervals.mean([]) is None
     assert intervals.share(0, 0) is None
     assert intervals.difference({}, {1: 2.0}) is None
-    single = intervals.difference({1: 2.0}, {1: 5.0, 2: 6.0})
-    assert single is not None
-    assert (single.low, single.method) == (None, "one run")
+    for few in ({1: 2.0}, {1: 2.0, 2: 2.5}):
+        apart = intervals.difference(few, {1: 5.0, 2: 6.0, 3: 7.0})
+        assert apart is not None
+        assert (apart.low, apart.high, apart.method) == (None, None, "too few runs")
+
+
+@given(st.integers(0, 12), st.integers(0, 12))
+def test_only_seeds_that_both_sets_have_are_paired(more: int, others: int) -> None:
+    """Four of them, beside others: their own difference, or that of all runs where they are less than half."""
+    a = {seed: 10.0 * seed for seed in range(4 + more)}
+    b = {**{seed: 10.0 * seed + 1.0 for seed in range(4)}, **{100 + seed: 7.0 for seed in range(others)}}
+    found = intervals.difference(a, b)
+    assert found is not None
+    paired = max(len(a), len(b)) <= 2 * 4
+    assert (found.method == "paired t") is paired
+    if paired:
+        assert (found.low, found.value, found.high) == pytest.approx((1.0, 1.0, 1.0))
+
+
+def test_numbers_that_are_no_seeds_pair_nothing() -> None:
+    """Runs of one folder whose seeds are not known are only counted."""
+    a = {k: 10.0 * k for k in range(5)}
+    found = intervals.difference(a, {k: value + 1.0 for k, value in a.items()}, seeded=False)
+    assert found is not None
+    assert (found.method, found.value) == ("Welch's t", 1.0)

@@ -103,6 +103,11 @@ def test_the_page_shows_it(tmp_path: Path) -> None:
     from companion.tools.report import page
 
     past = history.load(POUR.parent, SYSTEM)
+    text = page.rendered(past, report.build(past), "one is slow")
+    assert "Nothing against the design; 1 of 424 communicates slow." in text
+    assert "communicates as designed" not in text
+    legal = tuple(msgspec.structs.replace(one, verdict="legal") for one in past.judged)
+    past = msgspec.structs.replace(past, judged=legal)
     assert "All 424 communicates as designed." in page.rendered(past, report.build(past), "clean")
     past = history.merged([_known(item) for item in wrong().items], {}, SYSTEM)
     text = page.rendered(past, report.build(past), "wrong")

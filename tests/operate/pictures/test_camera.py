@@ -1,5 +1,6 @@
 """Pictures of the head camera, drawn at the place and time they were taken, from live records and from a history."""
 
+import math
 from pathlib import Path
 
 import msgspec
@@ -58,6 +59,15 @@ def test_markers_are_drawn_with_their_picture(seen: list[Record]) -> None:
     assert [len(row) for row in columns[0]] == [0, 2]
     assert ["jar_1", "bowl_1"] in (row[1] for row in columns)
     assert [list(point) for point in columns[0][1][0]] == [[0.5, 0.5], [2.5, 0.5], [2.5, 2.5], [0.5, 2.5], [0.5, 0.5]]
+
+
+def test_the_picture_is_a_part_of_the_robot(seen: list[Record]) -> None:
+    """It moves with the camera's link, and its lens has the field of view of 1.047 rad."""
+    lens = afterwards(history.merged(seen, {}, SYSTEM)).looks[CAMERA]
+    assert CAMERA.startswith("world/velma/")
+    assert "head_tilt_link" in CAMERA
+    (matrix,) = lens.image_from_camera.as_arrow_array().to_pylist()
+    assert 2 * math.atan(200 / matrix[0]) == pytest.approx(1.047)
 
 
 def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:

@@ -18,6 +18,7 @@ from companion.tools.pictures.plan import PLAN
 from companion.tools.pictures.velma import VELMA
 from companion.tools.system import SYSTEM
 from companion.wording import plain
+from operate.pictures.blueprint import LIVE_S, YOUNG, axis
 from operate.pictures.file import end_s
 from operate.pictures.graph import GRAPH, positions
 from operate.pictures.happenings import Happening
@@ -26,7 +27,7 @@ from operate.pictures.stage import Stage
 from operate.recording import history
 from operate.recording.records import Record
 from operate.run_folder import Judged
-from velma.names import GRIP_BODY
+from velma.names import BODY, GRIP_BODY, START
 
 
 def rows(sheet: Noted) -> Counter[tuple[str, int, str]]:
@@ -141,6 +142,15 @@ def test_every_joint_is_drawn_as_it_was_measured_last(true_past: history.History
             assert turn == pytest.approx(robot.turned(link, q[link.joint]), abs=1e-4)
 
 
+def test_before_any_telemetry_the_arms_hang_down() -> None:
+    """A fleet whose executor is late shows the start posture, not joints at zero."""
+    sheet = Noted(100.0)
+    Stage(sheet, SYSTEM)
+    for name, q in zip(BODY, START, strict=True):
+        link = next(link for link in robot.links() if link.joint == name)
+        assert sheet.of("/".join((VELMA, *link.path))) == [(0.0, (link.at, robot.turned(link, q)))]
+
+
 def test_channels_of_the_graph_light_up_and_fade(true_past: history.History, true_sheet: Noted) -> None:
     """Each node stands between its agents; a channel is brightest while it carries, and dark at the end."""
     places = positions(SYSTEM.design)
@@ -162,3 +172,10 @@ def test_nothing_is_before_the_beginning(past: history.History, sheet: Noted) ->
     entity = "world/things/jar_1"
     assert sheet.of(entity)[0][0] > 0
     assert sheet.rows[entity] == len(sheet.of(entity)) + 1
+
+
+@pytest.mark.parametrize(("end_s", "start_s"), [(YOUNG, 0.0), (None, -LIVE_S)])
+def test_live_plots_are_filled(end_s: float | None, start_s: float) -> None:
+    """From the beginning of the run at first, later the last stretch before the cursor."""
+    (span,) = axis(end_s).view_range.as_arrow_array().to_pylist()
+    assert span == {"start": 1e9 * start_s, "end": 2e9}

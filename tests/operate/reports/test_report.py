@@ -1,5 +1,6 @@
 """The report says what was recorded: counts are direct counts, what is missing is named."""
 
+import base64
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -14,7 +15,8 @@ from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
-from companion.tools.report import plans, report
+from companion.telemetry import Picture
+from companion.tools.report import page, plans, report, story
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
 from operate.recording import filled, history, mcap_file
@@ -179,3 +181,16 @@ def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:
     assert told["success"] is False
     assert told["poured_fraction"] is None
     assert len(told["missing"]) == 7
+
+
+def test_the_page_shows_the_robot_and_says_what_each_colour_means(pouring: Run) -> None:
+    """The last picture of the room, if there is any; every colour of a bar has a name."""
+    past = history.merged(records(pouring.samples), {}, SYSTEM)
+    bars = {bar.colour for bar in story.bars(past)}
+    assert bars <= {colour for _, colour in story.LEGEND}
+    assert len({name for name, _ in story.LEGEND}) == len({colour for _, colour in story.LEGEND})
+    told = tuple((past.begin + k, Picture(1.0, b"camera", room)) for k, room in enumerate((b"first", b"last", b"")))
+    seen = msgspec.structs.replace(past, told=(*past.told, *told))
+    text = page.rendered(seen, report.build(seen), "run")
+    assert f'src="data:image/jpeg;base64,{base64.b64encode(b"last").decode()}"' in text
+    assert "<img" not in page.rendered(past, report.build(past), "run")

@@ -5,7 +5,6 @@ of the thing. What ex solves again by itself (approach, levelling, pouring) is n
 """
 
 from collections import deque
-from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -39,7 +38,7 @@ class Acts:
     def __init__(self, sheet: Sheet, scene: Scene) -> None:
         self._sheet, self._scene = sheet, scene
         self._links = robot.links()
-        self._chains = {side: _chain(self._links, name) for side, name in GRIP_BODY.items()}
+        self._chains = {side: robot.chain(self._links, name) for side, name in GRIP_BODY.items()}
         self._q: dict[str, float] = {}
         self._followed = 0.0
         self._trails: dict[str, deque[Array]] = {side: deque(maxlen=TRAIL_POINTS) for side in GRIP_BODY}
@@ -82,11 +81,11 @@ class Acts:
                 start = self._grip(side, {})[:3, 3]
                 return [np.cumsum([start, *(np.array(one.offset) for one in segments)], axis=0)], []
             case rc.Grasp(object=thing, approach=approach) if thing in self._scene.poses:
-                on = _matrix(self._scene.poses[thing])
-                frames = [on @ _matrix(point.at) for point in approach][-8:]
+                on = robot.frame(self._scene.poses[thing])
+                frames = [on @ robot.frame(point.at) for point in approach][-8:]
                 return [np.array([frame[:3, 3] for frame in frames])], frames
             case rc.Release(place=Pose() as place):
-                return [], [_matrix(place)]
+                return [], [robot.frame(place)]
         return [], []
 
     def _grip(self, side: str, instead: dict[str, float]) -> Array:
@@ -103,15 +102,3 @@ class Acts:
 
 def _names(side: str) -> list[str]:
     return [BODY[column] for column in COLUMNS[side]]
-
-
-def _chain(links: tuple[robot.Link, ...], name: str) -> tuple[robot.Link, ...]:
-    """The links from the root to this one."""
-    path = next(link.path for link in links if link.name == name)
-    return tuple(link for link in links if link.path == path[: len(link.path)])
-
-
-def _matrix(pose: Any) -> Array:
-    frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = robot.matrix(pose.quat_wxyz), pose.xyz
-    return frame

@@ -1,4 +1,4 @@
-"""Layout of a run of the Robot Companion in the viewer: a tab for the run, one for numbers."""
+"""Layout of a run of the Robot Companion in the viewer: tabs for the run, conversations, numbers."""
 
 import rerun.blueprint as rrb
 
@@ -9,7 +9,7 @@ PAPER = (238, 242, 246)
 
 
 def blueprint(end_s: float | None) -> rrb.Blueprint:
-    """Of a run that lasted `end_s`; None: it goes on, plots show its last seconds and the cursor follows."""
+    """Of a run that lasted `end_s`; None: it goes on, plots show its last seconds; 0: it has just begun."""
     axis = views.axis(end_s)
     seen = rrb.Vertical(
         _space(),
@@ -24,7 +24,7 @@ def blueprint(end_s: float | None) -> rrb.Blueprint:
         row_shares=(19, 11, 6, 5),
     )
     run = rrb.Horizontal(seen, told, column_shares=(1, 1), name="run")
-    return views.whole(end_s, run, _numbers(axis))
+    return views.whole(end_s, run, views.conversations(), _numbers(axis))
 
 
 def _space() -> rrb.Spatial3DView:

@@ -1,7 +1,9 @@
-"""Pictures of this robot beside those of any system: robot, things, acts, camera, plan, numbers, lanes."""
+"""Pictures of this robot beside those of any system: robot, things, beliefs, acts, camera, plan, numbers, lanes."""
 
 from companion.tools.pictures.acts import Acts
+from companion.tools.pictures.believed import Believed
 from companion.tools.pictures.camera import Camera
+from companion.tools.pictures.imagined import Imagined
 from companion.tools.pictures.lanes import ActLanes
 from companion.tools.pictures.plan import Plan
 from companion.tools.pictures.scene import Contacts, Scene
@@ -18,7 +20,9 @@ def drawers(sheet: Sheet) -> tuple[Drawer, ...]:
         Velma(sheet),
         scene,
         Contacts(sheet),
+        Believed(sheet, scene),
         Acts(sheet, scene),
+        Imagined(sheet, scene),
         Camera(sheet),
         ActLanes(sheet),
         Plan(sheet),

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import velma.model
+from companion.languages.values import Pose
 from companion.telemetry import RobotState
 from velma.names import BODY, DISTAL, HEAD, PROXIMAL, SIDES, SPREAD
 
@@ -80,6 +81,33 @@ def world_frames(all_links: tuple[Link, ...], q: dict[str, float]) -> dict[str, 
         above = frames[link.path[-2]] if len(link.path) > 1 else np.eye(4)
         frames[link.name] = above @ local
     return frames
+
+
+def chain(all_links: tuple[Link, ...], name: str) -> tuple[Link, ...]:
+    """Links from the root to this one."""
+    path = next(link.path for link in all_links if link.name == name)
+    return tuple(link for link in all_links if link.path == path[: len(link.path)])
+
+
+def frame(pose: Pose) -> Array:
+    """Return a pose as a matrix (4, 4)."""
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = matrix(pose.quat_wxyz), pose.xyz
+    return found
+
+
+def pose(frame: Array) -> Pose:
+    """Return a matrix (4, 4) as a pose; the turn is the eigenvector of Bar-Itzhack's symmetric matrix (2000)."""
+    (a, b, c), (d, e, f), (g, h, i) = frame[:3, :3]
+    symmetric = (
+        (a + e + i, h - f, c - g, d - b),
+        (h - f, a - e - i, b + d, c + g),
+        (c - g, b + d, e - a - i, f + h),
+        (d - b, c + g, f + h, i - a - e),
+    )
+    w, x, y, z = np.linalg.eigh(np.array(symmetric))[1][:, -1].tolist()
+    at = frame[:3, 3].tolist()
+    return Pose((at[0], at[1], at[2]), (w, x, y, z))
 
 
 def product(a: Four, b: Four) -> Four:

@@ -21,13 +21,13 @@ GRAIN_COLOUR = (245, 184, 41)
 
 
 class Scene:
-    """Draws the things. `poses`: where each was drawn last."""
+    """Draws the things. `poses`: where each was drawn last; `models`: of which model each is."""
 
     def __init__(self, sheet: Sheet) -> None:
         self._sheet = sheet
         self.poses: dict[str, Pose] = {}
         self._turns: dict[str, tuple[float, float, float, float]] = {}
-        self._models: dict[str, str] = {}
+        self.models: dict[str, str] = {}
         self._true: set[str] = set()
         self._grains: tuple[object, ...] = ()
 
@@ -46,7 +46,7 @@ class Scene:
         poses = {name: Pose(xyz, self._turns.get(name, upright)) for name, xyz in truth.at.items()} | truth.poses
         self._true.update(poses)
         for name, pose in poses.items():
-            kind = truth.models.get(name, self._models.get(name, ""))
+            kind = truth.models.get(name, self.models.get(name, ""))
             self._place(at, name, KNOWN_AS.get(kind, kind), pose, truth.time_s)
         if truth.grains_at != self._grains:
             if not self._grains:
@@ -56,8 +56,8 @@ class Scene:
 
     def _place(self, at: float, name: str, model: str, pose: Pose, sim: float | None = None) -> None:
         entity = f"{THINGS}/{name}"
-        if model and self._models.get(name) != model:
-            self._models[name] = model
+        if model and self.models.get(name) != model:
+            self.models[name] = model
             for part, drawn in things.looks(model):
                 self._sheet.static(f"{entity}/{part}", drawn)
         if self.poses.get(name) != pose:

@@ -15,14 +15,17 @@ OTHER = (0.62, 0.64, 0.66, 1.0)
 Drawn = tuple[str, rr.AsComponents]
 
 
-def looks(model: str) -> list[Drawn]:
-    """Named parts of a thing of this model, in its own frame; nothing for a model that nobody knows."""
+def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
+    """Named parts of a thing of this model, in its own frame; nothing for a model that nobody knows.
+
+    `colour`: red, green, blue and opacity, 0 to 1, of all parts; None: its own.
+    """
     vessel = VESSELS.get(SURFACES.get(model, model))
     if vessel is not None:
-        return [(part.mesh, _mesh(part)) for part in vessel]
+        return [(part.mesh, _mesh(part, colour or MATERIALS[part.material][0])) for part in vessel]
     if model not in MODELS:
         return []
-    colour = next((rgba for kind, rgba in COLOURS.items() if model.startswith(kind)), OTHER)
+    colour = colour or next((rgba for kind, rgba in COLOURS.items() if model.startswith(kind)), OTHER)
     shapes = MODELS[model].shapes
     boxes = [shape for shape in shapes if isinstance(shape, Box)]
     round_ones = [shape for shape in shapes if isinstance(shape, Cylinder)]
@@ -59,7 +62,7 @@ def _cylinders(rounds: list[Cylinder], colour: tuple[float, ...]) -> rr.AsCompon
     )
 
 
-def _mesh(part: Part) -> rr.Mesh3D:
+def _mesh(part: Part, colour: tuple[float, ...]) -> rr.Mesh3D:
     """A surface of revolution, with a normal for each corner of each face: edges of the outline stay sharp enough."""
     words = turned(part.outline)
     points = np.array(words["vertex"].split(), dtype=np.float64).reshape(-1, 3)
@@ -71,7 +74,6 @@ def _mesh(part: Part) -> rr.Mesh3D:
         np.add.at(smooth, faces[:, corner], normals)
     length = np.linalg.norm(smooth, axis=1, keepdims=True)
     smooth /= np.where(length > 0, length, 1.0)
-    colour = MATERIALS[part.material][0]
     return rr.Mesh3D(vertex_positions=points, triangle_indices=faces, vertex_normals=smooth, albedo_factor=colour)
 
 

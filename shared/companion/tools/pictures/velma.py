@@ -3,6 +3,7 @@
 from itertools import groupby
 from typing import Any
 
+import msgspec
 import numpy as np
 import rerun as rr
 
@@ -11,7 +12,7 @@ from companion.tools.pictures import robot
 from operate.pictures.colours import AXES
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, transforms
-from velma.names import GRIP_BODY
+from velma.names import BODY, GRIP_BODY, START
 
 VELMA = "world/velma"
 STILL_RAD = 1e-4
@@ -27,11 +28,15 @@ class Velma:
         self._sheet = sheet
         self._last: dict[str, float] = {}
         self._moving = [link for link in robot.links() if link.joint]
-        self._entities = {link.name: _entity(link) for link in self._moving}
+        self._entities = {link.name: entity(link) for link in self._moving}
         sheet.static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         sheet.static("world/floor", _floor())
         for link in robot.links():
             _look(sheet, link)
+        start = dict(zip(BODY, START.tolist(), strict=True))
+        for link in self._moving:  # until the first telemetry, which may be late: the arms hang down
+            turned = (link.at, robot.turned(link, start.get(link.joint, 0.0)))
+            sheet.add(self._entities[link.name], transforms, sheet.begin, turned)
 
     def take(self, happening: Happening) -> None:
         """Turn the joints that moved."""
@@ -52,19 +57,30 @@ def axes(length: float = AXIS_M) -> rr.Arrows3D:
     return rr.Arrows3D(vectors=np.eye(3) * length, colors=AXES, radii=0.0025)
 
 
-def _entity(link: robot.Link) -> str:
-    return "/".join((VELMA, *link.path))
+def entity(link: robot.Link, root: str = VELMA) -> str:
+    """Return the path of a link in Rerun."""
+    return "/".join((root, *link.path))
 
 
 def _look(sheet: Sheet, link: robot.Link) -> None:
-    entity = _entity(link)
-    for kind, shapes in groupby(sorted(link.shapes, key=lambda s: s.kind), key=lambda s: s.kind):
-        sheet.static(f"{entity}/{kind}", _drawn(kind, list(shapes)))
-    turn = rr.Quaternion(xyzw=xyzw(link.quat_wxyz))
-    if not link.joint:
-        sheet.static(entity, rr.Transform3D(translation=link.at, quaternion=turn))
+    shaped(sheet, link)
+    placed(sheet, link)
     if link.name in GRIP_BODY.values():
-        sheet.static(f"{entity}/frame", axes())
+        sheet.static(f"{entity(link)}/frame", axes())
+
+
+def placed(sheet: Sheet, link: robot.Link, root: str = VELMA) -> None:
+    """Draw how a link that does not move stands to its parent."""
+    if not link.joint:
+        turn = rr.Quaternion(xyzw=xyzw(link.quat_wxyz))
+        sheet.static(entity(link, root), rr.Transform3D(translation=link.at, quaternion=turn))
+
+
+def shaped(sheet: Sheet, link: robot.Link, root: str = VELMA, rgba: robot.Four | None = None) -> None:
+    """Draw the shapes of a link. `rgba`: of all of them, 0 to 1; None: each has its own."""
+    for kind, some in groupby(sorted(link.shapes, key=lambda s: s.kind), key=lambda s: s.kind):
+        shapes = [msgspec.structs.replace(shape, rgba=rgba or shape.rgba) for shape in some]
+        sheet.static(f"{entity(link, root)}/{kind}", _drawn(kind, shapes))
 
 
 def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:

@@ -1,7 +1,6 @@
 """The robot's belief beside the truth at the end of a run: where each thing is, and how much was poured.
 
-The belief is that of km, by what ta told it: the newest observation of a subject counts (services.knowledge.observe;
-a test compares). Must not know: success.
+Must not know: success.
 """
 
 import math
@@ -9,11 +8,10 @@ import math
 import msgspec
 import numpy as np
 
-from agent_runtime.core.streams import parse_observation
-from companion.languages import rc, wm
-from companion.languages.values import BodyPosture, Pose, Side, Vector
+from companion.languages import rc
+from companion.languages.values import BodyPosture, Vector
 from companion.telemetry import TrueState
-from companion.tools.asking import KM
+from companion.tools.beliefs import Belief, Beliefs
 from companion.tools.pictures import robot
 from companion.tools.report import plans, verdict
 from companion.wording import spaced
@@ -54,12 +52,11 @@ class Share(msgspec.Struct, frozen=True):
 
 def things(history: History) -> tuple[Believed, ...]:
     """Return the belief about each thing that km was told of or that there is, by id."""
-    newest, truth = _newest(history), verdict.last_truth(history)
-    told = {
-        one.content.object for one in newest.values() if isinstance(one.content, _OF_OBJECTS) and one.content.object
-    }
-    true = _places(truth)
-    return tuple(_believed(history, name, newest, true.get(name)) for name in sorted(told | set(true)))
+    beliefs = Beliefs()
+    for one in history.said:
+        beliefs.hear(one)
+    true = _places(verdict.last_truth(history))
+    return tuple(_believed(history, beliefs, name, true.get(name)) for name in sorted(beliefs.objects | set(true)))
 
 
 def share(history: History) -> Share:
@@ -80,65 +77,22 @@ def share(history: History) -> Share:
     return Share((before - after) / content if content > 0.0 else None, before - after, content, true, inside)
 
 
-_OF_OBJECTS = (wm.SeenObject, wm.PlacedObject, wm.LostObject, wm.MissingObject, wm.SeenHand)
-
-
-def _newest(history: History) -> dict[str, Spoken]:
-    """Return the newest observation of each subject that km was told of, by "object:", "hand:" or "body"."""
-    newest: dict[str, tuple[tuple[int, int], Spoken]] = {}
-    for one in history.said:
-        parsed = parse_observation(one.id) if one.receiver == KM else None
-        if parsed is None:
-            continue
-        _, version = parsed
-        if isinstance(one.content, wm.WorldLost):
-            newest = {key: found for key, found in newest.items() if found[0] > version}
-        elif (key := _key(one.content)) and version > newest.get(key, ((-1, -1),))[0]:
-            newest[key] = version, one
-    return {key: one for key, (_, one) in newest.items()}
-
-
-def _key(content: object) -> str:
-    match content:
-        case wm.SeenHand(side=side):
-            return f"hand:{side}"
-        case _ if isinstance(content, _OF_OBJECTS):
-            return f"object:{content.object}"
-        case wm.SeenBody():
-            return "body"
-    return ""
-
-
-def _believed(history: History, name: str, newest: dict[str, Spoken], true_at: Vector | None) -> Believed:
-    where, how, held = newest.get(f"object:{name}"), "never seen", ""
-    at: Vector | None = None
-    match where.content if where else None:
-        case wm.SeenObject(pose=Pose(xyz=xyz)):
-            how, at = "seen", xyz
-        case wm.PlacedObject(pose=Pose(xyz=xyz)):
-            how, at = "put down, not seen since", xyz
-        case wm.LostObject(side=side):
-            how = f"lost by the {side} hand"
-        case wm.MissingObject():
-            how = "missing where it was"
-    for side in Side:
-        hand = newest.get(f"hand:{side}")
-        if hand is not None and isinstance(hand.content, wm.SeenHand) and hand.content.object == name:
-            where, how, held = hand, f"in the {side} hand", str(side)
-            at = _in_hand(newest.get("body"), hand.content)
+def _believed(history: History, beliefs: Beliefs, name: str, true_at: Vector | None) -> Believed:
+    one = beliefs.about(name)
+    at = one.pose.xyz if one.pose is not None else _in_hand(beliefs.posture, one)
     apart = math.dist(at, true_at) * 1000.0 if at is not None and true_at is not None else None
-    if where is None:
-        return Believed(name, how, None, "", "", at, true_at, apart)
-    since = where.received - history.begin
-    return Believed(name, how, since, where.id, _after(history, where), at, true_at, apart, held)
+    if one.told is None:
+        return Believed(name, one.how, None, "", "", at, true_at, apart)
+    since, held = one.told.received - history.begin, str(one.side or "")
+    return Believed(name, one.how, since, one.told.id, _after(history, one.told), at, true_at, apart, held)
 
 
-def _in_hand(body: Spoken | None, hand: wm.SeenHand) -> Vector | None:
+def _in_hand(body: BodyPosture | None, one: Belief) -> Vector | None:
     """Return where a held thing is by the last posture that km was told of; None without one."""
-    if body is None or not isinstance(body.content, wm.SeenBody) or hand.pose is None:
+    if body is None or one.side is None or one.in_grip is None:
         return None
-    frames = robot.world_frames(robot.links(), _joints(body.content.body))
-    x, y, z, _ = (float(part) for part in frames[GRIP_BODY[hand.side]] @ np.array([*hand.pose.xyz, 1.0]))
+    frames = robot.world_frames(robot.links(), _joints(body))
+    x, y, z, _ = (float(part) for part in frames[GRIP_BODY[one.side]] @ np.array([*one.in_grip.xyz, 1.0]))
     return x, y, z
 
 

@@ -1,20 +1,20 @@
 """report.html: one file that needs nothing else - verdict, the paper's tables beside ours, figures, what is missing."""
 
+import base64
 from datetime import datetime
 from pathlib import Path
 
 from companion.design import DESIGN
+from companion.tools import telemetry
+from companion.tools.beliefs import MOST_APART_MM
 from companion.tools.report import planning, plans, story
 from companion.tools.report.paper import PAPER, TABLE_8, Paper
 from companion.tools.report.report import Report
 from operate.recording.history import History
 from operate.reports import figures
-from operate.reports.page import ABSENT, MOST_VIOLATIONS, STYLE, faults, heat, template
-from topdown.judge.verdicts import VIOLATIONS
+from operate.reports.page import ABSENT, STYLE, faults, heat, judged, template
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
-MOST_APART_MM = 30.0
-"""Between belief and truth of a thing; more is shown as wrong. Estimate: a jar 20 mm aside is still grasped well."""
 
 
 def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -> str:
@@ -28,6 +28,8 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
         agents=TABLE_8,
         channels={name: "-".join(channel.ends) for name, channel in DESIGN.channels.items()},
         story=story.story(history),
+        legend=story.LEGEND,
+        room=_room(history),
         sizes=figures.sizes(history, DESIGN, _planned(report)),
         plans=[
             (plan, paper.made(plan.number), planning.planning(history, plan, made))
@@ -39,10 +41,15 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
         theirs_received={a: sum(row.get(a, 0) for row in paper.matrix.values()) for a in TABLE_8},
         faults=faults(report.faults, history),
         houses=history.houses,
-        against=VIOLATIONS,
-        most_violations=MOST_VIOLATIONS,
+        judged=judged(report.judged),
         most_apart_mm=MOST_APART_MM,
     )
+
+
+def _room(history: History) -> str:
+    """Return the last picture of the robot in its room, a JPEG file in base64; "" without any."""
+    rooms = [picture.room for _, picture in telemetry.pictures(history) if picture.room]
+    return base64.b64encode(rooms[-1]).decode() if rooms else ""
 
 
 Row = tuple[float | None, float | None, str, str, str, float | None]

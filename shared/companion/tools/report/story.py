@@ -24,9 +24,19 @@ WORDS: dict[type[rc.Command], tuple[str, str]] = {
     rc.Look: ("look", "#6d28d9"),
     rc.Pour: ("pour", "#be185d"),
 }
+PLAN, FAILED = "#4338ca", "#b91c1c"
 VERBS = ("take", "carry", "place", "pour", "look")
 """First words of a plan's states that say enough alone."""
 PALE, STEP = "#e2e8f0", "#bae6fd"
+LEGEND = (
+    ("task", ACCENT),
+    ("a plan is made", PLAN),
+    ("ta's step", STEP),
+    ("ex works out how", PALE),
+    *(one for kind, one in WORDS.items() if kind is not rc.Home),
+    ("failed", FAILED),
+)
+"""Meaning of each colour of the figure; going home looks as any move does."""
 LETTER_IN = 0.068
 """Width of a letter at the size of the bars' texts; estimate, on the safe side."""
 PLOT_IN = WIDTH_IN - 1.4
@@ -47,10 +57,10 @@ def story(history: History) -> str:
     """The figure as SVG; "" where nothing was said."""
     if not history.said:
         return ""
-    bars = list(_bars(history))
-    until = max((bar.end for bar in bars), default=history.said[-1].received) - history.begin or 1.0
+    found = list(bars(history))
+    until = max((bar.end for bar in found), default=history.said[-1].received) - history.begin or 1.0
     with drawing("story", 2.9, "Who was busy when") as (axes, svg):
-        for bar in bars:
+        for bar in found:
             _draw(axes, bar, history.begin, until)
         _ticks(axes, history)
         axes.set_yticks(range(len(LANES)), LANES)
@@ -63,7 +73,8 @@ def story(history: History) -> str:
     return svg[0]
 
 
-def _bars(history: History) -> Iterator[Bar]:
+def bars(history: History) -> Iterator[Bar]:
+    """Yield what stands in the lanes, but for km's."""
     free = history.begin
     for command in commands(history):  # one that waits for another one begins where that ends
         end = task_end(history, command)
@@ -71,13 +82,13 @@ def _bars(history: History) -> Iterator[Bar]:
             continue  # it took no time of anybody; the table of events has it
         until = end.received if end is not None else history.said[-1].received
         state = outcome(end) or "not ended"
-        colour = ACCENT if state == cmd.TaskState.DONE else "#b91c1c"
+        colour = ACCENT if state == cmd.TaskState.DONE else FAILED
         yield Bar(LANES[0], max(free, command.received), until, colour, (f"{asked(command)}: {state}", state))
         free = max(free, until)
     for plan in made(history):
         until = plan.end if plan.end is not None else history.said[-1].received
         name = f"plan {plan.number}"
-        yield Bar(LANES[1], plan.start, until, "#6d28d9", (f"making {name}", name))
+        yield Bar(LANES[1], plan.start, until, PLAN, (f"making {name}", name))
     yield from steps(history)
     yield from _acts(history)
 
@@ -106,7 +117,7 @@ def _acts(history: History) -> Iterator[Bar]:
         moving = act.agreed or act.end or act.start
         yield Bar(lane, act.start, moving, PALE)
         if act.end is not None:
-            yield Bar(lane, moving, act.end, colour if act.done else "#b91c1c", (word,))
+            yield Bar(lane, moving, act.end, colour if act.done else FAILED, (word,))
 
 
 def word_of(act: Act) -> str:

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from operate import verdict_lines
 from operate.cli import completion
 from operate.cli.output import Form, Format, problems
 from operate.cli.traffic.verdicts import JudgeError, judged
@@ -127,11 +128,12 @@ def sentence(found: Judgements) -> Text:
 
 def outcome(found: Judgements) -> Text:
     """Whether all is as designed."""
-    skipped = sum(row.get(Verdict.NOT_JUDGED, 0) for row in found.channels.values())
     if found.violations:
         count = len(found.violations)
         wrong = f"{count} violation{'s' * (count != 1)} of the design among {found.communicates} communicates"
         return Text(f"\n{wrong}; + counts from the first communicate", "bold red")
-    if skipped:
-        return Text(f"\nnothing against the design; {skipped} of {found.communicates} communicates could not be judged")
-    return Text(f"\nall {found.communicates} communicates as designed", "green")
+    verdicts: Counter[str] = Counter()
+    for row in found.channels.values():
+        verdicts.update(row)
+    text = verdict_lines.outcome(verdicts)
+    return Text(f"\n{text}", "green" if text.startswith("all") else "")

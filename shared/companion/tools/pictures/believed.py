@@ -1,0 +1,147 @@
+"""Beliefs of km in 3D: a label on each thing, and a ghost where km believes a thing that is elsewhere in truth.
+
+Where nobody knows the truth (no simulation), things are drawn where they were seen, so there are no ghosts.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
+
+import rerun as rr
+
+from companion.languages.values import Pose, Vector
+from companion.models import MODELS
+from companion.telemetry import RobotState, TrueState
+from companion.tools.beliefs import MOST_APART_MM, Belief, Beliefs
+from companion.tools.pictures import robot, things
+from companion.tools.pictures.scene import Scene
+from operate.pictures.colours import GHOST, INK
+from operate.pictures.happenings import Happening
+from operate.pictures.sheet import HIDDEN, Sheet, labels, strips, transforms
+from operate.recording.records import Spoken
+from velma.names import GRIP_BODY
+
+BELIEVED, LABELS, APART = "world/believed", "world/believed/labels", "world/believed/apart"
+GHOSTLY = (*(part / 255 for part in GHOST), 0.45)
+ABOVE_M = 0.3
+"""Of a label over the origin of its thing; estimate: the jar, the tallest one that is taken, is still seen below it."""
+KEPT = 4
+"""States of the robot; estimate: the truth is no older than three periods of telemetry."""
+SAME_S = 0.01
+"""Between a state and the truth of the same moment; estimate: a hand moves by 4 mm."""
+OFTEN_S, SELDOM_S = 0.2, 1.0
+"""Between two drawings: when something has changed, and else, since labels count seconds. Estimates for an eye."""
+
+
+class Believed:
+    """Draws what km believes, by what it was told."""
+
+    def __init__(self, sheet: Sheet, scene: Scene) -> None:
+        self._sheet, self._scene, self._beliefs = sheet, scene, Beliefs()
+        links = robot.links()
+        self._chains = {side: robot.chain(links, name) for side, name in GRIP_BODY.items()}
+        self._states: deque[RobotState] = deque(maxlen=KEPT)
+        self._q: dict[str, float] = {}
+        self._true_s: float | None = None
+        self._changed, self._drawn = False, 0.0
+        self._ghosts: dict[str, Pose | None] = {}
+        self._lines: list[tuple[Vector, Vector]] = []
+        look = rr.Points3D.from_fields(radii=[0.003], colors=[INK], show_labels=True)
+        sheet.static(LABELS, look)
+        sheet.static(APART, rr.LineStrips3D.from_fields(colors=[GHOST], radii=[0.003]))
+
+    def take(self, happening: Happening) -> None:
+        """Note what km hears and how the robot stands; draw when it is time."""
+        match happening.what:
+            case RobotState() as state:
+                self._states.append(state)
+                if self._true_s is None:
+                    self._stand(robot.joints(state))
+            case TrueState(time_s=time_s):
+                if time_s != self._true_s and self._states:
+                    self._true_s = time_s
+                    self._stand(joints_at(self._states, time_s))
+            case Spoken() as one:
+                self._changed |= self._beliefs.hear(one)
+            case _:
+                return
+        if happening.at - self._drawn > (OFTEN_S if self._changed else SELDOM_S):
+            self._changed, self._drawn = False, happening.at
+            self._draw(happening.at)
+
+    def _stand(self, q: dict[str, float]) -> None:
+        """Note how the robot stands, at the time of the truth where there is one: what it holds moves along."""
+        holds = any(self._beliefs.about(name).side for name in self._beliefs.objects)
+        self._changed |= holds and q != self._q
+        self._q = q
+
+    def _draw(self, at: float) -> None:
+        told, lines = [], []
+        for name in sorted(self._beliefs.objects | set(self._scene.poses)):
+            belief, here = self._beliefs.about(name), self._scene.poses.get(name)
+            pose = self._pose(belief)
+            off = 1000 * math.dist(pose.xyz, here.xyz) if pose and here else 0.0
+            self._ghost(at, belief, pose if off > MOST_APART_MM else None)
+            if pose and here and off > MOST_APART_MM:
+                lines.append((pose.xyz, here.xyz))
+            model = MODELS.get(belief.model or self._scene.models.get(name, ""))
+            place = pose or here
+            if place and (off > MOST_APART_MM or (model is not None and model.moveable)):
+                x, y, z = place.xyz
+                told.append(((x, y, z + ABOVE_M), words(belief, at, off)))
+        self._sheet.add(LABELS, labels, at, told)
+        if lines != self._lines:
+            self._lines = lines
+            self._sheet.add(APART, strips, at, lines)
+
+    def _pose(self, belief: Belief) -> Pose | None:
+        """T_world_thing; what is held goes where the hand is."""
+        if belief.side is None or belief.in_grip is None:
+            return belief.pose
+        if not self._q:
+            return None
+        frames = robot.world_frames(self._chains[belief.side], self._q)
+        return robot.pose(frames[GRIP_BODY[belief.side]] @ robot.frame(belief.in_grip))
+
+    def _ghost(self, at: float, belief: Belief, pose: Pose | None) -> None:
+        entity = f"{BELIEVED}/{belief.object}"
+        if self._ghosts.get(belief.object) == pose:
+            return
+        if belief.object not in self._ghosts:
+            for part, drawn in things.looks(belief.model, GHOSTLY):
+                self._sheet.static(f"{entity}/{part}", drawn)
+            self._sheet.add(entity, transforms, self._sheet.begin, HIDDEN)
+        self._ghosts[belief.object] = pose
+        self._sheet.add(entity, transforms, at, (pose.xyz, pose.quat_wxyz) if pose else HIDDEN)
+
+
+def joints_at(states: Sequence[RobotState], time_s: float) -> dict[str, float]:
+    """Return the joints [rad] at a simulated time, between two of these states or in the last one; {}: not known.
+
+    The newest truth is up to 0.1 s older than the newest state: a hand moves by 4 cm meanwhile.
+    """
+    for one, other in pairwise(states):
+        if one.sim_time_s <= time_s < other.sim_time_s:
+            share = (time_s - one.sim_time_s) / (other.sim_time_s - one.sim_time_s)
+            before, after = robot.joints(one), robot.joints(other)
+            return {name: q + share * (after[name] - q) for name, q in before.items() if name in after}
+    return robot.joints(states[-1]) if abs(states[-1].sim_time_s - time_s) < SAME_S else {}
+
+
+def words(belief: Belief, now: float, off_mm: float = 0.0) -> str:
+    """Return the text of a label, a line for each part: how the thing is known, by whom and since when [unix s].
+
+    `off_mm`: distance from the truth; it is told where it counts.
+    """
+    lines = [f"{belief.object}: {belief.how}"]
+    if belief.told is not None:
+        lines.append(f"{_ago(now - belief.told.received)}, told by {belief.told.sender}")
+    if off_mm > MOST_APART_MM:
+        lines.append(f"in truth {off_mm:.0f} mm away")
+    return "\n".join(lines)
+
+
+def _ago(seconds: float) -> str:
+    whole = int(max(seconds, 0.0))
+    return f"{whole} s ago" if whole < 120 else f"{whole // 60} min ago"

@@ -1,0 +1,105 @@
+"""The end of a plan, drawn from when ta gets the plan until the plan has ended."""
+
+import math
+
+import msgspec
+import pytest
+from noted import Noted
+
+from companion.languages import HFSM, LANGUAGES, hfsm, rc, sw
+from companion.languages.values import Side
+from companion.telemetry import RobotState
+from companion.tools.pictures import robot
+from companion.tools.pictures.imagined import ROBOT, THINGS, End, Imagined
+from companion.tools.pictures.scene import Scene
+from companion.tools.pictures.velma import entity
+from companion.tools.telemetry import truth
+from fipa_codec.communicate import encode
+from operate.pictures.happenings import Happening
+from operate.pictures.sheet import HIDDEN
+from operate.recording.history import History
+from velma.names import ARM, BODY, COLUMNS, START
+
+LINKS = {link.joint: link for link in robot.links() if link.joint}
+
+
+def plans(past: History) -> list[tuple[float, hfsm.HierarchicalPlan]]:
+    """Return the plans that ta got, each with its time [s after the beginning]."""
+    given = [one for one in past.said if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)]
+    return [(one.received - past.begin, one.content) for one in given]
+
+
+def moves(machine: hfsm.Machine) -> list[rc.MoveJoint]:
+    """Return the free motions of a plan, in order."""
+    return [
+        move
+        for state in machine.states
+        for move in (moves(state) if isinstance(state, hfsm.Machine) else [getattr(state, "command", None)])
+        if isinstance(move, rc.MoveJoint)
+    ]
+
+
+def plan_of(state: hfsm.ActState) -> hfsm.HierarchicalPlan:
+    """Return a plan of one act."""
+    return hfsm.HierarchicalPlan("p", "t", hfsm.Machine("m", initial=state.name, states=(state,)), 1.0, 0)
+
+
+def test_the_ghost_has_the_last_free_motion_of_each_arm(true_past: History, true_sheet: Noted) -> None:
+    """Its joints stand where the last path of that side ends, from the time of the plan on."""
+    (at, plan), *_ = plans(true_past)
+    ends = {move.side: move.path[-1] for move in moves(plan.root)}
+    assert set(ends) == set(ARM)
+    for side, end in ends.items():
+        for column, q in list(zip(COLUMNS[side], end, strict=True))[2:]:  # after the torso and the arm's own root
+            link = LINKS[BODY[column]]
+            shown = [value for when, value in true_sheet.of(entity(link, ROBOT)) if when == pytest.approx(at)]
+            assert shown[-1] == (link.at, pytest.approx(robot.turned(link, q)))
+
+
+def test_the_ghost_is_gone_when_no_plan_is_carried_out(true_past: History, true_sheet: Noted) -> None:
+    """Before the first plan, and after each end of one: nothing of it is left."""
+    ends = [
+        one.received - true_past.begin
+        for one in true_past.said
+        if isinstance(one.content, sw.Report) and one.content.state in sw.FINAL
+    ]
+    roots = [entity(LINKS[f"{side}_arm_0_joint"], ROBOT) for side in ARM]
+    things = {name for name, _, _ in true_sheet.drawn if name.startswith(THINGS)}
+    assert ends
+    assert things == {f"{THINGS}/jar_1", f"{THINGS}/bowl_1"}
+    for one in (*roots, *things):
+        rows = true_sheet.of(one)
+        assert rows[0] == (0.0, HIDDEN)
+        for end in ends:
+            assert [value for at, value in rows if at <= end][-1] == HIDDEN
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_an_arm_that_stays_has_no_ghost(true_past: History, turn: float) -> None:
+    """A plan that moves the left arm only; where it turns the torso, the right arm goes along."""
+    sheet, start = Noted(0.0), tuple(START.tolist())
+    drawer = Imagined(sheet, Scene(sheet))
+    drawer.take(Happening(1.0, RobotState(1.0, start)))
+    path = ((turn, *(q + 0.3 for q in start[8:])),)
+    plan = plan_of(hfsm.ActState("move", rc.MoveJoint("key", Side.LEFT, path, 0.2)))
+    given = next(one for one in true_past.said if one.channel == "C1" and isinstance(one.content, type(plan)))
+    wire = encode(msgspec.structs.replace(given.communicate, content=HFSM.encode(plan)))
+    drawer.take(Happening(2.0, msgspec.structs.replace(given, wire=wire).read_in(LANGUAGES)))
+    shown = {side: sheet.of(entity(LINKS[f"{side}_arm_0_joint"], ROBOT))[-1][1] != HIDDEN for side in ARM}
+    assert shown == {"left": True, "right": turn > 0.0}
+
+
+def test_things_are_imagined_where_they_are_put_and_carried(true_past: History) -> None:
+    """When the next plan is given, bowl and jar are within the errors of grasps of where the first one had them."""
+    (_, first), (at, _) = plans(true_past)
+    end = End(first, {})
+    then = next(one for when, one in truth(true_past) if when >= true_past.begin + at)
+    assert set(end.places) == {"bowl_1", "jar_1"}
+    for name, pose in end.places.items():
+        assert math.dist(pose.xyz, then.poses[name].xyz) < 0.03
+
+
+def test_an_arm_that_goes_home_ends_in_its_start_posture() -> None:
+    """All seven joints; the torso stays."""
+    end = End(plan_of(hfsm.ActState("home", rc.Home("key", Side.LEFT))), dict.fromkeys(BODY, 0.5))
+    assert [end.q[BODY[k]] for k in COLUMNS["left"]] == [0.5, *(START[k] for k in ARM["left"])]
