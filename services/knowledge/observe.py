@@ -7,9 +7,9 @@ import math
 
 import msgspec
 
+from companion.fusing import fused
 from companion.languages import wm
 from companion.languages.values import Pose
-from services.knowledge.fusing import fused
 from services.knowledge.relations import related
 from services.knowledge.scene import Held, Origin, Scene, Thing
 

@@ -1,4 +1,4 @@
-"""Beliefs of km about things, from what it is told: the newest observation of each subject counts.
+"""Beliefs of km about things, from what it is told: the newest observation of each subject counts, sights are fused.
 
 They follow services.knowledge.observe, which tools may not import; a test compares. Live and of a recording alike. Must
 not know: the truth.
@@ -7,6 +7,7 @@ not know: the truth.
 import msgspec
 
 from agent_runtime.core.streams import parse_observation
+from companion.fusing import Sight, fused
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Pose, Side
 from companion.tools.asking import KM
@@ -22,6 +23,7 @@ class Belief(msgspec.Struct, frozen=True):
     """Belief about a thing: `how` it is known and `told` by which communicate, None if by none; `model`: "" if unknown.
 
     `pose`: T_world_thing of what stands; `side` and `in_grip`, T_grip_thing, of what a hand holds. None: not known.
+    `deviation`: root mean square of how far a seen place may be off [m], None: not told.
     """
 
     object: str
@@ -31,6 +33,7 @@ class Belief(msgspec.Struct, frozen=True):
     pose: Pose | None = None
     side: Side | None = None
     in_grip: Pose | None = None
+    deviation: float | None = None
 
 
 class Beliefs:
@@ -39,6 +42,8 @@ class Beliefs:
     def __init__(self) -> None:
         self._newest: dict[str, tuple[Version, Spoken]] = {}
         self._models: dict[str, str] = {}
+        self._sights: dict[str, Sight] = {}
+        self._empty: set[str] = set()
         self._world: Version = (-1, -1)
 
     @property
@@ -63,23 +68,28 @@ class Beliefs:
         if isinstance(one.content, wm.WorldLost):
             self._world = version
             self._newest = {name: found for name, found in self._newest.items() if found[0] > version}
+            self._sights.clear()
             return True
+        if isinstance(one.content, wm.LostObject | wm.MissingObject | wm.SeenHand):
+            self._empty |= {hand.id for hand in self._hands() if hand.content.object == one.content.object}
         self._newest[key] = version, one
+        self._see(one.content)
         if isinstance(one.content, wm.SeenObject | wm.PlacedObject):
             self._models[one.content.object] = one.content.model
         return True
 
     def about(self, name: str) -> Belief:
         """Return the belief about a thing."""
-        version, told = self._newest.get(f"object:{name}", ((-1, -1), None))
-        since, hand = self._held().get(name, ((-1, -1), None))
-        gone = told is not None and isinstance(told.content, wm.LostObject | wm.MissingObject) and version > since
-        if hand is not None and not gone:
+        _, told = self._newest.get(f"object:{name}", (None, None))
+        hand = self._held().get(name)
+        if hand is not None:
             model, side = self._models.get(name, ""), hand.content.side
             return Belief(name, f"in the {side} hand", hand, model, side=side, in_grip=hand.content.pose)
         match told.content if told is not None else None:
-            case wm.SeenObject(model=model, pose=pose):
-                return Belief(name, "seen", told, model, pose)
+            case wm.SeenObject(model=model) as seen:
+                pose, uncertainty = self._sights.get(name, (seen.pose, seen.uncertainty))
+                deviation = uncertainty.deviation if uncertainty is not None else None
+                return Belief(name, "seen", told, model, pose, deviation=deviation)
             case wm.PlacedObject(model=model, pose=pose):
                 return Belief(name, "put down, not seen since", told, model, pose)
             case wm.LostObject(side=side):
@@ -88,10 +98,24 @@ class Beliefs:
                 return Belief(name, "missing where it was", told, self._models.get(name, ""))
         return Belief(name)
 
-    def _held(self) -> dict[str, tuple[Version, Spoken]]:
+    def _see(self, content: object) -> None:
+        """Fuse the sights of what stands; of what a hand has or had, the earlier ones say nothing any more."""
+        match content:
+            case wm.SeenObject(object=name, pose=pose, uncertainty=uncertainty):
+                kept, seen = self._sights.pop(name, None), (pose, uncertainty)
+                if name not in self._held():
+                    self._sights[name] = seen if kept is None else fused(kept, seen)
+            case _ if isinstance(content, _OF_OBJECTS | wm.SeenHand):
+                self._sights.pop(content.object, None)
+
+    def _held(self) -> dict[str, Spoken]:
         """Return what hands hold, each with the observation that says so."""
-        hands = [self._newest[key] for key in map(_hand, Side) if key in self._newest]
-        return {hand.content.object: (version, hand) for version, hand in hands if hand.content.object}
+        return {hand.content.object: hand for hand in self._hands() if hand.content.object}
+
+    def _hands(self) -> list[Spoken]:
+        """Return the newest observation of each hand, but where what it held was lost or went to the other one."""
+        hands = [self._newest[key][1] for key in map(_hand, Side) if key in self._newest]
+        return [hand for hand in hands if hand.id not in self._empty]
 
 
 def _hand(side: Side) -> str:

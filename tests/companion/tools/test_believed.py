@@ -5,11 +5,13 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from synthetic import with_truth
 
 from companion.asking import Heard
 from companion.languages import LANGUAGES, RC, WM, rc, rs, wm
-from companion.languages.values import Pose, Side
+from companion.languages.values import Pose, Side, Uncertainty
 from companion.tools.beliefs import Beliefs
 from companion.tools.report import believed, page, report
 from companion.tools.system import SYSTEM
@@ -86,6 +88,44 @@ def test_each_observation_changes_both_beliefs_alike(past: History) -> None:
             belief = ours.about(name)
             assert belief.side == scene.holder(name)
             assert belief.side or belief.pose == scene.things[name].pose
+
+
+@pytest.fixture(scope="module")
+def to_km(past: History) -> Spoken:
+    """Any communicate that km heard."""
+    return next(one for one in past.said if one.content and one.receiver == "km")
+
+
+numbers = st.floats(0.0, 0.004).map(lambda value: round(value, 4))
+sights = st.builds(
+    lambda x, y, sure: wm.SeenObject("jar_1", "jar", Pose((0.6 + x, y, 0.875)), 1.0, None, sure),
+    numbers,
+    numbers,
+    st.sampled_from([None, *(Uncertainty((v, 0.0, 0.0, v, 0.0, v), v) for v in (1e-7, 4e-6, 2e-5))]),
+)
+observations = st.one_of(
+    sights,
+    sights,
+    st.just(wm.PlacedObject("jar_1", "jar", Pose((0.6, 0.0, 0.875)), 2.0)),
+    st.sampled_from([wm.SeenHand(Side.LEFT), wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))]),
+    st.sampled_from([wm.LostObject("jar_1", Side.LEFT), wm.MissingObject("jar_1")]),
+)
+
+
+@given(st.lists(observations, min_size=1, max_size=8))
+def test_sights_are_fused_as_km_fuses_them(to_km: Spoken, told_so: list[wm.AnySight]) -> None:
+    """Whatever comes between them: where it stands, and how far it may be off."""
+    ours, theirs = Beliefs(), KmBeliefs()
+    for number, content in enumerate(told_so):
+        one = saying(to_km, content, f"test@1.{number}", float(number))
+        theirs.hear(Heard(one.received, one.wire))
+        assert ours.hear(one)
+        belief, thing = ours.about("jar_1"), theirs.scene.things.get("jar_1")
+        side = theirs.scene.holder("jar_1")
+        assert belief.side == side
+        if side is None and thing is not None:
+            assert belief.pose == thing.pose
+            assert belief.deviation == (thing.uncertainty and thing.uncertainty.deviation)
 
 
 def test_a_thing_that_was_moved_unseen_is_shown_apart(past: History) -> None:

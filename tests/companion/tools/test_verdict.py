@@ -131,8 +131,8 @@ def test_another_command_that_comes_to_nothing_is_no_failure(command: cmd.Comman
     name = "ended, failed" if agreed else "refused"
     assert told[f"{name}: {plans.asked(plans.commands(past)[-1])}"]
     assert told["finished"]
-    assert [bar.end >= bar.start for bar in story._bars(past)].count(False) == 0
-    assert sum("refused" in text for bar in story._bars(past) for text in bar.texts) == 0
+    assert [bar.end >= bar.start for bar in story.bars(past)].count(False) == 0
+    assert sum("refused" in text for bar in story.bars(past) for text in bar.texts) == 0
 
 
 def test_a_plan_of_the_job_that_is_refused_stays_a_failure() -> None:

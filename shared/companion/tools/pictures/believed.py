@@ -134,7 +134,8 @@ def words(belief: Belief, now: float, off_mm: float = 0.0) -> str:
 
     `off_mm`: distance from the truth; it is told where it counts.
     """
-    lines = [f"{belief.object}: {belief.how}"]
+    sure = f", ± {1000 * belief.deviation:.1f} mm" if belief.deviation is not None else ""
+    lines = [f"{belief.object}: {belief.how}{sure}"]
     if belief.told is not None:
         lines.append(f"{_ago(now - belief.told.received)}, told by {belief.told.sender}")
     if off_mm > MOST_APART_MM:
