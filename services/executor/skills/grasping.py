@@ -6,6 +6,7 @@ import pinocchio as pin
 from companion.languages import rc
 from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions
+from services.executor.skills.looking import missed
 from services.executor.skills.moving import joining, straight
 from services.executor.skills.situation import Held, Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Skill, empty, missing, replan
@@ -36,7 +37,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
         here, command.key, first, APPROACH_SPEED, watch=watch, settle_s=TARE_S,
         **motions.hand(side, motions.fingers(command.approach[0].fingers)),
     )  # fmt: skip
-    if here.miss(command.object, sensed.sights):
+    if (yield from missed(here, command.key, command.object, sensed)):
         raise missing(f"{command.object} is not where it was")
     try:
         for leg, point in zip(legs, command.approach[1:], strict=True):

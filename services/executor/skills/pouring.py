@@ -18,6 +18,7 @@ from companion.languages import rc
 from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
 from services.executor.skills import motions
+from services.executor.skills.looking import missed
 from services.executor.skills.moving import joining, straight
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill, empty, failed, missing, replan
@@ -58,7 +59,7 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
     before = yield motions.along(here, command.key, joining(here, q), TILT_SPEED, watch=rim, settle_s=WEIGH_S)
     if _grip(command, before).felt == Grip.UNSURE and _grip(command, before).mass < held.mass / 2.0:
         raise empty(f"the {command.side} hand does not feel {command.source}")
-    if here.miss(command.destination, before.sights):
+    if (yield from missed(here, command.key, command.destination, before)):
         raise missing(f"{command.destination} is not where it was")
     if np.linalg.norm(_stream(here, command).rim - rim) > MOVED_M:
         raise replan(f"{command.destination} was moved before the tilt")
@@ -78,7 +79,7 @@ def _look_into(here: Situation, command: rc.Pour, rim: np.ndarray) -> Skill:
     with suppress(NotPossible, Cancelled):
         away = [] if here.in_view(command.destination, here.q) else _away(here, command)
         sensed = yield motions.along(here, command.key, away, BACK_SPEED, watch=rim)
-        here.miss(command.destination, sensed.sights)
+        yield from missed(here, command.key, command.destination, sensed)
 
 
 def _away(here: Situation, command: rc.Pour) -> list[np.ndarray]:

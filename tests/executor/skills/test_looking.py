@@ -11,7 +11,7 @@ from robot import Acting
 from companion.languages import rc
 from services.executor.loop.program import Motion
 from services.executor.sight import Sight
-from services.executor.skills.looking import look
+from services.executor.skills.looking import MORE_LOOKS, look, missed
 from services.executor.skills.motions import aim
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation
@@ -45,9 +45,14 @@ def looked(here: Situation, at: Sequence[tuple[float, float, float]], seen_from:
             here.q = motion.path()[-1]
             sights = [bowl] if len(motions) >= seen_from else []
             here.see(sights)
-            motion = work.send(Sensed("done", "", here.q, here.q, {}, {}, {}, here.head, sights, here.time))
+            motion = work.send(sensed(here, sights))
     except StopIteration:
         return motions
+
+
+def sensed(here: Situation, sights: list[Sight]) -> Sensed:
+    """What a motion ends with."""
+    return Sensed("done", "", here.q, here.q, {}, {}, {}, here.head, sights, here.time)
 
 
 def test_a_thing_that_is_seen_is_looked_at_once(jar_out: Acting) -> None:
@@ -120,3 +125,23 @@ def performed(here: Situation, command: rc.Look) -> rc.Done | rc.NotDone:
             motion = work.send(Sensed("done", "", q, q, {}, {}, {}, here.head, [], here.time))
     except StopIteration as stop:
         return stop.value
+
+
+@pytest.mark.parametrize("seen_at", [0, 1, MORE_LOOKS, MORE_LOOKS + 1])
+def test_a_picture_that_shows_nothing_is_followed_by_others(cabinet_gone: Situation, seen_at: int) -> None:
+    """Only a thing that is in none of them is missing."""
+    here = cabinet_gone
+    here.begin()
+    sights = [Sight(BOWL, here.seen[BOWL])]
+    pictures = [sights if number == seen_at else [] for number in range(MORE_LOOKS + 1)]
+    work = missed(here, "act", BOWL, sensed(here, pictures[0]))
+    looks, missing = 0, None
+    try:
+        next(work)
+        while True:
+            looks += 1
+            work.send(sensed(here, pictures[looks]))
+    except StopIteration as end:
+        missing = end.value
+    assert missing is (seen_at > MORE_LOOKS)
+    assert looks == min(seen_at, MORE_LOOKS)
