@@ -23,7 +23,7 @@ from msgspec.structs import replace
 from companion.eyes import Eyes
 from companion.languages import hfsm, rc, wm
 from services.executor.loop.core import LoopCore
-from services.executor.simulation import InProcess, receptor, things
+from services.executor.simulation import InProcess, markers, receptor, things
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation, beginning
 from services.knowledge.answers import ask
@@ -52,7 +52,7 @@ class Run:
         self.backend = MujocoBackend(scene)
         self.truth = TruthReader(self.backend)
         self.body = InProcess(LoopCore(self.backend), receptor(scene, eyes))
-        self.here: Situation = beginning(Robot(), things(scene))
+        self.here: Situation = beginning(Robot(), things(scene), markers(scene))
         self.store, self.overlays, self.version = Store.open(None), Overlays(), 0
         self.plans: list[dict[str, float]] = []
         self.acts: list[tuple[str, float, str]] = []

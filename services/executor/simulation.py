@@ -8,12 +8,14 @@ import numpy as np
 
 from companion.eyes import Eyes
 from companion.models import KNOWN_AS
+from services.executor.local import Array
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion
 from services.executor.pixel_receptor import PixelReceptor
 from services.executor.receptor import Receptor
 from services.executor.sight import Eye
 from services.executor.skills.skill import Sensed
+from velma.model.markers import of_scene
 from velma.model.scene import Scene
 from velma.names import TORSO
 from velma.sim.mujoco_backend import compiled
@@ -22,6 +24,11 @@ from velma.sim.mujoco_backend import compiled
 def things(scene: Scene) -> dict[str, str]:
     """Return the model name, as km has it, by id of everything with a marker."""
     return {thing.id: KNOWN_AS.get(thing.model, thing.model) for thing in scene.things}
+
+
+def markers(scene: Scene) -> dict[str, Array]:
+    """Return the corners (n, 4, 3) [m] of the markers of each thing, in its frame."""
+    return {name: np.array([one.corners for one in every]) for name, every in of_scene(scene).items()}
 
 
 def receptor(scene: Scene, eyes: Eyes = Eyes.RAYS) -> Eye:

@@ -33,12 +33,12 @@ class Stage:
 
     def __init__(self, setup: Setup) -> None:
         asked = scene_of(setup)
-        self.robot, self.things = Robot(), simulation.things(asked)
+        self.robot, self.things, self.markers = Robot(), simulation.things(asked), simulation.markers(asked)
         self.eye: Eye = simulation.receptor(asked, setup.eyes)
 
     def situation(self, kept: Remembered, felt: Felt) -> Situation:
         """Return what ex knows at the start of an act."""
-        here = beginning(self.robot, dict(self.things))
+        here = beginning(self.robot, dict(self.things), self.markers)
         here.q, here.head, here.time = felt.setpoint().copy(), felt.head, felt.time
         for name, seen in kept.seen.items():
             here.place(name, transform(seen.pose))

@@ -50,6 +50,8 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
         sensed = yield motions.still(here, command.key, until=Until.TOUCH, **motions.hand(side, close))
         if sum(sensed.touched[side]) < FINGERS_NEEDED:
             touched = sum(sensed.touched[side])
+            if not touched:
+                here.give_up(command.object)  # the hand closed where it should be
             raise empty(f"the {side} hand closed and {touched} of 3 fingers touched {command.object}")
     except (Cancelled, NotPossible):
         yield from _back_out(here, side, command, [first[-1] if first else here.q, *(q for leg in legs for q in leg)])

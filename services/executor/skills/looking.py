@@ -13,7 +13,7 @@ from companion.languages import rc
 from services.executor.loop.program import Motion
 from services.executor.skills import motions
 from services.executor.skills.moving import joining
-from services.executor.skills.situation import ENOUGH_SEEN, Situation
+from services.executor.skills.situation import Situation
 from services.executor.skills.skill import NotPossible, Sensed, Skill
 from velma import names
 from velma.kinematics.tasks.speeds import LOADED_SPEED
@@ -39,7 +39,7 @@ def look(here: Situation, command: rc.Look) -> Skill:
 def missed(here: Situation, key: str, name: str, sensed: Sensed) -> Generator[Motion, Sensed, bool]:
     """Look again where a thing should be and is not seen, and return whether it is missing: no picture shows it."""
     for _ in range(MORE_LOOKS):
-        if name in {sight.name for sight in sensed.sights} or not here.in_view(name, here.q, ENOUGH_SEEN):
+        if name in {sight.name for sight in sensed.sights} or not here.surely_seen(name):
             break
         point = here.seen[name].translation
         sensed = yield motions.still(here, key, watch=(point[0], point[1], point[2]), settle_s=REST_S)

@@ -4,7 +4,7 @@ Poses come only from the receptor. A held object moves with the hand, by the las
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from companion import models
 from companion.languages.values import Uncertainty
+from services.executor.local import Array
 from services.executor.remembered import Unfinished
 from services.executor.sight import Sight
 from velma import names
@@ -19,7 +20,8 @@ from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 
 SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
-ENOUGH_SEEN = 1 / 3  # of an opening, that a thing is surely seen by: a bowl below a jar that is about to be tilted
+SURE_MARKERS = 3  # in view, by which a thing is surely seen: two would do where each is read (estimate)
+FACING = math.cos(math.radians(60.0))  # least cosine of the angle at which a marker is surely read (estimate)
 EDGE_POINTS = 12  # 5 cm apart on a bowl: narrower than a finger with its neighbours (estimate)
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
@@ -49,6 +51,7 @@ class Situation:
     robot: Robot
     world: World
     models: dict[str, str]
+    markers: Mapping[str, Array]
     q: np.ndarray = field(default_factory=lambda: np.array(names.START))
     head: tuple[float, float] = (0.0, 0.0)
     fingers: dict[str, float] = field(default_factory=lambda: {"left": 0.0, "right": 0.0})
@@ -87,8 +90,8 @@ class Situation:
                 self.contents[sight.name] = sight.content
                 self.looked_into.add(sight.name)
 
-    def in_view(self, name: str, q: np.ndarray, least: float = 1.0) -> bool:
-        """Whether at least this share of a thing's opening, else its origin, is not hidden from the head, at q (15,).
+    def in_view(self, name: str, q: np.ndarray) -> bool:
+        """Whether all of a thing's opening, else its origin, is not hidden from the head, at q (15,).
 
         By what is known. A thing in a hand, or farther away than it is surely seen, is not in view.
         """
@@ -99,14 +102,30 @@ class Situation:
         points = [self.seen[name].act(np.array(point)) for point in (_edge(hole) if hole else [(0.0, 0.0, 0.0)])]
         if np.linalg.norm(points[0] - eye) > SURE_M:
             return False
-        return self.world.hidden(q, eye, points, name) <= (1.0 - least) * len(points)
+        return self.world.hidden(q, eye, points, name) == 0
+
+    def surely_seen(self, name: str) -> bool:
+        """Whether a thing would be seen from here if it is where it should be: nothing hides enough of its markers."""
+        if name not in self.seen or self.holder(name) is not None:
+            return False
+        eye = self.robot.camera(float(self.q[names.TORSO]), *self.head).translation
+        pose, sure = self.seen[name], 0
+        for corners in self.markers.get(name, ()):
+            here = corners @ pose.rotation.T + pose.translation
+            if _read(here, eye) and not self.world.hidden(self.q, eye, list(here), name):
+                sure += 1
+        return sure >= SURE_MARKERS
 
     def miss(self, name: str, sights: Sequence[Sight]) -> bool:
-        """Forget where a thing is, if it is not seen though enough of it is in view; return whether it is missing."""
-        if name not in {sight.name for sight in sights} and self.in_view(name, self.q, ENOUGH_SEEN):
-            self.missing.add(name)
-            self.forget(name)
+        """Forget where a thing is, if it is not seen though it surely would be there; return whether it is missing."""
+        if name not in {sight.name for sight in sights} and self.surely_seen(name):
+            self.give_up(name)
         return name in self.missing
+
+    def give_up(self, name: str) -> None:
+        """Note that a thing is not where it should be."""
+        self.missing.add(name)
+        self.forget(name)
 
     def _note(self, name: str, uncertainty: Uncertainty | None) -> None:
         self.uncertain.pop(name, None)
@@ -164,6 +183,18 @@ def _edge(hole: models.Opening) -> list[tuple[float, float, float]]:
     return [hole.centre, *((x + hole.radius * math.cos(a), y + hole.radius * math.sin(a), z) for a in around)]
 
 
-def beginning(robot: Robot, things: dict[str, str]) -> Situation:
-    """Return a situation with nothing seen or held. `things`: the model by the id of each thing, as markers tell it."""
-    return Situation(robot, World(robot, margin=MARGIN_M), things)
+def beginning(robot: Robot, things: dict[str, str], markers: Mapping[str, Array]) -> Situation:
+    """Return a situation with nothing seen or held.
+
+    `things`: the model by the id of each thing, as markers tell it; `markers`: their corners (n, 4, 3) [m] in the
+    thing's frame.
+    """
+    return Situation(robot, World(robot, margin=MARGIN_M), things, markers)
+
+
+def _read(corners: Array, eye: Array) -> bool:
+    """Whether a marker with these corners (4, 3) is near enough to the eye (3,) and faces it, so that it is read."""
+    right, down = corners[1] - corners[0], corners[3] - corners[0]
+    outwards, way = np.cross(down, right), eye - corners.mean(axis=0)
+    size = float(np.linalg.norm(outwards) * np.linalg.norm(way))
+    return float(np.linalg.norm(way)) <= SURE_M and float(outwards @ way) >= FACING * size

@@ -15,7 +15,7 @@ from companion.look_around import POINTS
 from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion, Phase
 from services.executor.sight import Eye
-from services.executor.simulation import InProcess, receptor, things
+from services.executor.simulation import InProcess, markers, receptor, things
 from services.executor.skills import own_paths
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation, beginning
@@ -64,8 +64,8 @@ class Acting:
         scene = vary(whole or load(), seed)
         self.core, self.eye = LoopCore(MujocoBackend(scene)), receptor(scene)
         self.core.hold(0.4)
-        self.robot, self.things = Robot(), things(scene)
-        self.here: Situation = beginning(self.robot, self.things)
+        self.robot, self.things, self.markers = Robot(), things(scene), markers(scene)
+        self.here: Situation = beginning(self.robot, self.things, self.markers)
         self._acts = 0
         self.retreats: dict[str, tuple[rc.ApproachPoint, ...]] = {}
         self.taking: tuple[rc.MoveJoint, rc.Grasp, rc.MoveCartesian] | None = None
@@ -74,7 +74,7 @@ class Acting:
         """Another one in the same state; robot model and eye are shared, since both forget what they were asked."""
         other = copy.copy(self)
         other.core, other.retreats = copy.deepcopy(self.core), dict(self.retreats)
-        other.here = beginning(self.robot, self.things)
+        other.here = beginning(self.robot, self.things, self.markers)
         other.here.q, other.here.head, other.here.time = self.here.q.copy(), self.here.head, self.here.time
         for name, pose in self.here.seen.items():
             other.here.place(name, pose)

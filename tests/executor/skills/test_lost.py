@@ -8,6 +8,7 @@ from companion.languages import rc
 from companion.languages.values import Side
 from services.executor.loop.core import LoopCore
 from services.executor.sight import Sight
+from services.executor.skills.situation import Situation
 from velma.names import COLUMNS
 
 JAR, LEFT = "jar_1", Side.LEFT
@@ -79,28 +80,30 @@ def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(
     before_the_jar: Acting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Before the fingers are closed to the end; the jar is taken away while the hand reaches for it."""
-    core = before_the_jar.core
+    core, stood = before_the_jar.core, before_the_jar.here.seen[JAR]
     at = core.backend.model.joint(JAR).qposadr[0]
 
     def look(*_: object) -> list[Sight]:
         core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
-        return [Sight(JAR, before_the_jar.here.seen[JAR])]
+        return [Sight(JAR, stood)] if JAR in before_the_jar.here.seen else []
 
     monkeypatch.setattr(before_the_jar.eye, "look", look)
     outcome = before_the_jar.act(before_the_jar.taking[1])
     assert isinstance(outcome, rc.NotDone)
-    assert (outcome.kind, outcome.lost, outcome.held) == ("empty", {}, {})
+    assert (outcome.kind, outcome.lost, outcome.held, outcome.missing) == ("empty", {}, {}, (JAR,))
     assert before_the_jar.here.world.free(core.setpoint)
 
 
-def test_a_hand_does_not_reach_for_what_is_gone(before_the_jar: Acting) -> None:
-    """The jar is not where it was, and the eyes see its place: the fingers stay open."""
+@pytest.mark.parametrize("sure", [True, False])
+def test_a_jar_that_is_gone_is_missing(before_the_jar: Acting, sure: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The hand does not reach for it where the eyes would surely see it; else it closes on nothing."""
+    monkeypatch.setattr(Situation, "surely_seen", lambda here, name: sure)
     core = before_the_jar.core
     at = core.backend.model.joint(JAR).qposadr[0]
     core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
     outcome = before_the_jar.act(before_the_jar.taking[1])
     assert isinstance(outcome, rc.NotDone)
-    assert (outcome.kind, outcome.missing, outcome.held) == ("missing", (JAR,), {})
+    assert (outcome.kind, outcome.missing, outcome.held) == ("missing" if sure else "empty", (JAR,), {})
     assert JAR not in before_the_jar.here.seen
 
 

@@ -250,7 +250,8 @@ def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl: tuple[Situati
     work = perform(here, command)
     motion = next(work)
     sensed = _sensed(here, motion, FULL, False, None)
-    assert here.in_view(BOWL, motion.path()[-1], 1 / 3), "the jar hides too much of it here"
+    here.q = motion.path()[-1]
+    assert here.surely_seen(BOWL), "the jar hides too much of it here"
     upright, outcome = motion.path()[-1], None
     try:
         for _ in range(MORE_LOOKS + 1):
