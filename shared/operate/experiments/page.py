@@ -104,7 +104,11 @@ def half(interval: Interval) -> str:
 def _in_words(row: Row, by: str) -> str:
     unit = f" {row.unit}" if row.unit else ""
     theirs = f" ({by}: {number(row.published)}{unit})" if row.published is not None else ""
-    return f"{number(row.mean.value, row.digits)}{unit}, 95 % interval {span(row.mean, row.digits)}{theirs}"
+    reach = f"95 % interval {span(row.mean, row.digits)}"
+    if row.mean.low is None:
+        few = f"{number(row.least, row.digits)} … {number(row.largest, row.digits)} in {row.mean.n} runs"
+        reach = few if row.mean.n > 1 else "one run"
+    return f"{number(row.mean.value, row.digits)}{unit}, {reach}{theirs}"
 
 
 def _head(told: Summary, own: Measures) -> Iterator[str]:

@@ -6,8 +6,8 @@ GREY: Colour = (120, 130, 145)
 FRESH: Colour = (38, 150, 180)
 RED: Colour = (205, 60, 60)
 ORANGE: Colour = (222, 140, 30)
-INK: Colour = (240, 238, 250)
-"""Of labels: the viewer writes them on dark grey in both of its themes."""
+INK: Colour = (12, 8, 28)
+"""Of labels on a light ground: the viewer writes them on grey in its dark theme, on white in its light one."""
 GHOST: Colour = (150, 80, 220)
 """Of what somebody believes and is not so."""
 PLANNED: Colour = (60, 120, 230)

@@ -4,7 +4,7 @@ from collections import deque
 
 import rerun as rr
 
-from operate.pictures.colours import GREY, INK, channel
+from operate.pictures.colours import FRESH, GREY, channel
 from operate.pictures.graph import ring
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, flat_arrows
@@ -33,7 +33,9 @@ class Sequence:
         lanes = [[(x, 0.0), (x, HIGH * (ROWS + 1))] for x in self._lanes.values()]
         sheet.static(LANES, rr.LineStrips2D(lanes, colors=[GREY], radii=[-0.5]))  # negative: in points of the screen
         places = [(x, -HIGH) for x in self._lanes.values()]
-        sheet.static(NAMES, rr.Points2D(places, labels=list(self._lanes), colors=[INK], radii=[-2.0], show_labels=True))
+        sheet.static(
+            NAMES, rr.Points2D(places, labels=list(self._lanes), colors=[FRESH], radii=[-2.0], show_labels=True)
+        )
         sheet.static(ARROWS, rr.Arrows2D.from_fields(radii=[-1.0], show_labels=True))
 
     def take(self, happening: Happening) -> None:
