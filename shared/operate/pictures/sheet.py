@@ -53,13 +53,20 @@ class Sheet:
 
 
 def transforms(values: list[tuple[Sequence[float], Sequence[float]]]) -> Any:
-    """(Translation [m], quaternion w first) each."""
+    """(Translation [m], quaternion w first) each; HIDDEN: the entity and all below it is too small to be seen."""
     turns = np.array([turn for _, turn in values])[:, [1, 2, 3, 0]]
-    return rr.Transform3D.columns(translation=np.array([at for at, _ in values]), quaternion=turns)
+    hidden = ~turns.any(axis=1, keepdims=True)
+    return rr.Transform3D.columns(
+        translation=np.array([at for at, _ in values]),
+        quaternion=np.where(hidden, (0.0, 0.0, 0.0, 1.0), turns),
+        scale=np.where(hidden, UNSEEN, 1.0) * np.ones(3),
+    )
 
 
 HIDDEN = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
-"""A transform whose quaternion has no direction: the viewer leaves out the entity and all below it."""
+"""A place that is none. The viewer warns of a quaternion without direction, so it does not get this one."""
+UNSEEN = 1e-6
+"""Scale of what is hidden; estimate: a metre is a micrometre then."""
 
 
 def scalars(values: list[Sequence[float]]) -> Any:
