@@ -16,7 +16,7 @@ from companion.tools.pictures.velma import entity
 from companion.tools.telemetry import truth
 from fipa_codec.communicate import encode
 from operate.pictures.happenings import Happening
-from operate.pictures.sheet import HIDDEN
+from operate.pictures.sheet import HIDDEN, UNSEEN, transforms
 from operate.recording.history import History
 from velma.names import ARM, BODY, COLUMNS, START
 
@@ -103,3 +103,14 @@ def test_an_arm_that_goes_home_ends_in_its_start_posture() -> None:
     """All seven joints; the torso stays."""
     end = End(plan_of(hfsm.ActState("home", rc.Home("key", Side.LEFT))), dict.fromkeys(BODY, 0.5))
     assert [end.q[BODY[k]] for k in COLUMNS["left"]] == [0.5, *(START[k] for k in ARM["left"])]
+
+
+def test_the_viewer_gets_places_that_it_takes() -> None:
+    """Each rotation has a length of 1; what is hidden is shrunk, and shown again at its size."""
+    shown = ((1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0))
+    sent = [column.as_arrow_array().to_pylist() for column in transforms([shown, HIDDEN, shown])]
+    places, turns, scales = ([row[0] for row in column] for column in sent)
+    assert [math.hypot(*turn) for turn in turns] == pytest.approx([1.0, 1.0, 1.0])
+    assert places[::2] == [[1.0, 2.0, 3.0]] * 2
+    assert [max(scale) for scale in scales] == pytest.approx([1.0, UNSEEN, 1.0])
+    assert UNSEEN < 1e-3
