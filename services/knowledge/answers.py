@@ -10,7 +10,7 @@ from typing import Any
 
 from companion.languages import wm
 from companion.languages.values import Pose
-from companion.models import GRASPS, MODELS, REACH, Model
+from companion.models import GRASPS, MODELS, REACH, Model, fitting
 from services.knowledge import geometry
 from services.knowledge.ontology import below, is_kind
 from services.knowledge.overlays import Overlays, unknown_state
@@ -117,7 +117,7 @@ def _grasp_at_side(scene: Scene, query: wm.GraspAtSide) -> wm.AnyAnswer:
 
 def _grasp_set(scene: Scene, query: wm.GraspSet) -> wm.AnyAnswer:
     thing = _thing(scene, query.object)
-    return wm.Grasps(thing.id, _grasps(thing))
+    return wm.Grasps(thing.id, fitting(_grasps(thing), thing.pose))
 
 
 def _grasp_definition(scene: Scene, query: wm.GraspDefinition) -> wm.AnyAnswer:

@@ -22,6 +22,8 @@ ACROSS = {
     "lying_turned": (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)),
 }
 """Turn of a thing in a grasp across its axis: its z is the grip's -x, as where it stands (grasps.json, jar), or x."""
+UPRIGHT = math.cos(math.radians(15.0))
+"""Of the axis of a thing to the vertical: farther tilted, it lies (as velma.kinematics.frames has it)."""
 BEFORE_M = 0.15
 """Way of the hand to a thing (grasps.json, jar)."""
 KNOWN_AS = {"bowl": "bowl_high", "cabinet": "cabinet_no_door"}
@@ -214,6 +216,14 @@ class _GraspsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     source: str
     row: str
     sets: dict[str, _GraspSet]
+
+
+def fitting(known: tuple[wm.GraspDef, ...], pose: Pose) -> tuple[wm.GraspDef, ...]:
+    """Return the grasps that fit a thing as it is: those of one that lies, if it does and there are some."""
+    _, x, y, _ = pose.quat_wxyz
+    lying = tuple(grasp for grasp in known if grasp.kind == LYING)
+    lies = 1.0 - 2.0 * (x * x + y * y) < UPRIGHT
+    return lying if lies and lying else tuple(grasp for grasp in known if grasp.kind != LYING)
 
 
 def _half(angle: float) -> tuple[float, float]:

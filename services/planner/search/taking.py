@@ -98,10 +98,9 @@ def out_of_reach(pose: pin.SE3, kind: str) -> str:
 
 
 def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:
-    """Return the known grasps of an object of the same kind as its first one, or those of one that lies if it does."""
+    """Return the known grasps of an object of the same kind as its first one."""
     known = geometry.ask(wm.GraspSet(state=state, object=name), wm.Grasps).grasps
-    lying = [g for g in known if g.kind == LYING]
-    return lying if lying and lies(geometry.pose(state, name)) else [g for g in known if g.kind == known[0].kind]
+    return [g for g in known if g.kind == known[0].kind]
 
 
 def ways(known: list[wm.GraspDef]) -> list[GraspWay]:

@@ -75,7 +75,7 @@ class GraspAtSide(Query, frozen=True):
 
 
 class GraspSet(Query, frozen=True):
-    """All known grasps of an object -> Grasps"""
+    """All known grasps of an object as it stands or lies -> Grasps"""
 
     object: str
 
