@@ -43,6 +43,7 @@ class Beliefs:
         self._newest: dict[str, tuple[Version, Spoken]] = {}
         self._models: dict[str, str] = {}
         self._sights: dict[str, Sight] = {}
+        self._touched: set[str] = set()
         self._empty: set[str] = set()
         self._world: Version = (-1, -1)
 
@@ -99,13 +100,16 @@ class Beliefs:
         return Belief(name)
 
     def _see(self, content: object) -> None:
-        """Fuse the sights of what stands; of what a hand has or had, the earlier ones say nothing any more."""
+        """Fuse the sights of what stands; of what a hand had meanwhile, the earlier ones say nothing any more."""
         match content:
             case wm.SeenObject(object=name, pose=pose, uncertainty=uncertainty):
-                kept, seen = self._sights.pop(name, None), (pose, uncertainty)
-                if name not in self._held():
-                    self._sights[name] = seen if kept is None else fused(kept, seen)
-            case _ if isinstance(content, _OF_OBJECTS | wm.SeenHand):
+                held, seen = name in self._held(), (pose, uncertainty)
+                fresh = held or name in self._touched or name not in self._sights
+                self._sights[name] = seen if fresh else fused(self._sights[name], seen)
+                self._touched = self._touched | {name} if held else self._touched - {name}
+            case wm.SeenHand(object=name):
+                self._touched |= {name}
+            case _ if isinstance(content, _OF_OBJECTS):
                 self._sights.pop(content.object, None)
 
     def _held(self) -> dict[str, Spoken]:

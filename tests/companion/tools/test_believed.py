@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic import with_truth
 
@@ -112,6 +112,7 @@ observations = st.one_of(
 )
 
 
+@settings(max_examples=300)
 @given(st.lists(observations, min_size=1, max_size=8))
 def test_sights_are_fused_as_km_fuses_them(to_km: Spoken, told_so: list[wm.AnySight]) -> None:
     """Whatever comes between them: where it stands, and how far it may be off."""
