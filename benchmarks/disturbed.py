@@ -1,4 +1,4 @@
-"""Pours while somebody moves things: what the robot says, and what is true.
+"""Pours while somebody moves things, and compares the words of the robot with the truth.
 
 The pour is that of pour_one_process.
 

@@ -24,7 +24,7 @@ NEAREST_M, FARTHEST_M = 0.4, 3.0
 LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: one or two markers of a thing must be visible
 TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform about each axis
 LEAST_M = 0.0005  # deviation along each axis that is told without noise, too; estimate: nobody sees better
-OUTLIER_M = 0.1  # largest error of a sight that is wrong, on each horizontal axis
+OUTLIER_M = 0.1  # largest error of a sight that is wrong, on each horizontal axis (estimate)
 AROUND = 8  # points around a cylinder
 GRID_M = 0.15  # between points on a box's face, at least two in each direction
 

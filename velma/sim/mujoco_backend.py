@@ -56,7 +56,8 @@ class MujocoBackend:
         overlaps.refuse(scene, model, self.data)
         self._state = at_rest()
         self._state.wrist = np.zeros((2, 6))
-        self._wrist_errors, self._joint_errors = sensor_noise.wrists(scene.noise), sensor_noise.joints(scene.noise)
+        self._wrist_errors = sensor_noise.wrists(scene.noise)
+        self._joint_errors = sensor_noise.joints(scene.noise) if scene.noise.joint else None
         self._weights, self._late = sensor_noise.weights(scene.noise), scene.noise.delay > 0
         self._before = np.stack((START, np.zeros(len(BODY))))
         self._locked = np.zeros(2)
@@ -98,9 +99,9 @@ class MujocoBackend:
 
     def _weigh(self) -> None:
         """Make things as heavy as they are, which their models need not say."""
-        bodies = [self.model.body(thing.id).id for thing in self.scene.things]
         if not self.scene.noise.mass:
             return
+        bodies = [self.model.body(thing.id).id for thing in self.scene.things]
         factors = sensor_noise.masses(self.scene.noise, len(bodies))
         self.model.body_mass[bodies] *= factors
         self.model.body_inertia[bodies] *= factors[:, None]
@@ -111,8 +112,10 @@ class MujocoBackend:
         state, qpos = self._state, self.data.qpos
         state.time = self.data.time
         cycle = round(self.data.time / PERIOD_S) % sensor_noise.CYCLES
-        q, v = self._before if self._late else (qpos[self._q], self.data.qvel[self._v])
-        state.q[:], state.v[:] = (q, v) + self._joint_errors[cycle]
+        state.q[:], state.v[:] = self._before if self._late else (qpos[self._q], self.data.qvel[self._v])
+        if self._joint_errors is not None:
+            state.q += self._joint_errors[cycle, 0]
+            state.v += self._joint_errors[cycle, 1]
         state.head[:] = qpos[self._head]
         state.spread[:] = qpos[self._spread]
         state.proximal[:] = qpos[self._proximal]
@@ -126,7 +129,8 @@ class MujocoBackend:
         if (command.locked != self._locked).any():
             self._lock(command.locked)
         ctrl = data.ctrl
-        self._before[:] = data.qpos[self._q], data.qvel[self._v]
+        if self._late:
+            self._before[:] = data.qpos[self._q], data.qvel[self._v]
         ctrl[self._motors] = command.tau + self._weights * data.qfrc_bias[self._v]
         ctrl[self._head_servos] = command.head
         ctrl[self._spread_servos] = command.spread

@@ -95,9 +95,9 @@ class Situation:
 
         By what is known. A thing in a hand, or farther away than it is surely seen, is not in view.
         """
-        if name not in self.seen or self.holder(name) is not None:
+        if not self._stands(name):
             return False
-        eye = self.robot.camera(float(q[names.TORSO]), *self.head).translation
+        eye = self._eye(q)
         hole = models.MODELS[self.models[name]].hole
         points = [self.seen[name].act(np.array(point)) for point in (_edge(hole) if hole else [(0.0, 0.0, 0.0)])]
         if np.linalg.norm(points[0] - eye) > SURE_M:
@@ -106,15 +106,20 @@ class Situation:
 
     def surely_seen(self, name: str) -> bool:
         """Whether a thing would be seen from here if it is where it should be: nothing hides enough of its markers."""
-        if name not in self.seen or self.holder(name) is not None:
+        if not self._stands(name):
             return False
-        eye = self.robot.camera(float(self.q[names.TORSO]), *self.head).translation
-        pose, sure = self.seen[name], 0
-        for corners in self.markers.get(name, ()):
-            here = corners @ pose.rotation.T + pose.translation
-            if _read(here, eye) and not self.world.hidden(self.q, eye, list(here), name):
-                sure += 1
-        return sure >= SURE_MARKERS
+        eye, pose = self._eye(self.q), self.seen[name]
+        markers = (corners @ pose.rotation.T + pose.translation for corners in self.markers.get(name, ()))
+        sure = (at for at in markers if _read(at, eye) and not self.world.hidden(self.q, eye, list(at), name))
+        return sum(1 for _ in sure) >= SURE_MARKERS
+
+    def _stands(self, name: str) -> bool:
+        """Whether it is known where a thing is, and no hand holds it."""
+        return name in self.seen and self.holder(name) is None
+
+    def _eye(self, q: np.ndarray) -> Array:
+        """Return the place (3,) [m] of the camera at q (15,)."""
+        return np.asarray(self.robot.camera(float(q[names.TORSO]), *self.head).translation)
 
     def miss(self, name: str, sights: Sequence[Sight]) -> bool:
         """Forget where a thing is, if it is not seen though it surely would be there; return whether it is missing."""

@@ -1,4 +1,4 @@
-"""Beliefs of km about things, from what it is told: the newest observation of each subject counts, sights are fused.
+"""Beliefs of km about things, from the observations that it hears. The newest one counts; sights are fused.
 
 They follow services.knowledge.observe, which tools may not import; a test compares. Live and of a recording alike. Must
 not know: the truth.

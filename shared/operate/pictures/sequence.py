@@ -19,7 +19,7 @@ ROWS = 20
 APART, HIGH = 200.0, 42.0
 """Between lanes and between arrows, in points of the viewer; estimate: labels do not meet."""
 MOST_LETTERS = 52
-"""Of a label; estimate: it is no wider than two lanes."""
+"""Largest number of letters of a label. Estimate: it fits into two lanes."""
 
 
 class Sequence:

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.timeout(180)
 
 @pytest.fixture(params=[0.3, 1.3])
 def acting(request: pytest.FixtureRequest) -> Acting:
-    """A robot that has looked around; the jar lies on the table before it, its axis turned by so many radians."""
+    """A robot that has looked around. The jar lies on the table; its axis has the given heading [rad]."""
     yaw: float = request.param
     jar = Thing(JAR, Model.JAR, (0.58, -0.52, 0.815), yaw=yaw, pitch=math.pi / 2)
     canonical = load()

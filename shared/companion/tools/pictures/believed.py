@@ -27,7 +27,7 @@ GHOSTLY = (*(part / 255 for part in GHOST), 0.45)
 ABOVE_M = 0.3
 """Of a label over the origin of its thing; estimate: the jar, the tallest one that is taken, is still seen below it."""
 KEPT = 4
-"""States of the robot; estimate: the truth is no older than three periods of telemetry."""
+"""Number of states of the robot kept. Estimate: the truth is at most three periods of telemetry old."""
 SAME_S = 0.01
 """Between a state and the truth of the same moment; estimate: a hand moves by 4 mm."""
 OFTEN_S, SELDOM_S = 0.2, 1.0
@@ -132,7 +132,7 @@ def joints_at(states: Sequence[RobotState], time_s: float) -> dict[str, float]:
 def words(belief: Belief, now: float, off_mm: float = 0.0) -> str:
     """Return the text of a label, a line for each part: how the thing is known, by whom and since when [unix s].
 
-    `off_mm`: distance from the truth; it is told where it counts.
+    `off_mm`: distance from the truth [mm]; the label has it above MOST_APART_MM.
     """
     sure = f", ± {1000 * belief.deviation:.1f} mm" if belief.deviation is not None else ""
     lines = [f"{belief.object}: {belief.how}{sure}"]
