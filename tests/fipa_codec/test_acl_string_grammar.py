@@ -78,12 +78,12 @@ def test_a_changed_text_is_read_or_refused_at_once(drawn, changes):
     for change, at, length, byte in changes:
         at %= len(data) or 1
         data = change(data, at, at + length, byte)
-    began = time.process_time()
+    began = time.thread_time()
     try:
         outcome = parse(data)
     except AclSyntaxError as error:
         outcome = error
-    assert time.process_time() - began < BOUND_S
+    assert time.thread_time() - began < BOUND_S
     if isinstance(outcome, AclMessage):
         assert parse(render(outcome)) == outcome
     else:

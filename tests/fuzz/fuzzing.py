@@ -79,7 +79,7 @@ def replayed(target: Target, data: bytes, folder: Path) -> Outcome:
 def _one(target: Target, run: Run, data: bytes, outcome: Outcome) -> float:
     """Run an input; the processor it took [ms]."""
     outcome.inputs += 1
-    began = time.process_time()
+    began = time.thread_time()
     try:
         with _limited():
             run(data)
@@ -90,7 +90,7 @@ def _one(target: Target, run: Run, data: bytes, outcome: Outcome) -> float:
             outcome.crashes.append(Crash(data, f"{type(error).__name__} without words", _place(error)))
     except (Exception, Hangs) as error:
         outcome.crashes.append(Crash(data, f"{type(error).__name__}: {error}"[:300], _place(error)))
-    return (time.process_time() - began) * 1000
+    return (time.thread_time() - began) * 1000
 
 
 def _place(error: BaseException) -> str:

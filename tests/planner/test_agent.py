@@ -144,7 +144,7 @@ def test_the_true_search_is_killed_and_replaced() -> None:
         assert isinstance(first, Ask)
         began = time.monotonic()
         searcher.tell(Stop(1))
-        assert time.monotonic() - began < 1.0
+        assert time.monotonic() - began < 5.0
         searcher.tell(Begin(2, pour, 1))
         again = words.get(timeout=60.0)
         assert (type(again), again.attempt) == (Ask, 2)
