@@ -76,11 +76,11 @@ class Task:
         """Go to the first goal that can be reached; its number."""
         begun = time.perf_counter()
         for number, goal in enumerate(goals):
-            path = motion.plan(self.robot, self.world, side, self.q, goal, seed=self.seed, tool_speed=speed, **options)
-            if path is not None:
+            way = motion.plan(self.robot, self.world, side, self.q, goal, seed=self.seed, tool_speed=speed, **options)
+            if way is not None:
                 self.planning[name].append(time.perf_counter() - begun)
-                self.moving[name].append(timed(self.robot, path, tool_speed=speed).duration)
-                self.q = path[-1]
+                self.moving[name].append(way.duration)
+                self.q = way.path[-1]
                 return number
         self.planning[name].append(time.perf_counter() - begun)
         self.failed = name

@@ -51,7 +51,7 @@ setup_venv() {
 # Make .venv hold what is locked, and the project itself, editable. Quick when nothing changed since the last time.
 setup() {
     local stamp=.venv/.locked want
-    want=$(cksum requirements/all.txt pyproject.toml scripts/setup.sh && pwd)
+    want=$(cksum requirements/all.txt pyproject.toml scripts/setup.sh velma/compiled/*.c && pwd)
     if [ -x .venv/bin/python ] && [ "$(cat "$stamp" 2>/dev/null)" = "$want" ]; then
         return
     fi
@@ -62,6 +62,7 @@ setup() {
     .venv/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable . ||
         die "uv could not install the project (see above)"
     lend_libgomp
+    .venv/bin/python -m velma.compiled || say "without that library planning takes twice as long (see above)"
     check_libraries
     printf '%s\n' "$want" >"$stamp"
 }

@@ -96,7 +96,7 @@ def test_both_distributions_say_the_same_of_the_codec() -> None:
 
 
 def test_every_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
-    """No pattern of .gitignore, which the build obeys too, leaves one out."""
+    """No pattern of .gitignore, which the build obeys too, leaves out any but the library that each machine builds."""
     subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path], cwd=ROOT, check=True)
     (wheel,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
@@ -106,6 +106,7 @@ def test_every_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
     for package in targets["packages"]:
         folder = ROOT / package
         files = [path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        files = [path for path in files if path.suffix != ".so"]
         assert {str(path.relative_to(folder.parent)) for path in files if path not in left_out} <= inside
     assert not [name for name in inside if "/runs/" in name and name.startswith("robot_companion")]
 

@@ -37,6 +37,13 @@ def _zyz(rotation: Array, sign: Array) -> tuple[Array, Array, Array]:
     return a, b, c
 
 
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products of vectors (n, 3); numpy's own takes four times as long for some dozens of them (measured)."""
+    ax, ay, az = a.T
+    bx, by, bz = b.T
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=1)
+
+
 class ArmGeometry:
     """Lengths and frames of one arm, and the postures that bring its grip to a pose."""
 
@@ -76,9 +83,9 @@ class ArmGeometry:
         upper_axis, fore_axis, q3 = (np.repeat(x, len(BRANCHES), axis=0) for x in (upper_axis, fore_axis, q3))
         q3 = q3 * elbow
         x_axis = (np.cos(q3)[:, None] * upper_axis - fore_axis) / np.sin(q3)[:, None]
-        upper_frame = np.stack((x_axis, np.cross(upper_axis, x_axis), upper_axis), axis=2)
+        upper_frame = np.stack((x_axis, _cross(upper_axis, x_axis), upper_axis), axis=2)
         y_axis = upper_frame[:, :, 1]
-        fore_frame = np.stack((np.cross(y_axis, fore_axis), y_axis, fore_axis), axis=2)
+        fore_frame = np.stack((_cross(y_axis, fore_axis), y_axis, fore_axis), axis=2)
         q0, q1, q2 = _zyz(upper_frame, shoulder_sign)
         q4, q5, q6 = _zyz(fore_frame.transpose(0, 2, 1) @ goal[index], wrist_sign)
         return np.stack((torso[index], q0, q1, q2, q3, q4, q5, q6), axis=1), index
@@ -87,11 +94,11 @@ class ArmGeometry:
         """Return directions of upper arm and forearm (n, 3) in the shoulder frame, and elbow angle (n,), positive."""
         a, b = self.upper, self.fore
         along = way / reach[:, None]
-        side = np.cross(along, np.array([0.0, 0.0, 1.0]))
+        side = _cross(along, np.array([[0.0, 0.0, 1.0]]))
         thin = np.linalg.norm(side, axis=1) < 1e-6  # wrist straight above the shoulder: any reference will do
         side[thin] = np.array([1.0, 0.0, 0.0])
         side /= np.linalg.norm(side, axis=1)[:, None]
-        outwards = np.cos(swivel)[:, None] * side + np.sin(swivel)[:, None] * np.cross(along, side)
+        outwards = np.cos(swivel)[:, None] * side + np.sin(swivel)[:, None] * _cross(along, side)
         cos = (a * a + reach * reach - b * b) / (2.0 * a * reach)
         upper_axis = cos[:, None] * along + np.sqrt(1.0 - cos * cos)[:, None] * outwards
         fore_axis = (way - a * upper_axis) / b

@@ -19,6 +19,7 @@ import pinocchio as pin
 from velma import names
 from velma.errors import VelmaError
 from velma.kinematics.frames import transform
+from velma.kinematics.near import Among, near
 from velma.kinematics.robot import Robot, body_frame
 from velma.kinematics.shapes import solid
 from velma.names import Array
@@ -176,8 +177,11 @@ class World:
         self.checks += 1
         self._q[self._columns] = q
         pin.updateGeometryPlacements(self._body.model, self._data, self._shapes, self._placed, self._q)
-        self._broad.update(False)
-        return not pin.computeCollisions(self._broad, self._stop)
+        if self._among is None:
+            self._broad.update(False)
+            return not pin.computeCollisions(self._broad, self._stop)
+        left = self._among.left(self._margin)
+        return left is not None and not any(pin.computeCollision(self._shapes, self._placed, k) for k in left)
 
     def touching(self, q: Array) -> list[tuple[str, str, float]]:
         """Return pairs nearer than the margin at q, nearest first: link or thing, link or thing, distance [m]."""
@@ -243,9 +247,15 @@ class World:
             geometry.parentJoint, geometry.placement = joint, T_joint_thing * transform(shape.at)
 
     def _refresh(self) -> None:
+        """Compare what may not touch as things are held and allowed now; what was worked out for it before is kept."""
         if self._shapes is None:
             self._build()
-        meets = self._compared()
+        now = (self._allowed, tuple(thing.side for thing in self._things.values()))
+        if now not in self._worked_out:
+            meets = self._compared()
+            among = self._near.among(meets[self._numbered]) if self._near is not None else None
+            self._worked_out[now] = meets, among
+        meets, self._among = self._worked_out[now]
         self._placed.setActiveCollisionPairs(self._shapes, meets, True)
         self._fresh = True
 
@@ -267,13 +277,17 @@ class World:
         self._shapes.setCollisionPairs(self._pairs, True)
         self._placed = self._shapes.createData()
         self._stop = pin.CollisionCallBackDefault(self._shapes, self._placed, True)
+        self._numbered = np.nonzero(np.triu(self._pairs))
+        self._near = near(self._shapes, self._placed, groups, np.array(self._numbered))
+        self._worked_out: dict[Any, tuple[Array, Among | None]] = {}
         self._broaden()
 
     def _broaden(self) -> None:
         """Extend the broad phase by the margin. Of those in Pinocchio, comparing all boxes is the quickest here."""
         margins = np.full((len(self._groups), len(self._groups)), self._margin)
         self._placed.setSecurityMargins(self._shapes, margins, True, True)
-        self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._body.model, self._shapes, self._placed)
+        if self._near is None:
+            self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._body.model, self._shapes, self._placed)
 
     def _possible(self) -> Array:
         count, own = len(self._groups), len(self._body.groups)

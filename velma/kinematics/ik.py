@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from velma import names
 from velma.kinematics.arm import ArmGeometry
+from velma.kinematics.chain import Limits
 from velma.kinematics.robot import Robot, between
 from velma.names import Array, Columns
 
@@ -61,6 +62,9 @@ def solve(
     Tolerance is per axis in m and rad; the result is a new array at least 0.03 rad inside the limits, or None.
     """
     columns = names.COLUMNS[side] if columns is None else columns
+    compiled = robot.chain[side]
+    if compiled is not None:
+        return compiled.solve(target, q, _limits(robot, tuple(columns), iterations, tolerance))
     lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE
     model, data, frame = robot.model, robot.data, robot.frame[side]
     near, turned = tolerance
@@ -78,6 +82,12 @@ def solve(
         change = _step(jacobian, np.minimum(np.maximum(error, -_LARGEST_ERROR), _LARGEST_ERROR))
         q[columns] = np.minimum(np.maximum(q.take(columns) + change, lower), upper)
     return None
+
+
+@lru_cache(maxsize=64)
+def _limits(robot: Robot, columns: tuple[int, ...], iterations: int, tolerance: tuple[float, float]) -> Limits:
+    numbers = (iterations, *tolerance, _DAMPING, _LARGEST_TURN, _LARGEST_ERROR)
+    return Limits(numbers, robot.lower + _STAY_INSIDE, robot.upper - _STAY_INSIDE, list(columns))
 
 
 def line(

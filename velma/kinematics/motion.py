@@ -36,6 +36,14 @@ _WANDER = (
 
 
 @dataclass(frozen=True)
+class Motion:
+    """A free motion: postures (15,) [rad], at most 0.05 rad apart, and the time [s] that it takes."""
+
+    path: list[Array]
+    duration: float
+
+
+@dataclass(frozen=True)
 class _Task:
     """Torso + one arm between two postures; vectors of 8 stand for q with all other joints as at the start."""
 
@@ -77,10 +85,8 @@ class _Task:
         except NotTimed:
             return None
 
-    def free_in_time(self, trajectory: Trajectory | None) -> bool:
+    def free_in_time(self, trajectory: Trajectory) -> bool:
         """Whether all states of a motion are allowed, `CHECK_S` apart."""
-        if trajectory is None:
-            return False
         every = max(1, round(CHECK_S / trajectory.dt))
         return clear(self.accepts, trajectory.q[::every])
 
@@ -97,8 +103,8 @@ def plan(
     seed: int = 0,
     attempts: int = ATTEMPTS,
     tool_speed: float = TOOL_SPEED,
-) -> list[Array] | None:
-    """Return postures (15,) [rad] from `start` to `goal`, at most 0.05 rad apart, or None if no path was found.
+) -> Motion | None:
+    """Return a motion from `start` to `goal`, postures (15,) [rad], or None if no path was found.
 
     Torso and the arm of `side` move, all else stays as at `start`; `keep(q)` holds on the whole path. The path timed
     with `tool_speed` [m/s] and the usual limits is free of collisions, except for its start if that is in contact: a
@@ -110,30 +116,35 @@ def plan(
     last = aside[-1].copy()
     last[columns] = goal[columns]
     task = _Task(robot, world, side, aside[-1], last, keep, tool_speed, columns)
-    way = _way(task, iterations, seed, attempts)
-    if way is None:
+    found = _way(task, iterations, seed, attempts)
+    if found is None:
         return None
+    way, duration = found
     out = dense([q[columns] for q in aside], STEP)[:-1]
-    return [task.whole(v) for v in (*out, *way)]
+    if len(out):
+        way = np.concatenate((out, way))
+        through = task.timed(way)
+        duration = through.duration if through is not None else duration
+    return Motion([task.whole(v) for v in way], duration)
 
 
-def _way(task: _Task, iterations: int, seed: int, attempts: int) -> Array | None:
-    """Return a path (n, 8) between two free postures: straight, or the quickest of some trees; None for none."""
+def _way(task: _Task, iterations: int, seed: int, attempts: int) -> tuple[Array, float] | None:
+    """Return a path (n, 8) between two free postures, and its duration [s]: straight, or the quickest of some trees."""
     first, last, columns = task.start, task.goal, task.columns
     if not (task.accepts(first) and task.accepts(last)):
         return None
     straight = dense([first[columns], last[columns]], STEP)
-    through = task.timed(straight)
-    if task.free_in_time(through):
-        return straight
-    enough = GOOD_ENOUGH * through.duration if through is not None else 0.0
-    return _quickest(task, iterations, seed, attempts, enough)
+    if clear(task.allowed, straight[1:-1]):
+        through = task.timed(straight)
+        if through is not None and task.free_in_time(through):
+            return straight, through.duration
+    return _quickest(task, iterations, seed, attempts, straight)
 
 
-def _quickest(task: _Task, iterations: int, seed: int, attempts: int, enough: float) -> Array | None:
-    """Return the quickest of some paths (n, 8); stop when one takes at most `enough` [s]."""
+def _quickest(task: _Task, iterations: int, seed: int, attempts: int, straight: Array) -> tuple[Array, float] | None:
+    """Return the quickest of some paths (n, 8), and its duration; enough is one hardly slower than a straight one."""
     margin, begun = task.world.margin, task.world.checks
-    best, shortest = None, np.inf
+    best, enough = None, None
     try:
         task.world.margin = margin + SPARE_M
         if not (task.accepts(task.start) and task.accepts(task.goal)):
@@ -144,9 +155,14 @@ def _quickest(task: _Task, iterations: int, seed: int, attempts: int, enough: fl
             task.world.margin = margin
             found = _in_time(task, short)
             task.world.margin = spared
-            if found is not None and found[1] < shortest:
-                best, shortest = found
-            if shortest <= enough or (best is not None and task.world.checks - begun > PATIENCE):
+            if found is not None and (best is None or found[1] < best[1]):
+                best = found
+            if best is None:
+                continue
+            if enough is None:
+                through = task.timed(straight)
+                enough = GOOD_ENOUGH * through.duration if through is not None else 0.0
+            if best[1] <= enough or task.world.checks - begun > PATIENCE:
                 break
     finally:
         task.world.margin = margin
@@ -156,6 +172,8 @@ def _quickest(task: _Task, iterations: int, seed: int, attempts: int, enough: fl
 def _in_time(task: _Task, way: Array) -> tuple[Array, float] | None:
     """Return the path as round as is free when timed, with its duration [s]."""
     for path in rounder(way):
+        if not clear(task.allowed, path[1:-1]):
+            continue
         trajectory = task.timed(path)
         if trajectory is not None and task.free_in_time(trajectory):
             return dense(path, STEP), trajectory.duration

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
+from velma.kinematics.chain import chain
 from velma.names import Array
 
 ROBOT_XML = Path(__file__).parents[1] / "model" / "robot.xml"
@@ -51,6 +52,7 @@ class Robot:
         self.data = self.model.createData()
         self.lower, self.upper, self.speed = names.LOWER, names.UPPER, names.SPEED
         self.frame = {side: body_frame(self.model, names.GRIP_BODY[side]) for side in names.SIDES}
+        self.chain = {side: chain(self.model, self.frame[side]) for side in names.SIDES}
         self._sight = locked_to(full, (names.BODY[names.TORSO], *names.HEAD))
         self._sight_data = self._sight.createData()
         self._camera = body_frame(self._sight, names.CAMERA_BODY)
@@ -62,6 +64,9 @@ class Robot:
 
     def track(self, postures: Array, side: str) -> Array:
         """Return the positions (n, 3) [m] of the grip of `side` in postures (n, 15)."""
+        compiled = self.chain[side]
+        if compiled is not None:
+            return compiled.track(postures)
         model, data, frame = self.model, self.data, self.frame[side]
         places = np.empty((len(postures), 3))
         for k, q in enumerate(postures):

@@ -27,6 +27,7 @@ ACCELERATION = np.array([0.4, *_ARM_ACCELERATION, *_ARM_ACCELERATION])  # rad/s^
 _AVERAGED = 8  # periods: 80 ms, trial runs
 _DENSE = 0.05  # rad between the points of the spline, so that it stays on the path
 _SAME = 1e-7  # rad: points nearer than this are one
+_STILL = 1e-9  # m or rad per unit of path: slower limits no speed
 
 
 class NotTimed(VelmaError):
@@ -94,14 +95,12 @@ def _without_pictures() -> Iterator[None]:
 def dense(path: Sequence[Array] | Array, step: float = _DENSE) -> Array:
     """Return the points (n, 15) of a joint path, with more between those over `step` [rad] apart, no repetitions."""
     points = np.asarray(path, dtype=np.float64)
-    ways = np.diff(points, axis=0)
+    ways = points[1:] - points[:-1]
     lengths = np.abs(ways).max(axis=1, initial=0.0)
-    found = [points[:1]]
-    for start, way, length in zip(points, ways, lengths, strict=False):
-        if length > _SAME:
-            shares = np.linspace(0.0, 1.0, int(np.ceil(length / step)) + 1)[1:]
-            found.append(start + shares[:, None] * way)
-    return np.concatenate(found)
+    counts = np.where(lengths > _SAME, np.ceil(lengths / step), 0.0).astype(np.int64)
+    of = np.repeat(np.arange(len(ways)), counts)
+    number = np.arange(1, len(of) + 1) - (np.cumsum(counts) - counts)[of]
+    return np.concatenate((points[:1], points[of] + (number / counts[of])[:, None] * ways[of]))
 
 
 def timed(
@@ -115,47 +114,63 @@ def timed(
     goal = np.asarray(path[-1], dtype=np.float64)
     if len(points) == 1:
         return Trajectory(PERIOD_S, goal[None].copy(), np.zeros((1, 15)))
-    fastest = _fastest(robot, points, tool_speed, joint_fraction * robot.speed)
-    times = np.arange(0.0, fastest.duration, PERIOD_S)
-    q = _averaged(fastest(times), points[0], goal)
-    v = _averaged(fastest(times, 1), np.zeros(15), np.zeros(15))
+    q, v = _fastest(robot, points, tool_speed, joint_fraction * robot.speed)
+    q, v = _averaged(q, points[0], goal), _averaged(v, np.zeros(15), np.zeros(15))
     q[0], q[-1] = points[0], goal
     return Trajectory(PERIOD_S, q, v)
 
 
-def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> Any:
-    """Return toppra's trajectory along a spline through the points (n, 15), n > 1."""
+def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> tuple[Array, Array]:
+    """Return toppra's fastest motion along a spline through the points (n, 15), n > 1: q and v, `PERIOD_S` apart."""
     toppra = loaded()
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     spline = toppra.SplineInterpolator(along, points)
     grid = np.linspace(0.0, along[-1], max(4 * len(points), 50))
-    limits = _speeds(robot, spline, grid, tool_speed, speed)
-
-    def speeds(s: float) -> Array:
-        limit = limits[min(round(s / along[-1] * (len(grid) - 1)), len(grid) - 1)]
-        return np.stack((-limit, limit), axis=1)
-
     constraints = [
-        toppra.constraint.JointVelocityConstraintVarying(speeds),
+        _path_speeds(_speeds(robot, spline, grid, tool_speed, speed)),
         toppra.constraint.JointAccelerationConstraint(np.stack((-ACCELERATION, ACCELERATION), axis=1)),
     ]
-    profile = toppra.algorithm.TOPPRA(constraints, spline, gridpoints=grid, parametrizer="ParametrizeConstAccel")
-    found = profile.compute_trajectory()
-    if found is None:
+    _, speeds, *_ = toppra.algorithm.TOPPRA(constraints, spline, gridpoints=grid).compute_parameterization(0.0, 0.0)
+    if speeds is None or not np.isfinite(speeds).all():
         raise NotTimed(len(points), float(along[-1]))
-    return found
+    s, ds = _in_time(grid, speeds)
+    return spline(s), spline(s, 1) * ds[:, None]
+
+
+def _path_speeds(largest: Array) -> Any:
+    """Return toppra's constraint for the largest path speeds at the grid (n,)."""
+    toppra = loaded()
+
+    class PathSpeeds(toppra.constraint.LinearConstraint):  # type: ignore[misc,name-defined]
+        def compute_constraint_params(self, path: Any, gridpoints: Array) -> tuple[Array | None, ...]:
+            return *(None,) * 6, np.stack((np.zeros_like(largest), largest**2), axis=1)
+
+    constraint = PathSpeeds()
+    constraint.dof = len(names.BODY)
+    return constraint
+
+
+def _in_time(grid: Array, speeds: Array) -> tuple[Array, Array]:
+    """Return place on the path and path speed, `PERIOD_S` apart, from speeds (n,) at the grid (n,), evenly changed."""
+    lengths = np.diff(grid)
+    begins = np.concatenate(([0.0], np.cumsum(2.0 * lengths / (speeds[:-1] + speeds[1:]))))
+    changes = 0.5 * np.diff(speeds**2) / lengths
+    times = np.arange(0.0, begins[-1], PERIOD_S)
+    k = np.searchsorted(begins[:-1], times, side="right") - 1
+    t = times - begins[k]
+    return grid[k] + t * speeds[k] + 0.5 * t**2 * changes[k], speeds[k] + t * changes[k]
 
 
 def _speeds(robot: Robot, spline: Any, grid: Array, tool_speed: float, speed: Array) -> Array:
-    """Return joint speed limits (n, 15) at the grid, lower where a grip would be faster than allowed."""
+    """Return the largest path speeds (n,) at the grid: no joint and no grip is faster than allowed."""
     postures, tangents = spline(grid), np.abs(spline(grid, 1))
     reach = np.zeros(len(grid))  # metres of the faster grip per unit of path
     for side in names.SIDES:
         per_unit = np.linalg.norm(np.diff(robot.track(postures, side), axis=0), axis=1) / np.diff(grid)
         reach[:-1] = np.maximum(reach[:-1], per_unit)
         reach[1:] = np.maximum(reach[1:], per_unit)
-    along = tool_speed / np.maximum(reach, 1e-9)
-    return np.asarray(np.minimum(speed, tangents * along[:, None] + 1e-9))
+    joints = (speed / np.maximum(tangents, _STILL)).min(axis=1)
+    return np.asarray(np.minimum(tool_speed / np.maximum(reach, _STILL), joints))
 
 
 def _averaged(samples: Array, before: Array, after: Array) -> Array:

@@ -90,12 +90,12 @@ def free_spot(
                 here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
             )
             for placing in islice(found, WAYS):
-                path = motion.plan(
+                way = motion.plan(
                     here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=LOADED_SPEED,
                     attempts=own_paths.ATTEMPTS,
                 )  # fmt: skip
-                if path is not None:
-                    return placing.place, path
+                if way is not None:
+                    return placing.place, way.path
     return None
 
 

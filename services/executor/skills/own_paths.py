@@ -41,11 +41,11 @@ def free_path(
     for margin in ROOM_M:
         with room(here, margin):
             for goal in wanted:
-                path = motion.plan(
+                found = motion.plan(
                     here.robot, here.world, side, here.q, goal, keep=keep, tool_speed=speed, attempts=ATTEMPTS
                 )
-                if path is not None:
-                    return path
+                if found is not None:
+                    return found.path
     return None
 
 

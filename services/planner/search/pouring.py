@@ -8,7 +8,8 @@ import numpy as np
 from companion.languages import rc, wm
 from companion.languages.values import Side
 from services.planner.search.situation import configured
-from services.planner.search.steps import Geometry, Path, Step, move
+from services.planner.search.steps import Geometry, Step, move
+from velma.kinematics.motion import Motion
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, Tilting, tiltings
 from velma.kinematics.tasks.speeds import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 
@@ -46,9 +47,9 @@ def stream(geometry: Geometry, state: str, source: str, destination: str) -> Str
 
 
 def _pouring(
-    geometry: Geometry, side: Side, source: str, destination: str, mass: float, tilting: Tilting, path: Path
+    geometry: Geometry, side: Side, source: str, destination: str, mass: float, tilting: Tilting, way: Motion
 ) -> Step:
-    """Return the step of a solved tilt; `path` leads to its start, `mass` of the empty source [kg]."""
+    """Return the step of a solved tilt; `way` leads to its start, `mass` of the empty source [kg]."""
     command = rc.Pour(
         key="",
         side=side,
@@ -62,9 +63,9 @@ def _pouring(
     )
     changes = (wm.Poured(source=source, destination=destination), *configured(side, tilting.path[0]))
     duration = (
-        geometry.duration(path, LOADED_SPEED)
+        way.duration
         + geometry.duration(tilting.path, TILT_SPEED)
         + HOLD_S
         + geometry.duration(tilting.path, BACK_SPEED)
     )
-    return Step(f"pour {source} into {destination}", (move(side, path, LOADED_SPEED), command), changes, duration)
+    return Step(f"pour {source} into {destination}", (move(side, way, LOADED_SPEED), command), changes, duration)

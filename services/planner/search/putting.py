@@ -19,7 +19,6 @@ from services.planner.search.steps import (
     OPEN_S,
     QUICK,
     Geometry,
-    Path,
     Step,
     approach_points,
     free_speed,
@@ -27,6 +26,7 @@ from services.planner.search.steps import (
 )
 from velma import names
 from velma.kinematics.frames import transform
+from velma.kinematics.motion import Motion
 from velma.kinematics.tasks.grasping import GraspWay
 from velma.kinematics.tasks.placing import Placing, backwards, placings
 from velma.kinematics.tasks.speeds import DOWN_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
@@ -66,15 +66,15 @@ def offer(geometry: Geometry, state: str, side: Side) -> Step | None:
     found = _above(geometry, here, side, retreating(geometry, state, held.object, held.grasp), Surfaces())
     if found is None:
         return None
-    path = found[1]
-    duration = geometry.duration(path, LOADED_SPEED)
-    return Step(f"offer {held.object}", (move(side, path, LOADED_SPEED),), configured(side, path[-1]), duration)
+    way = found[1]
+    command = move(side, way, LOADED_SPEED)
+    return Step(f"offer {held.object}", (command,), configured(side, way.path[-1]), way.duration)
 
 
 def _above(
     geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Surfaces
-) -> tuple[Placing, Path] | None:
-    """Return a place for the held object and the path to above it; None, with the reason noted, if there is none."""
+) -> tuple[Placing, Motion] | None:
+    """Return a place for the held object and the motion to above it; None, with the reason noted, if there is none."""
     held, state = here.held[side], here.state
     model = geometry.model(state, held.object)
     if target.spot is None:
@@ -94,8 +94,8 @@ def _above(
 
 def _through(
     geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Inside
-) -> tuple[Placing, Path] | None:
-    """Return a place behind an opening and the path to before it; None, with the reason noted, if there is none."""
+) -> tuple[Placing, Motion] | None:
+    """Return a place behind an opening and the motion to before it; None, with the reason noted, if there is none."""
     held = here.held[side]
     T_held = held.T_grip_object
     outermost_first = [(T_release_grip.inverse() * T_held, fingers) for T_release_grip, fingers in reversed(retreat)]
@@ -107,8 +107,8 @@ def _through(
     return found
 
 
-def _reached(geometry: Geometry, here: Situation, side: Side, some: list[Placing]) -> tuple[Placing, Path] | None:
-    """Return one of the placings and the path to where it begins; what was poured into the object is not tilted out."""
+def _reached(geometry: Geometry, here: Situation, side: Side, some: list[Placing]) -> tuple[Placing, Motion] | None:
+    """Return one of the placings and the motion to its begin; what was poured into the object is not tilted out."""
     goals, name = [placing.above for placing in some], here.held[side].object
     for number, (largest_tilt, efforts) in enumerate(CARRIED_TILT if goals else ()):
         if number and Facts(geometry.ask).filled(here.state, name):
@@ -145,10 +145,10 @@ def _solved(
     return list(islice(found, PLACINGS))
 
 
-def _placing(geometry: Geometry, held: Held, placing: Placing, side: Side, path: Path, way: Way) -> Step:
-    """Return the step of a solved placing; `path` leads above it, or to the beginning of the `way` there."""
+def _placing(geometry: Geometry, held: Held, placing: Placing, side: Side, motion: Motion, way: Way) -> Step:
+    """Return the step of a solved placing; `motion` leads above it, or to the beginning of the `way` there."""
     commands = (
-        move(side, path, LOADED_SPEED),
+        move(side, motion, LOADED_SPEED),
         rc.Release(
             key="",
             side=side,
@@ -165,7 +165,7 @@ def _placing(geometry: Geometry, held: Held, placing: Placing, side: Side, path:
         *configured(side, placing.way_back[-1], placing.retreat[0][1]),
     )
     duration = (
-        geometry.duration(path, LOADED_SPEED)
+        motion.duration
         + geometry.duration(placing.way_down, DOWN_SPEED)
         + OPEN_S
         + geometry.duration(placing.way_back, RETREAT_SPEED)
@@ -180,13 +180,13 @@ def home(geometry: Geometry, state: str, side: Side) -> Step | None:
     if reached is None:
         geometry.failed(f"the {side} arm finds no path home")
         return None
-    _, path = reached
+    _, way = reached
     speed = free_speed(here)
     return Step(
         f"{side} arm home",
-        (move(side, path, speed, HOME_FINGERS),),
-        configured(side, path[-1], HOME_FINGERS),
-        geometry.duration(path, speed),
+        (move(side, way, speed, HOME_FINGERS),),
+        configured(side, way.path[-1], HOME_FINGERS),
+        way.duration,
     )
 
 

@@ -1,6 +1,7 @@
 """The search as one function: from a task network, and a function that asks km, to a plan or the reason for none."""
 
 from collections.abc import Callable
+from functools import cache
 
 from msgspec.structs import replace
 
@@ -42,7 +43,7 @@ def search(
     Where a thing has not been seen, it is a plan to look for it, and to plan again.
     """
     asking = Asking(ask, network.id)
-    geometry = Geometry(Robot(), asking, seed)
+    geometry = Geometry(_robot(), asking, seed)
     try:
         todo = [_ground(asking, task) for task in network.tasks]
         start = asking.suppose("", ())
@@ -60,6 +61,12 @@ def search(
     name = "; ".join(" ".join(task) for task in todo)
     plan = assembling.plan(network.id, name, found, asking.queries, held)
     return replace(plan, rejected=searching.rejected)
+
+
+@cache
+def _robot() -> Robot:
+    """Return the robot, read once in a process: that takes 15 ms, with the shapes for its collision world."""
+    return Robot()
 
 
 def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:

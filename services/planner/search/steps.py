@@ -18,7 +18,7 @@ from services.planner.search.situation import Situation, on_wire, situation
 from velma import names
 from velma.kinematics import ik, motion
 from velma.kinematics.frames import tilt, transform
-from velma.kinematics.motion import Keep
+from velma.kinematics.motion import Keep, Motion
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED
@@ -87,8 +87,8 @@ class Geometry:
         largest_tilt: float | None = None,
         tried: int = TRIED,
         efforts: Sequence[int] = EFFORTS,
-    ) -> tuple[int, Path] | None:
-        """Return index of a goal (15,) and path to it: the quickest of the first few found among the `tried` nearest.
+    ) -> tuple[int, Motion] | None:
+        """Return index of a goal (15,) and the motion to it: the quickest of the first few among the `tried` nearest.
 
         None if none of them can be reached with the last of the `efforts` (iterations of a tree).
         Torso and the arm of `side` move; what it holds stays within `largest_tilt` [rad] of the vertical.
@@ -101,25 +101,24 @@ class Geometry:
         for effort in efforts:
             found = self._ways(here, side, [(k, float(least[k]), goals[k]) for k in nearest], keep, effort)
             if found:
-                _, index, path = min(found, key=lambda f: f[0])
-                return index, path
+                return min(found, key=lambda one: one[1].duration)
         return None
 
     def _ways(
         self, here: Situation, side: Side, goals: list[tuple[int, float, np.ndarray]], keep: Keep | None, effort: int
-    ) -> list[tuple[float, int, Path]]:
-        """Return duration [s], index and path of some paths; `goals`: index, least time [s], posture, nearest first."""
+    ) -> list[tuple[int, Motion]]:
+        """Return index of the goal and motion, some; `goals`: index, least time [s], posture, nearest first."""
         speed = free_speed(here)
-        found: list[tuple[float, int, Path]] = []
+        found: list[tuple[int, Motion]] = []
         for index, least, goal in goals:
-            if len(found) == ENOUGH or any(least > duration for duration, _, _ in found):
+            if len(found) == ENOUGH or any(least > way.duration for _, way in found):
                 break
-            path = motion.plan(
+            way = motion.plan(
                 self.robot, here.world, side, here.q, goal,
                 keep=keep, seed=self.seed, tool_speed=speed, iterations=effort, attempts=ATTEMPTS,
             )  # fmt: skip
-            if path is not None:
-                found.append((self.duration(path, speed), index, path))
+            if way is not None:
+                found.append((index, way))
         return found
 
     def _upright(self, here: Situation, side: Side, largest_tilt: float | None) -> Keep | None:
@@ -141,9 +140,9 @@ def free_speed(here: Situation) -> float:
     return LOADED_SPEED if here.held else EMPTY_SPEED
 
 
-def move(side: Side, path: Path, speed: float, fingers: float | None = None) -> rc.MoveJoint:
+def move(side: Side, way: Motion, speed: float, fingers: float | None = None) -> rc.MoveJoint:
     """Return the command of a free motion."""
-    points = tuple(tuple(float(x) for x in q[names.COLUMNS[side]]) for q in path)
+    points = tuple(tuple(float(x) for x in q[names.COLUMNS[side]]) for q in way.path)
     return rc.MoveJoint(key="", side=side, path=points, speed=speed, fingers=fingers)
 
 

@@ -11,8 +11,9 @@ from companion.languages.values import Side
 from companion.models import LYING
 from services.planner.search.facts import Facts
 from services.planner.search.situation import Situation, configured, on_wire
-from services.planner.search.steps import CLOSE_S, Geometry, Path, Step, approach_points, free_speed, move
+from services.planner.search.steps import CLOSE_S, Geometry, Step, approach_points, free_speed, move
 from velma.kinematics.frames import lies, transform
+from velma.kinematics.motion import Motion
 from velma.kinematics.tasks.carrying import carries
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
@@ -41,8 +42,8 @@ def take(
     if reached is None:
         geometry.failed(f"the {side} arm finds no free way to {name}")
         return None
-    index, path = reached
-    return _taking(geometry, here, side, target, found[index], path)
+    index, way = reached
+    return _taking(geometry, here, side, target, found[index], way)
 
 
 def reachable(geometry: Geometry, state: str, name: str, side: Side) -> bool:
@@ -129,8 +130,8 @@ def out_of(geometry: Geometry, state: str, name: str) -> np.ndarray:
     return np.asarray(out / np.linalg.norm(out))
 
 
-def _taking(geometry: Geometry, here: Situation, side: Side, target: Target, approach: Approach, path: Path) -> Step:
-    """Return the step of a solved grasp; `path` leads to its start."""
+def _taking(geometry: Geometry, here: Situation, side: Side, target: Target, approach: Approach, way: Motion) -> Step:
+    """Return the step of a solved grasp; `way` leads to its start."""
     query = wm.GraspDefinition(state=here.state, object=target.name, grasp=approach.grasp)
     grasp = geometry.ask(query, wm.Grasps).grasps[0]
     changes = (
@@ -139,12 +140,12 @@ def _taking(geometry: Geometry, here: Situation, side: Side, target: Target, app
     )
     speed = free_speed(here)
     commands = (
-        move(side, path, speed, approach.steps[0][1]),
+        move(side, way, speed, approach.steps[0][1]),
         _grasping(side, target.name, approach, grasp, geometry.model(here.state, target.name).mass),
         _pulling(side, target),
     )
     duration = (
-        geometry.duration(path, speed)
+        way.duration
         + geometry.duration(approach.way_in, APPROACH_SPEED)
         + CLOSE_S
         + geometry.duration(approach.way_out, LOADED_SPEED)
@@ -181,6 +182,6 @@ def carry(geometry: Geometry, state: str, side: Side) -> Step | None:
     if reached is None:
         geometry.failed(f"no posture found in which the {side} arm carries {held.object} out of the way")
         return None
-    _, path = reached
-    command = move(side, path, LOADED_SPEED)
-    return Step(f"carry {held.object}", (command,), configured(side, path[-1]), geometry.duration(path, LOADED_SPEED))
+    _, way = reached
+    command = move(side, way, LOADED_SPEED)
+    return Step(f"carry {held.object}", (command,), configured(side, way.path[-1]), way.duration)

@@ -145,9 +145,9 @@ class Acting:
         with own_paths.room(here, MARGIN):
             for found in approaches(self.robot, here.world, side, here.q, target, ways, rng, wanted=WAYS_IN_TRIED):
                 here.world.fingers(side, found.steps[0][1])
-                path = motion.plan(self.robot, here.world, side, here.q, found.way_in[0])
-                if path is not None:
-                    return found, path
+                way = motion.plan(self.robot, here.world, side, here.q, found.way_in[0])
+                if way is not None:
+                    return found, way.path
         raise AssertionError(f"no way to {target.name}")
 
     def move(self, side: Side, path: list[np.ndarray], fingers: float | None = None) -> rc.MoveJoint:

@@ -62,9 +62,9 @@ def over_the_bowl(jar_out: Acting) -> tuple[Acting, rc.Pour]:
     flow = Stream(place.act(np.array(rim.centre)), rim.radius, opening.centre[2])
     held, rng = here.held[LEFT].T_grip_object, np.random.default_rng(1)
     for tilting in tiltings(here.robot, here.world, LEFT, here.q, held, flow, rng):
-        path = motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0])
-        if path is not None:
-            jar_out.done(jar_out.move(LEFT, path[1:]))
+        way = motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0])
+        if way is not None:
+            jar_out.done(jar_out.move(LEFT, way.path[1:]))
             tilts = (FIRST_TILT, LAST_TILT)
             return jar_out, rc.Pour("pour", LEFT, JAR, BOWL, tilting.azimuth, tilting.spin, tilts, 1.0, EMPTY_KG)
     raise AssertionError("no way to a tilt")

@@ -1,6 +1,7 @@
 """Free motions: they end where asked, touch nothing in time, keep their condition, and are replayed from a seed."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,16 @@ from velma.kinematics.timing import timed
 
 SPEED = 0.25
 START = np.array(names.START)
+
+
+def planned(robot: Robot, *args: Any, **options: Any) -> list[np.ndarray] | None:
+    """The postures of a motion, which takes as long as it says."""
+    found = motion.plan(robot, *args, **options)
+    if found is None:
+        return None
+    speed = options.get("tool_speed", motion.TOOL_SPEED)
+    assert abs(timed(robot, found.path, tool_speed=speed).duration - found.duration) < 0.05
+    return found.path
 
 
 def reaching(robot: Robot, side: str = "left") -> np.ndarray:
@@ -47,7 +58,7 @@ def check(robot: Robot, world: World, path: list[np.ndarray], start: np.ndarray,
 def test_a_free_way_is_straight(robot: Robot) -> None:
     """The joints go straight if nothing is in the way."""
     goal = reaching(robot)
-    path = motion.plan(robot, World(robot), "left", START, goal)
+    path = planned(robot, World(robot), "left", START, goal)
     assert path is not None
     shares = np.array([(q - START) @ (goal - START) for q in path]) / ((goal - START) @ (goal - START))
     np.testing.assert_allclose(path, START + shares[:, None] * (goal - START), atol=1e-9)
@@ -58,7 +69,7 @@ def test_a_blocked_way_goes_round(robot: Robot) -> None:
     world, goal = walled(robot), reaching(robot)
     straight = np.linspace(START, goal, 60)
     assert not all(world.free(q) for q in straight)
-    path = motion.plan(robot, world, "left", START, goal, tool_speed=SPEED)
+    path = planned(robot, world, "left", START, goal, tool_speed=SPEED)
     assert path is not None
     check(robot, world, path, START, goal)
 
@@ -66,7 +77,7 @@ def test_a_blocked_way_goes_round(robot: Robot) -> None:
 def test_a_motion_is_replayed_in_one_process(robot: Robot) -> None:
     """The same seed goes the same way whatever was planned in between; another seed may go another."""
     world, goal = walled(robot), reaching(robot)
-    first, other, again = (motion.plan(robot, world, "left", START, goal, seed=seed) for seed in (3, 4, 3))
+    first, other, again = (planned(robot, world, "left", START, goal, seed=seed) for seed in (3, 4, 3))
     assert first is not None
     assert other is not None
     np.testing.assert_array_equal(first, again)
@@ -85,7 +96,7 @@ def test_a_motion_out_of_the_cabinet(robot: Robot, furnished: Callable[[], World
     assert inside is not None
     goal = inside.copy()
     goal[names.ARM["left"]] = START[names.ARM["left"]]
-    path = motion.plan(robot, world, "left", inside, goal, tool_speed=SPEED)
+    path = planned(robot, world, "left", inside, goal, tool_speed=SPEED)
     assert path is not None
     check(robot, world, path, inside, goal)
 
@@ -106,7 +117,7 @@ def test_a_condition_holds_all_the_way(robot: Robot) -> None:
     assert world.free(start)
     assert world.free(goal)
     assert not world.free((start + goal) / 2)
-    path = motion.plan(robot, world, "left", start, goal, keep=level)
+    path = planned(robot, world, "left", start, goal, keep=level)
     assert path is not None
     assert all(level(q) for q in timed(robot, path, tool_speed=0.25).q[::4])
 
@@ -141,7 +152,7 @@ def test_a_start_in_touch_is_left_first(robot: Robot) -> None:
     world.put("jar", [Sphere(0.1)], standing(grip.translation), "object")
     world.attach("jar", "left", grip.inverse() * standing(grip.translation))
     assert not world.free(start)
-    path = motion.plan(robot, world, "left", start, goal)
+    path = planned(robot, world, "left", start, goal)
     assert path is not None
     np.testing.assert_array_equal(path[0], start)
     free = [world.free(q) for q in path]

@@ -13,6 +13,7 @@ from operate.cli.fleet.checkup import Check, Checks, Level
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look
 from operate.cli.fleet.targets import Target
+from velma import compiled
 from velma.errors import GlError
 from velma.sim import gl
 
@@ -73,12 +74,22 @@ def opengl() -> Iterator[Check]:
         yield Check("OpenGL", Level.NOTE, lost, GlError.REMEDY)
 
 
+def library() -> Iterator[Check]:
+    """Whether the hot loops of the planner run compiled here."""
+    if compiled.library() is not None:
+        yield Check("compiled", Level.FINE, "collision checks and inverse kinematics run in C")
+    else:
+        remedy = "`python -m velma.compiled` builds it, with a C compiler (Debian: apt install gcc libc6-dev)"
+        yield Check("compiled", Level.NOTE, "no library of velma.compiled: planning takes twice as long", remedy)
+
+
 CHECKS = Checks(
     machine={
         "libraries": partial(checkup_machine.libraries, NEEDED),
         "imports": partial(checkup_machine.imports, IMPORTS),
         "memory": partial(checkup_machine.memory, MEMORY),
         "OpenGL": opengl,
+        "compiled": library,
         "real time": real_time,
     },
     fleet={"hi": person, "real time": loop},

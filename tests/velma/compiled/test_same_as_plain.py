@@ -1,0 +1,174 @@
+"""What runs in C gives the results of the plain code, on any posture, target and world."""
+
+from collections.abc import Callable
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from velma import compiled, names
+from velma.kinematics import chain, ik, near
+from velma.kinematics.collision import World
+from velma.kinematics.frames import standing
+from velma.kinematics.robot import Robot
+from velma.kinematics.shapes import Box, Cylinder, Sphere
+
+pytestmark = pytest.mark.skipif(compiled.library() is None, reason="velma.compiled is not built: no C compiler")
+MANY = settings(max_examples=60, deadline=None, phases=(Phase.explicit, Phase.generate))
+
+seeds = st.integers(0, 2**32 - 1)
+sides = st.sampled_from(names.SIDES)
+poses = st.builds(
+    lambda x, y, z, yaw: standing((x, y, z), yaw),
+    st.floats(0.2, 1.0),
+    st.floats(-0.8, 0.8),
+    st.floats(0.4, 1.6),
+    st.floats(-3.0, 3.0),
+)
+sizes = st.floats(0.02, 0.4)
+shapes = st.one_of(
+    st.builds(Sphere, sizes), st.builds(Cylinder, sizes, sizes), st.builds(Box, st.tuples(sizes, sizes, sizes))
+)
+things = st.lists(st.tuples(shapes, poses, st.sampled_from(["furniture", "object"])), min_size=1, max_size=5)
+
+
+def without(module: object, make: Callable[[], Any]) -> Any:
+    """What `make` returns when the module finds no library."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "library", lambda: None)
+        return make()
+
+
+def plain_robot() -> Robot:
+    """A robot whose chains run by Pinocchio."""
+    robot: Robot = without(chain, Robot)
+    return robot
+
+
+ROBOT, PLAIN = Robot(), plain_robot()
+
+
+def postures(seed: int, count: int) -> np.ndarray:
+    """Postures (count, 15) within limits: some anywhere, the others near the start."""
+    rng = np.random.default_rng(seed)
+    anywhere = rng.uniform(names.LOWER, names.UPPER, (count, 15))
+    share = rng.choice([0.02, 0.2, 1.0], (count, 1))
+    return np.clip(names.START + share * (anywhere - names.START), names.LOWER, names.UPPER)
+
+
+def test_they_are_compared_with_something_else() -> None:
+    """The one robot has chains in C, the other none."""
+    assert all(ROBOT.chain.values())
+    assert not any(PLAIN.chain.values())
+
+
+@MANY
+@given(seeds, sides)
+def test_tracks_are_the_same(seed, side):
+    """To rounding."""
+    q = postures(seed, 20)
+    np.testing.assert_allclose(ROBOT.track(q, side), PLAIN.track(q, side), atol=1e-12)
+
+
+@MANY
+@given(seeds, sides, st.booleans(), st.sampled_from([0.02, 0.3, 3.0]))
+def test_solutions_are_the_same(seed, side, arm_only, far):
+    """Of near and far targets, reached or not, the grip turned by up to half a turn."""
+    rng, (start,) = np.random.default_rng(seed), postures(seed, 1)
+    goal = PLAIN.grip(np.clip(start + rng.normal(0.0, far, 15), names.LOWER, names.UPPER), side)
+    columns = names.ARM[side] if arm_only else None
+    ours = ik.solve(ROBOT, side, goal, start, columns=columns)
+    theirs = ik.solve(PLAIN, side, goal, start, columns=columns)
+    assert (ours is None) == (theirs is None)
+    if ours is not None:
+        np.testing.assert_allclose(ours, theirs, atol=1e-7)
+
+
+@MANY
+@given(seeds, sides)
+def test_half_a_turn_has_an_axis(seed, side):
+    """A target turned by 180 degrees about any axis: what is claimed is reached."""
+    axis = np.random.default_rng(seed).normal(size=3) ** 3
+    here = PLAIN.grip(np.array(names.START), side)
+    half = pin.exp3(axis / np.linalg.norm(axis) * (np.pi - 1e-9))
+    goal = pin.SE3(half @ here.rotation, here.translation)
+    found = ik.solve(ROBOT, side, goal, np.array(names.START), iterations=200)
+    if found is not None:
+        assert np.abs(pin.log6(goal.actInv(PLAIN.grip(found, side))).vector).max() < 0.005
+
+
+def worlds(some: list, held: str | None, allowed: bool, margin: float) -> tuple[World, World]:
+    """Two worlds with the same things, the first compiled."""
+    both = World(ROBOT), World(ROBOT)
+    for world in both:
+        for number, (shape, pose, kind) in enumerate(some):
+            world.put(f"thing {number}", [shape], pose, kind)
+        world.margin = margin
+        if held:
+            world.attach("thing 0", held, standing((0.0, 0.0, 0.05)))
+        if allowed:
+            world.allow(("thing 0", "thing 1"), ("robot", "thing 0"))
+    without(near, lambda: both[1].free(np.array(names.START)))
+    return both
+
+
+@MANY
+@given(things, seeds, st.sampled_from([None, *names.SIDES]), st.booleans(), st.sampled_from([0.0, 0.006, 0.05]))
+def test_verdicts_are_the_same(some, seed, held, allowed, margin):
+    """With things in hands, allowed pairs and any margin; again after things were let go of."""
+    ours, theirs = worlds(some, held, allowed, margin)
+    for q in postures(seed, 30):
+        assert ours.free(q) == theirs.free(q), ours.touching(q)
+    assert (ours._near is None, theirs._near is None) == (False, True)
+    if held:
+        for world in (ours, theirs):
+            world.detach("thing 0", standing((0.7, 0.0, 0.9)))
+    for q in postures(seed + 1, 10):
+        assert ours.free(q) == theirs.free(q), ours.touching(q)
+
+
+@MANY
+@given(things, seeds, st.sampled_from([0.0, 0.006, 0.05]))
+def test_pairs_have_the_verdicts_of_coal(some, seed, margin):
+    """Each pair of a shape of the robot and of a thing by itself: decided rightly, or left to the exact check."""
+    world, _ = worlds(some, None, False, margin)
+    for q in postures(seed, 2):
+        world.free(q)
+        shapes, placed, groups = world._shapes, world._placed, np.array(world._groups)
+        first, second = world._numbered
+        for number in np.flatnonzero(world._pairs[first, second] & (groups[second] == "thing 0")):
+            one = np.zeros(len(first), dtype=bool)
+            one[number] = True
+            left = world._near.among(one).left(margin)
+            meets = pin.computeCollision(shapes, placed, int(number))
+            kinds = {type(shapes.geometryObjects[int(k[number])].geometry) for k in (first, second)}
+            if coal.Cylinder in kinds or kinds == {coal.Box}:
+                assert left == [number] or not (left or meets)
+            else:
+                assert left == (None if meets else [])
+
+
+@MANY
+@given(seeds, st.integers(0, 2), st.floats(0.5, 1.5).filter(lambda share: abs(share - 1.0) > 1e-6))
+def test_a_gap_within_the_margin_is_found(seed, axis, share):
+    """A ball beside each ball of the robot, along an axis of the world, `share` of the margin away."""
+    margin, radius = 0.05, 0.03
+    world, _ = worlds([(Sphere(radius), standing((0.0, 0.0, 5.0)), "object")], None, False, margin)
+    (q,) = postures(seed, 1)
+    world.free(q)
+    first, second = world._numbered
+    for number in np.flatnonzero(world._pairs[first, second] & (np.array(world._groups)[second] == "thing 0"))[:40]:
+        ball = world._shapes.geometryObjects[int(first[number])].geometry
+        if not isinstance(ball, coal.Sphere):
+            continue
+        away = world._placed.oMg[int(first[number])].translation.copy()
+        away[axis] += ball.radius + radius + share * margin
+        world.put("thing 0", [Sphere(radius)], standing(away), "object")
+        world.free(q)
+        one = np.zeros(len(first), dtype=bool)
+        one[number] = True
+        assert world._near.among(one).left(margin) == (None if share < 1.0 else [])

@@ -1,0 +1,30 @@
+"""Parts of hot loops in C, for machines with a compiler: `python -m velma.compiled` builds them.
+
+Without the library everything runs by the plain code, slower and with the same results, which tests compare. Its file
+name carries a checksum of the sources, so that a library of other sources is never loaded. ROCO_PLAIN=1 leaves it out.
+"""
+
+import ctypes
+import os
+import zlib
+from functools import cache
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+SOURCES = tuple(sorted(FOLDER.glob("*.c")))
+
+
+def built() -> Path:
+    """Return where the library of these sources is, or would be."""
+    return FOLDER / f"velma-{zlib.crc32(b''.join(source.read_bytes() for source in SOURCES)):08x}.so"
+
+
+@cache
+def library() -> ctypes.CDLL | None:
+    """Return the library; None if it was not built, does not load here, or ROCO_PLAIN is set."""
+    if os.environ.get("ROCO_PLAIN"):
+        return None
+    try:
+        return ctypes.CDLL(str(built()))
+    except OSError:
+        return None

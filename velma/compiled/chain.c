@@ -1,0 +1,197 @@
+/* A chain of hinges: where its end is, and the joints that bring the end to a pose.
+
+   The plain ways, whose numbers these are, are Robot.track and velma.kinematics.ik.solve, by Pinocchio. */
+
+#include <math.h>
+#include <string.h>
+
+enum { MOST = 16, ALL = 15 }; /* joints of a chain at most (velma.kinematics.chain looks); columns of a posture */
+
+typedef struct {
+    int joints;
+    const double *placed; /* (joints + 1, 12): each joint in the one before, rotation by rows and position; the end */
+    const double *axis;   /* (joints, 3): of length 1 */
+    const int *column;    /* (joints,): of a posture */
+} Chain;
+
+typedef struct {
+    int iterations;
+    double near, turned;                         /* tolerances of each axis [m], [rad] */
+    double damping, largest_turn, largest_error; /* as in velma.kinematics.ik */
+    const double *lower, *upper;                 /* (15,) */
+    const unsigned char *moves;                  /* (15,): whether a column may move */
+} Limits;
+
+typedef struct {
+    double turn[9], at[3];
+} Pose;
+
+static void product(const double *a, const double *b, double *out)
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+}
+
+static void cross(const double *a, const double *b, double *out)
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* Go from a pose to the one placed in it (12,). */
+static void go(Pose *pose, const double *placed)
+{
+    double turn[9];
+    for (int i = 0; i < 3; i++)
+        pose->at[i] += pose->turn[3 * i] * placed[9] + pose->turn[3 * i + 1] * placed[10] + pose->turn[3 * i + 2] * placed[11];
+    product(pose->turn, placed, turn);
+    memcpy(pose->turn, turn, sizeof turn);
+}
+
+/* Turn a pose about an axis of its own (Rodrigues). */
+static void hinge(Pose *pose, const double *u, double angle)
+{
+    double s = sin(angle), c = cos(angle), t = 1.0 - c, turn[9];
+    double about[9] = {
+        t * u[0] * u[0] + c, t * u[0] * u[1] - s * u[2], t * u[0] * u[2] + s * u[1],
+        t * u[0] * u[1] + s * u[2], t * u[1] * u[1] + c, t * u[1] * u[2] - s * u[0],
+        t * u[0] * u[2] - s * u[1], t * u[1] * u[2] + s * u[0], t * u[2] * u[2] + c,
+    };
+    product(pose->turn, about, turn);
+    memcpy(pose->turn, turn, sizeof turn);
+}
+
+/* Pose of the end at a posture; if asked for, position and axis of each joint in the world (joints, 3). */
+static Pose end(const Chain *chain, const double *q, double (*at)[3], double (*axis)[3])
+{
+    Pose pose = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
+    for (int k = 0; k < chain->joints; k++) {
+        const double *u = chain->axis + 3 * k;
+        go(&pose, chain->placed + 12 * k);
+        for (int i = 0; at && i < 3; i++) {
+            at[k][i] = pose.at[i];
+            axis[k][i] = pose.turn[3 * i] * u[0] + pose.turn[3 * i + 1] * u[1] + pose.turn[3 * i + 2] * u[2];
+        }
+        hinge(&pose, u, q[chain->column[k]]);
+    }
+    go(&pose, chain->placed + 12 * chain->joints);
+    return pose;
+}
+
+/* Write the positions (n, 3) of the end at postures (n, 15). */
+void chain_track(const Chain *chain, const double *q, int n, double *places)
+{
+    for (int k = 0; k < n; k++) {
+        Pose pose = end(chain, q + ALL * k, 0, 0);
+        memcpy(places + 3 * k, pose.at, sizeof pose.at);
+    }
+}
+
+/* Rotation vector of a rotation by rows. */
+static void logarithm(const double *r, double *out)
+{
+    double v[3] = {0.5 * (r[7] - r[5]), 0.5 * (r[2] - r[6]), 0.5 * (r[3] - r[1])};
+    double s = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), c = 0.5 * (r[0] + r[4] + r[8] - 1.0);
+    double angle = atan2(s, c);
+    if (s > 1e-6 || c > 0.0) {
+        for (int i = 0; i < 3; i++)
+            out[i] = s > 1e-12 ? v[i] * angle / s : v[i];
+        return;
+    }
+    int k = r[0] > r[4] ? (r[0] > r[8] ? 0 : 2) : (r[4] > r[8] ? 1 : 2); /* half a turn: r = 2 u u' - 1 */
+    double length = sqrt(fmax(0.5 * (r[4 * k] + 1.0), 0.0));
+    for (int i = 0; i < 3; i++)
+        out[i] = angle * (i == k ? length : 0.25 * (r[3 * k + i] + r[3 * i + k]) / length);
+}
+
+/* Solve a x = b for a symmetric, positive definite matrix (6, 6), in place (Cholesky). */
+static void solve_six(double a[6][6], double *b)
+{
+    for (int j = 0; j < 6; j++) {
+        for (int k = 0; k < j; k++)
+            a[j][j] -= a[j][k] * a[j][k];
+        a[j][j] = sqrt(a[j][j]);
+        for (int i = j + 1; i < 6; i++) {
+            for (int k = 0; k < j; k++)
+                a[i][j] -= a[i][k] * a[j][k];
+            a[i][j] /= a[j][j];
+        }
+    }
+    for (int i = 0; i < 6; i++) {
+        for (int k = 0; k < i; k++)
+            b[i] -= a[i][k] * b[k];
+        b[i] /= a[i][i];
+    }
+    for (int i = 5; i >= 0; i--) {
+        for (int k = i + 1; k < 6; k++)
+            b[i] -= a[k][i] * b[k];
+        b[i] /= a[i][i];
+    }
+}
+
+/* What brings the end to the target: way [m] and rotation vector [rad]. */
+static int error_of(const Pose *here, const double *target, const Limits *limits, double *error)
+{
+    double back[9], turn[9], moved = 0.0, turned = 0.0;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            back[3 * i + j] = here->turn[3 * j + i];
+    product(target, back, turn);
+    logarithm(turn, error + 3);
+    for (int i = 0; i < 3; i++) {
+        error[i] = target[9 + i] - here->at[i];
+        moved = fmax(moved, fabs(error[i]));
+        turned = fmax(turned, fabs(error[3 + i]));
+    }
+    return moved < limits->near && turned < limits->turned;
+}
+
+/* One step of damped least squares, none larger than allowed, inside the limits. */
+static void step(const Chain *chain, const Limits *limits, const Pose *here, double (*at)[3], double (*axis)[3],
+                 double *error, double *q)
+{
+    double columns[MOST][6], square[6][6] = {{0}}, change[MOST], largest = 0.0;
+    int count = 0, moving[MOST];
+    for (int k = 0; k < chain->joints; k++) {
+        if (!limits->moves[chain->column[k]])
+            continue;
+        double way[3] = {here->at[0] - at[k][0], here->at[1] - at[k][1], here->at[2] - at[k][2]};
+        cross(axis[k], way, columns[count]);
+        memcpy(columns[count] + 3, axis[k], sizeof axis[k]);
+        for (int i = 0; i < 6; i++)
+            for (int j = 0; j < 6; j++)
+                square[i][j] += columns[count][i] * columns[count][j];
+        moving[count++] = chain->column[k];
+    }
+    for (int i = 0; i < 6; i++) {
+        square[i][i] += limits->damping;
+        error[i] = fmin(fmax(error[i], -limits->largest_error), limits->largest_error);
+    }
+    solve_six(square, error);
+    for (int k = 0; k < count; k++) {
+        change[k] = 0.0;
+        for (int i = 0; i < 6; i++)
+            change[k] += columns[k][i] * error[i];
+        largest = fmax(largest, fabs(change[k]));
+    }
+    double share = largest <= limits->largest_turn ? 1.0 : limits->largest_turn / largest;
+    for (int k = 0; k < count; k++) {
+        int c = moving[k];
+        q[c] = fmin(fmax(q[c] + share * change[k], limits->lower[c]), limits->upper[c]);
+    }
+}
+
+/* Move the posture (15,) until its end is at the target (12,); whether it got there. */
+int chain_solve(const Chain *chain, const Limits *limits, const double *target, double *q)
+{
+    double at[MOST][3], axis[MOST][3], error[6];
+    for (int k = 0; k < limits->iterations; k++) {
+        Pose here = end(chain, q, at, axis);
+        if (error_of(&here, target, limits, error))
+            return 1;
+        step(chain, limits, &here, at, axis, error, q);
+    }
+    return 0;
+}
