@@ -31,7 +31,8 @@ from fipa_codec.communicate import decode, decode_strictly, encode
 from fipa_codec.errors import FipaError, MalformedError
 from operate.cli.errors import UsageError
 from operate.cli.faults import scenario
-from operate.recording import contents, filled, history, mcap_file
+from operate.recording import contents, history, mcap_file
+from operate.recording.noted import noted
 from operate.recording.records import Garbage, Spoken, Token, understood
 from operate.recording.samples import NoRecordingError, sampled
 from services.coordinator import behaviours as coordinator
@@ -239,7 +240,7 @@ def step_logs() -> list[bytes]:
 
 def step_log(path: Path) -> None:
     """A report takes what it can; who reads it line by line is told where it is damaged."""
-    tuple(filled.noted(path, SYSTEM))
+    tuple(noted(path, SYSTEM))
     for step in steplog.read(path):
         held(step.apart == 0, "a step that is read has its content")
 

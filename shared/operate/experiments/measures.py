@@ -13,6 +13,7 @@ import pyarrow
 from operate.experiments.exchanges import Said
 from operate.experiments.intervals import Interval
 from operate.experiments.run_figures import Figures, Result, Setting
+from operate.quantiles import enough
 from operate.recording.history import History
 from operate.system import NoSystemError, System
 from topdown.model.design import Design
@@ -142,7 +143,7 @@ def answers(design: Design) -> tuple[Quantity, ...]:
     return tuple(
         Quantity(f"{use.name}: answer, {words}", "latency", "ms", _latency(use.name, part), judged=part == "p50")
         for use in design.file.protocol
-        for part, words in (("p50", "half within"), ("p99", "99 % within"))
+        for part, words in (("p50", "half within"), ("p99", "99 % within"), ("max", "longest"))
     )
 
 
@@ -169,8 +170,9 @@ def values(quantity: Quantity, results: Iterable[Result[Any]]) -> dict[int, floa
 
 def _latency(use: str, part: str) -> Callable[[Figures], Value]:
     def read(figures: Figures) -> Value:
-        row = next((one for one in figures.latency if one.use == use), None)
-        return None if row is None or row.answer is None else getattr(row.answer, part)
+        spans = next((one.answer for one in figures.latency if one.use == use), None)
+        few = spans is None or (part == "p99" and not enough(spans.count, 0.99))
+        return None if few else getattr(spans, part)
 
     return read
 

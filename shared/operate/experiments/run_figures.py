@@ -57,12 +57,13 @@ class Communicates(msgspec.Struct, frozen=True):
 
 
 class Spans(msgspec.Struct, frozen=True):
-    """Durations [ms]."""
+    """Durations [ms] (operate.reports.counts.Spans)."""
 
     count: int = 0
     p50: float = 0.0
-    p99: float = 0.0
+    p99: float | None = None
     max: float = 0.0
+    by_sender: int = 0
 
 
 class Latency(msgspec.Struct, frozen=True):

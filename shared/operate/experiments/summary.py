@@ -9,6 +9,7 @@ from operate.experiments import intervals
 from operate.experiments.intervals import Interval
 from operate.experiments.measures import Measures, Published, Row, Runs, values
 from operate.experiments.run_figures import Figures, Result, Setting
+from operate.reports.counts import by_whom
 
 SENT, RECEIVED = "sent", "received"
 """The margins of the count matrix: a last row, and a last column."""
@@ -69,7 +70,7 @@ def summed(runs: Runs) -> Summary:
     took = [one.took_s for one in results if one.took_s is not None]
     return Summary(
         name=runs.name,
-        method=METHOD,
+        method=" ".join(filter(None, (METHOD, _answered(results)))),
         setting=runs.setting,
         runs=len(results),
         success=success,
@@ -91,6 +92,13 @@ def row_of(name: str, unit: str, some: list[float], published: float | None, dig
     """Return the row of some values, one of each run; None without any."""
     mean = intervals.mean(some)
     return None if mean is None else Row(name, unit, mean, min(some), max(some), published, digits)
+
+
+def _answered(results: tuple[Result[Any], ...]) -> str:
+    """Return whose times those of answers are."""
+    spans = [row.answer for one in good(results) for row in one.latency if row.answer is not None]
+    told = by_whom(sum(one.by_sender for one in spans), sum(one.count for one in spans))
+    return told and f"Answers: {told[0].lower()}{told[1:]}"
 
 
 def _rows(results: tuple[Result[Any], ...], own: Measures) -> Iterable[Row]:

@@ -91,8 +91,9 @@ def _unfit(heard: filled.Filled, system: System) -> Iterator[DeadLetter]:
 def _not_heard(heard: filled.Filled, said: Iterable[Spoken], system: System, now: float) -> Iterator[DeadLetter]:
     """Volatile ones that went by, and are not in the step log of their receiver. Of observations the newest counts."""
     for one in said:
-        rule, log = system.design.rule(one.communicate), heard.taken.get(one.receiver)
-        if rule.durable or "@" in one.id or log is None or one.identity in log or now - one.received < ON_ITS_WAY_S:
+        rule, there = system.design.rule(one.communicate), heard.hearing.get(one.receiver)
+        reached = there is None or one.identity in there.said
+        if rule.durable or "@" in one.id or reached or now - one.received < ON_ITS_WAY_S:
             continue
         why = f"it went by, but did not reach {one.receiver}, which was down or out of reach"
         yield _letter(one.communicate, one.received, Dead.NOT_HEARD, why, one.size, one.text)

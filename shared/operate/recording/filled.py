@@ -12,16 +12,12 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.core.errors import StepLogError
-from agent_runtime.core.events import Arrived, Garbled
-from agent_runtime.io import steplog
-from agent_runtime.io.steplog import BOOT
 from agent_runtime.io.tap import sender_of
-from fipa_codec.communicate import UNREADABLE, Communicate, encode
-from fipa_codec.errors import FipaError
-from operate.judging.judged import SYSTEM
-from operate.recording import mcap_file
-from operate.recording.records import GARBAGE_BYTES, Garbage, Origin, Record, Resumed, Spoken, Token, spoken
+from fipa_codec.communicate import encode
+from operate.recording import hearing, mcap_file
+from operate.recording.hearing import Hearing
+from operate.recording.noted import noted, said_at
+from operate.recording.records import GARBAGE_BYTES, Garbage, Record, Resumed, Spoken, Token
 from operate.system import System
 
 STEPS = "steps"
@@ -29,19 +25,17 @@ RECORDER_PID = "monitor.pid"
 
 FLUSHED_S = 0.5
 """Of a run that goes on: what was heard so long ago is in the file; five times the recorder's FLUSH_S (estimate)."""
-TRAVEL_S = 60.0
-"""Longest time from sending to taking for which `sent` is believed; estimate: outages of a minute are tried."""
 
 
 class Filled(msgspec.Struct, frozen=True):
     """`records` in the order of time; `whole`: the recording was closed in order.
 
-    `taken`: agent with a log -> identities of the communicates that reached it; `complete`: all agents have one.
+    `hearing`: agent with a log -> what reached it; `complete`: all agents have one.
     """
 
     records: tuple[Record, ...]
     whole: bool
-    taken: dict[str, frozenset[tuple[str, str, str]]]
+    hearing: dict[str, Hearing]
     complete: bool
 
     @property
@@ -71,49 +65,8 @@ def filled(
     missed = [one for one in _missed(records, logs) if one.received <= until]
     holes = [one for one in records if isinstance(one, Resumed)]
     ordered = sorted((*(_said_in(one, holes) for one in records), *missed), key=lambda one: one.received)
-    taken = {agent: frozenset(one.identity for one in log if isinstance(one, Spoken)) for agent, log in logs.items()}
-    return Filled(tuple(ordered), whole, taken, bool(logs) and _agents(ordered, system) <= logs.keys())
-
-
-def noted(path: Path, system: System) -> Iterator[Record]:
-    """Yield the records of an agent's step log: what reached it, and its own lives; the log may end anywhere."""
-    try:
-        for step in steplog.read(path):
-            record = _record(step, path.stem, system)
-            if record is not None:
-                yield record
-    except (*UNREADABLE, StepLogError, OSError):
-        return
-
-
-def _record(step: steplog.Step, agent: str, system: System) -> Record | None:
-    match step.kind:
-        case Arrived.__name__:
-            return _arrived(msgspec.msgpack.decode(step.input, type=Arrived).communicate, step.at, agent, system)
-        case Garbled.__name__:
-            told = msgspec.msgpack.decode(step.input, type=Garbled)
-            return Garbage(told.key, 0, told.reason, step.at, b"", log=agent) if "/" in told.key else None
-        case kind if kind == BOOT:
-            return Token(agent, step.incarnation, True, step.at, steplog.journal_of(step.input))
-    return None
-
-
-def _arrived(one: Communicate, at: float, agent: str, system: System) -> Record | None:
-    """The record of a communicate that an agent took at `at`, at the time when it was sent."""
-    sent = one.sent if at - TRAVEL_S < one.sent <= at else at
-    try:
-        wire = encode(one)
-        return spoken(one, wire, sent, system, Origin.STEPS)
-    except LookupError as error:
-        return Garbage(_key(one, system), len(wire), str(error), sent, wire, log=agent)
-    except FipaError:
-        return None
-
-
-def _key(one: Communicate, system: System) -> str:
-    """The key of a communicate that the design does not have, on no channel of it."""
-    told = {name: str(getattr(one, name)) for name in ("sender", "receiver", "protocol", "performative")}
-    return system.design.file.system.key.format(system=SYSTEM, channel="unknown", **told)
+    heard = {agent: hearing.of(log) for agent, log in logs.items()}
+    return Filled(tuple(ordered), whole, heard, bool(logs) and _agents(ordered, system) <= logs.keys())
 
 
 def _is_recorded(run: Path) -> bool:
@@ -126,12 +79,12 @@ def _is_recorded(run: Path) -> bool:
 
 
 def _missed(records: Iterable[Record], logs: Mapping[str, tuple[Record, ...]]) -> Iterator[Record]:
-    """Yield records that agents noted and the recorder did not hear; each once."""
+    """Yield records that agents noted and the recorder did not hear; each once, and where it was said."""
     seen = _Seen(records)
     for log in logs.values():
         for record in log:
             if seen.is_new(record):
-                yield record
+                yield record.moved(said_at(record.sent, record.received)) if isinstance(record, Spoken) else record
 
 
 class _Seen:

@@ -5,7 +5,7 @@ Must not know: what a report wants of it.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
@@ -13,12 +13,12 @@ from typing import Any
 
 import msgspec
 
-from agent_runtime.core.effects import Receipt
 from fipa_codec.communicate import UNREADABLE
 from operate.fault_lines import done
 from operate.judging.judged import of_records
 from operate.recording import filled
 from operate.recording.fault_file import KIND, FaultFile, fault_in
+from operate.recording.hearing import Hearing, Identity, Told, Took, receipts
 from operate.recording.records import SETTING, Garbage, House, Origin, Record, Resumed, Spoken, Token
 from operate.run_folder import FLEET_FILE, Fault, Fleet, Judged, ProcessState, ProcessStatus
 from operate.system import System
@@ -44,15 +44,6 @@ class Entered(msgspec.Struct, frozen=True):
     alive: bool = True
 
 
-class Told(msgspec.Struct, frozen=True):
-    """A receipt of `owner` that came by, for communicates of `peer`."""
-
-    at: float
-    owner: str
-    peer: str
-    receipt: Receipt
-
-
 class Setting(msgspec.Struct, frozen=True):
     """Settings with which the fleet was started: `speed` "1" or "max"; `scene`: its file, "" for the canonical one."""
 
@@ -64,6 +55,7 @@ class Setting(msgspec.Struct, frozen=True):
 class History(msgspec.Struct, frozen=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
 
+    `hearing`: agent with a step log -> what reached it, and when.
     `told`: what came on house keys that the system can read (Additions.telemetry): when it was heard, and what.
     `judged`: what the judge says of it all. `whole`: the recorder ended in order.
     `houses`: how many of each kind of samples that are not communicates. `setting`: as the recorder was told it, None
@@ -74,6 +66,7 @@ class History(msgspec.Struct, frozen=True):
     said: tuple[Spoken, ...] = ()
     copies: tuple[Spoken, ...] = ()
     receipts: tuple[Told, ...] = ()
+    hearing: dict[str, Hearing] = {}
     told: tuple[tuple[float, Any], ...] = ()
     entered: tuple[Entered, ...] = ()
     garbage: tuple[Garbage, ...] = ()
@@ -90,6 +83,21 @@ class History(msgspec.Struct, frozen=True):
         """Return the time of the first communicate, or without one of the first record [unix s]."""
         times = [self.said[0].received] if self.said else [at for at, _ in self.told[:1]]
         return min(times, default=0.0)
+
+    def took(self, question: Spoken, own: float | None, heard: float | None) -> Took | None:
+        """Return the time from a communicate to what came for it: its sender heard that at `own`, the recorder at
+        `heard`. The recorder's counts where the sender's does not tell; None where neither does.
+        """
+        sender = self.hearing.get(question.sender)
+        spent = None if sender is None else sender.after(question.sent, own)
+        if spent is not None:
+            return Took(spent, by_sender=True)
+        return Took(heard - question.received) if heard is not None and heard >= question.received else None
+
+    def answered(self, question: Spoken, answer: Spoken) -> Took | None:
+        """Return the time from a question to an answer."""
+        sender = self.hearing.get(question.sender)
+        return self.took(question, None if sender is None else sender.said.get(answer.identity), answer.received)
 
 
 class _Beat(msgspec.Struct, frozen=True):
@@ -134,7 +142,8 @@ def of_filled(run: filled.Filled, system: System) -> History:
     return History(
         said=said,
         copies=copies,
-        receipts=tuple(_receipts(houses)),
+        receipts=tuple(receipts(houses)),
+        hearing=run.hearing,
         told=tuple(_decoded(houses, system.addition("telemetry") or {})),
         entered=tuple(_entered(run.records)),
         garbage=tuple(record for record in run.records if isinstance(record, Garbage)),
@@ -149,8 +158,8 @@ def of_filled(run: filled.Filled, system: System) -> History:
 
 def _lost(run: filled.Filled) -> Iterator[Hole]:
     """Communicates that the recorder heard and the receiver did not step on."""
-    for agent, known in run.taken.items():
-        lost = [one for one in run.records if isinstance(one, Spoken) and _is_lost(one, agent, known)]
+    for agent, heard in run.hearing.items():
+        lost = [one for one in run.records if isinstance(one, Spoken) and _is_lost(one, agent, heard.said)]
         if lost:
             text = (
                 f"{_count(lost)} to {agent} went by, but {agent}'s step log has them not: lost on the way, or its tail"
@@ -158,7 +167,7 @@ def _lost(run: filled.Filled) -> Iterator[Hole]:
             yield Hole(lost[0].received, lost[-1].received, len(lost), text)
 
 
-def _is_lost(one: Spoken, agent: str, known: frozenset[tuple[str, str, str]]) -> bool:
+def _is_lost(one: Spoken, agent: str, known: Container[Identity]) -> bool:
     return one.receiver == agent and one.origin is Origin.TAP and one.identity not in known
 
 
@@ -215,16 +224,6 @@ def _settings(records: tuple[Record, ...]) -> Iterator[Setting]:
         if isinstance(record, House) and record.kind == SETTING:
             with suppress(*UNREADABLE):
                 yield msgspec.json.decode(record.data, type=Setting)
-
-
-def _receipts(houses: list[House]) -> Iterator[Told]:
-    for house in houses:
-        if house.kind == "receipt":
-            try:
-                receipt = msgspec.msgpack.decode(house.data, type=Receipt)
-            except UNREADABLE:
-                continue
-            yield Told(house.received, house.owner, house.peer, receipt)
 
 
 def _decoded(houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]) -> Iterator[tuple[float, Any]]:

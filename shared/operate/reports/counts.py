@@ -1,17 +1,21 @@
 """Figures of the traffic: who told whom how often (the paper's Table 8), sizes, bytes over time, how long answers take.
 
-All from a History's communicates; re-sent copies are counted apart. Times are those at which the monitor heard things.
+All from a History's communicates; re-sent copies are counted apart. A latency is what the sender waited, by its own
+step log; without one, as the recorder heard it. All other times are the recorder's.
 """
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
+from statistics import median
 
 import msgspec
 import numpy as np
 
 from fipa_codec.communicate import number_of
 from fipa_codec.performatives import Performative
-from operate.recording.history import History, Told
+from operate.quantiles import tail
+from operate.recording.hearing import Told, Took
+from operate.recording.history import History
 from operate.recording.records import Spoken
 from topdown.model.design import Design
 
@@ -47,12 +51,23 @@ class Communicates(msgspec.Struct, frozen=True):
 
 
 class Spans(msgspec.Struct, frozen=True):
-    """Durations [ms]."""
+    """Durations [ms]; `by_sender`: how many of them are by the sender's own log.
+
+    `p95`, `p99`: null where there are too few of them (operate.quantiles).
+    """
 
     count: int
     p50: float
-    p99: float
+    p95: float | None
+    p99: float | None
     max: float
+    by_sender: int = 0
+
+    @property
+    def most(self) -> tuple[float, float]:
+        """Return 0.99 or 0.95, where so many values tell that share of them, else 1; and within what it is [ms]."""
+        told = ((0.99, self.p99), (0.95, self.p95), (1.0, self.max))
+        return next((share, ms) for share, ms in told if ms is not None)
 
 
 class Latency(msgspec.Struct, frozen=True):
@@ -90,19 +105,37 @@ def communicates(history: History, design: Design, order: tuple[str, ...] = ()) 
 
 def latencies(history: History, design: Design) -> tuple[Latency, ...]:
     """Of each use of a protocol in which something was asked, in the order of the design."""
-    answers = _by_use(history.said, _answers(history.said, design), design)
+    answers = _by_use(history.said, _answers(history, design), design)
     receipts = _by_use(history.said, _receipted(history, design), design)
     return tuple(
         Latency(
             channel=use.channel,
             use=use.name,
             budget_ms=1000 * use.latency_s,
-            answer=_spans(answers[use.name]),
-            receipt=_spans(receipts[use.name]),
+            answer=spans(answers[use.name]),
+            receipt=spans(receipts[use.name]),
         )
         for use in design.file.protocol
         if answers[use.name] or receipts[use.name]
     )
+
+
+def spans(some: list[Took]) -> Spans | None:
+    """Return what is told of some times; None without any."""
+    if not some:
+        return None
+    ms = [1000 * one.s for one in some]
+    by_sender = sum(one.by_sender for one in some)
+    return Spans(len(ms), median(ms), tail(ms, 0.95), tail(ms, 0.99), max(ms), by_sender)
+
+
+def by_whom(own: int, count: int) -> str:
+    """Return a sentence on whose latencies they are: of `count` the senders' `own`, the rest the recorder's."""
+    if not own:
+        return "Times are as the recorder heard it: no step log of a sender tells them." if count else ""
+    which = f"All {count}" if own == count else f"{own} of {count}"
+    rest = f"; the other {count - own} are as the recorder heard it" if own < count else ""
+    return f"{which} times are the sender's own, from its sending to its hearing{rest}."
 
 
 def bandwidth(said: Iterable[Spoken], start: float, end: float, bin_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -120,57 +153,53 @@ def _sizes(sizes: list[int]) -> Sizes:
     return Sizes(len(sizes), sum(sizes), min(sizes), sum(sizes) / len(sizes), max(sizes))
 
 
-def _spans(seconds: list[float]) -> Spans | None:
-    if not seconds:
-        return None
-    ms = 1000 * np.array(seconds)
-    p50, p99 = np.percentile(ms, (50, 99))
-    return Spans(len(ms), float(p50), float(p99), float(ms.max()))
-
-
-def _by_use(
-    said: Iterable[Spoken], measure: Callable[[Spoken], float | None], design: Design
-) -> dict[str, list[float]]:
-    found: dict[str, list[float]] = defaultdict(list)
+def _by_use(said: Iterable[Spoken], measure: Callable[[Spoken], Took | None], design: Design) -> dict[str, list[Took]]:
+    found: dict[str, list[Took]] = defaultdict(list)
     for one in said:
-        seconds = measure(one)
-        if seconds is not None:
-            found[design.rule(one.communicate).use].append(seconds)
+        took = measure(one)
+        if took is not None:
+            found[design.rule(one.communicate).use].append(took)
     return found
 
 
-def _answers(said: tuple[Spoken, ...], design: Design) -> Callable[[Spoken], float | None]:
+def _answers(history: History, design: Design) -> Callable[[Spoken], Took | None]:
     """For an opening: time to the first word (or the result) in the same conversation; None for all else.
 
     The result counts in uses whose budget in the design is that of the result; elsewhere the first word does, an agree.
     """
     result = {use.name for use in design.file.protocol if use.answer}
-    first: dict[tuple[str, str], float] = {}
-    for one in said:
+    first: dict[tuple[str, str], Spoken] = {}
+    for one in history.said:
         if one.performative != Performative.AGREE or design.rule(one.communicate).use not in result:
-            first.setdefault((one.conversation, one.sender), one.received)
+            first.setdefault((one.conversation, one.sender), one)
 
-    def measure(one: Spoken) -> float | None:
+    def measure(one: Spoken) -> Took | None:
         answer = first.get((one.conversation, one.receiver))
-        if one.performative not in OPENING or answer is None or answer < one.received:
-            return None
-        return answer - one.received
+        return history.answered(one, answer) if one.performative in OPENING and answer is not None else None
 
     return measure
 
 
-def _receipted(history: History, design: Design) -> Callable[[Spoken], float | None]:
+def _receipted(history: History, design: Design) -> Callable[[Spoken], Took | None]:
     """For a durable communicate: time to the first receipt that covers its number; None for all else."""
-    told: dict[tuple[str, str], list[Told]] = defaultdict(list)
-    for receipt in history.receipts:
-        told[receipt.owner, receipt.peer].append(receipt)
+    own = _by_pair(receipt for asker in history.hearing.values() for receipt in asker.receipts)
+    heard = _by_pair(history.receipts)
 
-    def measure(one: Spoken) -> float | None:
+    def measure(one: Spoken) -> Took | None:
         number = number_of(one.id) if design.rule(one.communicate).durable else None
         if number is None:
             return None
-        covering = (t.at for t in told[one.receiver, one.sender] if t.receipt.taken >= number)
-        at = next(covering, None)
-        return at - one.received if at is not None and at >= one.received else None
+        first = [
+            next((t.at for t in told[one.receiver, one.sender] if t.receipt.taken >= number and t.at >= since), None)
+            for told, since in ((own, one.sent), (heard, one.received))
+        ]
+        return history.took(one, *first)
 
     return measure
+
+
+def _by_pair(receipts: Iterable[Told]) -> dict[tuple[str, str], list[Told]]:
+    found: dict[tuple[str, str], list[Told]] = defaultdict(list)
+    for one in receipts:
+        found[one.owner, one.peer].append(one)
+    return found

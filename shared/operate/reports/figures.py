@@ -92,7 +92,7 @@ def sizes(history: History, design: Design, stretches: Iterable[tuple[float, flo
 
 
 def latencies(rows: tuple[Latency, ...]) -> str:
-    """From an opening to its first answer: half, 99 %, the longest, and what the design allows. "" without any."""
+    """From an opening to its first answer: half, most, the longest, and what the design allows. "" without any."""
     answered = [row for row in rows if row.answer is not None]
     if not answered:
         return ""
@@ -101,7 +101,7 @@ def latencies(rows: tuple[Latency, ...]) -> str:
             spans = row.answer
             assert spans is not None
             axes.plot((spans.p50, spans.max), (y, y), color="#94a3b8", linewidth=2, zorder=2, solid_capstyle="round")
-            axes.plot((spans.p99,), (y,), "|", color=FAINT, markersize=9, zorder=3)
+            axes.plot((spans.most[1],), (y,), "|", color=FAINT, markersize=9, zorder=3)
             axes.plot((spans.p50,), (y,), "o", color=ACCENT, markersize=6, zorder=4)
             axes.plot((row.budget_ms,), (y,), marker=9, color="#d97706", markersize=7, zorder=3)
         axes.set_yticks(range(len(answered)), [f"{row.channel}  {row.use}" for row in reversed(answered)])
@@ -110,7 +110,7 @@ def latencies(rows: tuple[Latency, ...]) -> str:
         axes.set_ylim(-0.6, len(answered) - 0.4)
         axes.grid(visible=False, axis="y")
         axes.set_title(
-            "dot: half of them    |: 99 %    line: to the longest    ▶: what the design allows",
+            "dot: half of them    |: most    line: to the longest    ▶: what the design allows",
             loc="left",
             fontsize=9,
             color=FAINT,

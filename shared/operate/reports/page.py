@@ -8,14 +8,14 @@ import jinja2
 
 from operate import verdict_lines
 from operate.recording.history import History
-from operate.reports import figures
-from operate.reports.counts import Communicates
+from operate.reports import counts, figures
+from operate.reports.counts import Communicates, Latency
 from operate.reports.report import FaultAt, Judged, Report
 from operate.system import System
 from topdown.judge.verdicts import VIOLATIONS
 
-TEMPLATE, FAULTS, JUDGED = (
-    Path(__file__).with_name(name) for name in ("page.html.j2", "faults.html.j2", "judged.html.j2")
+TEMPLATE, FAULTS, JUDGED, LATENCY = (
+    Path(__file__).with_name(f"{name}.html.j2") for name in ("page", "faults", "judged", "latency")
 )
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 ABSENT = "–"
@@ -34,7 +34,7 @@ def rendered(history: History, report: Report, run: str, system: System) -> str:
         channels={name: "-".join(channel.ends) for name, channel in design.channels.items()},
         busy=figures.busy([(one.agent, one.state, one.start, one.end) for one in report.busy], design),
         sizes=figures.sizes(history, design),
-        latencies=figures.latencies(report.latency),
+        latencies=latencies(report.latency),
         heat=heat(report.communicates),
         faults=faults(report.faults, history),
         houses=history.houses,
@@ -59,6 +59,13 @@ def judged(found: Judged | None) -> str:
     return template(JUDGED).render(judged=found, outcome=outcome, against=VIOLATIONS, most_violations=MOST_VIOLATIONS)
 
 
+def latencies(rows: tuple[Latency, ...]) -> str:
+    """Return the part of a page about how long answers and receipts take."""
+    spans = [one for row in rows for one in (row.answer, row.receipt) if one is not None]
+    by_whom = counts.by_whom(sum(one.by_sender for one in spans), sum(one.count for one in spans))
+    return template(LATENCY).render(rows=rows, figure=figures.latencies(rows), by_whom=by_whom)
+
+
 def template(file: Path) -> jinja2.Template:
     """Return a page's template, with the filters for numbers."""
     environment = jinja2.Environment(
@@ -70,9 +77,9 @@ def template(file: Path) -> jinja2.Template:
 
 def heat(communicates: Communicates) -> dict[tuple[str, str], float]:
     """Return the shade of a cell of the count matrix: by the root, so that small counts show beside large ones."""
-    counts = {(s, r): n for s, row in communicates.matrix.items() for r, n in row.items()}
-    most = max(counts.values(), default=0) or 1
-    return {pair: (n / most) ** 0.5 for pair, n in counts.items()}
+    cells = {(s, r): n for s, row in communicates.matrix.items() for r, n in row.items()}
+    most = max(cells.values(), default=0) or 1
+    return {pair: (n / most) ** 0.5 for pair, n in cells.items()}
 
 
 def number(value: float | None, digits: int = 0, unit: str = "") -> str:

@@ -17,8 +17,9 @@ from operate.cli.traffic import echo, listen
 from operate.cli.traffic.listen import Said, recorded, said
 from operate.cli.traffic.play import moved
 from operate.cli.traffic.replay import factor, narrowed
-from operate.cli.traffic.tally import Tally, quantile
+from operate.cli.traffic.tally import Tally
 from operate.filters import Filter, UnknownNameError, checked
+from operate.quantiles import quantile, tail
 from operate.run_folder import Judged
 from topdown.judge.verdicts import Verdict
 
@@ -88,7 +89,7 @@ def test_answers_are_timed_from_what_they_answer() -> None:
         elif one.channel == "C4":
             spans.append(one.at - asked[communicate.conversation])
     assert row["answer_p50_s"] == pytest.approx(quantile(spans, 0.5), abs=1e-6)
-    assert row["answer_p95_s"] == pytest.approx(quantile(spans, 0.95), abs=1e-6)
+    assert row["answer_p95_s"] == pytest.approx(tail(spans, 0.95), abs=1e-6)
 
 
 def test_a_copy_of_an_answer_answers_nothing_again() -> None:
@@ -104,12 +105,6 @@ def test_a_copy_of_an_answer_answers_nothing_again() -> None:
         tally.take(Said(at, "", encode(one), "C4", one.sender, one.receiver, "query", str(one.performative)))
     (row,) = [row for row in tally.rows if row.performative == "inform-ref"]
     assert (row.count, list(row.answers)) == (2, [0.5])
-
-
-@pytest.mark.parametrize(("values", "share", "wanted"), [([], 0.5, None), ([3], 0.95, 3), ([4, 1, 3, 2], 0.5, 2)])
-def test_a_quantile_is_one_of_the_values(values: list[float], share: float, wanted: float | None) -> None:
-    """The nearest rank."""
-    assert quantile(values, share) == wanted
 
 
 def test_filters_of_one_kind_add_up_and_of_several_narrow() -> None:

@@ -10,11 +10,12 @@ from pyarrow import csv, parquet
 from companion.tools.report import planning_runs
 from companion.tools.report.measures import MEASURES
 from companion.tools.report.paper import PAPER
+from companion.tools.report.plan_figures import PourFigures
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import robot
 from operate.experiments import make, page, pictures, results, summary, tables
 from operate.experiments.results import NothingHere
-from operate.experiments.run_figures import Result
+from operate.experiments.run_figures import Latency, Result, Spans
 from operate.reports import report
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -110,6 +111,33 @@ def test_lines_of_another_version_are_read(tmp_path: Path) -> None:
     rows = {row.name for row in summary.summed(results.load(place)).rows}
     assert "command to end" in rows
     assert "energy of the body's joints" not in rows
+
+
+@pytest.mark.parametrize(("count", "named"), [(99, False), (100, True)])
+def test_the_99_of_a_hundred_are_of_runs_that_have_a_hundred(count: int, named: bool) -> None:
+    """Older reports have that figure of two answers, too; the longest is told of all."""
+
+    def answered(one: PourFigures) -> PourFigures:
+        row = Latency("C3", "generate_plan", 15000.0, Spans(count, 6.0, 10.0, 11.0))
+        return msgspec.structs.replace(one, latency=(row,))
+
+    rows = {row.name for row in summary.summed(runs(change=answered)).rows}
+    assert ("generate_plan: answer, 99 % within" in rows) == named
+    assert {f"generate_plan: answer, {part}" for part in ("half within", "longest")} <= rows
+
+
+@pytest.mark.parametrize(
+    ("own", "sentence"),
+    [(0, "Answers: times are as the recorder heard"), (1, "Answers: 1 of 2"), (2, "Answers: all 2")],
+)
+def test_the_summary_says_whose_times_answers_are(own: int, sentence: str) -> None:
+    """The sender's own in as many as its reports say; in older ones none."""
+
+    def heard(one: PourFigures) -> PourFigures:
+        row = Latency("C3", "generate_plan", 15000.0, Spans(2, 6.0, by_sender=own))
+        return msgspec.structs.replace(one, latency=(row,))
+
+    assert sentence in summary.summed(runs(range(1, 2), change=heard)).method
 
 
 def test_a_recorded_run_fills_every_table() -> None:

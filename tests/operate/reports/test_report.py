@@ -19,7 +19,8 @@ from companion.telemetry import Picture
 from companion.tools.report import page, plans, report, story
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
-from operate.recording import filled, history, mcap_file
+from operate.recording import history, mcap_file
+from operate.recording.noted import noted
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, Record, Spoken, understood
 from operate.reports import make
@@ -103,10 +104,29 @@ def test_what_only_agents_heard_is_taken_from_their_logs(pouring: Run, tmp_path:
             log.write([(steplog.Step(1, 1, one.received, "Arrived", event), steplog.NOTHING)])
     log.close()
     heard = [*pouring.samples[: cut.start], *pouring.samples[cut.stop :]]
-    past = history.merged(records(heard), {"km": tuple(filled.noted(tmp_path / "steps" / "km.steps", SYSTEM))}, SYSTEM)
+    past = history.merged(records(heard), {"km": tuple(noted(tmp_path / "steps" / "km.steps", SYSTEM))}, SYSTEM)
     to_km = [one for one in unheard if one.receiver == "km"]
     assert sum(hole.communicates for hole in past.holes if "did not hear" in hole.text) == len(to_km)
     assert len(past.said) == len(pouring.said) - len(unheard) + len(to_km)
+
+
+def test_plans_wait_until_answers_are_heard(pouring: Run) -> None:
+    """km's answers reach pl a quarter of a second later, and so do plans co, and the end of the task the person."""
+    heard, late = records(pouring.samples), 0.25
+    said = [one for one in heard if isinstance(one, Spoken)]
+
+    def reached(after: float) -> report.Report:
+        logs: dict[str, tuple[Record, ...]] = {
+            agent: tuple(one.moved(one.received + after) for one in said if one.receiver == agent)
+            for agent in ("pl", "co", "hi")
+        }
+        return report.build(history.merged(heard, logs, SYSTEM))
+
+    before, told = reached(0.0), reached(late)
+    assert told.wall_time_s == pytest.approx((before.wall_time_s or 0.0) + late)
+    for first, then in zip(before.plans, told.plans, strict=True):
+        assert then.wall_s == pytest.approx((first.wall_s or 0.0) + late)
+        assert then.km_s == pytest.approx(first.km_s + first.queries * late)
 
 
 def test_what_was_on_the_wire_and_not_in_its_receivers_log_is_named(pouring: Run) -> None:

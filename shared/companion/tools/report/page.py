@@ -12,7 +12,7 @@ from companion.tools.report.paper import PAPER, TABLE_8, Paper
 from companion.tools.report.report import Report
 from operate.recording.history import History
 from operate.reports import figures
-from operate.reports.page import ABSENT, STYLE, faults, heat, judged, template
+from operate.reports.page import ABSENT, STYLE, faults, heat, judged, latencies, template
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
 
@@ -35,7 +35,7 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
             (plan, paper.made(plan.number), planning.planning(history, plan, made))
             for plan, made in zip(report.plans, plans.made(history), strict=True)
         ],
-        latencies=figures.latencies(report.latency),
+        latencies=latencies(report.latency),
         heat=heat(report.communicates),
         style=STYLE,
         theirs_received={a: sum(row.get(a, 0) for row in paper.matrix.values()) for a in TABLE_8},

@@ -152,6 +152,7 @@ def _answers(history: History, opening: Spoken) -> Iterator[Spoken]:
 def _made(history: History, number: int, asked: Spoken) -> Made:
     ends = (one for one in _answers(history, asked) if one.performative != Performative.AGREE)
     end = next(ends, None)
+    took = None if end is None else history.answered(asked, end)
     until = end.received if end is not None else float("inf")
     talk = [o for o in history.said if o.channel == "C4" and asked.received <= o.received <= until]
     plan = end.content if end is not None and isinstance(end.content, hfsm.HierarchicalPlan) else None
@@ -163,9 +164,9 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         task=", then ".join(_task(task) for task in asked.content.tasks),
         start=asked.received,
         end=None if end is None else end.received,
-        wall_s=None if end is None else end.received - asked.received,
+        wall_s=None if took is None else took.s,
         queries=sum(one.performative == Performative.QUERY_REF for one in talk),
-        waits=tuple(_waits(talk)),
+        waits=tuple(_waits(history, talk)),
         communicates=len(talk),
         bytes=sum(one.size for one in talk),
         outcome=None if end is None else _outcome(end),
@@ -178,14 +179,17 @@ def _task(task: hfsm.Task) -> str:
     return plain(" ".join((task.name.replace("_", " "), *task.arguments)))
 
 
-def _waits(talk: list[Spoken]) -> Iterator[tuple[float, float]]:
-    """From each query to the first word that answers it."""
-    asked: dict[str, float] = {}
+def _waits(history: History, talk: list[Spoken]) -> Iterator[tuple[float, float]]:
+    """From each query, as the recorder heard it, as long as its answer took."""
+    asked: dict[str, Spoken] = {}
     for one in talk:
         if one.performative == Performative.QUERY_REF:
-            asked.setdefault(one.conversation, one.received)
+            asked.setdefault(one.conversation, one)
         elif one.conversation in asked:
-            yield asked.pop(one.conversation), one.received
+            query = asked.pop(one.conversation)
+            took = history.answered(query, one)
+            if took is not None:
+                yield query.received, query.received + took.s
 
 
 def _outcome(end: Spoken) -> str:

@@ -149,7 +149,8 @@ def _sim_time(history: History, clock: Clock) -> float | None:
 def _wall_time(history: History) -> float | None:
     command = plans.task_command(history)
     end = None if command is None else plans.task_end(history, command)
-    return None if command is None or end is None else end.received - command.received
+    took = None if command is None or end is None else history.answered(command, end)
+    return None if took is None else took.s
 
 
 def _energy(history: History) -> float | None:

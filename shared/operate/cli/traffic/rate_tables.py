@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 from rich.table import Table
 
-from operate.cli.traffic.tally import Flow, Tally, quantile
+from operate.cli.traffic.tally import Flow, Tally
+from operate.quantiles import quantile, tail
 
 Value = float | int | None
 
@@ -60,7 +61,7 @@ COUNT = Column("count", "count", lambda flow, _: flow.count, str)
 TOTAL = Column("bytes", "in all", lambda flow, _: flow.bytes, size)
 MEAN = Column("mean_bytes", "mean", lambda flow, _: flow.bytes / flow.count, size)
 P50 = Column("p50_bytes", "p50", lambda flow, _: quantile(flow.sizes, 0.5), size)
-P95 = Column("p95_bytes", "p95", lambda flow, _: quantile(flow.sizes, 0.95), size)
+P95 = Column("p95_bytes", "p95", lambda flow, _: tail(flow.sizes, 0.95), size)
 LEAST = Column("min_bytes", "least", lambda flow, _: min(flow.sizes), size)
 MOST = Column("max_bytes", "most", lambda flow, _: max(flow.sizes), size)
 RATE = Column("rate_hz", "Hz", lambda flow, seconds: _per_second(flow.count, seconds), rate)
@@ -85,7 +86,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         RATE,
         BANDWIDTH,
         Column("answer_p50_s", "took p50", lambda flow, _: quantile(flow.answers, 0.5), span),
-        Column("answer_p95_s", "p95", lambda flow, _: quantile(flow.answers, 0.95), span),
+        Column("answer_p95_s", "p95", lambda flow, _: tail(flow.answers, 0.95), span),
     ),
 }
 """`rate_hz` of hz is that of the row, from its first to its last; of stats, and bytes_per_s, of the whole time."""

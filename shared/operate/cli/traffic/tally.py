@@ -3,9 +3,7 @@
 Pure: communicates in, figures out; times are those at which things were heard.
 """
 
-import math
 from collections import deque
-from collections.abc import Iterable
 from itertools import pairwise
 from typing import TypeVar
 
@@ -97,9 +95,3 @@ def _keep(those: dict[K, V], key: K, value: V) -> None:
     those.setdefault(key, value)
     if len(those) > OPEN_QUESTIONS:
         del those[next(iter(those))]
-
-
-def quantile(values: Iterable[float], share: float) -> float | None:
-    """The smallest value that at least `share` of them do not exceed; None of none."""
-    ordered = sorted(values)
-    return ordered[max(0, math.ceil(share * len(ordered)) - 1)] if ordered else None
