@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.control.dynamics import Terms
+from velma.control.law import law
 
 Array = NDArray[np.float64]
 
@@ -135,15 +136,26 @@ class CartesianImpedance:
         self._posture_stiffness, self._posture_damping = self.gains.posture()
         self._damping = np.zeros((12, 12))
         self._age = self.gains.renewed_every
+        self._law = law()
+        if self._law is not None:
+            self._law.set(stiffness=self._twice, regularisation=REGULARISATION)
+            self._law.set(posture_stiffness=self._posture_stiffness, posture_damping=self._posture_damping)
 
     def torque(self, terms: Terms, error: Array, slip: Array, stray: Array, wrench: Array) -> Array:
         """Return tau (15,) for error e (12,), slip v - v_des (15,), stray q_des - q (15,), added wrench h (12,)."""
+        if self._law is not None:
+            self._renew(self._law.inertia(terms, error, slip, stray, wrench))
+            return self._law.torque(self._damping)
         jacobian = terms.jacobian
         inertia, through = task_inertia(jacobian, np.asarray(np.linalg.inv(terms.mass), dtype=np.float64))
+        self._renew(inertia)
+        force = self._twice * error - self._damping @ (jacobian @ slip) + wrench
+        posture = self._posture_stiffness * stray - self._posture_damping * slip
+        return np.asarray(jacobian.T @ force + null_space(posture, jacobian, through, inertia))
+
+    def _renew(self, inertia: Array) -> None:
+        """Design the damping, if its time has come."""
         if self._age >= self.gains.renewed_every:
             self._damping = task_damping(inertia, self._stiffness, self.gains.damping_ratio)
             self._age = 0
         self._age += 1
-        force = self._twice * error - self._damping @ (jacobian @ slip) + wrench
-        posture = self._posture_stiffness * stray - self._posture_damping * slip
-        return np.asarray(jacobian.T @ force + null_space(posture, jacobian, through, inertia))

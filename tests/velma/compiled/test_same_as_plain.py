@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import coal
+import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -11,10 +12,13 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from velma import compiled, names
+from velma.control import law
+from velma.control.cartesian import CartesianImpedance
+from velma.control.dynamics import Dynamics
 from velma.kinematics import chain, ik, near
 from velma.kinematics.collision import World
 from velma.kinematics.frames import standing
-from velma.kinematics.robot import Robot
+from velma.kinematics.robot import ROBOT_XML, Robot
 from velma.kinematics.shapes import Box, Cylinder, Sphere
 
 pytestmark = pytest.mark.skipif(compiled.library() is None, reason="velma.compiled is not built: no C compiler")
@@ -49,7 +53,7 @@ def plain_robot() -> Robot:
     return robot
 
 
-ROBOT, PLAIN = Robot(), plain_robot()
+ROBOT, PLAIN, DYNAMICS = Robot(), plain_robot(), Dynamics(ROBOT_XML)
 
 
 def postures(seed: int, count: int) -> np.ndarray:
@@ -172,3 +176,25 @@ def test_a_gap_within_the_margin_is_found(seed, axis, share):
         one = np.zeros(len(first), dtype=bool)
         one[number] = True
         assert world._near.among(one).left(margin) == (None if share < 1.0 else [])
+
+
+@MANY
+@given(seeds, st.booleans())
+def test_torques_are_the_same(seed, some_weight):
+    """At any posture, for any errors, over the cycles between two damping designs, to rounding of the inverses."""
+    rng, ours, theirs = np.random.default_rng(seed), CartesianImpedance(), without(law, CartesianImpedance)
+    assert (ours._law is None, theirs._law is None) == (False, True)
+    for q in postures(seed, 6):
+        terms = DYNAMICS.terms(q)
+        error, slip, stray, wrench = (rng.normal(0.0, s, n) for s, n in ((0.1, 12), (0.3, 15), (0.1, 15), (5.0, 12)))
+        acting = error, slip, stray, wrench * some_weight
+        expected = theirs.torque(terms, *acting)
+        np.testing.assert_allclose(ours.torque(terms, *acting), expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_mass_that_is_none_is_an_error_in_both():
+    """Of the same type: the loop brakes then."""
+    terms = msgspec.structs.replace(DYNAMICS.terms(np.array(names.START)), mass=np.zeros((15, 15)))
+    for one in (CartesianImpedance(), without(law, CartesianImpedance)):
+        with pytest.raises(np.linalg.LinAlgError):
+            one.torque(terms, np.zeros(12), np.zeros(15), np.zeros(15), np.zeros(12))
