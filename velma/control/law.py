@@ -1,6 +1,7 @@
 """The torque law of both hands as torque.c of velma.compiled computes it; `velma.control.cartesian` says what it is."""
 
 import ctypes
+from typing import Any
 
 import numpy as np
 
@@ -19,12 +20,15 @@ _LAW = np.dtype([(name, np.float64, shape) for name, shape in _SHAPES.items()])
 class Law:
     """The memory that the C code reads and writes, its parts by name, and its two calls."""
 
-    def __init__(self, built: ctypes.CDLL) -> None:
-        memory = np.zeros((), _LAW)
+    def __init__(self, built: ctypes.CDLL, memory: Any) -> None:
+        self._memory = memory
         self._part: dict[str, Array] = {name: memory[name] for name in _SHAPES}
         self._at = ctypes.c_void_p(memory.ctypes.data)
         self._inertia, self._torque = built.law_inertia, built.law_torque
         self._inertia.restype, self._torque.restype = ctypes.c_int, None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return law, (self._memory.copy(),)
 
     def set(self, **parts: Array | float) -> None:
         """Write parts that stay: stiffness, posture_stiffness, posture_damping, regularisation."""
@@ -47,7 +51,7 @@ class Law:
         return self._part["torque"].copy()
 
 
-def law() -> Law | None:
-    """Return the memory of a law, or None without a library."""
+def law(memory: Any = None) -> Law | None:
+    """Return a law with this memory or an empty one, or None without a library."""
     built = library()
-    return Law(built) if built is not None else None
+    return Law(built, np.zeros((), _LAW) if memory is None else memory) if built is not None else None

@@ -12,7 +12,7 @@ import numpy as np
 from velma.model.scene import Scene, checked
 from velma.model.scene_xml import WRIST_SENSORS, scene_xml
 from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
-from velma.sim import overlaps, sensor_noise
+from velma.sim import overlaps, sensor_noise, sleeping
 from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
 
 # A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
@@ -44,6 +44,7 @@ class MujocoBackend:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.model = model = compiled(scene)
+        sleeping.allow(model)
         self.data = mujoco.MjData(model)
         # MuJoCo would write its warnings to a file in the working folder; errors show in the numbers, which the loop
         # checks.
@@ -62,7 +63,8 @@ class MujocoBackend:
         self._before = np.stack((START, np.zeros(len(BODY))))
         self._locked = np.zeros(2)
         self._work = 0.0
-        self._saved = np.zeros(mujoco.mj_stateSize(model, STATE) + 3 + self._wrist.size + self._before.size)
+        sizes = [mujoco.mj_stateSize(model, STATE), 2, 1, self._wrist.size, self._before.size, model.ntree]
+        self._saved, self._ends = np.zeros(sum(sizes)), np.cumsum(sizes)[:-1]
 
     def _places(self) -> None:
         model = self.model
@@ -158,23 +160,22 @@ class MujocoBackend:
         return hashlib.sha256(f"{mujoco.__version__} {scene_xml(self.scene)}".encode()).digest()
 
     def save(self) -> bytes:
-        """Return the state between two steps, with the locks, the work so far, what was measured last and before."""
-        state, locked, work, wrist, before = self._parts(self._saved)
+        """Return the state between two steps, with the locks, the work so far, what was measured last and before.
+
+        What sleeps is part of it, too.
+        """
+        state, locked, work, wrist, before, asleep = np.split(self._saved, self._ends)
         mujoco.mj_getState(self.model, self.data, state, STATE)
+        asleep[:] = self.data.tree_asleep
         locked[:], work[:], wrist[:] = self._locked, self._work, self.data.sensordata[self._wrist.ravel()]
         before[:] = self._before.ravel()
         return self._saved.tobytes()
 
-    def _parts(self, saved: Array) -> list[Array]:
-        """Return the parts of what `save` returns, as views."""
-        return np.split(
-            saved, np.cumsum([saved.size - 3 - self._wrist.size - self._before.size, 2, 1, self._wrist.size])
-        )
-
     def restore(self, saved: bytes) -> None:
         """Take up a state of `save`: the same commands lead to the same states, bit for bit."""
-        state, locked, work, wrist, before = self._parts(np.frombuffer(saved))
+        state, locked, work, wrist, before, asleep = np.split(np.frombuffer(saved), self._ends)
         mujoco.mj_setState(self.model, self.data, state, STATE)
+        sleeping.restore(self.model, self.data, asleep)
         self._lock(locked)
         self._work = float(work[0])
         mujoco.mj_step1(self.model, self.data)
