@@ -8,6 +8,7 @@ It needs no model and no set-point, so it works when everything else has failed;
 import numpy as np
 from numpy.typing import NDArray
 
+from velma.control.limits import within
 from velma.names import TORQUE
 
 Array = NDArray[np.float64]
@@ -25,4 +26,4 @@ def torque(v: Array) -> Array:
     A speed that is not a number, or beyond FASTEST, gets no torque: the joint may be at rest.
     """
     known = np.where(np.abs(v) <= FASTEST, v, 0.0)
-    return np.asarray(np.clip(-VISCOSITY * known, -TORQUE, TORQUE))
+    return within(-VISCOSITY * known, -TORQUE, TORQUE)

@@ -12,6 +12,7 @@ Arrays are (2, 3): rows right and left, fingers one, two, three.
 import numpy as np
 from numpy.typing import NDArray
 
+from velma.control.limits import within
 from velma.names import DISTAL_UPPER, FINGER_UPPER
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ TOUCH_CYCLES = 5  # in a row, so that the jerk at the start is not a touch; esti
 
 def distal_target(motor: Array, proximal: Array) -> Array:
     """Return targets of the distal servos, rad."""
-    return np.asarray(np.clip(motor * (4.0 / 3.0) - proximal, 0.0, DISTAL_UPPER))
+    return within(motor * (4.0 / 3.0) - proximal, 0.0, DISTAL_UPPER)
 
 
 def effort(motor: Array, proximal: Array, distal: Array, speed: float) -> tuple[Array, Array]:
@@ -52,6 +53,6 @@ def stalled(motor: Array, proximal: Array, distal: Array, limit: Array) -> Mask:
 
 def advance(motor: Array, goal: Array, speed: Array, stall: Mask, dt: float) -> Array:
     """Return motor travels after dt: towards `goal` at `speed`; a stalled motor closes no further but may open."""
-    step = np.clip(goal - motor, -speed * dt, speed * dt)
+    step = within(goal - motor, -speed * dt, speed * dt)
     step = np.where(stall & (step > 0.0), 0.0, step)
-    return np.asarray(np.clip(motor + step, 0.0, FINGER_UPPER))
+    return within(motor + step, 0.0, FINGER_UPPER)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from velma.control.limits import within
 from velma.names import HEAD_LOWER, HEAD_SPEED, HEAD_UPPER
 
 Array = NDArray[np.float64]
@@ -12,7 +13,7 @@ Array = NDArray[np.float64]
 
 def reachable(goal: Array) -> Array:
     """Return the nearest pan and tilt (2,) rad that the head can take."""
-    return np.asarray(np.clip(goal, HEAD_LOWER, HEAD_UPPER))
+    return within(goal, HEAD_LOWER, HEAD_UPPER)
 
 
 def advance(target: Array, goal: Array, speed: float, dt: float) -> Array:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from services.executor.loop.program import Close, HandCommand, HandReport, Keep, Move, Open
 from velma.control import hand
+from velma.control.limits import within
 from velma.errors import MotionError
 from velma.names import FINGER_UPPER, SIDES, SPREAD_UPPER
 from velma.sim.backend import PAIR_LIMIT, SINGLE_LIMIT, Command, State
@@ -94,7 +95,7 @@ class Fingers:
                 self._go_on(row, state, dt)
         self.motor = hand.advance(self.motor, self._goal, self._speed, stall, dt)
         reach = SPREAD_SPEED * dt
-        self.spread += np.clip(self._spread_goal - self.spread, -reach, reach)
+        self.spread += within(self._spread_goal - self.spread, -reach, reach)
         command.spread[:] = self.spread
         command.proximal[:] = self.motor
         command.distal[:] = hand.distal_target(self.motor, state.proximal)
