@@ -67,7 +67,15 @@ class Search:
 
     def run(self, todo: Subtasks, state: str) -> Found | None:
         """Return what does these tasks in this state at km; None for no plan."""
-        self._declare()
+        try:
+            self._declare()
+            return self._planned(todo, state)
+        finally:
+            # It would keep each domain, and all that its methods know.
+            gtpyhop.main.current_domain = None
+            gtpyhop.main._domains.remove(self.domain)
+
+    def _planned(self, todo: Subtasks, state: str) -> Found | None:
         start = _State("start", km=state, steps=(), sought="", told=())
         options = {"strategy": "recursive_dfs", "structured_logging": False}
         with redirect_stdout(StringIO()), gtpyhop.PlannerSession(domain=self.domain, **options) as session:

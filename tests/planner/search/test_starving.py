@@ -1,5 +1,8 @@
 """Every fact is really asked: starved of any one of them, km makes the plan fail, and the reason is in words."""
 
+import gc
+import weakref
+
 import pytest
 
 from companion.languages import hfsm, rc, wm
@@ -86,3 +89,15 @@ def test_what_was_never_seen_is_looked_for_once(
     assert (asked.query.subject, asked.otherwise) == (word, hfsm.Outcome.FAILED)
     assert isinstance(end, hfsm.EndState)
     assert end.outcome is hfsm.Outcome.REPLAN
+
+
+def test_a_search_leaves_nothing_behind(km, beginning: Scene) -> None:
+    """Neither one that fails nor one that is broken off: the process that searches lives as long as the robot."""
+    starved = km(beginning, lambda query: isinstance(query, wm.GraspSet))
+    starved.plan("pour", "jar", "bowl")
+    with pytest.raises(RuntimeError, match="division"):
+        km(beginning, lambda query: isinstance(query, wm.GraspSet) and 1 / 0 == 0).plan("pour", "jar", "bowl")
+    gone = weakref.ref(starved)
+    del starved
+    gc.collect()
+    assert gone() is None
