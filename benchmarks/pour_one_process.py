@@ -5,7 +5,7 @@ communicates between them are left out. Appends one line per seed to a results f
 
     python benchmarks/pour_one_process.py --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
     python benchmarks/pour_one_process.py --scene env2 --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
-    python benchmarks/pour_one_process.py --eyes rays --noise height=0.01 --seeds 1-20 --out …
+    python benchmarks/pour_one_process.py --eyes rays --noise height=0.01,spin=true --seeds 1-20 --out …
     python benchmarks/pour_one_process.py --out benchmarks/results/pour_one_process.jsonl --table
 """
 
@@ -14,11 +14,12 @@ import statistics
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
+import msgspec
 import tables
 import typer
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from companion.eyes import Eyes
 from companion.languages import hfsm, rc, wm
@@ -35,11 +36,12 @@ from services.task import plan as plans
 from services.task.running import LOOK_FIRST, OF_KIND
 from services.task.words import SURVEY, observations
 from velma.kinematics.robot import Robot
-from velma.model.scene import CANONICAL, Scene, checked, load, vary
+from velma.model.scene import CANONICAL, Content, Noise, Scene, checked, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
 MOST_PLANS = 6
+Part = TypeVar("Part", Content, Noise)
 PAGE = Path(__file__).parents[1] / "docs/scenes.md"
 BEGIN, END = "<!-- noise: python benchmarks/pour_one_process.py --table -->\n", "<!-- /noise -->\n"
 
@@ -145,10 +147,16 @@ class Run:
 
 
 def noisy(scene: Scene, noise: str) -> Scene:
-    """Return a scene with other noise than its own."""
+    """Return a scene with other noise or content than its own."""
     changes = dict(one.split("=") for one in noise.split(",") if one)
-    values = {name: int(value) if name == "delay" else float(value) for name, value in changes.items()}
-    return checked(replace(scene, noise=replace(scene.noise, **values)))
+    of_content = {name: changes.pop(name) for name in Content.__struct_fields__ if name in changes}
+    content = changed(scene.content or Content(), of_content) if of_content else scene.content
+    return checked(replace(scene, noise=changed(scene.noise, changes), content=content))
+
+
+def changed(part: Part, changes: dict[str, str]) -> Part:
+    """Return a part of a scene with some values replaced, given as words."""
+    return msgspec.convert({**asdict(part), **changes}, type(part), strict=False)
 
 
 def measured(
@@ -174,8 +182,8 @@ def measured(
 
 
 def rows(lines: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the table of what each noise does, and below it why a pour was not done."""
-    yield "| eyes | noise that the scene has not | pours | done | simulated, median [s] |\n|---|---|---|---|---|\n"
+    """Yield the table of what each change of the scene does, and below it why a pour was not done."""
+    yield "| eyes | other than in the scene | pours | done | simulated, median [s] |\n|---|---|---|---|---|\n"
     failed = []
     kinds = sorted({(line["eyes"], line["noise"]) for line in lines if "noise" in line}, key=lambda one: one[::-1])
     for eyes, noise in kinds:
@@ -198,7 +206,7 @@ def main(
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
     scene: Annotated[str, typer.Option(help="a scene of velma/model/scenes")] = CANONICAL.stem,
     eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.PIXELS,
-    noise: Annotated[str, typer.Option(help="of the scene, as height=0.01,outliers=0.02")] = "",
+    noise: Annotated[str, typer.Option(help="or content of the scene, as height=0.01,spin=true")] = "",
     verbose: Annotated[bool, typer.Option()] = False,
     table: Annotated[bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")] = False,
 ) -> None:

@@ -58,11 +58,12 @@ class Thing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Content(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Number of grains in a vessel; their friction on its inside, None: that of objects.yaml."""
+    """Number of grains in a vessel; their friction on its inside, None: that of objects.yaml; whether they turn."""
 
     inside: str = "jar_1"
     grains: int = 30
     friction: float | None = None
+    spin: bool = False
 
 
 class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

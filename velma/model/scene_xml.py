@@ -1,19 +1,18 @@
-"""Writes a scene as MJCF around the robot: furniture, vessels, grains, and the settings of the physics.
+"""Writes a scene as MJCF around the robot: furniture, vessels, and the settings of the physics.
 
 Contact shapes (groups 0 and 3) and visual shapes (group 1) are separate: a vessel is plates and rings for physics and a
-smooth surface for pictures. Names: a body per thing under its id, `grain_<k>` for content.
+smooth surface for pictures. Names: a body per thing under its id; those of content are in grains.py.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 from xml.etree import ElementTree as ET
 
-import numpy as np
 import yaml
 
-from velma.model import surfaces
+from velma.model import grains, surfaces
 from velma.model.build import HERE, ROBOT_XML, quat_wxyz, text
 from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
 from velma.model.scene import BOXES, TABLES, Model, Scene, Thing
@@ -30,11 +29,6 @@ def objects() -> Numbers:
     return numbers
 
 
-def grain_name(k: int) -> str:
-    """Return the body of the k-th grain."""
-    return f"grain_{k}"
-
-
 def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     """Return the MJCF of the robot in a scene, ready for `mujoco.MjModel.from_xml_string`."""
     root = ET.parse(ROBOT_XML).getroot()
@@ -46,24 +40,15 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     default, world = root.find("default"), root.find("worldbody")
     assert default is not None
     assert world is not None
-    _classes(default, _contacts(scene))
+    _classes(default, grains.contacts(objects(), scene.content))
     surfaces.studio(root, world, offscreen)
     _wrists(root)
     for thing in scene.things:
         _DRAW[thing.model](world, thing)
     vessel = scene.find(scene.content.inside) if scene.content else None
     if vessel is not None and scene.content is not None:
-        _grains(world, vessel, scene.content.grains)
+        grains.add(world, objects(), vessel.xyz, scene.content)
     return ET.tostring(root, encoding="unicode")
-
-
-def _contacts(scene: Scene) -> Numbers:
-    """Return the numbers of all contacts, with the friction of the content on the inside of a jar."""
-    contact: Numbers = objects()["contact"]
-    if scene.content is None or scene.content.friction is None:
-        return contact
-    inner = contact["inner"]
-    return {**contact, "inner": {**inner, "friction": [scene.content.friction, *inner["friction"][1:]]}}
 
 
 def _wrists(root: ET.Element) -> None:
@@ -174,34 +159,6 @@ def _look(body: ET.Element, mesh: str) -> None:
     for part in surfaces.VESSELS[mesh]:
         look = {"class": LOOK_CLASS, "mesh": part.mesh, "material": part.material}
         ET.SubElement(body, "geom", {"name": f"{body.get('name')}_{part.mesh}", "type": "mesh", **look})
-
-
-def _grains(world: ET.Element, jar: Thing, count: int) -> None:
-    """Add grains that slide along three axes and do not turn: a pile of free joints costs five times as much."""
-    grain = objects()["grain"]
-    for k, at in zip(range(count), _stacked(grain["radius"]), strict=False):
-        body = ET.SubElement(world, "body", name=grain_name(k), pos=text(np.add(jar.xyz, at)))
-        for axis in ("1 0 0", "0 1 0", "0 0 1"):
-            ET.SubElement(body, "joint", type="slide", axis=axis)
-        look = {"class": "grain", "material": "grain"}
-        size = text([grain["radius"]])
-        ET.SubElement(body, "geom", {"type": "sphere", "size": size, "mass": text([grain["mass"]]), **look})
-
-
-def _stacked(radius: float) -> Iterator[tuple[float, float, float]]:
-    """Yield places in a jar without overlap, layer by layer from the bottom, in the frame of the jar."""
-    jar = objects()["jar"]
-    room = jar["radius"] - jar["wall"] - radius - 0.0015
-    pitch = 2.06 * radius
-    reach = int(room / pitch) + 2
-    for layer in range(int(jar["height"] / pitch)):
-        z = -jar["height"] / 2 + 0.006 + radius + 0.95 * pitch * layer
-        shift = 0.25 * pitch * (layer % 2)
-        for ix in range(-reach, reach + 1):
-            for iy in range(-reach, reach + 1):
-                x, y = (ix + 0.5 * (iy % 2)) * pitch + shift, 0.87 * iy * pitch + shift
-                if math.hypot(x, y) <= room:
-                    yield x, y, z
 
 
 _DRAW = {

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from velma.model.grains import grain_name
 from velma.model.scene import MOVEABLE, TABLES, Model, Scene
-from velma.model.scene_xml import grain_name, objects
+from velma.model.scene_xml import objects
 from velma.names import SIDES
 from velma.sim.forces import Forces
 from velma.sim.mujoco_backend import MujocoBackend

@@ -32,7 +32,7 @@ MEMORY = "loop.memory"
 MAGIC = b"VELMAWM2"
 _HEAD = struct.Struct("<8s32s16s")  # magic, fingerprint of the world, its epoch
 _PLACES = {"motion": (64, 4 << 20), "even": ((4 << 20) + 64, 5 << 20), "odd": ((5 << 20) + 64, 6 << 20)}
-"""Start and end of the slots [bytes]. The file is sparse. A world of 60 grains, the most, has 13 kB."""
+"""Start and end of the slots [bytes]. The file is sparse. A world of 60 grains, the most, has 20 kB where they spin."""
 _USUAL = 96 << 10
 """Room of a slot that is taken on the disk at once [bytes]: the knots of 8 s; a world and the rest."""
 

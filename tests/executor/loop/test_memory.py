@@ -168,6 +168,21 @@ def test_another_scene_is_another_world(path):
     assert other.cycles == 0
 
 
+def test_the_largest_world_is_kept(path):
+    """As many grains as a scene may have, each with its turns: they fall on as they would have."""
+    content = scene.Content(grains=scene.MOST_GRAINS, spin=True)
+    largest = msgspec.structs.replace(scene.load(), content=content)
+    core, other = (LoopCore(MujocoBackend(largest), dynamics=DYNAMICS) for _ in range(2))
+    keeper = Keeper(path, core, core.backend)
+    killed_after(core, keeper, 20)
+    assert len(core.backend.save()) == pytest.approx(20e3, rel=0.05), "as the comment beside the slots says"
+    assert Keeper(path, other, other.backend).restored
+    for _ in range(50):
+        core.cycle()
+        other.cycle()
+        assert everything(other) == everything(core)
+
+
 @pytest.mark.parametrize("damage", [b"", b"VELMAWM1", b"x" * 100])
 def test_a_damaged_file_is_a_new_world(path, damage):
     """And a file that was never written."""

@@ -14,8 +14,9 @@ from velma.eyes import content
 from velma.eyes.fit import View
 from velma.eyes.lens import lens
 from velma.kinematics.robot import Robot
+from velma.model.grains import grain_name
 from velma.model.scene import Content, Model, Scene, load
-from velma.model.scene_xml import grain_name, objects
+from velma.model.scene_xml import objects
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.photographs import Photographs
 
@@ -23,39 +24,43 @@ TABLE_Z, RIM_Z, GRAINS = 0.776, 0.872, 30
 FALL_STEPS = 500  # one second
 NEAR, FAR = 0.75, 1.1  # [m] from the robot's axis: where a bowl is put to be poured into, and beyond
 OFF = 4  # grains; of 68 piles that fell from 2 to 12 cm the worst was 5.3 off
+OFF_SPUN = 5  # grains that spin spread wider, and look like more: of 52 piles the worst was 4.9 off
 pytestmark = pytest.mark.timeout(120)
 
 
 class Pile:
-    """Grains that fell into a bowl `far` [m] from the robot, seen by its head camera; `beside`: off its middle [m]."""
+    """Grains that fell into a bowl `far` [m] from the robot, seen by its head camera; `beside`: off its middle [m];
+    `spin`: whether they turn."""
 
-    def __init__(self, grains: int, far: float, beside: float) -> None:
-        backend = MujocoBackend(_scene(grains))
+    def __init__(self, grains: int, far: float, beside: float, spin: bool) -> None:
+        scene = _scene(grains, spin)
+        backend = MujocoBackend(scene)
         self.model, self.data = backend.data.model, backend.data
         self.at = far * np.array([math.cos(-0.4), math.sin(-0.4)])
         self.rng = np.random.default_rng(grains)
-        self._let_fall(grains, beside)
+        self._let_fall(grains, beside, spin)
         goal = aim(0.0, (*self.at, RIM_Z))
         for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
             self.data.qpos[self.model.joint(name).qposadr[0]] = angle
         eye = Robot().camera(0.0, goal.pan, goal.tilt)
         self.view = View(lens(), eye.rotation, eye.translation)
         self.inside = sum(self._in_bowl(k) for k in range(grains))
-        camera = Photographs(_scene(grains))
+        camera = Photographs(scene)
         self.pixels = camera.take(self.data.qpos, 1)
         camera.close()
 
-    def _let_fall(self, grains: int, beside: float) -> None:
+    def _let_fall(self, grains: int, beside: float, spin: bool) -> None:
         """Let grains fall from 10 cm above the floor; all else is held where it is."""
         start = self.model.jnt_qposadr[self.model.body("bowl_1").jntadr[0]]
         self.data.qpos[start : start + 7] = [*self.at, TABLE_Z, 1.0, 0.0, 0.0, 0.0]
         moving, falling = [], []
         for k, offset in zip(range(grains), _stack(), strict=False):
             body = self.model.body(grain_name(k))
-            moving += [columns := self.model.jnt_qposadr[body.jntadr[0]] + np.arange(3)]
-            falling += [self.model.jnt_dofadr[body.jntadr[0]] + np.arange(3)]
+            columns = self.model.jnt_qposadr[body.jntadr[0]] + np.arange(7 if spin else 3)
+            moving.append(columns)
+            falling.append(self.model.jnt_dofadr[body.jntadr[0]] + np.arange(6 if spin else 3))
             at = np.array([*self.at, TABLE_Z]) + offset + [beside, 0.0, 0.1] + self.rng.normal(0.0, 0.002, 3)
-            self.data.qpos[columns] = at - body.pos
+            self.data.qpos[columns[:3]] = at if spin else at - body.pos
         still = np.setdiff1d(np.arange(self.model.nq), moving)
         held, kept = np.setdiff1d(np.arange(self.model.nv), falling), self.data.qpos[still].copy()
         for _ in range(FALL_STEPS):
@@ -87,15 +92,15 @@ def _stack() -> Iterator[np.ndarray]:
         yield from (np.array([x, y, 0.018 * layer]) for x, y in flat if math.hypot(x, y) < 0.04)
 
 
-def _scene(grains: int) -> Scene:
+def _scene(grains: int, spin: bool) -> Scene:
     scene = load()
-    return Scene(scene.name, scene.things, Content(grains=grains), scene.noise)
+    return Scene(scene.name, scene.things, Content(grains=grains, spin=spin), scene.noise)
 
 
 @cache
-def pile(grains: int, far: float = NEAR, beside: float = 0.0) -> Pile:
+def pile(grains: int, far: float = NEAR, beside: float = 0.0, spin: bool = False) -> Pile:
     """One pile; made once."""
-    return Pile(grains, far, beside)
+    return Pile(grains, far, beside, spin)
 
 
 def test_nothing_is_seen_in_an_empty_bowl() -> None:
@@ -103,14 +108,15 @@ def test_nothing_is_seen_in_an_empty_bowl() -> None:
     assert pile(0).seen == 0.0
 
 
+@pytest.mark.parametrize("spin", [False, True])
 @pytest.mark.parametrize("beside", [0.0, 0.03])
 @pytest.mark.parametrize("grains", [2, 8, 15, GRAINS])
-def test_the_amount_is_right_to_some_grains(grains: int, beside: float) -> None:
-    """In the middle or beside it."""
-    one = pile(grains, beside=beside)
+def test_the_amount_is_right_to_some_grains(grains: int, beside: float, spin: bool) -> None:
+    """In the middle or beside it, of grains that turn or do not."""
+    one = pile(grains, beside=beside, spin=spin)
     assert one.inside > 0.6 * grains
     assert one.seen is not None
-    assert abs(one.seen - one.inside) <= OFF
+    assert abs(one.seen - one.inside) <= (OFF_SPUN if spin else OFF)
 
 
 def test_half_is_told_from_all() -> None:

@@ -139,6 +139,8 @@ def test_things_that_overlap_are_refused(moved, words):
     [
         ('model = "jar"', 'model = "cup"', 25),
         ("grains = 30", "grains = 300", 39),
+        ("grains = 30", 'grains = 30\nspin = "fast"', 40),
+        ("grains = 30", "grains = 30\nspin = 1", 40),
         ("position = 0.004", 'position = "no"', 42),
         ('id = "bowl_1"', 'id = "bowl"', 31),
         ('inside = "cabinet_2"', 'inside = "shed_1"', 28),
