@@ -78,12 +78,14 @@ class Store:
         return Graph(store=OxigraphStore(store=self._triples), identifier=DATASET_DEFAULT_GRAPH_ID)
 
     def _about(self, node: ox.NamedNode) -> list[ox.Quad]:
-        """Return the written triples of a subject, without those of the ontology."""
-        return [quad for quad in self._triples.quads_for_pattern(node, None, None) if quad.predicate.value not in _KEPT]
+        """Return the written triples of a subject; what else stands on a part of the robot is the ontology's."""
+        part = node.value.startswith(str(ROCO))
+        found = self._triples.quads_for_pattern(node, None, None)
+        return [quad for quad in found if not part or quad.predicate in _OF_PARTS]
 
 
-# From the ontology, on parts of the robot.
-_KEPT = frozenset({str(ROCO.isPartOf), str(ROCO.atSide)})
+_OF_PARTS = (_RECORD, _VERSION, _OBSERVED)
+"""Predicates that are written on a part of the robot."""
 
 
 class Subject(msgspec.Struct, frozen=True):
