@@ -12,6 +12,7 @@ from companion.languages import wm
 from companion.languages.values import Pose
 from companion.models import GRASPS, MODELS, REACH, Model, fitting
 from services.knowledge import geometry
+from services.knowledge.extents import cells, extent
 from services.knowledge.ontology import below, is_kind
 from services.knowledge.overlays import Overlays, unknown_state
 from services.knowledge.scene import Scene, Thing
@@ -156,11 +157,10 @@ def _environment(scene: Scene, query: wm.EnvironmentShapes) -> wm.AnyAnswer:
 
 
 def _collisions(scene: Scene, query: wm.CollisionsInVolume) -> wm.AnyAnswer:
-    return _objects(
-        thing
-        for thing in scene.things.values()
-        if thing.id not in query.ignored and scene.holder(thing.id) is None and _reaches_into(thing, query.volume)
-    )
+    box = geometry.bounds(query.volume, _WORLD)
+    near = scene.marked.near(cells(box)) - set(query.ignored)
+    found = (thing for name, thing in scene.things.items() if name in near and scene.holder(name) is None)
+    return _objects(thing for thing in found if _reaches_into(thing, query.volume, box))
 
 
 def _reserved(scene: Scene, query: wm.ReservedSpace) -> wm.AnyAnswer:
@@ -236,7 +236,10 @@ def _objects(things: Iterable[Thing]) -> wm.Objects:
     return wm.Objects(tuple(wm.Object(thing.id, thing.model, thing.kind) for thing in things))
 
 
-def _reaches_into(thing: Thing, volume: Any) -> bool:
+def _reaches_into(thing: Thing, volume: Any, box: geometry.Bounds) -> bool:
+    around = extent(thing.model, thing.pose)
+    if around is not None and geometry.apart(around, box):
+        return False
     shapes = thing.known.shapes if thing.known else ()
     return any(geometry.overlap(shape, thing.pose, volume, _WORLD) for shape in shapes)
 

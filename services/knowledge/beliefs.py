@@ -17,7 +17,7 @@ from fipa_codec.errors import FipaError
 from services.knowledge.observe import observed, subject_of
 from services.knowledge.overlays import Overlays
 from services.knowledge.scene import Scene
-from services.knowledge.store import Subject, subjects
+from services.knowledge.subjects import Subject, differing, subjects
 
 
 class Source(msgspec.Struct, frozen=True):
@@ -77,9 +77,7 @@ class Beliefs:
             return
         source = Source(communicate.id, communicate.sender, at, subject_of(sight))
         self.sources.append(source)
-        old, new = subjects(self.scene), subjects(scene)
-        gone = {quad for key, one in old.items() if new.get(key) != one for quad in one.quads()}
-        come = {quad for key, one in new.items() if old.get(key) != one for quad in one.quads()}
+        gone, come = (_quads(some) for some in differing(self.scene, scene))
         for quad in gone - come:
             del self.facts[quad]
         for quad in come - gone:
@@ -101,6 +99,10 @@ class Beliefs:
     def supposed(self, state: str) -> Iterable[Subject]:
         """Return the scene of a hypothetical state."""
         return subjects(self.overlays.states[state].scene).values()
+
+
+def _quads(subjects: Iterable[Subject]) -> set[ox.Quad]:
+    return {quad for subject in subjects for quad in subject.quads()}
 
 
 def believed(heard: Iterable[Heard]) -> Beliefs:

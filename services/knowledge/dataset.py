@@ -12,7 +12,7 @@ from rdflib import RDF
 from companion.asking import PREFIXES
 from services.knowledge.beliefs import Beliefs, Source
 from services.knowledge.ontology import ROCO, read
-from services.knowledge.store import CONTENT, THING, iri
+from services.knowledge.subjects import CONTENT, THING, iri
 
 
 def dataset(beliefs: Beliefs, begin: float) -> ox.Store:

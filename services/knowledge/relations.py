@@ -3,6 +3,7 @@
 Pure functions of a scene. Must not know: where poses come from.
 """
 
+from collections.abc import Set
 from functools import cache
 
 import msgspec
@@ -10,11 +11,9 @@ import msgspec
 from companion.languages.values import Pose, Vector
 from companion.models import MODELS, Flat, Model
 from services.knowledge import geometry
+from services.knowledge.extents import TOUCH_M, cells_of
 from services.knowledge.scene import Scene, Thing
 
-# An object whose base is this close to a surface stands on it: poses are seen with some 4 mm error, and an object
-# tilted by a degree or two stands a few mm higher; estimate.
-TOUCH_M = 0.03
 # The foot of an object is taken this far above its base, so that an object on a roof is not inside; estimate.
 INSIDE_M = 0.01
 
@@ -24,12 +23,16 @@ def related(scene: Scene, now: float, *touched: str) -> Scene:
 
     `now`: time of the newest observation [s]. Relations between things that stayed are kept.
     """
-    moved = [scene.things[name] for name in touched if name in scene.things]
-    things = {
-        name: _related(scene, thing, now) if any(_concerns(other, thing) for other in moved) else thing
-        for name, thing in scene.things.items()
-    }
-    return msgspec.structs.replace(scene, things=things)
+    things = scene.marked
+    moved = [things[name] for name in touched if name in things]
+    near = {name for one in moved for name in (one.id, *things.upon(one.id), *_near(scene, one))}
+    concerned = (things[name] for name in near if any(_concerns(one, things[name]) for one in moved))
+    renewed = [after for thing in concerned if (after := _related(scene, thing, now)) is not thing]
+    return msgspec.structs.replace(scene, things=things.having(renewed)) if renewed else scene
+
+
+def _near(scene: Scene, thing: Thing) -> Set[str]:
+    return scene.marked.near(cells_of(thing.model, thing.pose))
 
 
 def _concerns(moved: Thing, thing: Thing) -> bool:
@@ -48,7 +51,7 @@ def relate(scene: Scene, thing: Thing) -> tuple[str, tuple[str, ...]]:
         return "", ()
     if scene.holder(thing.id) is not None:
         return "", ()  # it moves with the hand
-    others = [other for other in scene.things.values() if other.id != thing.id and other.known is not None]
+    others = [scene.things[name] for name in _near(scene, thing) if name != thing.id]
     inside = tuple(sorted(other.id for other in others if other.known and _is_in(thing, model, other, other.known)))
     return _support(thing, model, others), inside
 

@@ -5,10 +5,13 @@ records, so a hypothesis needs only the memory of its changes. It is encoded who
 stores, agents, queries.
 """
 
+from collections.abc import Iterable, Mapping, Set
+
 import msgspec
 
 from companion.languages.values import Pose, Shape, Side, Uncertainty
 from companion.models import MODELS, Model
+from services.knowledge.extents import Cells, cells_of
 
 PARTS = {"torso": 1, "right_arm": 7, "left_arm": 7, "head": 2, "right_hand": 4, "left_hand": 4}
 """Number of joints by part of the body."""
@@ -58,6 +61,64 @@ class Thing(msgspec.Struct, frozen=True, omit_defaults=True):
         return self.known is not None and self.known.moveable
 
 
+Mark = tuple[int, int] | str | None
+"""A cell that a thing reaches, None for any cell; or the id of another thing, which it is on or in."""
+
+
+class Things(dict[str, Thing]):
+    """Objects by id, and the ids of those that have a mark. Never changed in place.
+
+    In a record it is a dict like any other; the marks are made again from it.
+    """
+
+    def __init__(self, things: Mapping[str, Thing]) -> None:
+        super().__init__(things)
+        self._marked: dict[Mark, frozenset[str]] = {}
+        if isinstance(things, Things):
+            self._marked |= things._marked
+        else:
+            for name, thing in things.items():
+                self._mark(name, frozenset(), _marks(thing))
+
+    def having(self, things: Iterable[Thing]) -> "Things":
+        """Return these objects with some as given."""
+        after = Things(self)
+        for thing in things:
+            after._mark(thing.id, _marks(self.get(thing.id)), _marks(thing))
+            after[thing.id] = thing
+        return after
+
+    def without(self, name: str) -> "Things":
+        """Return these objects without one."""
+        after = Things(self)
+        after._mark(name, _marks(after.pop(name, None)), frozenset())
+        return after
+
+    def near(self, cells: Cells | None) -> Set[str]:
+        """Return the ids of all that may touch what reaches these cells, and of some others."""
+        if cells is None:
+            return self.keys()
+        return frozenset().union(*(self._marked.get(mark, ()) for mark in (None, *cells)))
+
+    def upon(self, name: str) -> Set[str]:
+        """Return the ids of the objects that are on or in another."""
+        return self._marked.get(name, frozenset())
+
+    def _mark(self, name: str, old: frozenset[Mark], new: frozenset[Mark]) -> None:
+        for mark in old - new:
+            left = self._marked.pop(mark) - {name}
+            self._marked |= {mark: left} if left else {}
+        for mark in new - old:
+            self._marked[mark] = self._marked.get(mark, frozenset()) | {name}
+
+
+def _marks(thing: Thing | None) -> frozenset[Mark]:
+    if thing is None:
+        return frozenset()
+    cells = cells_of(thing.model, thing.pose)
+    return frozenset((*((None,) if cells is None else cells), *thing.inside, *((thing.on,) if thing.on else ())))
+
+
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
     """The object in a hand ("" for none), by which grasp, and T_grip_object."""
 
@@ -93,6 +154,17 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     times: dict[str, float] = {}
     lost: dict[str, Lost] = {}
 
+    def __post_init__(self) -> None:
+        """Keep the things with their marks; none at all as a plain dict, which a record leaves out."""
+        kind = Things if self.things else dict
+        if type(self.things) is not kind:
+            msgspec.structs.force_setattr(self, "things", kind(self.things))
+
+    @property
+    def marked(self) -> Things:
+        """The things with their marks."""
+        return self.things if isinstance(self.things, Things) else Things({})
+
     def holder(self, object: str) -> Side | None:
         """Return the hand that holds an object, None for none."""
         return next((side for side, held in self.hands.items() if held.object == object), None)
@@ -100,15 +172,15 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
     def with_thing(self, thing: Thing) -> "Scene":
         """Return the scene with this object as given."""
         lost = {name: one for name, one in self.lost.items() if name != thing.id}
-        return msgspec.structs.replace(self, things={**self.things, thing.id: thing}, lost=lost)
+        return msgspec.structs.replace(self, things=self.marked.having((thing,)), lost=lost)
 
     def without(self, name: str, side: Side | None) -> "Scene":
         """Return the scene after the hand `side` lost this object, or it was missing (None)."""
         known = self.things.get(name) or self.lost.get(name)
         kind = known.kind if known is not None else "PhysicalObject"
         hands = {where: Held() if held.object == name else held for where, held in self.hands.items()}
-        things = {other: one for other, one in self.things.items() if other != name}
-        return msgspec.structs.replace(self, things=things, hands=hands, lost={**self.lost, name: Lost(kind, side)})
+        lost = {**self.lost, name: Lost(kind, side)}
+        return msgspec.structs.replace(self, things=self.marked.without(name), hands=hands, lost=lost)
 
     def with_hand(self, side: Side, held: Held) -> "Scene":
         """Return the scene with this hand; an object in it leaves the other hand, and its pose is not exact."""

@@ -10,7 +10,8 @@ from rdflib import RDF, URIRef
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Pose, Side, Uncertainty
 from services.knowledge.ontology import ROCO, below
-from services.knowledge.store import THING, Store, iri
+from services.knowledge.store import Store
+from services.knowledge.subjects import THING, iri
 
 from .conftest import KITCHEN
 from .storing import store_observation
@@ -103,6 +104,7 @@ def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -
     assert list(graph.objects(jar, ROCO.isGraspedBy)) == [ROCO.left_hand]
     assert len(list(graph.objects(jar, ROCO.record))) == 1
     assert str(graph.value(ROCO.left_hand, ROCO.atSide)) == "left"
+    assert (ROCO.left_hand, RDF.type, ROCO.Gripper) in graph
 
 
 def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> None:
