@@ -183,16 +183,19 @@ def measured(
 
 def rows(lines: list[dict[str, Any]]) -> Iterator[str]:
     """Yield the table of what each change of the scene does, and below it why a pour was not done."""
-    yield "| eyes | other than in the scene | pours | done | simulated, median [s] |\n|---|---|---|---|---|\n"
+    yield "| scene | eyes | other than in the scene | pours | done | simulated, median [s] |\n"
+    yield "|---|---|---|---|---|---|\n"
     failed = []
-    kinds = sorted({(line["eyes"], line["noise"]) for line in lines if "noise" in line}, key=lambda one: one[::-1])
-    for eyes, noise in kinds:
-        same = [one for one in lines if (one.get("eyes"), one.get("noise")) == (eyes, noise)]
+    kinds = {(line["scene"], line["eyes"], line["noise"]) for line in lines if "noise" in line}
+    for scene, eyes, noise in sorted(kinds, key=lambda one: (one[2], *one[:2])):
+        same = [one for one in lines if (one["scene"], one.get("eyes"), one.get("noise")) == (scene, eyes, noise)]
         done = [one for one in same if one["success"]]
         middle = statistics.median(one["sim_time_s"] for one in done) if done else math.nan
         words = noise.replace(",", ", ").replace("=", " ") or "none"
-        yield f"| {eyes} | {words} | {len(same)} | {len(done)} | {middle:.0f} |\n"
-        failed += [f"- {eyes}, {words}, seed {one['seed']}: {why(one)}\n" for one in same if not one["success"]]
+        yield f"| {scene} | {eyes} | {words} | {len(same)} | {len(done)} | {middle:.0f} |\n"
+        failed += [
+            f"- {scene}, {eyes}, {words}, seed {one['seed']}: {why(one)}\n" for one in same if not one["success"]
+        ]
     yield "".join(["\n", *failed]) if failed else ""
 
 
