@@ -118,7 +118,7 @@ class Km:
 
 
 def seen(objects: int) -> Scene:
-    """The scene of so many objects."""
+    """Return a scene with this many objects."""
     scene = Scene()
     for count, sight in enumerate(observations(objects - SCENE), start=1):
         scene = observed(scene, sight, (1, count), 2.0)

@@ -51,7 +51,7 @@ setup_venv() {
 # Make .venv hold what is locked, and the project itself, editable. Quick when nothing changed since the last time.
 setup() {
     local stamp=.venv/.locked want
-    want=$(cksum requirements/all.txt pyproject.toml scripts/setup.sh velma/compiled/*.c && pwd)
+    want=$(cksum requirements/all.txt pyproject.toml scripts/setup.sh velma/compiled/*.[ch] && pwd)
     if [ -x .venv/bin/python ] && [ "$(cat "$stamp" 2>/dev/null)" = "$want" ]; then
         return
     fi

@@ -23,7 +23,7 @@ CELL_M = 0.25
 WIDE_M = 4.0
 # What is farther away is compared with everything; estimate: no room is so large, and rounding is far below ROUNDING_M.
 FAR_M = 1e6
-# A quaternion whose length is farther from 1 is no turn; estimate: one with four digits is within.
+# Largest error of a quaternion's length; beyond it a pose is not rigid. Estimate: four digits are within.
 UNIT = 1e-3
 # Added to each side of a box: more than a quaternion within UNIT moves any point of a model (estimate).
 ROUNDING_M = 0.01

@@ -1,4 +1,4 @@
-"""A scene in the terms of O_RoCo: what is written on each node, and what differs between two scenes.
+"""The triples of a scene in the terms of O_RoCo, and the differences between two scenes.
 
 Facts (class, model, relations, who holds what, time of observation) are triples. The numbers of a subject are one
 literal (a record): as nodes they would cost ten times as much. Must not know: stores, queries.
@@ -88,9 +88,9 @@ def differing(old: Scene, new: Scene) -> tuple[list[Subject], list[Subject]]:
 
 
 def _touched(old: Scene, new: Scene) -> set[str]:
-    """Return names of all things and contents that may differ: what is the same object in both scenes does not.
+    """Return the names of all things and contents that may differ: their objects are not the same in both scenes.
 
-    A new time has a new version.
+    A new time comes with a new version.
     """
     names = {key.partition(":")[2] for key in _changed(old.versions, new.versions)}
     held = {held.object for scene in (old, new) for held in scene.hands.values()}

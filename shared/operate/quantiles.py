@@ -1,4 +1,4 @@
-"""The value that a share of some values does not exceed, and whether so few values have one. Pure."""
+"""Quantiles by the nearest rank, and whether there are enough values for one. Pure."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ def tail(values: Sequence[float], share: float) -> float | None:
 
 
 def enough(count: int, share: float) -> bool:
-    """Whether a quantile of so many values is not just the largest: from 20 on for 95 %, from 100 on for 99 %."""
+    """Whether the quantile of `count` values is below the largest: 20 are enough for 95 %, 100 for 99 %."""
     return _rank(count, share) < count - 1
 
 

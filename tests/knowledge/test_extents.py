@@ -92,7 +92,7 @@ def test_the_extent_of_a_thing_holds_all_that_relations_look_at(model: Model, po
 
 @pytest.mark.parametrize("pose", ANYWHERE)
 def test_what_is_nowhere_is_compared_with_everything(pose: Pose) -> None:
-    """A pose that is no turn, no number, or too far away breaks nothing; an unknown model touches nothing."""
+    """A pose that is not rigid, not finite or too far away breaks nothing; an unknown model touches nothing."""
     assert cells_of("jar", pose) is None
     assert near(Thing("thing", "jar", pose), Thing("other", "jar", ORIGIN))
     assert cells_of("teapot", pose) == frozenset()

@@ -87,7 +87,7 @@ def marks_are_as_made_anew(scene: Scene) -> bool:
 
 @given(stories)
 def test_who_is_compared_with_the_near_is_related_as_by_all(story: list[wm.AnySight | str]) -> None:
-    """After each observation; also to what is not where it was, and to what is no rigid pose."""
+    """After each observation; also where a thing has moved, and for poses that are not rigid."""
     found = scenes(story)
     with compared_with_all():
         assert scenes(story) == found

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-SOURCES = tuple(sorted(FOLDER.glob("*.c")))
+SOURCES = tuple(sorted(FOLDER.glob("*.[ch]")))
 
 
 def built() -> Path:

@@ -19,7 +19,7 @@ def build() -> str:
     if target.exists() or compiler is None:
         return "" if target.exists() else "there is no C compiler (Debian: apt install gcc libc6-dev)"
     new = target.with_suffix(f".{os.getpid()}")
-    command = [compiler, *FLAGS, *map(str, SOURCES), "-o", str(new), "-lm"]
+    command = [compiler, *FLAGS, *(str(source) for source in SOURCES if source.suffix == ".c"), "-o", str(new), "-lm"]
     try:
         subprocess.run(command, check=True, capture_output=True, text=True, timeout=WITHIN_S)
         for old in FOLDER.glob("velma-*.so"):

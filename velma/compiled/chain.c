@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "cholesky.h"
+
 enum { MOST = 16, ALL = 15 }; /* joints of a chain at most (velma.kinematics.chain looks); columns of a posture */
 
 typedef struct {
@@ -106,31 +108,6 @@ static void logarithm(const double *r, double *out)
         out[i] = angle * (i == k ? length : 0.25 * (r[3 * k + i] + r[3 * i + k]) / length);
 }
 
-/* Solve a x = b for a symmetric, positive definite matrix (6, 6), in place (Cholesky). */
-static void solve_six(double a[6][6], double *b)
-{
-    for (int j = 0; j < 6; j++) {
-        for (int k = 0; k < j; k++)
-            a[j][j] -= a[j][k] * a[j][k];
-        a[j][j] = sqrt(a[j][j]);
-        for (int i = j + 1; i < 6; i++) {
-            for (int k = 0; k < j; k++)
-                a[i][j] -= a[i][k] * a[j][k];
-            a[i][j] /= a[j][j];
-        }
-    }
-    for (int i = 0; i < 6; i++) {
-        for (int k = 0; k < i; k++)
-            b[i] -= a[i][k] * b[k];
-        b[i] /= a[i][i];
-    }
-    for (int i = 5; i >= 0; i--) {
-        for (int k = i + 1; k < 6; k++)
-            b[i] -= a[k][i] * b[k];
-        b[i] /= a[i][i];
-    }
-}
-
 /* What brings the end to the target: way [m] and rotation vector [rad]. */
 static int error_of(const Pose *here, const double *target, const Limits *limits, double *error)
 {
@@ -169,7 +146,8 @@ static void step(const Chain *chain, const Limits *limits, const Pose *here, dou
         square[i][i] += limits->damping;
         error[i] = fmin(fmax(error[i], -limits->largest_error), limits->largest_error);
     }
-    solve_six(square, error);
+    factor(square[0], 6); /* damping makes it positive definite */
+    substitute(square[0], 6, error);
     for (int k = 0; k < count; k++) {
         change[k] = 0.0;
         for (int i = 0; i < 6; i++)

@@ -1,7 +1,8 @@
 /* The torque law of both hands in one call. The plain way, whose numbers these are, is velma.control.cartesian. */
 
-#include <math.h>
 #include <string.h>
+
+#include "cholesky.h"
 
 enum { JOINTS = 15, TASK = 12 };
 
@@ -16,50 +17,16 @@ typedef struct {
     double inertia[TASK][TASK], through[TASK][JOINTS], torque[JOINTS];
 } Law;
 
-/* Lower factor of a symmetric, positive definite matrix (n, n) in place, rows `wide` apart; whether there is one. */
-static int factor(double *a, int n, int wide)
-{
-    for (int j = 0; j < n; j++) {
-        for (int i = j; i < n; i++) {
-            double sum = a[wide * i + j];
-            for (int k = 0; k < j; k++)
-                sum -= a[wide * i + k] * a[wide * j + k];
-            if (i > j)
-                a[wide * i + j] = sum / a[wide * j + j];
-            else if (sum > 0.0)
-                a[wide * j + j] = sqrt(sum);
-            else
-                return 0;
-        }
-    }
-    return 1;
-}
-
-/* Solve L L' x = b in place. */
-static void substitute(const double *l, int n, int wide, double *b)
-{
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++)
-            b[i] -= l[wide * i + k] * b[k];
-        b[i] /= l[wide * i + i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            b[i] -= l[wide * k + i] * b[k];
-        b[i] /= l[wide * i + i];
-    }
-}
-
 /* Write J M^-1 and Lam = (J M^-1 J' + regularisation)^-1; 0 if a matrix is not positive definite. */
 int law_inertia(Law *law)
 {
     double lower[JOINTS][JOINTS], mobility[TASK][TASK];
     memcpy(lower, law->mass, sizeof lower);
-    if (!factor(lower[0], JOINTS, JOINTS))
+    if (!factor(lower[0], JOINTS))
         return 0;
     memcpy(law->through, law->jacobian, sizeof law->through);
     for (int i = 0; i < TASK; i++)
-        substitute(lower[0], JOINTS, JOINTS, law->through[i]);
+        substitute(lower[0], JOINTS, law->through[i]);
     for (int i = 0; i < TASK; i++)
         for (int j = 0; j <= i; j++) {
             double sum = i == j ? law->regularisation : 0.0;
@@ -67,12 +34,12 @@ int law_inertia(Law *law)
                 sum += law->through[i][k] * law->jacobian[j][k];
             mobility[i][j] = sum;
         }
-    if (!factor(mobility[0], TASK, TASK))
+    if (!factor(mobility[0], TASK))
         return 0;
     for (int i = 0; i < TASK; i++) {
         memset(law->inertia[i], 0, sizeof law->inertia[i]);
         law->inertia[i][i] = 1.0;
-        substitute(mobility[0], TASK, TASK, law->inertia[i]);
+        substitute(mobility[0], TASK, law->inertia[i]);
     }
     return 1;
 }

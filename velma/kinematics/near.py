@@ -85,9 +85,8 @@ def near(shapes: Any, placed: Any, groups: Sequence[str], pairs: Array) -> Near 
     if (_address(last.rotation), _address(last.translation)) != (at[-1].ctypes.data, at[-1, 9:].ctypes.data):
         return None
     numbers: dict[tuple[int, str], int] = {}
-    for shape, group in zip(objects, groups, strict=True):
-        numbers.setdefault((shape.parentJoint, group), len(numbers))
-    bodies = np.array([numbers[shape.parentJoint, group] for shape, group in zip(objects, groups, strict=True)])
+    keys = [(shape.parentJoint, group) for shape, group in zip(objects, groups, strict=True)]
+    bodies = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
     call = built.near_pairs
     call.argtypes, call.restype = [ctypes.c_void_p, ctypes.c_double], ctypes.c_int
     return Near(call, at, objects, bodies, pairs)

@@ -64,7 +64,8 @@ class MujocoBackend:
         self._locked = np.zeros(2)
         self._work = 0.0
         sizes = [mujoco.mj_stateSize(model, STATE), 2, 1, self._wrist.size, self._before.size, model.ntree]
-        self._saved, self._ends = np.zeros(sum(sizes)), np.cumsum(sizes)[:-1]
+        self._saved, ends = np.zeros(sum(sizes)), np.cumsum(sizes)
+        self._parts = [slice(int(end - size), int(end)) for end, size in zip(ends, sizes, strict=True)]
 
     def _places(self) -> None:
         model = self.model
@@ -164,7 +165,7 @@ class MujocoBackend:
 
         What sleeps is part of it, too.
         """
-        state, locked, work, wrist, before, asleep = np.split(self._saved, self._ends)
+        state, locked, work, wrist, before, asleep = (self._saved[part] for part in self._parts)
         mujoco.mj_getState(self.model, self.data, state, STATE)
         asleep[:] = self.data.tree_asleep
         locked[:], work[:], wrist[:] = self._locked, self._work, self.data.sensordata[self._wrist.ravel()]
@@ -173,7 +174,7 @@ class MujocoBackend:
 
     def restore(self, saved: bytes) -> None:
         """Take up a state of `save`: the same commands lead to the same states, bit for bit."""
-        state, locked, work, wrist, before, asleep = np.split(np.frombuffer(saved), self._ends)
+        state, locked, work, wrist, before, asleep = (np.frombuffer(saved)[part] for part in self._parts)
         mujoco.mj_setState(self.model, self.data, state, STATE)
         sleeping.restore(self.model, self.data, asleep)
         self._lock(locked)

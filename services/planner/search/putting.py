@@ -108,7 +108,7 @@ def _through(
 
 
 def _reached(geometry: Geometry, here: Situation, side: Side, some: list[Placing]) -> tuple[Placing, Motion] | None:
-    """Return one of the placings and the motion to its begin; what was poured into the object is not tilted out."""
+    """Return one of the placings and the motion to its start; what was poured into the object is not tilted out."""
     goals, name = [placing.above for placing in some], here.held[side].object
     for number, (largest_tilt, efforts) in enumerate(CARRIED_TILT if goals else ()):
         if number and Facts(geometry.ask).filled(here.state, name):

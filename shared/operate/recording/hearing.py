@@ -1,4 +1,4 @@
-"""What reached an agent, and when, by its own step log: an answer is there when who asked hears it, not the recorder.
+"""What an agent heard and when, by its own step log. A latency ends where the asker hears, not the recorder.
 
 Times are those of the agent's clock (agent_runtime.io.clock), which is also that of what it says. It is even within a
 life; of two lives, or of two hosts, clocks may differ. So both ends of a span are times of one life of one agent.

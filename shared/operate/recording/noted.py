@@ -1,6 +1,6 @@
-"""The records in an agent's step log: what reached it and when, by its own clock, and its lives.
+"""Records of an agent's step log: what it heard and when, by its own clock, and when its lives began.
 
-Must not know: what the recorder heard.
+Must not know: the recording.
 """
 
 from collections.abc import Iterator

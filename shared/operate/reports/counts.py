@@ -65,7 +65,7 @@ class Spans(msgspec.Struct, frozen=True):
 
     @property
     def most(self) -> tuple[float, float]:
-        """Return 0.99 or 0.95, where so many values tell that share of them, else 1; and within what it is [ms]."""
+        """Return a share and the time [ms] that it does not exceed: 0.99 or 0.95 with enough values, else 1."""
         told = ((0.99, self.p99), (0.95, self.p95), (1.0, self.max))
         return next((share, ms) for share, ms in told if ms is not None)
 

@@ -75,9 +75,9 @@ def opengl() -> Iterator[Check]:
 
 
 def library() -> Iterator[Check]:
-    """Whether the hot loops of the planner run compiled here."""
+    """Whether the hot loops of planner and control loop run compiled here."""
     if compiled.library() is not None:
-        yield Check("compiled", Level.FINE, "collision checks and inverse kinematics run in C")
+        yield Check("compiled", Level.FINE, "collision checks, inverse kinematics and the torque law run in C")
     else:
         remedy = "`python -m velma.compiled` builds it, with a C compiler (Debian: apt install gcc libc6-dev)"
         yield Check("compiled", Level.NOTE, "no library of velma.compiled: planning takes twice as long", remedy)
