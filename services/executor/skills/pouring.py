@@ -107,6 +107,7 @@ def _tilted(
 ) -> Generator[Motion, Sensed, Sensed]:
     """Tilt, hold, and turn back along the same way; return what is felt then."""
     rim = flow.rim
+    here.filled.add(command.destination)
     try:
         yield motions.along(here, command.key, tilt[1:], TILT_SPEED, watch=rim, settle_s=command.hold)
     except (Cancelled, NotPossible):

@@ -23,6 +23,7 @@ SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.9
 SURE_MARKERS = 3  # in view, by which a thing is surely seen: two would do where each is read (estimate)
 FACING = math.cos(math.radians(60.0))  # least cosine of the angle at which a marker is surely read (estimate)
 EDGE_POINTS = 12  # 5 cm apart on a bowl: narrower than a finger with its neighbours (estimate)
+TINY = 1e-9  # above the rounding of a marker that faces along the z axis
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
 
@@ -43,9 +44,9 @@ class Situation:
     `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]. `unfinished`:
     pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
     [kg]; `arrived`: whether what left is seen in the destination. `contents`: mass seen in things [kg], by the last
-    look into each that no arm hid; `looked_into`: those of this act. `uncertain`: how far
-    the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in this act
-    and are not where they should be.
+    look into each that no arm hid; `looked_into`: those of this act. `filled`: things that something was poured into.
+    `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in
+    this act and are not where they should be.
     """
 
     robot: Robot
@@ -64,6 +65,7 @@ class Situation:
     arrived: bool | None = None
     contents: dict[str, float] = field(default_factory=dict)
     looked_into: set[str] = field(default_factory=set)
+    filled: set[str] = field(default_factory=set)
     uncertain: dict[str, Uncertainty] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)
 
@@ -105,11 +107,16 @@ class Situation:
         return self.world.hidden(q, eye, points, name) == 0
 
     def surely_seen(self, name: str) -> bool:
-        """Whether a thing would be seen from here if it is where it should be: nothing hides enough of its markers."""
+        """Whether a thing would be seen from here if it is where it should be: nothing hides enough of its markers.
+
+        Those inside a vessel may be covered by its content.
+        """
         if not self._stands(name):
             return False
         eye, pose = self._eye(self.q), self.seen[name]
-        markers = (corners @ pose.rotation.T + pose.translation for corners in self.markers.get(name, ()))
+        covered = name in self.filled or self.contents.get(name, 0.0) > 0.0
+        bare = (corners for corners in self.markers.get(name, ()) if not (covered and _inwards(corners)))
+        markers = (corners @ pose.rotation.T + pose.translation for corners in bare)
         sure = (at for at in markers if _read(at, eye) and not self.world.hidden(self.q, eye, list(at), name))
         return sum(1 for _ in sure) >= SURE_MARKERS
 
@@ -199,7 +206,16 @@ def beginning(robot: Robot, things: dict[str, str], markers: Mapping[str, Array]
 
 def _read(corners: Array, eye: Array) -> bool:
     """Whether a marker with these corners (4, 3) is near enough to the eye (3,) and faces it, so that it is read."""
-    right, down = corners[1] - corners[0], corners[3] - corners[0]
-    outwards, way = np.cross(down, right), eye - corners.mean(axis=0)
+    outwards, way = _normal(corners), eye - corners.mean(axis=0)
     size = float(np.linalg.norm(outwards) * np.linalg.norm(way))
     return float(np.linalg.norm(way)) <= SURE_M and float(outwards @ way) >= FACING * size
+
+
+def _inwards(corners: Array) -> bool:
+    """Whether a marker (4, 3) in its thing's frame faces the z axis: it is inside a vessel."""
+    return float(_normal(corners)[:2] @ corners.mean(axis=0)[:2]) < -TINY
+
+
+def _normal(corners: Array) -> Array:
+    """Return the direction (3,) that a marker with these corners (4, 3) faces, not of length 1."""
+    return np.asarray(np.cross(corners[3] - corners[0], corners[1] - corners[0]))

@@ -263,6 +263,24 @@ def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl: tuple[Situati
     assert (outcome.kind, outcome.missing) == ("missing", (BOWL,))
 
 
+@pytest.mark.parametrize("seen", [0.0, 0.03])
+def test_content_may_cover_what_is_inside(seen: float, over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """Below the jar the markers inside tell where the bowl is, until something is in it, poured or seen."""
+    here, command = over_the_bowl
+    here.q = next(perform(here, command)).path()[-1]
+    here.contents[BOWL] = seen
+    assert here.surely_seen(BOWL) is (seen == 0.0)
+    here.filled.add(BOWL)
+    assert not here.surely_seen(BOWL)
+
+
+def test_a_bowl_is_filled_by_a_tilt(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
+    """Even where it was cancelled."""
+    here, command = over_the_bowl
+    poured(here, command, FULL, HALF, cancelled=TILTED)
+    assert here.filled == {BOWL}
+
+
 @pytest.mark.parametrize(("aside", "kind"), [(0.005, ""), (0.05, "replan")])
 def test_nothing_is_tilted_over_a_bowl_that_was_moved(
     aside: float, kind: str, over_the_bowl: tuple[Situation, rc.Pour]
