@@ -6,7 +6,9 @@ the thread that listens to people, never of the agent's step. Must not know: HTT
 
 import difflib
 import re
+import threading
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from lark import Lark, Token, Tree
@@ -139,9 +141,26 @@ _WORDS_OF = {
     language: frozenset(word.lower() for word in re.findall(r"T_([A-Z]+)", text)) for language, text in _TEXTS.items()
 }
 VOCABULARY = frozenset[str]().union(*_WORDS_OF.values())
-_PARSERS = {
-    language: Lark(text, parser="earley", lexer=_Words, maybe_placeholders=False) for language, text in _TEXTS.items()
-}
+
+
+_MAKING = threading.Lock()  # a sentence waits for a parser that another thread makes
+
+
+def _parser(language: str) -> Lark:
+    """Return the parser of a language; it is made when it is first needed."""
+    with _MAKING:
+        return _made(language)
+
+
+@cache
+def _made(language: str) -> Lark:
+    return Lark(_TEXTS[language], parser="earley", lexer=_Words, maybe_placeholders=False)
+
+
+def prepare() -> None:
+    """Make all parsers, which takes some tenths of a second, so that no sentence need wait for them."""
+    for language in LANGUAGES:
+        _parser(language)
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------
@@ -230,7 +249,7 @@ def _parsed(words: tuple[str, ...]) -> Meaning | None:
 
 def _parsed_in(language: str, words: tuple[str, ...]) -> Meaning | None:
     try:
-        tree = _PARSERS[language].parse(words)
+        tree = _parser(language).parse(words)
     except LarkError:
         return None
     whole: Any = tree.children[0]

@@ -27,7 +27,7 @@ from companion.stop_words import stop_words
 from fipa_codec.communicate import number_of
 from services.human_interface import doorstep, times
 from services.human_interface.board import Board
-from services.human_interface.grammar import understand
+from services.human_interface.grammar import prepare, understand
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, StopRobot
 from services.human_interface.robot import NOT_HELD_HERE, OUT_OF_REACH, Robot
 
@@ -63,6 +63,7 @@ class HttpDevice:
             write_secret(file, msgspec.json.encode(self.address))
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), name="http", daemon=True)
         self._thread.start()
+        threading.Thread(target=prepare, name="grammar", daemon=True).start()
 
     def tell(self, content: Any) -> None:
         """Take a message of the agent for people."""

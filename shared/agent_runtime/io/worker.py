@@ -22,8 +22,10 @@ from typing import Any, TypeVar
 import msgspec
 
 from agent_runtime.core.errors import WorkerError
+from agent_runtime.io.forked import Forked, Handed, fork
 from agent_runtime.io.one_reader import OneReaderQueue
 
+MODULE = "agent_runtime.io.worker"
 HEAD = struct.Struct("<I")
 T = TypeVar("T")
 
@@ -87,16 +89,7 @@ class Worker:
         watched, self._lifeline = os.pipe()
         self._socket = ours
         self._link = Link(ours)
-        command = [
-            sys.executable,
-            "-m",
-            "agent_runtime.io.worker",
-            entry,
-            str(theirs.fileno()),
-            str(watched),
-            str(nice),
-        ]
-        self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(), watched), stdin=subprocess.DEVNULL)
+        self._process = _started(entry, theirs.fileno(), watched, nice)
         theirs.close()
         os.close(watched)
         self._outgoing = OneReaderQueue[bytes | None]()
@@ -156,6 +149,16 @@ class Worker:
         self._outgoing.put(None)
         if self._on_end is not None and not self._muted.is_set():
             self._on_end(code)
+
+
+def _started(entry: str, end: int, lifeline: int, nice: int) -> "subprocess.Popen[bytes] | Forked":
+    """Return the child, forked where this process has a fork server."""
+    words = (entry, str(end), str(lifeline), str(nice))
+    hand = [Handed(file, file) for file in (1, 2, end, lifeline)]
+    if (forked := fork(MODULE, *words, environment=os.environ, hand=hand)) is not None:
+        return forked
+    command = [sys.executable, "-m", MODULE, *words]
+    return subprocess.Popen(command, pass_fds=(end, lifeline), stdin=subprocess.DEVNULL)
 
 
 def _end_with_parent(lifeline: int) -> None:

@@ -7,14 +7,15 @@ from companion.wording import plain, words
 from operate.supervisor.processes import FIRST, Process, around
 from operate.system import Additions, Job, System
 
+EX_WORKERS = tuple(f"services.executor.{name}_process" for name in ("skill", "eye", "picture"))
 # Loop and agent of ex are siblings: each may die and come back without the other.
 PROCESSES = (
     *around("services.router", "services.monitor"),
-    Process("loop", "services.executor.loop"),
+    Process("loop", "services.executor.loop", forked=False),
     Process("km", "services.knowledge", after=FIRST),
-    Process("pl", "services.planner", after=FIRST),
+    Process("pl", "services.planner", after=FIRST, workers=("services.planner.search_process",)),
     Process("ta", "services.task", after=FIRST),
-    Process("ex", "services.executor", after=(*FIRST, "loop")),
+    Process("ex", "services.executor", after=(*FIRST, "loop"), workers=EX_WORKERS),
     Process("co", "services.coordinator", after=FIRST),
     Process("hi", "services.human_interface", after=FIRST),
     Process("page", "services.page", after=("router",), optional=True),

@@ -12,9 +12,11 @@ import msgspec
 import typer
 
 from agent_runtime.io.cli import Level, Speed
+from agent_runtime.io.forked import FORKS_VARIABLE
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTERS
 from operate.supervisor import core, folder, wiring
+from operate.supervisor.forking import FORKS_FILE, forking
 from operate.supervisor.keeping import KeptError, kept
 from operate.supervisor.processes import Process, linked
 from operate.supervisor.securing import DAYS, Keys
@@ -111,6 +113,8 @@ def main(
         if faults:
             processes, wires = wiring.wired(processes, tuple(bound.design.agents), made.own, run)
             apart |= wires
+        processes = forking(processes)
+        options[FORKS_VARIABLE] = str(run / FORKS_FILE)
         Shell(run, processes, system, made.own, os.environ | options, tend=made.tend, bound=bound, apart=apart).serve()
 
 

@@ -11,7 +11,10 @@ REPORT_S = 120.0  # estimate: when it is stopped the monitor writes report and p
 
 
 class Process(msgspec.Struct, frozen=True):
-    """One process: Python runs `-m module`.
+    """One process: Python runs `-m module arguments`.
+
+    `forked`: whether the fork server makes it, where there is one; one that locks its memory would lock a copy of all
+    that the server imported. `workers`: modules that children of it run.
 
     `after`: processes that are ready before it starts, and stop only once it has ended. `optional`: others do not wait
     for it for more than `patience_s`, and the fleet counts as ready without it. `stop_within_s`: then it is killed.
@@ -25,6 +28,9 @@ class Process(msgspec.Struct, frozen=True):
     patience_s: float = 10.0
     stop_within_s: float = ORDERLY_STOP_S
     hangs_s: float = SILENT_S
+    arguments: tuple[str, ...] = ()
+    workers: tuple[str, ...] = ()
+    forked: bool = True
 
 
 # Agents start side by side: each is ready when a ping was answered on each of its channels: they wait for each other.

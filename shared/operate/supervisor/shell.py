@@ -15,12 +15,15 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import IO
 
+from agent_runtime.io.forked import Forked, Handed, fork
 from agent_runtime.io.pulse import Pulse
 from agent_runtime.io.run_files import set_stop
 from operate.run_folder import Fleet as FleetFile
 from operate.run_folder import ProcessState
 from operate.supervisor import core, folder
+from operate.supervisor.forking import FORKS, program
 from operate.supervisor.keeping import Left, left
 from operate.supervisor.processes import Process
 from operate.system import System
@@ -57,7 +60,7 @@ class Shell:
         self.entry, self.project = (bound.entry, bound.project) if bound is not None else ("", "")
         self.fleet = core.begin(processes, time.monotonic())
         self.started = time.time()
-        self.children: dict[str, subprocess.Popen[bytes] | Left] = {}
+        self.children: dict[str, subprocess.Popen[bytes] | Forked | Left] = {}
         self.beats: dict[str, int] = {}
         self.held = False
         self.end_asked = threading.Event()
@@ -146,12 +149,13 @@ class Shell:
         """Start a process; where that cannot work, say why."""
         folder.ready_file(self.run, process.name).unlink(missing_ok=True)
         self.beats[process.name] = folder.beat(self.run, process.name)  # of the one before: no beat of this one
+        environment = {**self.environment, **self.apart.get(process.name, {})}
         try:
             command = self.command(process)
             with folder.log_file(self.run, process.name).open("ab") as log:
-                child = subprocess.Popen(
+                child = self._forked(process, environment, log) or subprocess.Popen(
                     command,
-                    env={**self.environment, **self.apart.get(process.name, {})},
+                    env=environment,
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,
@@ -162,6 +166,14 @@ class Shell:
         self.children[process.name] = child
         folder.pid_file(self.run, process.name).write_text(f"{child.pid}\n")
         return core.Started(process.name, child.pid)
+
+    def _forked(self, process: Process, environment: Mapping[str, str], log: IO[bytes]) -> Forked | None:
+        """Return the process made by the fork server; None where there is none that is ready."""
+        server = self.fleet.known.get(FORKS.name)
+        if server is None or server.state is not ProcessState.READY or FORKS.name not in process.after:
+            return None
+        hand = [Handed(log.fileno(), 1), Handed(log.fileno(), 2)]
+        return fork(process.module, *process.arguments, environment=environment, hand=hand, session=True)
 
 
 def end_left(run: Path, processes: tuple[Process, ...], system: str) -> None:
@@ -183,9 +195,11 @@ class NotBuiltError(Exception):
 def python_module(process: Process) -> list[str]:
     """The command of a process: this Python, its module. Raises NotBuiltError if the program does not exist."""
     try:
-        found = importlib.util.find_spec(f"{process.module}.__main__")
+        found = importlib.util.find_spec(process.module)
+        if found is not None and found.submodule_search_locations is not None:
+            found = importlib.util.find_spec(program(process))
     except ModuleNotFoundError:
         found = None
     if found is None:
         raise NotBuiltError(process.module)
-    return [sys.executable, "-m", process.module]
+    return [sys.executable, "-m", process.module, *process.arguments]

@@ -1,0 +1,240 @@
+"""`python -m agent_runtime.io.fork_server MODULES`: import them once, then make processes by fork, until SIGTERM.
+
+A process that is forked need not import again what all share, and shares its memory. It has one thread when it forks,
+so nothing is lost by that. What it imported may not have changed since: then it makes nothing, and who asked starts
+the process in the usual way. It reads nothing but requests of the same user (the socket's folder is the run's), and
+a process that it made does not need it any more.
+"""
+
+import atexit
+import ctypes
+import fcntl
+import gc
+import importlib
+import os
+import runpy
+import selectors
+import signal
+import socket
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+import msgspec
+
+from agent_runtime.io.forked import FORKS_VARIABLE, GO, NUMBER, Asked, short
+from agent_runtime.io.pulse import PERIOD_S, Pulse
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
+
+NAME = "forks"
+MOST_BYTES, MOST_FILES = 1 << 20, 16  # of a request: an environment has some kB
+ABOVE = 256  # numbers of files while they are sorted; no place of a file is as high
+
+
+class Sources:
+    """The files of all that was imported, as they were then."""
+
+    def __init__(self) -> None:
+        files = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
+        self._times = {file: _changed(file) for file in files if file and "site-packages" not in file}
+
+    def changed(self) -> bool:
+        """Whether one of them is another now."""
+        return any(_changed(file) != time for file, time in self._times.items())
+
+
+def _changed(file: str) -> int:
+    try:
+        return os.stat(file).st_mtime_ns
+    except OSError:
+        return 0
+
+
+class Server:
+    """Serves requests in one thread. A process that it made leaves `serve` with what it is to run."""
+
+    def __init__(self, place: Path, beat: Callable[[], None]) -> None:
+        self._sources, self._beat = Sources(), beat
+        self._lines: dict[int, socket.socket] = {}  # to who waits for the end of a process
+        self._ending = False
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        place.unlink(missing_ok=True)
+        with short(place) as address:
+            self._listener.bind(address)
+        self._listener.listen(64)
+        self._woken, self._wake = socket.socketpair()
+        self._selector = selectors.DefaultSelector()
+        for end in (self._listener, self._woken, self._wake):
+            end.setblocking(False)
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._selector.register(self._woken, selectors.EVENT_READ)
+        signal.set_wakeup_fd(self._wake.fileno(), warn_on_full_buffer=False)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._end)
+
+    def _end(self, number: int, frame: FrameType | None) -> None:
+        self._ending = True
+
+    def serve(self) -> Asked | None:
+        """Serve until a signal ends it, then return None; in a process that it made, return what that is to run."""
+        while not self._ending:
+            self._beat()
+            for key, _ in self._selector.select(PERIOD_S):
+                if key.fileobj is self._listener:
+                    self._accept()
+                elif key.fileobj is self._woken:
+                    with suppress(BlockingIOError):
+                        self._woken.recv(4096)
+                elif isinstance(key.fileobj, socket.socket) and (asked := self._read(key.fileobj)) is not None:
+                    return asked
+            self._bury()
+        return None
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            line, _ = self._listener.accept()
+            line.setblocking(False)
+            self._selector.register(line, selectors.EVENT_READ)
+
+    def _read(self, line: socket.socket) -> Asked | None:
+        """Read a request and fork; return what it asks for in the new process only."""
+        self._selector.unregister(line)
+        files: Sequence[int] = ()
+        try:
+            data, files, _, _ = socket.recv_fds(line, MOST_BYTES, MOST_FILES)
+            asked = msgspec.json.decode(data, type=Asked)
+            if len(files) != len(asked.places) or self._sources.changed():
+                raise OSError("nothing is made")
+            pid = os.fork()
+        except (OSError, msgspec.DecodeError):  # who asked sees the line close, and starts the process itself
+            line.close()
+        else:
+            if pid == 0:
+                self._leave(line)
+                _become(asked, files, line)
+                return asked
+            self._lines[pid] = line
+        for file in files:
+            os.close(file)
+        return None
+
+    def _leave(self, line: socket.socket) -> None:
+        """Close in the new process what is the server's."""
+        signal.set_wakeup_fd(-1)
+        for number in (signal.SIGCHLD, signal.SIGTERM):
+            signal.signal(number, signal.SIG_DFL)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        others = [key.fileobj for key in self._selector.get_map().values()]
+        for end in (*others, self._wake, *self._lines.values()):
+            if isinstance(end, socket.socket) and end is not line:
+                end.close()
+        self._selector.close()
+
+    def _bury(self) -> None:
+        """Tell who waits for each process that ended how it did."""
+        with suppress(ChildProcessError):
+            while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+                line = self._lines.pop(ended[0])
+                with suppress(OSError):
+                    line.send(NUMBER.pack(os.waitstatus_to_exitcode(ended[1])))
+                line.close()
+
+
+def _become(asked: Asked, files: Sequence[int], line: socket.socket) -> None:
+    """Say that the new process is there, wait until it is wanted, and give it its files, folder and environment.
+
+    It ends where it is not wanted any more.
+    """
+    line.setblocking(True)
+    rename(asked.module, *asked.arguments)
+    if asked.session:
+        os.setsid()
+    try:
+        line.send(NUMBER.pack(os.getpid()))
+        if line.recv(len(GO)) != GO:
+            os._exit(0)
+    except OSError:
+        os._exit(0)
+    line.close()
+    above = [fcntl.fcntl(file, fcntl.F_DUPFD_CLOEXEC, ABOVE) for file in files]
+    for file in files:
+        os.close(file)
+    for file, place in zip(above, asked.places, strict=True):
+        os.dup2(file, place)
+        os.close(file)
+    os.chdir(asked.folder)
+    os.environ.clear()
+    os.environ.update(asked.environment)
+
+
+def run(asked: Asked) -> None:
+    """Run a module as `python -m` does, then end the process."""
+    code = 0
+    try:
+        sys.argv[1:] = asked.arguments
+        runpy.run_module(asked.module, run_name="__main__", alter_sys=True)
+    except SystemExit as end:
+        code = _code(end)
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    _exit(code)
+
+
+def _exit(code: int) -> NoReturn:
+    """End as an interpreter does, but take down nothing imported: libraries complain of what they hold."""
+    threading._shutdown()  # type: ignore[attr-defined]
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
+
+
+def _code(end: SystemExit) -> int:
+    """Return the code of an end as Python itself has it."""
+    if end.code is None or isinstance(end.code, int):
+        return (end.code or 0) & 0xFF
+    print(end.code, file=sys.stderr)
+    return 1
+
+
+def rename(module: str, *arguments: str) -> None:
+    """Write the command line over that of the server, as far as that is long: `ps` and the tools tell it by that."""
+    numbers = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
+    start, end = int(numbers[45]), int(numbers[46])  # arg_start and arg_end of proc(5), the 48th and 49th of all
+    if not 0 < start < end:
+        return
+    words = b"\0".join(word.encode() for word in (sys.executable, "-m", module, *arguments)) + b"\0"
+    ctypes.memmove(start, words.ljust(end - start, b"\0")[: end - start - 1] + b"\0", end - start)
+
+
+def main(modules: Sequence[str]) -> Asked | None:
+    """Import the modules and serve; one that cannot be imported is left to who needs it."""
+    run_folder = Path(os.environ[RUN_FOLDER_VARIABLE])
+    pulse = Pulse(run_folder, NAME)
+    for module in modules:
+        pulse.beat()
+        try:
+            importlib.import_module(module)
+        except Exception as error:  # any module, any reason
+            print(f"{module} is not kept ready: {error}", file=sys.stderr)
+    if len(threads := os.listdir("/proc/self/task")) > 1:
+        sys.exit(f"{len(threads)} threads run after the imports, expected 1: processes are started one by one")
+    gc.collect()
+    gc.freeze()  # or a collection in each process would write to all that they share
+    server = Server(Path(os.environ[FORKS_VARIABLE]), pulse.beat)
+    (run_folder / f"{NAME}.ready").touch()
+    return server.serve()
+
+
+if __name__ == "__main__":
+    if (found := main(sys.argv[1:])) is not None:
+        run(found)
+    _exit(0)

@@ -1,0 +1,36 @@
+"""A fleet whose processes are forked from one that has imported what they share (agent_runtime.io.fork_server).
+
+It is one more process of the fleet, ready before the others: it is watched, restarted and given up like them. Where it
+is not ready they are started without it, each by an interpreter of its own.
+"""
+
+import msgspec
+
+from agent_runtime.io.secured import ROUTERS
+from operate.supervisor.processes import RECORDS_S, Process
+
+FORKS = Process(
+    "forks", "agent_runtime.io.fork_server", optional=True, patience_s=30.0, hangs_s=RECORDS_S
+)  # patience: estimate; its imports take 2 s, and 12 s on a slow machine at a load of 3
+FORKS_FILE = "forks.sock"
+
+
+def forking(processes: tuple[Process, ...]) -> tuple[Process, ...]:
+    """Return the processes with the fork server before those that it makes.
+
+    Routers, which others wait for, start beside it.
+    """
+    forked = [one for one in processes if one.forked and one.name not in ROUTERS]
+    if len(forked) < 2:
+        return processes
+    modules = (name for one in forked for name in (program(one), *one.workers))
+    server = msgspec.structs.replace(FORKS, arguments=tuple(dict.fromkeys(modules)))
+    behind = (
+        msgspec.structs.replace(one, after=(*one.after, FORKS.name)) if one in forked else one for one in processes
+    )
+    return (server, *behind)
+
+
+def program(process: Process) -> str:
+    """Return the module that Python runs for a process."""
+    return f"{process.module}.__main__"

@@ -1,0 +1,196 @@
+"""The fork server with real processes: what it makes runs as if an interpreter of its own ran it, or not at all."""
+
+import os
+import queue
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from worker_entries import At, Count, Go
+
+from agent_runtime.io import forked
+from agent_runtime.io.forked import FORKS_VARIABLE, UNKNOWN, Forked, Handed, fork
+from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
+from agent_runtime.io.worker import Worker
+
+pytestmark = pytest.mark.process
+
+HERE = str(Path(__file__).parent)
+TELLS = """
+import os, sys, threading
+print(__name__, sys.argv[1:], os.environ.get("WORD"), os.getcwd(), threading.active_count(), flush=True)
+print("read", os.read(int(sys.argv[1]), 9), file=sys.stderr)
+"""
+ENDS = """
+import os, signal, sys
+match sys.argv[1]:
+    case "killed": os.kill(os.getpid(), signal.SIGKILL)
+    case "raises": raise LookupError("nothing found")
+    case "text": sys.exit("no such scene")
+    case "none": sys.exit()
+    case number: sys.exit(int(number))
+"""
+WAITS = "import signal, sys; print('runs', flush=True); signal.pause()"
+
+
+class Forks:
+    """A fork server in a run folder whose path is longer than an address of a socket may be."""
+
+    def __init__(self, folder: Path) -> None:
+        self.run = folder / ("long" * 30)
+        self.run.mkdir()
+        self.code = folder / "code"
+        self.code.mkdir()
+        self.log = folder / "log"
+        for name, text in (("tells", TELLS), ("ends", ENDS), ("waits", WAITS), ("kept", "WORD = 1\n")):
+            (self.code / f"{name}.py").write_text(text)
+        self.environment = os.environ | {
+            RUN_FOLDER_VARIABLE: str(self.run),
+            FORKS_VARIABLE: str(self.run / "forks.sock"),
+            "PYTHONPATH": f"{self.code}:{HERE}",
+            "OMP_NUM_THREADS": "1",
+            "PYTHONUNBUFFERED": "1",
+        }
+        command = [sys.executable, "-m", "agent_runtime.io.fork_server", "kept", "nowhere", "worker_entries"]
+        self.server = subprocess.Popen(command, env=self.environment, stdin=subprocess.DEVNULL)
+        until(lambda: (self.run / "forks.ready").exists())
+
+    def fork(self, module: str, *arguments: str, **more: str) -> Forked | None:
+        """Ask for a process that writes into the log."""
+        with self.log.open("ab") as log:
+            hand = [Handed(log.fileno(), 1), Handed(log.fileno(), 2)]
+            return fork(module, *arguments, environment=self.environment | more, hand=hand, session=True)
+
+    def close(self) -> None:
+        """End it."""
+        self.server.send_signal(signal.SIGCONT)
+        self.server.terminate()
+        self.server.wait()
+
+
+@pytest.fixture
+def forks(tmp_path: Path) -> Iterator[Forks]:
+    made = Forks(tmp_path)
+    yield made
+    made.close()
+
+
+def until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def made(one: Forked | None) -> Forked:
+    assert one is not None
+    return one
+
+
+def test_what_is_forked_runs_as_if_it_was_started(
+    forks: Forks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arguments, environment, folder and files are those asked for; the module is the main one; one thread runs."""
+    monkeypatch.chdir(tmp_path)
+    inside, outside = os.pipe()
+    os.write(outside, b"a word")
+    with forks.log.open("ab") as log:
+        hand = [Handed(log.fileno(), 1), Handed(log.fileno(), 2), Handed(inside, 40)]
+        one = made(fork("tells", "40", "two", environment=forks.environment | {"WORD": "here"}, hand=hand))
+    os.close(inside)
+    os.close(outside)
+    assert one.wait() == 0
+    assert forks.log.read_text() == f"__main__ ['40', 'two'] here {tmp_path} 1\nread b'a word'\n"
+
+
+@pytest.mark.parametrize("how", ["killed", "raises", "text", "none", "0", "3"])
+def test_it_ends_as_one_that_was_started(how: str, forks: Forks) -> None:
+    """Exit code and last words are those of `python -m`."""
+    one = made(forks.fork("ends", how))
+    alone = subprocess.run([sys.executable, "-m", "ends", how], env=forks.environment, capture_output=True, text=True)
+    assert one.wait() == alone.returncode
+    assert forks.log.read_text().splitlines()[-1:] == alone.stderr.splitlines()[-1:]
+
+
+def test_it_is_called_by_its_module(forks: Forks) -> None:
+    """The tools tell a process by its command line and its run folder."""
+    one = made(forks.fork("waits", "a", "b"))
+    words, settings = (Path(f"/proc/{one.pid}/{file}").read_bytes() for file in ("cmdline", "environ"))
+    assert words.rstrip(b"\0").split(b"\0") == [word.encode() for word in (sys.executable, "-m", "waits", "a", "b")]
+    assert f"{RUN_FOLDER_VARIABLE}={forks.run}".encode() in settings.split(b"\0")
+    assert os.getsid(one.pid) == one.pid
+    one.terminate()
+    assert one.wait() == -signal.SIGTERM
+
+
+def test_a_file_that_changed_is_not_run_from_memory(forks: Forks) -> None:
+    """Who edits a service and starts it again gets what is in the file."""
+    assert made(forks.fork("ends", "0")).wait() == 0
+    kept = forks.code / "kept.py"
+    os.utime(kept, ns=(0, kept.stat().st_mtime_ns + 1))
+    assert forks.fork("ends", "0") is None
+    assert forks.server.poll() is None
+
+
+def test_nothing_runs_for_who_has_given_up(forks: Forks, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A server that hangs makes nothing later: the process would run twice."""
+    monkeypatch.setattr(forked, "WITHIN_S", 0.2)
+    forks.server.send_signal(signal.SIGSTOP)
+    assert forks.fork("tells", "0") is None
+    forks.server.send_signal(signal.SIGCONT)
+    monkeypatch.undo()
+    assert made(forks.fork("ends", "text")).wait() == 1  # served after the one before
+    assert forks.log.read_text() == "no such scene\n"
+
+
+def test_what_was_forked_outlives_the_server(forks: Forks) -> None:
+    """Its end is seen all the same; only how it ended is not known. There is no other one."""
+    one = made(forks.fork("waits"))
+    until(lambda: forks.log.exists() and "runs" in forks.log.read_text())
+    forks.server.kill()
+    forks.server.wait()
+    assert one.poll() is None
+    assert forks.fork("ends", "0") is None
+    one.kill()
+    assert (one.wait(), one.poll()) == (UNKNOWN, UNKNOWN)
+    one.kill()  # of one that ended, nothing happens
+
+
+def test_nonsense_does_not_end_the_server(forks: Forks) -> None:
+    """A line that says nothing, or what is no request, is closed."""
+    for words in (b"", b"nonsense", b'{"module":1}'):
+        line = forked.socket.socket(forked.socket.AF_UNIX, forked.socket.SOCK_SEQPACKET)
+        with line, forked.short(forks.run / "forks.sock") as address:
+            line.connect(address)
+            if words:
+                line.send(words)
+                assert line.recv(8) == b""
+    assert made(forks.fork("ends", "3")).wait() == 3
+
+
+def test_a_worker_is_forked_where_there_is_a_server(forks: Forks, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It talks and ends as one that was started, and it is a child of the server."""
+    for name, value in forks.environment.items():
+        monkeypatch.setenv(name, value)
+    heard: queue.Queue[Any] = queue.Queue()
+    ends: queue.Queue[int] = queue.Queue()
+    worker = Worker("worker_entries:count", answers=At, on_message=heard.put, on_end=ends.put)
+    worker.tell(Count(2, b"x" * 100_000))
+    for number in range(2):
+        assert heard.get(timeout=20) == At(number, b"x" * 100_000)
+        assert f"\nPPid:\t{forks.server.pid}\n" in Path(f"/proc/{worker.pid}/status").read_text()
+        worker.tell(Go())
+    assert ends.get(timeout=20) == 0
+    worker.kill()
+
+
+def test_without_a_server_nothing_is_forked(tmp_path: Path) -> None:
+    """Then the process is started in the usual way."""
+    assert fork("ends", environment={}, hand=[]) is None
+    assert fork("ends", environment={FORKS_VARIABLE: str(tmp_path / "forks.sock")}, hand=[]) is None
+    assert fork("ends", environment={FORKS_VARIABLE: str(tmp_path / "no" / "forks.sock")}, hand=[]) is None
