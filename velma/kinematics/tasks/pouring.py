@@ -22,6 +22,9 @@ FIRST_TILT, LAST_TILT = math.radians(20.0), math.radians(135.0)
 SEED_TILT = math.radians(80.0)  # where the inverse kinematics is sampled; task runs with the true robot model
 STEP = 0.07  # [rad] of tilt between two solved postures; same runs
 LARGEST_STEP = 0.3  # [rad] a joint may move between two of them; same runs
+ROOM = 0.06
+"""Distance of a planned tilt from the arm's limits [rad], twice that of any solved posture. The tilt is solved again for
+the jar as it is in the hand, which moved joints by up to 0.02 (one pour; the rest is an estimate)."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ def tiltings(
             continue
         path = follow(robot, world, side, seed, T_grip_object, stream, azimuth, spin, (SEED_TILT, LAST_TILT))
         back = path and follow(robot, world, side, seed, T_grip_object, stream, azimuth, spin, (SEED_TILT, FIRST_TILT))
-        if path and back:
+        if path and back and all(ik.margin(robot, one, side)[0] >= ROOM for one in (*back, *path)):
             yield Tilting(float(azimuth), float(spin), back[::-1] + path[1:])
 
 
