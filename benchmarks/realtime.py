@@ -30,6 +30,12 @@ def bare(path: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, stdout=path.open("wb"), stderr=subprocess.STDOUT)
 
 
+def figures(path: Path) -> dict[str, int] | None:
+    """Return min, avg and max [us] of what cyclictest wrote; None where it wrote none."""
+    found = FIGURES.search(path.read_text())
+    return dict(zip(("min", "avg", "max"), map(int, found.groups()), strict=True)) if found else None
+
+
 def main(
     seed: Annotated[int, typer.Option()] = 7,
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("realtime.jsonl"),
@@ -42,8 +48,7 @@ def main(
     finally:
         beside.terminate()
         beside.wait(timeout=10)
-    found = FIGURES.search((folder / "cyclictest").read_text())
-    line["cyclictest_us"] = dict(zip(("min", "avg", "max"), map(int, found.groups()), strict=True)) if found else None
+    line["cyclictest_us"] = figures(folder / "cyclictest")
     tables.append(out, line)
     loop = line.get("loop", {})
     typer.echo(f"success {line['success']}, sim {line.get('sim_time_s')} s, plans {line.get('plans')}")

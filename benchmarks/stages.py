@@ -1,6 +1,6 @@
 """round_trip.py with a stamp of the common clock at each place a question passes: where its time goes.
 
-Started like it by fleets.py, for communicates.py --only stages; each process leaves its stamps in the run folder.
+Started like it by fleets.py, for as_shipped.py --only stages; each process leaves its stamps in the run folder.
 """
 
 import statistics

@@ -20,7 +20,7 @@ MOST_UNWRITTEN = 64
 """Steps after which logs are written though there is no pause; 6 to 11 us each, warm, for which who asks next waits."""
 MOST_HEARD = 512 * 1024
 """Bytes of content in such steps; with more they are copied into the step log's buffer at once. Else the next message
-has to take other memory, which is in no cache: 852 kB took 1.50 instead of 1.43 of a get (benchmarks/communicates.py).
+has to take other memory, which is in no cache: 852 kB took 1.50 instead of 1.43 of a get (benchmarks/as_shipped.py).
 """
 MOST_SAID = 8 * 1024 * 1024
 """Bytes of communicates in such steps, after which logs are written, too: they wait longer, since to hash them takes

@@ -2,7 +2,7 @@
 
 Who steps has the floor, one at a time. What is heard while the floor is free is taken at once by the thread that heard
 it, and no second thread has to be woken for it: with that, a question and its answer took a tenth longer
-(benchmarks/communicates.py). What is heard while the floor is taken waits in the inbox, in its sender's order; so
+(benchmarks/as_shipped.py). What is heard while the floor is taken waits in the inbox, in its sender's order; so
 does what devices post, whose threads have work of their own.
 """
 

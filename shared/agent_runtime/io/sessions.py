@@ -117,7 +117,7 @@ def _transport(tls: dict[str, Any] | None, patience_ms: int, *, router: bool) ->
 def keep_memory() -> None:
     """Let the C library keep memory that large messages need repeatedly; else each page is mapped again each time.
 
-    An answer of 852 kB through two agents takes two thirds of the time with it (benchmarks/communicates.py). Of glibc;
+    An answer of 852 kB through two agents takes two thirds of the time with it (benchmarks/as_shipped.py). Of glibc;
     elsewhere nothing happens.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)

@@ -160,7 +160,7 @@ class Shell:
         self._happen(Started(first))
         # Objects made so far stay: no collection need look at them again (34 ms each in km, at times amid an answer).
         # Those that steps leave are freed without one: a question took 1.43 instead of 1.44 of a get
-        # (benchmarks/communicates.py).
+        # (benchmarks/as_shipped.py).
         gc.collect()
         gc.freeze()
         gc.set_threshold(COLLECT_AFTER)

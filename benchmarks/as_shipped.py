@@ -1,24 +1,27 @@
-"""Cost of our layers: the codec, a step of a conversation, a question and its answer as shipped and in parts.
+"""Cost of our layers: a question and its answer as shipped and in parts, the codec, a step of a conversation.
 
-    python benchmarks/communicates.py [--quick] [--only codec|conversation|trip|stages] [--out results file]
+    python benchmarks/as_shipped.py [--quick] [--only codec|conversation|trip|stages] [--out results file]
 
-Each row sets ours against the bare thing, by turns in blocks, so that noise hits both alike; the ratio is that of the
-medians. A row is appended to the results file with the commit and the machine's load before and while it was
-measured; rows of this commit that stand there are skipped (--again measures them once more). A full run takes some
-minutes.
+Each row sets ours against the bare thing, by turns in blocks, so that noise hits both alike; ratios are those of the
+medians and of the 99th percentiles, each with the 95 % interval of 500 samples of its blocks. A row is appended to
+the results file with the commit and the machine's load before and while it was measured; rows of this commit that
+stand there are skipped (--again measures them once more). cyclictest runs beside the questions, where it is installed
+(Debian: rt-tests): how late a bare thread was meanwhile. A full run takes some minutes.
 """
 
 import os
-import statistics
+import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+import numpy as np
+import realtime
 import tables
 import typer
 from fleets import KINDS, PARTS, Fleet
@@ -35,12 +38,17 @@ HERE = Path(__file__).parent
 STEP_LIMIT_US, CODEC_LIMIT = 10.0, 1.3
 TRIPS = {"654 B": (100, 41), "98 kB": (30, 21), "852 kB": (20, 21)}
 """Answer -> questions of a block, blocks of each fleet: eight of 852 kB begin cold."""
+SAMPLES = 500  # of the blocks, for an interval
 SIZES = {"231 B": 231, "654 B": 654, "98 kB": 98_000, "852 kB": 852_000}
 """Smallest, mean and largest of C4 and largest of all communicates (paper, section 5.7)."""
 
 
 class Result(msgspec.Struct, omit_defaults=True):
-    """One row: p50 and p99 [us] of ours and of the bare thing; `spread`: quartiles of the blocks' ratios."""
+    """One row: p50 and p99 [us] of ours and of the bare thing, and their ratios with 95 % intervals.
+
+    `cyclictest_us`: least, mean and largest delay of a bare thread meanwhile. `spread`: quartiles of the blocks'
+    ratios, in rows until 2026-11-26.
+    """
 
     run: str
     what: str
@@ -48,6 +56,10 @@ class Result(msgspec.Struct, omit_defaults=True):
     bare_us: tuple[float, float] | None = None
     ratio: float | None = None
     limit: float | None = None
+    interval: tuple[float, float] | None = None
+    p99_ratio: float | None = None
+    p99_interval: tuple[float, float] | None = None
+    cyclictest_us: dict[str, int] | None = None
     spread: tuple[float, ...] = ()
     n: int = 0
     load: tuple[float, ...] = ()
@@ -165,7 +177,8 @@ def trip(quick: bool, wanted: list[str]) -> list[Result]:
     """query-ref -> inform-ref between two agents of each kind of fleet against a bare get; see fleets.py."""
     before = os.getloadavg()
     rows = []
-    with tempfile.TemporaryDirectory(prefix="communicates-") as folder, ExitStack() as stack:
+    with tempfile.TemporaryDirectory(prefix="as-shipped-") as folder, ExitStack() as stack:
+        late = stack.enter_context(beside(Path(folder) / "cyclictest"))
         fleets = {}
         for kind in KINDS:
             fleets[kind] = Fleet(Path(folder) / kind.name.replace(" ", "-"), kind)
@@ -176,7 +189,24 @@ def trip(quick: bool, wanted: list[str]) -> list[Result]:
                 result(asked(answer, kind.name), times, bare, None)
                 for kind, times in zip(KINDS[1:], others, strict=True)
             ]
-    return [msgspec.structs.replace(row, load_before=before) for row in rows]
+    return [msgspec.structs.replace(row, load_before=before, cyclictest_us=late or None) for row in rows]
+
+
+@contextmanager
+def beside(path: Path) -> Iterator[dict[str, int]]:
+    """Run cyclictest during the block; what is yielded gets its figures at the end, none where it is not installed."""
+    figures: dict[str, int] = {}
+    if shutil.which("cyclictest") is None:
+        typer.echo("cyclictest is not installed: its figures are left out", err=True)
+        yield figures
+        return
+    process = realtime.bare(path)
+    try:
+        yield figures
+    finally:
+        process.terminate()
+        process.wait(timeout=10)
+        figures |= realtime.figures(path) or {}
 
 
 def asked(answer: str, kind: str) -> str:
@@ -201,7 +231,7 @@ def turns(fleets: list[Fleet], answer: str, quick: bool) -> list[list[list[float
 def stages(quick: bool) -> None:
     """Measure the stages of a question: medians between stamps in both processes; the stamps themselves cost 5 us."""
     for name, (count, blocks) in TRIPS.items():
-        with tempfile.TemporaryDirectory(prefix="communicates-") as folder:
+        with tempfile.TemporaryDirectory(prefix="as-shipped-") as folder:
             run = Path(folder) / "fleet"
             fleet = Fleet(run, PARTS[0], "stages.py")
             try:
@@ -218,12 +248,19 @@ def result(what: str, ours: list[list[float]], bare: list[list[float]] | None, l
     mine = sorted(one for block in ours for one in block)
     row = Result(RUN, what, middle_and_end(mine), limit=limit, n=len(mine), load=os.getloadavg(), at=time.time())
     if bare is not None:
-        its = sorted(one for block in bare for one in block)
-        ratios = [statistics.median(a) / statistics.median(b) for a, b in zip(ours, bare, strict=True)]
-        row.bare_us = middle_and_end(its)
-        row.ratio = round(row.ours_us[0] / row.bare_us[0], 3)
-        row.spread = tuple(round(x, 3) for x in statistics.quantiles(ratios, n=4))
+        row.bare_us = middle_and_end(sorted(one for block in bare for one in block))
+        row.ratio, row.p99_ratio = (round(a / b, 3) for a, b in zip(row.ours_us, row.bare_us, strict=True))
+        row.interval, row.p99_interval = intervals(ours, bare)
     return row
+
+
+def intervals(ours: list[list[float]], bare: list[list[float]]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the 95 % intervals of the ratios of p50 and of p99, by drawing pairs of blocks again."""
+    rng, mine, its = np.random.default_rng(1), np.array(ours), np.array(bare)
+    drawn = rng.integers(0, len(mine), (SAMPLES, len(mine)))
+    ratios = [np.percentile(mine[some], (50, 99)) / np.percentile(its[some], (50, 99)) for some in drawn]
+    low, high = np.percentile(ratios, (2.5, 97.5), axis=0).round(3)
+    return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
 
 
 def middle_and_end(times: list[float]) -> tuple[float, float]:
@@ -237,8 +274,18 @@ def shown(row: Result) -> str:
     limit = "" if row.limit is None else f"at most {row.limit:g}: {'yes' if measure <= row.limit else 'NO'}"
     ours = f"{row.ours_us[0]:9.1f} {row.ours_us[1]:9.1f}"
     bare = f"{row.bare_us[0]:9.1f} {row.bare_us[1]:9.1f}" if row.bare_us else " " * 19
-    ratio = f"{row.ratio:6.2f} ({row.spread[0]:.2f}-{row.spread[-1]:.2f})" if row.ratio else " " * 18
-    return f"{row.what:62} {ours} {bare}  {ratio:18}  {limit}"
+    return (
+        f"{row.what:62} {ours} {bare}  {both(row.ratio, row.interval)} {both(row.p99_ratio, row.p99_interval)} {limit}"
+    )
+
+
+def both(ratio: float | None, interval: tuple[float, float] | None) -> str:
+    """A ratio with its interval."""
+    return (
+        " " * 19
+        if ratio is None or interval is None
+        else f"{ratio:6.2f} ({interval[0]:.2f}-{interval[1]:.2f})".ljust(19)
+    )
 
 
 def commit() -> str:
@@ -262,9 +309,9 @@ def main(
     again: Annotated[
         bool, typer.Option("--again", help="also what stands in the results file for this commit")
     ] = False,
-    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = HERE / "results" / "communicates.jsonl",
+    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = HERE / "results" / "as_shipped.jsonl",
 ) -> None:
-    """Measure, print a table (us: p50 p99 ours, p50 p99 bare, ratio with the middle half of the blocks), append."""
+    """Measure, print a table (us: p50 p99 ours, p50 p99 bare, ratios of p50 and p99 with 95 % intervals), append."""
     lines = out.read_bytes().splitlines() if out.exists() and not (again or quick) else []
     known = {row.what for row in (msgspec.json.decode(line, type=Result) for line in lines) if row.run == RUN}
     wanted = [name for name in TRIPS if any(asked(name, kind.name) not in known for kind in KINDS[1:])]
@@ -278,7 +325,9 @@ def main(
         return
     if only and only not in parts:
         raise typer.BadParameter(f"--only {only}: there are {', '.join(parts)}, stages")
-    typer.echo(f"{'commit ' + RUN:62} {'ours p50':>9} {'p99 us':>9} {'bare p50':>9} {'p99 us':>9}  ratio (middle half)")
+    typer.echo(
+        f"{'commit ' + RUN:62} {'ours p50':>9} {'p99 us':>9} {'bare p50':>9} {'p99 us':>9}  ratio of p50, p99 (95 %)"
+    )
     for part in [only] if only else list(parts):
         typer.echo(f"{part} ...", err=True)
         for row in parts[part]():
