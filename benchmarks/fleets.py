@@ -49,13 +49,15 @@ KINDS = (BARE, *PARTS, SHIPPED)
 class Fleet:
     """One that runs; `block` has its asker ask."""
 
-    def __init__(self, run: Path, kind: Kind, script: str = "round_trip.py") -> None:
-        """`script`: what serves as the agents."""
+    def __init__(
+        self, run: Path, kind: Kind, script: str = "round_trip.py", systems: tuple[str, ...] = (SYSTEM,)
+    ) -> None:
+        """`script`: what serves as the agents. `systems`: who has keys."""
         run.mkdir(parents=True)
         self._run, self._script = run, script
         self._address = free_endpoint().replace("tcp/", "tls/" if kind.secured else "tcp/")
         if kind.secured:
-            issuing.issue(run / "keys", DESIGN, (SYSTEM,))
+            issuing.issue(run / "keys", DESIGN, systems)
         told = {"LISTEN": self._address, "CONNECT": self._address, "RUN_DIR": str(run), "SYSTEM": SYSTEM}
         told |= {"TLS_DIR": str(run / "keys") if kind.secured else "", "LOG_LEVEL": "warning"}
         self._environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
@@ -73,10 +75,10 @@ class Fleet:
         read, write = os.pipe()
         self._times = os.fdopen(read, "rb")
         answering, asking = ("queryable", "getter") if kind.bare else ("km", "pl")
-        self._role(answering, write)
+        self._role(answering, write, self._run)
         if kind.bare:
             self._wait(lambda: (self._run / "queryable.ready").exists(), answering)
-        self._asker = self._role(asking, write, stdin=subprocess.PIPE)
+        self._asker = self._role(asking, write, self._run, stdin=subprocess.PIPE)
         os.close(write)
         beat = self._run / "pl.heartbeat.json"
         if not kind.bare:
@@ -86,8 +88,8 @@ class Fleet:
         self._start([sys.executable, "-m", module])
         self._wait(lambda: (self._run / ready).exists(), module)
 
-    def _role(self, name: str, out: int, **more: Any) -> subprocess.Popen[bytes]:
-        words = [str(HERE / self._script), name, self._address, str(self._run), str(out)]
+    def _role(self, name: str, out: int, folder: Path, **more: Any) -> subprocess.Popen[bytes]:
+        words = [str(HERE / self._script), name, self._address, str(folder), str(out)]
         return self._start([sys.executable, *words], pass_fds=[out], **more)
 
     def _start(self, command: list[str], **more: Any) -> subprocess.Popen[bytes]:

@@ -277,10 +277,11 @@ def main(name: str, address: str, run: Path, out: int) -> int:
     if name == "getter":
         return getter(address, out)
     keys = Path(os.environ["ROCO_TLS_DIR"]) if os.environ.get("ROCO_TLS_DIR") else None
-    options = Options(connect=address, run_dir=run, system=SYSTEM, log_level="error", keys=keys)
+    system = os.environ.get("ROCO_SYSTEM", SYSTEM)
+    options = Options(connect=address, run_dir=run, system=system, log_level="error", keys=keys)
     if name == "km":
-        return shell.run(km(), wiring("km", SYSTEM), options, lambda post: Store())
-    return shell.run(pl(), wiring("pl", SYSTEM), options, lambda post: Turns(post, out))
+        return shell.run(km(), wiring("km", system), options, lambda post: Store())
+    return shell.run(pl(), wiring("pl", system), options, lambda post: Turns(post, out))
 
 
 if __name__ == "__main__":
