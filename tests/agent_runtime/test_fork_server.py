@@ -137,6 +137,13 @@ def test_a_file_that_changed_is_not_run_from_memory(forks: Forks) -> None:
     assert forks.server.poll() is None
 
 
+@pytest.mark.parametrize("variable", ["LD_PRELOAD", "PYTHONHASHSEED", "OMP_NUM_THREADS", "GLIBC_TUNABLES"])
+def test_what_counts_at_the_start_only_is_not_lost(variable: str, forks: Forks) -> None:
+    """A library to be loaded first, such as a clock of its own, needs an interpreter of its own."""
+    assert forks.fork("ends", "0", **{variable: "7"}) is None
+    assert made(forks.fork("ends", "0", WORD="7")).wait() == 0
+
+
 def test_nothing_runs_for_who_has_given_up(forks: Forks, monkeypatch: pytest.MonkeyPatch) -> None:
     """A server that hangs makes nothing later: the process would run twice."""
     monkeypatch.setattr(forked, "WITHIN_S", 0.2)

@@ -1,8 +1,8 @@
 """`python -m agent_runtime.io.fork_server MODULES`: import them once, then make processes by fork, until SIGTERM.
 
 A process that is forked need not import again what all share, and shares its memory. It has one thread when it forks,
-so nothing is lost by that. What it imported may not have changed since: then it makes nothing, and who asked starts
-the process in the usual way. It reads nothing but requests of the same user (the socket's folder is the run's), and
+so nothing is lost by that. Where what it imported has changed since, or the process is to start with other variables of
+the loader or interpreter, it makes nothing, and who asked starts the process in the usual way. It reads nothing but requests of the same user (the socket's folder is the run's), and
 a process that it made does not need it any more.
 """
 
@@ -19,7 +19,7 @@ import socket
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import FrameType
@@ -33,6 +33,8 @@ from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 
 NAME = "forks"
 MOST_BYTES, MOST_FILES = 1 << 20, 16  # of a request: an environment has some kB
+AT_THE_START = ("LD_", "PYTHON", "GLIBC_", "MALLOC_", "OMP_", "OPENBLAS_")
+"""Variables, by how they begin, that loader, interpreter and numeric libraries read when they start, and never again."""
 ABOVE = 256  # numbers of files while they are sorted; no place of a file is as high
 
 
@@ -55,11 +57,17 @@ def _changed(file: str) -> int:
         return 0
 
 
+def at_the_start(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables that count when an interpreter starts."""
+    return {name: value for name, value in environment.items() if name.startswith(AT_THE_START)}
+
+
 class Server:
     """Serves requests in one thread. A process that it made leaves `serve` with what it is to run."""
 
     def __init__(self, place: Path, beat: Callable[[], None]) -> None:
         self._sources, self._beat = Sources(), beat
+        self._start = at_the_start(os.environ)
         self._lines: dict[int, socket.socket] = {}  # to who waits for the end of a process
         self._ending = False
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -109,7 +117,7 @@ class Server:
         try:
             data, files, _, _ = socket.recv_fds(line, MOST_BYTES, MOST_FILES)
             asked = msgspec.json.decode(data, type=Asked)
-            if len(files) != len(asked.places) or self._sources.changed():
+            if len(files) != len(asked.places) or self._otherwise(asked):
                 raise OSError("nothing is made")
             pid = os.fork()
         except (OSError, msgspec.DecodeError):  # who asked sees the line close, and starts the process itself
@@ -123,6 +131,10 @@ class Server:
         for file in files:
             os.close(file)
         return None
+
+    def _otherwise(self, asked: Asked) -> bool:
+        """Whether an interpreter of its own would be another than this one: by its sources or how it starts."""
+        return self._sources.changed() or at_the_start(asked.environment) != self._start
 
     def _leave(self, line: socket.socket) -> None:
         """Close in the new process what is the server's."""
