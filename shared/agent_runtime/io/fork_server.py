@@ -1,9 +1,9 @@
 """`python -m agent_runtime.io.fork_server MODULES`: import them once, then make processes by fork, until SIGTERM.
 
-A process that is forked need not import again what all share, and shares its memory. It has one thread when it forks,
-so nothing is lost by that. Where what it imported has changed since, or the process is to start with other variables of
-the loader or interpreter, it makes nothing, and who asked starts the process in the usual way. It reads nothing but requests of the same user (the socket's folder is the run's), and
-a process that it made does not need it any more.
+A process that is forked need not import again what all share. The server has one thread when it forks, so nothing is
+lost by that. Where what it imported has changed since, or the process is to start with other variables of the loader or
+interpreter, it makes nothing, and who asked starts the process in the usual way. It reads nothing but requests of the
+same user (the socket's folder is the run's), and a process that it made does not need it any more.
 """
 
 import atexit
@@ -34,7 +34,7 @@ from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 NAME = "forks"
 MOST_BYTES, MOST_FILES = 1 << 20, 16  # of a request: an environment has some kB
 AT_THE_START = ("LD_", "PYTHON", "GLIBC_", "MALLOC_", "OMP_", "OPENBLAS_")
-"""Variables, by how they begin, that loader, interpreter and numeric libraries read when they start, and never again."""
+"""Variables, by how they begin, that loader, interpreter and numeric libraries read when they start, and then never."""
 ABOVE = 256  # numbers of files while they are sorted; no place of a file is as high
 
 

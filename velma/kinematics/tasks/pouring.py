@@ -23,8 +23,8 @@ SEED_TILT = math.radians(80.0)  # where the inverse kinematics is sampled; task 
 STEP = 0.07  # [rad] of tilt between two solved postures; same runs
 LARGEST_STEP = 0.3  # [rad] a joint may move between two of them; same runs
 ROOM = 0.06
-"""Distance of a planned tilt from the arm's limits [rad], twice that of any solved posture. The tilt is solved again for
-the jar as it is in the hand, which moved joints by up to 0.02 (one pour; the rest is an estimate)."""
+"""Distance of a planned tilt from the arm's limits [rad], twice that of any solved posture. The tilt is solved again
+for the jar as it is in the hand, which moved joints by up to 0.02 (one pour; the rest is an estimate)."""
 
 
 @dataclass(frozen=True)
