@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from services.executor.loop.program import HandCommand, HeadGoal, Motion, Move, Payload, motion
+from services.executor.skills.head_turning import LOOK_SPEED, turning
 from services.executor.skills.situation import Situation
 from velma import names
 from velma.kinematics.timing import timed
@@ -18,7 +19,6 @@ from velma.kinematics.timing import timed
 EYE_HEIGHT_M, CAMERA_DIP = 1.75, math.radians(5.0)
 CONTENT_KG = 0.12  # that may be in a vessel: 60 grains of 2 g, the most of a scene (velma.model.scene)
 Point = Sequence[float] | np.ndarray  # (3,) [m, world]
-LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
 
 
 def aim(torso: float, point: Point) -> HeadGoal:
@@ -48,12 +48,12 @@ def along(
         return still(here, key, watch=watch, **options)
     knots = timed(here.robot, different, tool_speed=speed).q
     head = None if watch is None else aim(float(knots[-1][names.TORSO]), watch)
-    return motion(key, knots, head=head, **options)
+    return motion(key, knots, head=turning(here, list(knots), head), **options)
 
 
 def still(here: Situation, key: str, *, watch: Point | None = None, **options: Any) -> Motion:
     """Return a motion that holds the set-point while head or hands move."""
-    head = None if watch is None else aim(float(here.q[names.TORSO]), watch)
+    head = None if watch is None else turning(here, [here.q], aim(float(here.q[names.TORSO]), watch))
     return motion(key, here.q, head=head, **options)
 
 

@@ -15,13 +15,14 @@ from services.executor.loop.program import GripReport, Motion
 from services.executor.remembered import Unfinished
 from services.executor.sight import Sight
 from services.executor.skills.looking import MORE_LOOKS
+from services.executor.skills.motions import aim
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Sensed
 from velma import names
 from velma.control.grip import Grip
 from velma.kinematics.frames import standing
-from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, tiltings
+from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, Tilting, tiltings
 
 JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
 FULL, HALF, EMPTY = 0.26, 0.23, 0.20  # [kg] the jar of the canonical scene with all, half, none of its content
@@ -40,9 +41,16 @@ def over_the_bowl(jar_out: Acting) -> tuple[Situation, rc.Pour]:
     found = tiltings(
         here.robot, here.world, LEFT, here.q, here.held[LEFT].T_grip_object, flow, np.random.default_rng(1)
     )
-    (tilting,) = islice(found, 1)
-    here.q = tilting.path[0].copy()
+    tilting = next(one for one in islice(found, 20) if _in_view_below(here, one, flow.rim))
     return here, rc.Pour("pour", LEFT, JAR, BOWL, tilting.azimuth, tilting.spin, (FIRST_TILT, LAST_TILT), 1.0, EMPTY)
+
+
+def _in_view_below(here: Situation, tilting: Tilting, rim: np.ndarray) -> bool:
+    """Whether the bowl is surely seen below the jar; the robot stands there, and looks at the rim."""
+    here.q = tilting.path[0].copy()
+    goal = aim(float(here.q[names.TORSO]), rim)
+    here.head = (goal.pan, goal.tilt)
+    return here.surely_seen(BOWL)
 
 
 def poured(
@@ -265,13 +273,20 @@ def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl: tuple[Situati
 
 @pytest.mark.parametrize("seen", [0.0, 0.03])
 def test_content_may_cover_what_is_inside(seen: float, over_the_bowl: tuple[Situation, rc.Pour]) -> None:
-    """Below the jar the markers inside tell where the bowl is, until something is in it, poured or seen."""
-    here, command = over_the_bowl
-    here.q = next(perform(here, command)).path()[-1]
-    here.contents[BOWL] = seen
-    assert here.surely_seen(BOWL) is (seen == 0.0)
-    here.filled.add(BOWL)
-    assert not here.surely_seen(BOWL)
+    """Markers inside tell where a bowl is until something is in it, poured or seen; those outside always do."""
+    here, _ = over_the_bowl
+    every = here.markers[BOWL]
+    normal = np.cross(every[:, 3] - every[:, 0], every[:, 1] - every[:, 0])
+    inwards = np.einsum("nk,nk->n", normal[:, :2], every.mean(axis=1)[:, :2]) < 0.0
+    here.q, here.contents[BOWL] = np.array(names.START), seen
+    seen_by = {}
+    for inside in (True, False):
+        here.markers = {BOWL: every[inwards == inside]}
+        here.filled.clear()
+        seen_by[inside] = [here.surely_seen(BOWL)]
+        here.filled.add(BOWL)
+        seen_by[inside].append(here.surely_seen(BOWL))
+    assert seen_by == {True: [seen == 0.0, False], False: [True, True]}
 
 
 def test_a_bowl_is_filled_by_a_tilt(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
