@@ -65,9 +65,9 @@ def at_the_start(environment: Mapping[str, str]) -> dict[str, str]:
 class Server:
     """Serves requests in one thread. A process that it made leaves `serve` with what it is to run."""
 
-    def __init__(self, place: Path, beat: Callable[[], None]) -> None:
-        self._sources, self._beat = Sources(), beat
-        self._start = at_the_start(os.environ)
+    def __init__(self, place: Path, beat: Callable[[], None], start: Mapping[str, str]) -> None:
+        """`place`: of the socket; `start`: variables that counted when this interpreter started."""
+        self._sources, self._beat, self._start = Sources(), beat, start
         self._lines: dict[int, socket.socket] = {}  # to who waits for the end of a process
         self._ending = False
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -229,7 +229,7 @@ def rename(module: str, *arguments: str) -> None:
 
 def main(modules: Sequence[str]) -> Asked | None:
     """Import the modules and serve; one that cannot be imported is left to who needs it."""
-    run_folder = Path(os.environ[RUN_FOLDER_VARIABLE])
+    start, run_folder = at_the_start(os.environ), Path(os.environ[RUN_FOLDER_VARIABLE])  # imports may set some
     pulse = Pulse(run_folder, NAME)
     for module in modules:
         pulse.beat()
@@ -241,7 +241,7 @@ def main(modules: Sequence[str]) -> Asked | None:
         sys.exit(f"{len(threads)} threads run after the imports, expected 1: processes are started one by one")
     gc.collect()
     gc.freeze()  # or a collection in each process would write to all that they share
-    server = Server(Path(os.environ[FORKS_VARIABLE]), pulse.beat)
+    server = Server(Path(os.environ[FORKS_VARIABLE]), pulse.beat, start)
     (run_folder / f"{NAME}.ready").touch()
     return server.serve()
 

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -102,6 +104,28 @@ def test_processes_are_made_by_the_server_also_by_a_new_one(fleet: Shell) -> Non
     until(fleet, lambda: fleet.fleet.ended)
     assert {one.state for one in fleet.fleet.status} == {ProcessState.STOPPED}
     assert {one.note for one in fleet.fleet.status} <= {"", "ended with code 0"}
+
+
+@pytest.mark.process
+def test_services_are_made_by_it(tmp_path: Path) -> None:
+    """What they import changes nothing that counts at a start; a search process is made by it, too."""
+    run = tmp_path / "run"
+    command = [sys.executable, "-m", "services.supervisor", "--run-dir", str(run), "--only", "router,pl,ex"]
+    with subprocess.Popen(command, stdin=subprocess.DEVNULL) as supervisor:
+        try:
+            while not all((run / f"{name}.pid").exists() for name in ("forks", "pl", "ex")) or len(children(run)) < 3:
+                assert supervisor.poll() is None
+                time.sleep(0.05)
+            made = children(run)
+            assert {int((run / f"{name}.pid").read_text()) for name in ("pl", "ex")} < made
+        finally:
+            supervisor.terminate()
+
+
+def children(run: Path) -> set[int]:
+    """Return the processes that the fork server of a run has made and that live."""
+    pid = (run / "forks.pid").read_text().strip()
+    return {int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()}
 
 
 @pytest.mark.process
