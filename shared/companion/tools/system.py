@@ -33,6 +33,7 @@ SAYS = {
         "Release": "puts down",
         "Look": "looks",
         "Pour": "pours",
+        "OpenDoor": "opens a door",
         "Home": "moves an arm home",
     },
 }
