@@ -79,7 +79,8 @@ def _solved(here: Situation, side: str, command: rc.OpenDoor) -> list[np.ndarray
 
 
 def _take(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
-    close = Close(squeeze=command.squeeze, upto=command.closed, speed=command.speed, settle_s=SETTLE_S)
+    """Close the fingers on the bar. They are not locked: whatever ends the act, the hand can open."""
+    close = Close(command.squeeze, command.closed, command.speed, settle_s=SETTLE_S, lock=False)
     sensed = yield motions.still(here, command.key, until=Until.TOUCH, **motions.hand(side, close))
     touched = sum(sensed.touched[side])
     if touched < FINGERS_NEEDED:
