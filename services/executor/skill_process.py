@@ -25,7 +25,7 @@ from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
 
 # Duration of an act beside its first motion [s, simulated]; estimates, used only for time-outs.
-REST_S = {rc.Grasp: 12.0, rc.Release: 20.0, rc.Pour: 30.0, rc.Look: 15.0, rc.MoveCartesian: 5.0}
+REST_S = {rc.Grasp: 12.0, rc.Release: 20.0, rc.Pour: 30.0, rc.OpenDoor: 20.0, rc.Look: 15.0, rc.MoveCartesian: 5.0}
 
 
 class Stage:

@@ -16,7 +16,15 @@ def wrong(command: rc.Act) -> str:
     """Return the first thing that is wrong with a command, before anything is computed; "" if nothing is."""
     if not command.key:
         return "key is empty, an act needs one of its own"
-    return next(_complaints(command), "")
+    found = _about_a_door(command) if isinstance(command, rc.OpenDoor) else _complaints(command)
+    return next(found, "")
+
+
+def _about_a_door(command: rc.OpenDoor) -> Iterator[str]:
+    if not command.approach:
+        yield "approach is empty, its last point is the handle"
+    yield from _bad_numbers("turn, least, closed", command.turn, command.least, command.closed)
+    yield from _bad_speed(command.speed)
 
 
 def _complaints(command: rc.Act) -> Iterator[str]:

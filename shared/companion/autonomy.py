@@ -25,7 +25,7 @@ class Level(StrEnum):
 
 ASKED: dict[str, tuple[type[rc.Command], ...]] = {
     Level.AUTO: (),
-    Level.HANDLING: (rc.Grasp, rc.Release, rc.Pour),
+    Level.HANDLING: (rc.Grasp, rc.Release, rc.Pour, rc.OpenDoor),
     Level.CONFIRM: (rc.Command,),
 }
 """The acts that wait for the operator at each level."""

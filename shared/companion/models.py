@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from companion.handles import Handle
 from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose, Shape, Side, Vector
 
@@ -205,6 +206,7 @@ class _ModelsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: tuple[_ModelEntry, ...]
     closing: tuple[Closing, ...]
     reach: _Reach
+    handle: tuple[Handle, ...] = ()
 
 
 class _GraspSet(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -285,6 +287,7 @@ _sets = msgspec.convert(_read("grasps.json"), _GraspsFile).sets
 MODELS: dict[str, Model] = {entry.name: entry.model() for entry in _models.model}
 CLOSINGS: dict[str, Closing] = {closing.model: closing for closing in _models.closing}
 GRASPS: dict[str, tuple[wm.GraspDef, ...]] = {
-    name: (*_grasps(CLOSINGS[name], entry), *_lying(CLOSINGS[name], entry)) for name, entry in _sets.items()
+    **{name: (*_grasps(CLOSINGS[name], entry), *_lying(CLOSINGS[name], entry)) for name, entry in _sets.items()},
+    **{handle.model: handle.grasps() for handle in _models.handle},
 }
 REACH: dict[Side, wm.Reach] = {side: _models.reach.of(side) for side in Side}

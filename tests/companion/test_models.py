@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.handles import HANDLE
 from companion.languages import WM, wm
 from companion.languages.values import Box, Cylinder, Pose
 from companion.models import CLOSINGS, GRASPS, LYING, MODELS, REACH, fitting
@@ -26,10 +27,11 @@ def turned(pose: Pose, v: tuple[float, float, float]) -> tuple[float, ...]:
 
 
 def test_there_are_as_many_grasps_as_were_published() -> None:
-    """96 for the jar, 32 for the bowl; boxes 24, 16, 8. Two of a jar that lies are of a trial."""
-    counts = {name: sum(one.kind != LYING for one in grasps) for name, grasps in GRASPS.items()}
+    """96 for the jar, 32 for the bowl; boxes 24, 16, 8. Two of a jar that lies, and those of handles, are of trials."""
+    counts = {name: sum(one.kind not in (LYING, HANDLE) for one in grasps) for name, grasps in GRASPS.items()}
+    assert [counts.pop(name) for name in ("door_left", "door_right")] == [0, 0]
     assert counts == {"jar": 96, "bowl_high": 32, "box1": 24, "box2": 16, "box3": 8}
-    assert {name: len(grasps) - counts[name] for name, grasps in GRASPS.items() if len(grasps) > counts[name]} == {
+    assert {name: len(GRASPS[name]) - count for name, count in counts.items() if len(GRASPS[name]) > count} == {
         "jar": 2
     }
 
@@ -117,3 +119,21 @@ def test_a_model_says_where_it_is_from_and_has_shapes(name: str) -> None:
 def test_arms_reach_from_their_own_shoulder() -> None:
     """Left is where y is positive."""
     assert {side.value: reach.shoulders[0][1] > 0 for side, reach in REACH.items()} == {"left": True, "right": False}
+
+
+@pytest.mark.parametrize("model", ["door_left", "door_right"])
+def test_a_hand_at_a_handle_has_the_bar_between_its_fingers(model: str) -> None:
+    """The bar is upright in the hand's x, in the middle of its y, and as far before the grip at every slant; the hand
+    comes from the front, and each grasp is another one."""
+    bar = next(shape.at.xyz for shape in MODELS[model].shapes if isinstance(shape, Box) and shape.size[2] == 0.136)
+    depth, found = turned(GRASPS[model][0].steps[-1].pose, bar)[2], set()
+    for grasp in GRASPS[model]:
+        at = [turned(step.pose, bar) for step in grasp.steps]
+        along = np.subtract(turned(grasp.steps[-1].pose, (bar[0], bar[1], bar[2] + 1.0)), at[-1])
+        assert np.abs(along) == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
+        assert [x for x, _, _ in at] + [y for _, y, _ in at] == pytest.approx([0.0] * 4, abs=1e-9)
+        assert at[0][2] > at[-1][2] == pytest.approx(depth)
+        outwards = np.subtract(turned(grasp.steps[-1].pose, (1.0, 0.0, 0.0)), grasp.steps[-1].pose.xyz)
+        assert outwards[2] < -0.7
+        found.add(tuple(np.round([*along, *outwards], 6)))
+    assert len(found) == len(GRASPS[model])

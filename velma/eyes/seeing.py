@@ -15,7 +15,7 @@ from velma.eyes import beginning, content, edges
 from velma.eyes.detect import Detector
 from velma.eyes.fit import FLOOR_PX, Fit, View, fit
 from velma.model.markers import Marker, of_scene
-from velma.model.scene import TABLES, Model, Scene
+from velma.model.scene import FURNITURE, Scene
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
@@ -42,7 +42,7 @@ class Seen(NamedTuple):
 
 def eyes_of(scene: Scene) -> "Eyes":
     """Return the eyes for the things of a scene."""
-    furniture = frozenset(thing.id for thing in scene.of(Model.CABINET, *TABLES))
+    furniture = frozenset(thing.id for thing in scene.of(*FURNITURE))
     openings = {thing.id: hole for thing in scene.things if (hole := content.opening(thing.model)) is not None}
     return Eyes(of_scene(scene), furniture, openings)
 

@@ -8,15 +8,15 @@ large as the thing allows, out of the way of fingers, and two or more in sight f
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import count
+from itertools import count, product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from velma.errors import SceneError
-from velma.model.scene import BOXES, TABLES, Model, Scene
-from velma.model.scene_xml import objects
+from velma.model.numbers import objects
+from velma.model.scene import BOXES, DOORS, TABLES, Model, Scene
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,7 @@ MOST = 250
 """Numbers that the largest dictionary of these bits has (OpenCV's DICT_4X4_250)."""
 OFF_M = 0.0005  # plates lie this far before the surface, or the surface would be drawn through them
 LARGEST_M, RIM_M = 0.06, 0.002  # on a box: largest marker, white left at the edge of a face; estimates
+FIN_M, FIN_X_M = 0.026, 0.026  # marker on a fin of a leaf: as large as on the jar; its middle before the panel's
 TABLE_INSET_M = 0.0515  # from a table's edge to the middle of a marker: the plate of 80 mm stays on the table
 
 
@@ -98,6 +99,14 @@ def _cabinet() -> Iterator[Array]:
             yield _square(np.array([x, sign * y, z]), ahead, up, side)
 
 
+def _cabinet_door() -> Iterator[Array]:
+    """Yield four on the low board, below the leaves, and two that stand on the roof, where no leaf hides them."""
+    ahead, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    for side, across, z, x in ((0.036, (0.24, 0.08, -0.08, -0.24), -0.32, 0.123), (0.045, (0.26, -0.26), 0.38, 0.149)):
+        for y in across:
+            yield _square(np.array([x, y, z]), ahead, up, side)
+
+
 def _table(model: Model) -> Iterator[Array]:
     """Yield one near each corner of the top."""
     top = objects()[model]["parts"]["top"]
@@ -119,6 +128,21 @@ def _box(model: Model) -> Iterator[Array]:
             yield _square(middle + shift * half[long] * axes[long], sign * axes[axis], axes[short], side)
 
 
+def _door(model: Model) -> Iterator[Array]:
+    """Yield four on each side of the panel, beside the handle and the edges of the shelves, and three on fins that
+    stand between panel and bar: who looks along an open leaf sees them."""
+    panel = objects()[model]["parts"]["panel"]
+    thick, width, _ = panel["box"]
+    middle, ahead, up = np.array(panel["xyz"]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    for sign, z in product((1.0, -1.0), (0.22, 0.13, -0.13, -0.22)):
+        y = math.copysign(width / 2 - LARGEST_M, z * (abs(z) - 0.2) * middle[1])
+        at = middle + np.array([sign * (thick / 2 + OFF_M), y, z])
+        yield _square(at, sign * ahead, up, LARGEST_M)
+    edge = np.array([0.0, math.copysign(1.0, middle[1]), 0.0])
+    for z in (0.2, 0.11, -0.11):
+        yield _square(np.array([FIN_X_M, middle[1], z]) + 0.49 * width * edge, edge, up, FIN_M)
+
+
 def _lid() -> Iterator[Array]:
     """Yield a ring and one on the top."""
     lid = objects()[Model.LID]
@@ -131,9 +155,11 @@ _PLACES: dict[Model, Callable[[], Iterator[Array]]] = {
     Model.JAR: _jar,
     Model.BOWL: _bowl,
     Model.CABINET: _cabinet,
+    Model.CABINET_DOOR: _cabinet_door,
     Model.LID: _lid,
     **{model: partial(_table, model) for model in TABLES},
     **{model: partial(_box, model) for model in BOXES},
+    **{model: partial(_door, model) for model in DOORS},
 }
 _KEPT = {
     Model.JAR: ((*range(0, 16),),),

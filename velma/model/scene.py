@@ -13,11 +13,13 @@ import msgspec
 import numpy as np
 
 from velma.errors import SceneError
-from velma.model import scene_lines
+from velma.model import leaves, scene_lines
 
 CANONICAL = Path(__file__).parent / "scenes" / "canonical.toml"
 
 Vector = tuple[float, float, float]
+NOWHERE: Vector = (math.nan, math.nan, math.nan)
+"""Of a thing whose place the file does not say."""
 
 
 class Model(StrEnum):
@@ -26,6 +28,7 @@ class Model(StrEnum):
     JAR = "jar"
     BOWL = "bowl"
     CABINET = "cabinet"
+    CABINET_DOOR = "cabinet_door"
     TABLE = "table"
     TABLE_A = "table_a"
     TABLE_B = "table_b"
@@ -33,10 +36,15 @@ class Model(StrEnum):
     BOX2 = "box2"
     BOX3 = "box3"
     LID = "jar_lid"
+    DOOR_LEFT = "door_left"
+    DOOR_RIGHT = "door_right"
 
 
 BOXES = (Model.BOX1, Model.BOX2, Model.BOX3)
 TABLES = (Model.TABLE, Model.TABLE_A, Model.TABLE_B)
+DOORS = (Model.DOOR_LEFT, Model.DOOR_RIGHT)
+CABINETS = (Model.CABINET, Model.CABINET_DOOR)
+FURNITURE = (*CABINETS, *TABLES, *DOORS)
 MOVEABLE = (Model.JAR, Model.BOWL, *BOXES, Model.LID)
 
 
@@ -44,17 +52,20 @@ class Thing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A thing in the world: position [m] of its model's origin, turned by Rz(yaw) Ry(pitch) Rx(roll) [rad].
 
     `inside`: the cabinet that it stands in and moves with; `on`: the table that it stands on. A seed moves
-    jars and bowls in or on these.
+    jars and bowls in or on these. `of`: the cabinet at which a leaf hangs, `open` by this angle [rad]; both give its
+    pose.
     """
 
     id: str
     model: Model
-    xyz: Vector
+    xyz: Vector = NOWHERE
     yaw: float = 0.0
     pitch: float = 0.0
     roll: float = 0.0
     inside: str | None = None
     on: str | None = None
+    of: str | None = None
+    open: float = 0.0
 
 
 class Content(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -173,7 +184,7 @@ def load(path: Path = CANONICAL) -> Scene:
     """Return the scene of a TOML file. Raises SceneError naming file, line, field, what it is and what it should be."""
     try:
         text = path.read_text("utf-8")
-        return checked(msgspec.toml.decode(text, type=Scene))
+        return checked(hung(msgspec.toml.decode(text, type=Scene)))
     except FileNotFoundError:
         raise SceneError("file", str(path), "the path of a TOML file, as velma/model/scenes/canonical.toml") from None
     except UnicodeDecodeError as error:
@@ -224,16 +235,55 @@ def _check_thing(scene: Scene, thing: Thing, times: int) -> None:
         raise SceneError(f"thing {thing.id}", thing.id, "a kind in small letters and a number, as jar_1; not grain_1")
     if times > 1:
         raise SceneError(f"thing {thing.id}", f"there {times} times", "one thing for each id")
-    pose = (*thing.xyz, thing.yaw, thing.pitch, thing.roll)
-    if not all(math.isfinite(x) and abs(x) <= 10 for x in pose):
-        raise SceneError(f"thing {thing.id}", pose, "metres and radians within +-10")
     for field, name, kind, models in (
-        ("inside", thing.inside, "a cabinet", (Model.CABINET,)),
+        ("inside", thing.inside, "a cabinet", CABINETS),
         ("on", thing.on, "a table", TABLES),
+        ("of", thing.of, "a cabinet with doors", (Model.CABINET_DOOR,)),
     ):
         possible = [one.id for one in scene.of(*models)]
         if name is not None and name not in possible:
             raise SceneError(f"thing {thing.id}: {field}", name, f"the id of {kind}, one of {possible}")
+    _check_leaf(scene, thing)
+    pose = (*thing.xyz, thing.yaw, thing.pitch, thing.roll)
+    if not all(math.isfinite(x) and abs(x) <= 10 for x in pose):
+        raise SceneError(f"thing {thing.id}", pose, "metres and radians within +-10")
+
+
+def _check_leaf(scene: Scene, thing: Thing) -> None:
+    """Raise SceneError for a leaf that hangs at nothing or is open too far, and for another thing that does."""
+    if thing.model not in DOORS:
+        if thing.of is not None or thing.open:
+            field = "open" if thing.of is None else "of"
+            raise SceneError(f"thing {thing.id}: {field}", thing.model, "only a leaf that hangs and opens")
+        return
+    if thing.of is None:
+        cabinets = [one.id for one in scene.of(Model.CABINET_DOOR)]
+        raise SceneError(f"thing {thing.id}", "a leaf that hangs nowhere", f"`of`, one of {cabinets}")
+    least, most = leaves.limits(thing.model)
+    if not least <= thing.open <= most:
+        raise SceneError(f"thing {thing.id}: open", thing.open, f"radians from {least} to {most}")
+    around = scene.find(thing.of)
+    if around is not None and around.model is Model.CABINET_DOOR and _hung(thing, around) != thing:
+        raise SceneError(
+            f"thing {thing.id}", (*thing.xyz, thing.yaw), "no xyz and yaw: they follow from `of` and `open`"
+        )
+
+
+def hung(scene: Scene) -> Scene:
+    """Return the scene with each leaf where it hangs at its cabinet, if the file does not say where it is."""
+    things = tuple(_where_it_hangs(scene, thing) for thing in scene.things)
+    return msgspec.structs.replace(scene, things=things)
+
+
+def _where_it_hangs(scene: Scene, thing: Thing) -> Thing:
+    around = scene.find(thing.of) if thing.of is not None and math.isnan(thing.xyz[0]) else None
+    return thing if around is None or thing.model not in DOORS else _hung(thing, around)
+
+
+def _hung(leaf: Thing, cabinet: Thing) -> Thing:
+    """Return the leaf at its hinge, turned by its angle."""
+    xyz, yaw = leaves.hanging(leaf.model, cabinet.xyz, cabinet.yaw, leaf.open)
+    return msgspec.structs.replace(leaf, xyz=xyz, yaw=yaw)
 
 
 def vary(scene: Scene, seed: int) -> Scene:
@@ -243,7 +293,7 @@ def vary(scene: Scene, seed: int) -> Scene:
     if seed == 0:
         return scene
     spread = scene.spread
-    moved = {thing.id: _moved_cabinet(thing, seed, spread) for thing in scene.of(Model.CABINET)}
+    moved = {thing.id: _moved_cabinet(thing, seed, spread) for thing in scene.of(*CABINETS)}
     things = [moved.get(thing.id) or _moved(scene, thing, moved, seed, spread) for thing in scene.things]
     return msgspec.structs.replace(
         scene,
@@ -267,6 +317,8 @@ def _moved_cabinet(thing: Thing, seed: int, spread: Spread) -> Thing:
 
 def _moved(scene: Scene, thing: Thing, moved: dict[str, Thing], seed: int, spread: Spread) -> Thing:
     """Return a thing moved with its cabinet; a jar or a bowl also in its cabinet or on its table, and turned."""
+    if thing.of in moved:
+        return _hung(thing, moved[thing.of])
     before = next((one for one in scene.things if one.id in (thing.inside, thing.on)), None)
     if before is None:
         return thing

@@ -5,28 +5,17 @@ smooth surface for pictures. Names: a body per thing under its id; those of cont
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cache
-from typing import Any
+from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
-import yaml
-
 from velma.model import grains, surfaces
-from velma.model.build import HERE, ROBOT_XML, quat_wxyz, text
+from velma.model.build import ROBOT_XML, quat_wxyz, text
 from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
-from velma.model.scene import BOXES, TABLES, Model, Scene, Thing
+from velma.model.numbers import Numbers, objects
+from velma.model.scene import BOXES, CABINETS, DOORS, TABLES, Model, Scene, Thing
 from velma.names import FT_BODY
 
-Numbers = Mapping[str, Any]
 WRIST_SENSORS = ("force", "torque")
-
-
-@cache
-def objects() -> Numbers:
-    """Return the numbers of objects.yaml."""
-    numbers: Numbers = yaml.safe_load((HERE / "objects.yaml").read_text())
-    return numbers
 
 
 def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
@@ -91,9 +80,12 @@ def _geom(body: ET.Element, name: str, kind: str, size: Sequence[float], **attri
 
 
 def _furniture(world: ET.Element, thing: Thing) -> None:
-    body = _body(world, thing, free=False)
-    for name, part in objects()[thing.model]["parts"].items():
-        look = {"class": "furniture", "material": surfaces.material(thing.model, name)}
+    _parts(_body(world, thing, free=False), thing.model)
+
+
+def _parts(body: ET.Element, model: Model) -> None:
+    for name, part in objects()[model]["parts"].items():
+        look = {"class": "furniture", "material": surfaces.material(model, name)}
         _geom(body, name, "box", [edge / 2 for edge in part["box"]], pos=text(part["xyz"]), **look)
 
 
@@ -136,6 +128,20 @@ def _bowl(world: ET.Element, thing: Thing) -> None:
     _look(body, "bowl")
 
 
+def _door(world: ET.Element, thing: Thing) -> None:
+    """Add a leaf on its hinge. The panel has all of its mass, spread evenly."""
+    leaf, body = objects()[thing.model], _body(world, thing, free=False)
+    hinge, opens, panel = leaf["hinge"], leaf["opens"], leaf["parts"]["panel"]
+    turn = {"type": "hinge", "axis": "0 0 1", "limited": "true", "ref": text([opens * thing.open])}
+    turn["range"] = text(sorted(opens * angle for angle in hinge["range"]))
+    turn |= {key: text([hinge[key]]) for key in ("damping", "frictionloss")}
+    ET.SubElement(body, "joint", {"name": thing.id, **turn})
+    x, y, z = panel["box"]
+    about = text([leaf["mass"] / 12 * (a * a + b * b) for a, b in ((y, z), (x, z), (x, y))])
+    ET.SubElement(body, "inertial", pos=text(panel["xyz"]), mass=text([leaf["mass"]]), diaginertia=about)
+    _parts(body, thing.model)
+
+
 def _box(world: ET.Element, thing: Thing) -> None:
     """Add a closed box; its inertia is that of its mass spread evenly."""
     box, body = objects()[thing.model], _body(world, thing, free=True)
@@ -165,7 +171,7 @@ _DRAW = {
     Model.JAR: _jar,
     Model.BOWL: _bowl,
     Model.LID: _lid,
-    Model.CABINET: _furniture,
-    **dict.fromkeys(TABLES, _furniture),
+    **dict.fromkeys((*CABINETS, *TABLES), _furniture),
     **dict.fromkeys(BOXES, _box),
+    **dict.fromkeys(DOORS, _door),
 }

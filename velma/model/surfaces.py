@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from velma.model.scene import TABLES, Model
+from velma.model.scene import DOORS, TABLES, Model
 
 SEGMENTS = 48  # of a full turn; looks smooth in a picture
 
@@ -72,6 +72,8 @@ def material(model: Model, part: str) -> str:
     """Return the material of a part of a piece of furniture."""
     if model in TABLES:
         return "wood_light" if part == "top" else "steel"
+    if model in DOORS:
+        return "wood_light" if part == "panel" else "steel"
     return "wood_thin" if part in ("back", "left_side", "right_side", "top") else "wood"
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.model.grains import grain_name
-from velma.model.scene import MOVEABLE, TABLES, Model, Scene
-from velma.model.scene_xml import objects
+from velma.model.numbers import objects
+from velma.model.scene import FURNITURE, MOVEABLE, Model, Scene
 from velma.names import SIDES
 from velma.sim.forces import Forces
 from velma.sim.mujoco_backend import MujocoBackend
@@ -63,9 +63,7 @@ class TruthReader:
         self._hand = {side: np.array([part == side for part in parts]) for side in SIDES}
         grains = np.isin(np.arange(model.nbody), self._grain_bodies)
         self._forces = Forces(model, backend.data, self._is_robot, grains)
-        self._is_furniture = np.isin(
-            np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(Model.CABINET, *TABLES)]
-        )
+        self._is_furniture = np.isin(np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(*FURNITURE)])
 
     def read(self) -> Truth:
         """Return the truth now."""

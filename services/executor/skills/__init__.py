@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from companion.languages import rc
-from services.executor.skills import grasping, looking, moving, pouring, releasing
+from services.executor.skills import grasping, looking, moving, opening, pouring, releasing
 from services.executor.skills.skill import Skill
 
 # Command class -> generator function (situation, command) -> motions.
@@ -16,4 +16,5 @@ SKILLS: dict[type[rc.Command], Callable[[Any, Any], Skill]] = {
     rc.Release: releasing.release,
     rc.Pour: pouring.pour,
     rc.Look: looking.look,
+    rc.OpenDoor: opening.open_door,
 }

@@ -68,3 +68,8 @@ def furthest(here: Situation, side: str, q: np.ndarray, target: pin.SE3) -> tupl
                 short = pin.SE3.Interpolate(start, target, part)
                 return ik.line(here.robot, side, q, short, accept=accept, columns=names.COLUMNS[side])[1:], False
     return [], False
+
+
+def rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the rest of a path from the present posture on."""
+    return path[int(np.argmin([np.abs(q - here.q).max() for q in path])) :] if path else []

@@ -95,7 +95,7 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     yield from despite_cancel(lambda: motions.still(here, command.key, **spread))
     here.set_fingers(side, wide)
     path = _way_back(here, side, object_name, retreat_poses(grip, [(transform(p.at), 0.0) for p in command.retreat]))
-    yield from despite_cancel(lambda: motions.along(here, command.key, _rest(here, path), RETREAT_SPEED))
+    yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path), RETREAT_SPEED))
 
 
 def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]) -> list[np.ndarray]:
@@ -108,11 +108,6 @@ def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]
             if not whole:
                 break
     return [*path[1:], *backing.out_of_touch(here.robot, here.world, side, path[-1])[1:]]
-
-
-def _rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the rest of a path from the present posture on."""
-    return path[int(np.argmin([np.abs(q - here.q).max() for q in path])) :] if path else []
 
 
 def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -> list[np.ndarray]:

@@ -19,6 +19,7 @@ from services.planner.search.facts import Facts
 from services.planner.search.inserting import take_to
 from services.planner.search.looking import look, look_around
 from services.planner.search.methods import Methods, Subtasks
+from services.planner.search.opening import open_door
 from services.planner.search.pouring import pour
 from services.planner.search.putting import home, offer, place
 from services.planner.search.steps import Geometry, Step
@@ -44,6 +45,8 @@ GRASPS_TRIED = ("1", "2", "3", "4")
 """From which a thing is to be held out, or put there. Estimate: a try takes seconds."""
 CLEARED = (1, 2)
 """Ranks of the things beside a wanted one that are put aside, 1 the nearest. Estimate: a try takes seconds."""
+DOORS = (1, 2)
+"""Ranks of the closed doors before a thing, one of which is opened first."""
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 
@@ -97,6 +100,7 @@ class Search:
             self._action("a_home", lambda s, side: home(self.geometry, s.km, Side(side))),
             self._action("a_look", lambda s, n: look(self.geometry, s.km, n)),
             self._action("a_look_around", lambda s: look_around()),
+            self._action("a_open", lambda s, n, body, side: open_door(self.geometry, s.km, n, body, Side(side))),
             self._action("a_pour", lambda s, a, b, side: pour(self.geometry, s.km, a, b, Side(side))),
             self.a_in_the_way,
             self.a_replan,
@@ -106,6 +110,9 @@ class Search:
             self.a_end,
         )
         methods, both = self.methods, self._with
+        for behind in (TaskName.POUR, TaskName.TAKE, TaskName.BRING, TaskName.PUT_AT):
+            self._bind(behind, *(self._after_first(methods.after_opening, behind, number) for number in DOORS))
+        self._bind("open_door", *both(methods.open_door_with))
         self._bind(TaskName.POUR, methods.pour_held, methods.pour_into_held, methods.pour_into_unseen)
         self._bind(TaskName.POUR, *both(methods.pour_into_standing), *both(methods.pour_taking_both))
         self._bind(TaskName.POUR, *both(methods.pour_taken_again))
@@ -120,7 +127,7 @@ class Search:
         self._bind("clear_away", methods.clear_into_cabinet, methods.clear_not)
         self._bind("put_aside", *both(methods.put_aside_with))
         for task in (TaskName.TAKE, TaskName.BRING, TaskName.PUT_AT, "put_aside"):
-            self._bind(task, *(self._after_clearing(task, number) for number in CLEARED))
+            self._bind(task, *(self._after_first(methods.after_clearing, task, number) for number in CLEARED))
         for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN, TaskName.PUT_AT):
             self._bind(task, self._after_arms_home(task))
         self._bind("localize", methods.localize)
@@ -164,7 +171,8 @@ class Search:
                 found = None
             if found is None:
                 why = self.geometry.why[-1] if len(self.geometry.why) > failed else self.methods.unfit
-                self._reject(method.__name__, arguments, why)
+                if why:
+                    self._reject(method.__name__, arguments, why)
             return found
 
         return answered
@@ -177,13 +185,16 @@ class Search:
 
         return after_arms_home
 
-    def _after_clearing(self, task: str, number: int) -> Callable[..., Subtasks | None]:
-        """Return the method of a task that puts the n-th nearest thing beside its first one aside."""
+    def _after_first(
+        self, method: Callable[..., Subtasks | None], task: str, number: int
+    ) -> Callable[..., Subtasks | None]:
+        """Return the method of a task that does something with the n-th of what is in its way first."""
 
-        def after_clearing(km: str, *arguments: str) -> Subtasks | None:
-            return self.methods.after_clearing(km, number, task, arguments)
+        def after(km: str, *arguments: str) -> Subtasks | None:
+            return method(km, number, task, arguments)
 
-        return after_clearing
+        after.__name__ = method.__name__
+        return after
 
     def _reject(self, method: str, arguments: tuple[str, ...], why: str) -> None:
         """Note what was tried and left; the same thing for the same reason once."""

@@ -7,6 +7,7 @@ import numpy as np
 from companion.languages import wm
 from companion.languages.cmd import BACK
 from companion.languages.values import Side
+from services.planner.search import leaves
 from services.planner.search.asking import Asking
 from velma import names
 
@@ -61,6 +62,8 @@ class Facts:
             one: np.array(self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose.xyz)
             for one in self.moveable(state)
         }
+        if name not in at:
+            return []
         away = {one: xyz - at[name] for one, xyz in at.items() if one != name}
         distance = {one: float(np.hypot(x, y)) for one, (x, y, z) in away.items() if abs(z) < height}
         return sorted((one for one, far in distance.items() if far < radius), key=distance.__getitem__)
@@ -88,6 +91,10 @@ class Facts:
         """Whether the thing stands inside another one, so that it must come out before anything is poured into it."""
         on = self.support(state, name)
         return bool(on) and self._true(state, wm.Relation.IS_IN, name, on)
+
+    def closed_doors(self, state: str) -> tuple[tuple[str, str], ...]:
+        """Return the doors that are not open enough, each with the furniture at which it hangs."""
+        return leaves.closed(self._ask, state)
 
     def exact(self, state: str, name: str) -> bool:
         """Whether the thing was seen where it stands, not only predicted to stand there."""

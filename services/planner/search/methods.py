@@ -232,6 +232,29 @@ class Methods:
             return self._not(f"not {number} things are beside {name}" if near else f"nothing is beside {name}")
         return [("a_in_the_way", name, *near), ("put_aside", near[number - 1]), (task, *arguments)]
 
+    def after_opening(self, km: str, number: int, task: str, arguments: tuple[str, ...]) -> Subtasks | None:
+        """Open the n-th closed door of the furniture in which its things stand, look at the first thing, plan again.
+
+        The leaf then is where it is seen, not where the plan turns it.
+        """
+        doors = self.facts.closed_doors(km)
+        if not doors:
+            return None
+        inside = [one for one in self._things(task, arguments) if not self.facts.holder(km, one)]
+        around = {self.facts.support(km, one) for one in inside if self.facts.inside(km, one)}
+        shut = [(door, body) for door, body in doors if body in around]
+        if len(shut) < number:
+            return self._not(f"not {number} closed doors are before it")
+        return [("open_door", *shut[number - 1]), ("localize", arguments[0])]
+
+    def _things(self, task: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the arguments of a task that are things: both of a pour, else the first."""
+        return arguments if task == TaskName.POUR else arguments[:1]
+
+    def open_door_with(self, km: str, hand: Side, door: str, around: str) -> Subtasks | None:
+        """Open it with this hand, and bring that one home."""
+        return [("a_open", door, around, hand), ("a_home", hand)]
+
     def put_aside_with(self, km: str, hand: Side, name: str) -> Subtasks | None:
         """Take it with this hand, if it is empty, put it down where there is room, and bring the hand home."""
         if held := self.facts.in_hand(km, hand):

@@ -50,9 +50,10 @@ def search(
         searching = Search(geometry)
         found = searching.run(todo, start)
     except NotSeen as unseen:
-        look = assembling.Found([look_for(unseen.word)], unseen.word, "", hfsm.Outcome.FAILED)
+        found = _behind_doors(geometry, unseen.word)
+        found = found or assembling.Found([look_for(unseen.word)], unseen.word, "", hfsm.Outcome.FAILED)
         name = f"look for {unseen.word}"
-        return assembling.plan(network.id, name, look, asking.queries, assembling.held_at(asking, ""))
+        return assembling.plan(network.id, name, found, asking.queries, assembling.held_at(asking, ""))
     except (Unanswered, NotATask) as why:
         return hfsm.NoPlan(network.id, why.reason)
     if found is None:
@@ -61,6 +62,22 @@ def search(
     name = "; ".join(" ".join(task) for task in todo)
     plan = assembling.plan(network.id, name, found, asking.queries, held)
     return replace(plan, rejected=searching.rejected)
+
+
+def _behind_doors(geometry: Geometry, word: str) -> assembling.Found | None:
+    """Return what opens the first closed door that can be opened and looks again; None where there is none.
+
+    The thing may be behind it. Whether it is seen then or not, the task is planned again.
+    """
+    try:
+        start = geometry.ask.suppose("", ())
+        for door, around in Facts(geometry.ask).closed_doors(start):
+            todo = [("open_door", door, around), (hfsm.TaskName.LOOK_AROUND,)]
+            if found := Search(geometry).run(todo, start):
+                return found._replace(sought=word, otherwise=hfsm.Outcome.REPLAN)
+    except Unanswered:
+        pass  # of what is not known nothing is opened
+    return None
 
 
 @cache

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from msgspec.structs import replace
 
 from companion.languages import wm
-from companion.languages.values import Pose, Side
+from companion.languages.values import Box, Pose, Shape, Side
 from services.planner.search.asking import Asking
 from velma import names
 from velma.kinematics import collision
@@ -14,6 +15,11 @@ from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
 
 SIDES = (Side.RIGHT, Side.LEFT)
+DOOR = "Door"
+"""Class of the ontology."""
+ROOM_M = 0.012
+"""Kept from a panel besides the margin: it gives way to a hand that is beside its path, and closes. Estimate: hands are
+mostly 10 mm beside."""
 
 
 def on_wire(pose: pin.SE3) -> Pose:
@@ -60,11 +66,13 @@ def in_hand(ask: Asking, state: str) -> dict[Side, Held]:
 def situation(ask: Asking, robot: Robot, state: str) -> Situation:
     """Return all that a step has to know of a state. Raises Unanswered if km does not know it."""
     held = in_hand(ask, state)
-    static = {o.id for o in ask(wm.StaticObjects(state=state), wm.Objects).objects}
+    furniture = ask(wm.StaticObjects(state=state), wm.Objects).objects
+    static, doors = {one.id for one in furniture}, {one.id for one in furniture if one.kind == DOOR}
     world = collision.World(robot)
     for placed in ask(wm.EnvironmentShapes(state=state), wm.Shapes).shapes:
         kind: collision.Kind = "furniture" if placed.object in static else "object"
-        world.put(placed.object, placed.shapes, transform(placed.pose), kind)
+        shapes = _roomy(placed.shapes) if placed.object in doors else placed.shapes
+        world.put(placed.object, shapes, transform(placed.pose), kind)
     for side, grasped in held.items():
         model = ask(wm.ObjectModel(state=state, object=grasped.object), wm.ModelOf)
         world.put(grasped.object, model.shapes, pin.SE3.Identity(), "object")
@@ -73,6 +81,16 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
         fingers = ask(wm.GripperConfiguration(state=state, side=side), wm.Configuration).q
         world.fingers(side, float(max(fingers[:3])))
     return Situation(state, posture(ask, state), held, world)
+
+
+def _roomy(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
+    """Return the boards of a leaf with its panel, which is wider than thick, thicker by ROOM_M on each side."""
+    return tuple(_thicker(one) if isinstance(one, Box) and one.size[1] > one.size[0] else one for one in shapes)
+
+
+def _thicker(board: Box) -> Box:
+    x, y, z = board.size
+    return replace(board, size=(x + 2 * ROOM_M, y, z))
 
 
 def configured(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:

@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 import pinocchio as pin
 
+from companion.handles import HANDLE
 from companion.languages import rc, wm
 from companion.languages.values import Side
 from companion.models import LYING
@@ -93,6 +94,8 @@ def _approaches(
 
 def out_of_reach(pose: pin.SE3, kind: str) -> str:
     """Return why no grasp of this kind fits a thing in this pose; "" where one may."""
+    if kind == HANDLE:
+        return "hangs on a hinge, and is only opened"
     if pose.translation[2] < FLOOR_M:
         return "fell on the floor"
     return "lies on its side" if lies(pose) and kind != LYING else ""

@@ -109,6 +109,24 @@ class Pour(Command, frozen=True):
     empty_mass: float
 
 
+class OpenDoor(Command, frozen=True):
+    """Take a leaf by its handle, turn it about its hinge, let go, draw the hand back, and look at the leaf.
+
+    `approach`: in the leaf's frame, outermost first, the handle last. Fingers: `closed`, where one stops that meets
+    nothing [rad], `squeeze` and `speed` as of Grasp. `turn`: of the leaf about its z from where it is seen before
+    [rad]. `least`: size of the turn that is enough.
+    """
+
+    side: Side
+    door: Name
+    approach: tuple[ApproachPoint, ...]
+    closed: float
+    squeeze: float
+    speed: float
+    turn: float
+    least: float
+
+
 class Home(Command, frozen=True):
     """Bring one arm, with an empty hand, back to its start posture by a way ex plans itself."""
 
@@ -183,5 +201,5 @@ class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True
     duration: float
 
 
-Act = MoveJoint | MoveCartesian | Grasp | Release | Look | Pour | Home
+Act = MoveJoint | MoveCartesian | Grasp | Release | Look | Pour | OpenDoor | Home
 Content = Act | Accepted | Done | NotDone

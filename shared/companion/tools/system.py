@@ -34,6 +34,7 @@ SAYS = {
         "Release": "puts down",
         "Look": "looks",
         "Pour": "pours",
+        "OpenDoor": "opens a door",
         "Home": "moves an arm home",
     },
 }

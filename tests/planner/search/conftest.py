@@ -4,8 +4,10 @@ A step is not carried out here: what the plan supposes of its end is taken for o
 """
 
 from collections.abc import Callable
+from functools import cache
 
 import pytest
+from msgspec.structs import replace
 
 from companion.languages import hfsm, wm
 from companion.languages.values import BodyPosture, Pose, Side
@@ -97,6 +99,20 @@ def beginning() -> Scene:
 def env2() -> Scene:
     """The second recorded scene after the survey: a box is beside the jar in the cabinet, another before the bowl."""
     return surveyed(model.load(model.CANONICAL.parent / "env2.toml"))
+
+
+@pytest.fixture(scope="session")
+def doors() -> Callable[[float, float], Scene]:
+    """Makes the scene with doors after the survey, the left and the right one open so far [rad]."""
+
+    @cache
+    def made(*angles: float) -> Scene:
+        whole = model.load(model.CANONICAL.with_stem("doors"))
+        open_by = dict(zip(("door_1", "door_2"), angles, strict=True))
+        hung = (replace(t, xyz=model.NOWHERE, open=open_by[t.id]) if t.of else t for t in whole.things)
+        return surveyed(model.hung(replace(whole, things=tuple(hung))))
+
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -15,8 +15,8 @@ from velma.eyes.fit import View
 from velma.eyes.lens import lens
 from velma.kinematics.robot import Robot
 from velma.model.grains import grain_name
+from velma.model.numbers import objects
 from velma.model.scene import Content, Model, Scene, load
-from velma.model.scene_xml import objects
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.photographs import Photographs
 

@@ -6,8 +6,8 @@ from msgspec.structs import replace
 
 from velma.errors import SceneError
 from velma.model.markers import MOST, PLATE, Marker, of_scene
+from velma.model.numbers import objects
 from velma.model.scene import Model, Scene, Thing, load
-from velma.model.scene_xml import objects
 
 EVERY = Scene("every", tuple(Thing(f"thing_{k}", model, (0.0, 0.0, 0.0)) for k, model in enumerate(Model)))
 

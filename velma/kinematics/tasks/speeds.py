@@ -1,9 +1,10 @@
 """Speeds of the tasks, and torso angles for going home: pl computes durations by them, ex moves by them.
 
-All from task runs with the true robot model; speeds are those of the grip [m/s].
+From task runs with the true robot model where nothing else is said; speeds are those of the grip [m/s].
 """
 
 EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25  # free motions, with empty hands and with something in one of them
 APPROACH_SPEED, LIFT_SPEED, DOWN_SPEED, RETREAT_SPEED = 0.2, 0.1, 0.04, 0.15
+PULL_SPEED = 0.12  # of the handle of a leaf; estimate: one of 1.7 kg then pulls with less than 2 N
 TILT_SPEED, BACK_SPEED = 0.25, 0.35  # of the pouring hand, and back again
 HOME_TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], tried in this order when an arm goes home

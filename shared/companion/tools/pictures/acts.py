@@ -80,7 +80,9 @@ class Acts:
             case rc.MoveCartesian(side=side, segments=segments):
                 start = self._grip(side, {})[:3, 3]
                 return [np.cumsum([start, *(np.array(one.offset) for one in segments)], axis=0)], []
-            case rc.Grasp(object=thing, approach=approach) if thing in self._scene.poses:
+            case rc.Grasp(object=thing, approach=approach) | rc.OpenDoor(door=thing, approach=approach) if (
+                thing in self._scene.poses
+            ):
                 on = robot.frame(self._scene.poses[thing])
                 frames = [on @ robot.frame(point.at) for point in approach][-8:]
                 return [np.array([frame[:3, 3] for frame in frames])], frames

@@ -108,6 +108,8 @@ def _handling(history: History) -> Iterator[Event]:
                 yield from _localized(history, all_acts, act, object)
             case rc.Pour():
                 yield Event(act.end, "content poured", ("C5",))
+            case rc.OpenDoor(door=door):
+                yield Event(act.end, f"{word(door)} opened", ("C5",))
 
 
 def _localized(history: History, all_acts: tuple[Act, ...], release: Act, object: str) -> Iterator[Event]:

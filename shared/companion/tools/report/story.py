@@ -23,9 +23,10 @@ WORDS: dict[type[rc.Command], tuple[str, str]] = {
     rc.Release: ("put down", "#15803d"),
     rc.Look: ("look", "#6d28d9"),
     rc.Pour: ("pour", "#be185d"),
+    rc.OpenDoor: ("open", "#0e7490"),
 }
 PLAN, FAILED = "#4338ca", "#b91c1c"
-VERBS = ("take", "carry", "place", "pour", "look")
+VERBS = ("take", "carry", "place", "pour", "look", "open")
 """First words of a plan's states that say enough alone."""
 PALE, STEP = "#e2e8f0", "#bae6fd"
 LEGEND = (

@@ -1,0 +1,127 @@
+"""The skill that opens a leaf: take the bar of its handle, turn it, let go, look how far it is open."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from companion.languages import rc
+from services.executor.loop.program import Close, Open, Until
+from services.executor.skills import motions, own_paths
+from services.executor.skills.looking import missed
+from services.executor.skills.moving import joining, straight
+from services.executor.skills.situation import Situation
+from services.executor.skills.skill import Cancelled, NotPossible, Skill, despite_cancel, empty, missing, replan
+from velma import names
+from velma.kinematics import backing, ik
+from velma.kinematics.frames import heading, transform
+from velma.kinematics.tasks import attaching, opening
+from velma.kinematics.tasks.speeds import APPROACH_SPEED, PULL_SPEED, RETREAT_SPEED
+
+SETTLE_S = 0.3  # as in a grasp
+FINGERS_NEEDED = 2  # one on each side of the bar hold it
+BESIDE_M = 0.2  # tolerated of the hand while it is led by the hinge
+OPEN_BY, OPEN_SPEED = 0.5, 0.8  # [rad], [rad/s]: the bar is free before the hand moves
+
+
+def open_door(here: Situation, command: rc.OpenDoor) -> Skill:
+    """Open a leaf. Raises replan if it is unknown, out of reach, or is not seen open enough at the end.
+
+    Raises missing if it is not where it was, empty if the hand closes on nothing.
+    """
+    if command.door not in here.seen:
+        raise replan(f"{command.door} has not been seen")
+    side, door = command.side, command.door
+    with attaching.allowed(here.world, (door, f"{side}_hand")):
+        yield from _to_handle(here, side, command)
+        before = here.seen[door]
+        try:
+            yield from _take(here, side, command)
+            yield from _turn(here, side, command)
+        except (Cancelled, NotPossible):
+            yield from _let_go(here, side, command)
+            raise
+        yield from _let_go(here, side, command)
+    yield from _judge(here, command, before)
+
+
+def _to_handle(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
+    """Go to the outermost point, look at the leaf, and go on to the handle."""
+    watch = _middle(here.seen[command.door])
+    way = _solved(here, side, command)
+    sensed = yield motions.along(
+        here, command.key, joining(here, way[0]), APPROACH_SPEED, watch=watch, settle_s=SETTLE_S,
+        **motions.hand(side, motions.fingers(command.approach[0].fingers)),
+    )  # fmt: skip
+    here.set_fingers(side, command.approach[0].fingers)
+    if (yield from missed(here, command.key, command.door, sensed)):
+        raise missing(f"{command.door} is not where it was")
+    way = _solved(here, side, command)
+    yield motions.along(here, command.key, [*joining(here, way[0]), *way], APPROACH_SPEED)
+
+
+def _middle(leaf: pin.SE3) -> np.ndarray:
+    """Return the place of a leaf's hinge, at half its height: the head sees all of it and the cabinet from there."""
+    return np.asarray(leaf.translation)
+
+
+def _solved(here: Situation, side: str, command: rc.OpenDoor) -> list[np.ndarray]:
+    """Return postures from the outermost point to the handle, by where the leaf is seen now."""
+    poses = [here.seen[command.door] * transform(point.at) for point in command.approach]
+    here.set_fingers(side, command.approach[-1].fingers)
+    start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
+    if start is None:
+        raise replan(f"the {side} hand cannot reach the handle of {command.door} from here")
+    path = [start]
+    for pose in poses[1:]:
+        path += straight(here, side, path[-1], pose, here.world.free)
+    return path
+
+
+def _take(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
+    """Close the fingers on the bar. They are not locked: whatever ends the act, the hand can open."""
+    close = Close(command.squeeze, command.closed, command.speed, settle_s=SETTLE_S, lock=False)
+    sensed = yield motions.still(here, command.key, until=Until.TOUCH, **motions.hand(side, close))
+    touched = sum(sensed.touched[side])
+    if touched < FINGERS_NEEDED:
+        raise empty(f"the {side} hand closed and {touched} of 3 fingers touched the handle of {command.door}")
+    here.set_fingers(side, command.closed)
+
+
+def _turn(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
+    """Lead the handle about the hinge. Raises replan where the arm does not follow."""
+    leaf = here.seen[command.door]
+    try:
+        path = opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn)
+    except ik.PathBlocked as blocked:
+        raise replan(f"the {side} hand cannot turn {command.door}: {blocked}") from None
+    T_grip_leaf = here.robot.grip(here.q, side).inverse() * leaf
+    try:
+        yield motions.along(here, command.key, path, PULL_SPEED, settle_s=SETTLE_S, tolerance_m=BESIDE_M)
+    finally:
+        here.place(command.door, here.robot.grip(here.q, side) * T_grip_leaf)
+
+
+def _let_go(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
+    """Open the fingers and draw the hand back, as far as there is room. A cancel changes nothing."""
+    wide = command.approach[-1].fingers
+    loose = (Open(OPEN_BY, OPEN_SPEED), motions.fingers(wide))
+    yield from despite_cancel(lambda: motions.still(here, command.key, **motions.hand(side, loose[0])))
+    yield from despite_cancel(lambda: motions.still(here, command.key, **motions.hand(side, loose[1])))
+    here.set_fingers(side, wide)
+    first, last = (transform(point.at) for point in (command.approach[0], command.approach[-1]))
+    leg, _ = own_paths.furthest(here, side, here.q, here.robot.grip(here.q, side) * last.inverse() * first)
+    path = [here.q, *leg]
+    path += backing.out_of_touch(here.robot, here.world, side, path[-1])[1:]
+    yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path[1:]), RETREAT_SPEED))
+
+
+def _judge(here: Situation, command: rc.OpenDoor, before: pin.SE3) -> Skill:
+    """Look at the leaf. Raises replan if it is not seen, or is not open enough."""
+    sensed = yield motions.still(here, command.key, watch=_middle(here.seen[command.door]), settle_s=SETTLE_S)
+    if command.door not in {sight.name for sight in sensed.sights}:
+        raise replan(f"{command.door} is not seen after it was turned")
+    now, then = (heading(leaf.rotation[:, 0]) for leaf in (here.seen[command.door], before))
+    done = math.copysign(1.0, command.turn) * math.remainder(now - then, math.tau)
+    if done < command.least:
+        raise replan(f"{command.door} was turned by {done:.2f} rad, {command.least:.2f} are needed")

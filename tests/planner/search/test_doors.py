@@ -1,0 +1,75 @@
+"""Doors are opened for what stands behind them, and for what may."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.languages import hfsm, rc
+from services.planner.search import leaves
+from services.planner.search.asking import Asking
+
+pytestmark = pytest.mark.timeout(240)
+WIDE = 1.45  # as far as the hand leaves them
+DOORS = {"door_1", "door_2"}
+SEEN_WITHIN = 0.01  # [rad] of the noise of two yaws
+
+
+def opened(plan: hfsm.HierarchicalPlan) -> list[str]:
+    """Return the doors that a plan opens, in this order."""
+    acts = [leaf.command for state in plan.root.states for leaf in getattr(state, "states", ())]
+    return [act.door for act in acts if isinstance(act, rc.OpenDoor)]
+
+
+@settings(max_examples=8, deadline=None)
+@given(angles=st.tuples(st.floats(0.0, 1.5), st.floats(0.0, 1.5)))
+def test_doors_that_are_not_open_enough_are_closed(km, doors, angles: tuple[float, float]) -> None:
+    """By the poses that were seen; each hangs at the cabinet in whose opening it is."""
+    asking = Asking(km(doors(*angles)).ask, "p")
+    found = dict(leaves.closed(asking, ""))
+    assert set(found.values()) <= {"cabinet_2"}
+    for door, angle in zip(sorted(DOORS), angles, strict=True):
+        if abs(angle - leaves.ENOUGH) > SEEN_WITHIN:
+            assert (door in found) is (angle < leaves.ENOUGH)
+        assert leaves.opened(asking, "", door, "cabinet_2") == pytest.approx(angle, abs=SEEN_WITHIN)
+
+
+@pytest.mark.parametrize("task", [("pour", "jar", "bowl"), ("take", "jar", "")])
+def test_a_door_is_opened_to_look_for_a_thing(task, km, named, doors) -> None:
+    """One, then the robot looks around and plans again, whether it sees the thing or not."""
+    plan = km(doors(0.0, 0.0)).plan(*task)
+    steps = named(plan)
+    assert len(opened(plan)) == 1
+    assert steps[0] == f"open {opened(plan)[0]}"
+    assert steps[2:] == ["look around", "is jar localized?", "replan"]
+    asked = plan.root.states[-2]
+    assert isinstance(asked, hfsm.AskState)
+    assert asked.otherwise is hfsm.Outcome.REPLAN
+
+
+@pytest.mark.parametrize(
+    ("angles", "closed"), [((0.0, WIDE), "door_1"), ((WIDE, 0.0), "door_2"), ((WIDE, 0.5), "door_2")]
+)
+def test_the_other_door_is_opened_for_a_thing_that_was_seen(angles, closed: str, km, named, doors) -> None:
+    """Before anything is taken; where the leaf is then is looked at."""
+    plan = km(doors(*angles)).plan("take", "jar", "")
+    assert opened(plan) == [closed]
+    assert named(plan)[2:] == ["look at jar_1", "is jar_1 localized?", "replan"]
+
+
+def test_open_doors_are_left_as_they_are(km, named, doors) -> None:
+    """The jar is taken from between them."""
+    plan = km(doors(WIDE, WIDE)).plan("take", "jar", "")
+    assert opened(plan) == []
+    assert named(plan)[0] == "take jar_1"
+
+
+def test_a_door_is_not_taken(km, doors) -> None:
+    """Nor put elsewhere; the robot says why."""
+    plan = km(doors(WIDE, WIDE)).plan("take", "door", "")
+    assert isinstance(plan, hfsm.NoPlan)
+    assert "hinge" in plan.reason
+
+
+def test_where_no_door_is_closed_a_thing_is_looked_for(km, named, doors) -> None:
+    """As ever: the head turns to all sides."""
+    assert named(km(doors(WIDE, WIDE)).plan("take", "lid", ""))[0] == "look for lid"
