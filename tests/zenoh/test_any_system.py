@@ -77,7 +77,7 @@ CALLS: dict[str, Row] = {
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "graph": Row(has=(*AGENTS, *CHANNELS)),
     "top": Row(("--count", "1"), has=("carries the words", *AGENTS, *CHANNELS)),
-    "doctor": Row(("--target", RUN, "--format", "json"), has=("7 processes of", '"supervisor"', '"router"')),
+    "doctor": Row(("--target", RUN, "--format", "json"), has=("8 processes of", '"supervisor"', '"router"')),
     "traffic echo": Row(("--run", RUN, "--count", "8"), has=("desk>dispatcher", "request", "carry", "legal")),
     "trace": Row(("--run", RUN), has=("desk",)),
     "why": Row(("--run", RUN), has=("desk",)),
@@ -97,9 +97,9 @@ CALLS: dict[str, Row] = {
     "conversation show": Row(("desk-1-1",), has=("desk-1-1  ", " on C2  ", "dispatcher", "agree")),
     "send": Row(("--list", "--as", "ox"), has=("JOB.Offer", "traffic", "C7")),
     "acl show": Row((ACL,), has=("inform", "ox")),
-    "runs": Row(has=("depot", "up: 7 processes", "(latest)")),
+    "runs": Row(has=("depot", "up: 8 processes", "(latest)")),
     "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
-    "down": Row(has=("ended router, monitor, desk, dispatcher, traffic, mule, ox",)),
+    "down": Row(has=("ended forks, router, monitor, desk, dispatcher, traffic, mule, ox",)),
     # What is asked of a run that has ended.
     "replay": Row((RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",)),
     "report": Row((RUN,), has=(*AGENTS, "report.json")),
@@ -263,9 +263,9 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
         "traffic dead": Row(("--run", RUN, "--agent", "doer"), has=("dead letter",)),
         "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),  # its stubs say nothing yet
         "send": Row(("--list",), has=("asker", "doer")),
-        "runs": Row(has=("shop", "up: 4 processes", "(latest)")),
+        "runs": Row(has=("shop", "up: 5 processes", "(latest)")),
         "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
-        "down": Row(has=("ended router, monitor, asker, doer",)),
+        "down": Row(has=("ended forks, router, monitor, asker, doer",)),
     }
     try:
         for verb, row in expected.items():
