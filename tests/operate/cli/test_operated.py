@@ -45,9 +45,9 @@ def rows(run: Path, code: int = 0) -> dict[str, dict[str, Any]]:
 
 
 def test_every_process_is_seen(run: Path) -> None:
-    """Ten, each with memory; agents with their state, first life, and a heartbeat."""
+    """Eleven, each with memory; agents with their state, first life, and a heartbeat."""
     found = rows(run)
-    assert set(found) == {"router", "monitor", "loop", "km", "pl", "ta", "ex", "co", "hi", "page"}
+    assert set(found) == {"forks", "router", "monitor", "loop", "km", "pl", "ta", "ex", "co", "hi", "page"}
     assert all(row["memory"] > 10 << 20 for row in found.values())
     assert (found["km"]["state"], found["km"]["incarnation"]) == ("idle", 1)
     assert all(found[name]["heartbeat_s"] < 10 for name in ("km", "pl", "ta", "ex", "co", "hi"))
