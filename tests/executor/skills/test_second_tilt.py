@@ -11,6 +11,7 @@ from companion.languages.values import Side
 from services.executor.loop.core import LoopCore
 from velma.kinematics import motion
 from velma.kinematics.frames import standing
+from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, Stream, tiltings
 from velma.sim.truth import TruthReader
 
@@ -18,6 +19,7 @@ JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
 GRAIN_KG, EMPTY_KG = 0.002, 0.2  # velma/model/objects.yaml
 CLOGGED, UPRIGHT_DEG = 20, 80.0
 CLOG_M = 0.17  # near the opening
+SPILLS_NOTHING = np.radians(40.0)  # largest tilt on the way to the bowl
 
 
 class Clog:
@@ -61,8 +63,9 @@ def over_the_bowl(jar_out: Acting) -> tuple[Acting, rc.Pour]:
     rim, opening = (models.MODELS[jar_out.things[name]].hole for name in (BOWL, JAR))
     flow = Stream(place.act(np.array(rim.centre)), rim.radius, opening.centre[2])
     held, rng = here.held[LEFT].T_grip_object, np.random.default_rng(1)
+    keep = upright(here.robot, LEFT, held, SPILLS_NOTHING)
     for tilting in tiltings(here.robot, here.world, LEFT, here.q, held, flow, rng):
-        way = motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0])
+        way = motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0], keep=keep)
         if way is not None:
             jar_out.done(jar_out.move(LEFT, way.path[1:]))
             tilts = (FIRST_TILT, LAST_TILT)
