@@ -322,7 +322,8 @@ SENTENCES = (
 
 
 def sentences() -> list[bytes]:
-    """Return sentences of a person."""
+    """Return sentences of a person, when hi is ready to read them."""
+    grammar.prepare()
     return [text.encode() for text in SENTENCES]
 
 
