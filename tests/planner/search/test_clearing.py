@@ -8,6 +8,7 @@ from companion.languages.values import Pose, Side
 from services.knowledge.observe import observed
 from services.knowledge.scene import Scene
 
+pytestmark = pytest.mark.timeout(240)  # a search takes 16 s of processor
 ASIDE = Pose((0.75, -0.5, 0.81))  # on table_2, an arm's length from the jar
 
 

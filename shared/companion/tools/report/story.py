@@ -23,7 +23,7 @@ WORDS: dict[type[rc.Command], tuple[str, str]] = {
     rc.Release: ("put down", "#15803d"),
     rc.Look: ("look", "#6d28d9"),
     rc.Pour: ("pour", "#be185d"),
-    rc.OpenDoor: ("open", "#0e7490"),
+    rc.OpenDoor: ("open", "#78350f"),
 }
 PLAN, FAILED = "#4338ca", "#b91c1c"
 VERBS = ("take", "carry", "place", "pour", "look", "open")
