@@ -16,15 +16,7 @@ def wrong(command: rc.Act) -> str:
     """Return the first thing that is wrong with a command, before anything is computed; "" if nothing is."""
     if not command.key:
         return "key is empty, an act needs one of its own"
-    found = _about_a_door(command) if isinstance(command, rc.OpenDoor) else _complaints(command)
-    return next(found, "")
-
-
-def _about_a_door(command: rc.OpenDoor) -> Iterator[str]:
-    if not command.approach:
-        yield "approach is empty, its last point is the handle"
-    yield from _bad_numbers("turn, least, closed", command.turn, command.least, command.closed)
-    yield from _bad_speed(command.speed)
+    return next(_complaints(command), "")
 
 
 def _complaints(command: rc.Act) -> Iterator[str]:
@@ -40,18 +32,31 @@ def _complaints(command: rc.Act) -> Iterator[str]:
             for segment in segments:
                 yield from _bad_numbers("offset", *segment.offset)
                 yield from _bad_speed(segment.speed)
-        case rc.Grasp(approach=approach, mass=mass, speed=speed):
-            if not approach:
-                yield "approach is empty, its last point is the grasp itself"
-            if not (math.isfinite(mass) and mass >= 0.0):
-                yield f"mass is {mass}, it has to be 0 kg or more"
-            yield from _bad_speed(speed)
+        case rc.Grasp():
+            yield from _about_a_grasp(command)
+        case rc.OpenDoor():
+            yield from _about_a_door(command)
         case rc.Look(at=at):
             if not at:
                 yield "at is empty, a look needs a point"
             yield from _bad_numbers("at", *(x for point in at for x in point))
         case rc.Pour(tilts=tilts, hold=hold, azimuth=azimuth, spin=spin):
             yield from _bad_numbers("tilts, hold, azimuth, spin", *tilts, hold, azimuth, spin)
+
+
+def _about_a_grasp(command: rc.Grasp) -> Iterator[str]:
+    if not command.approach:
+        yield "approach is empty, its last point is the grasp itself"
+    if not (math.isfinite(command.mass) and command.mass >= 0.0):
+        yield f"mass is {command.mass}, it has to be 0 kg or more"
+    yield from _bad_speed(command.speed)
+
+
+def _about_a_door(command: rc.OpenDoor) -> Iterator[str]:
+    if not command.approach:
+        yield "approach is empty, its last point is the handle"
+    yield from _bad_numbers("turn, least, closed", command.turn, command.least, command.closed)
+    yield from _bad_speed(command.speed)
 
 
 def _bad_numbers(name: str, *values: float) -> Iterator[str]:

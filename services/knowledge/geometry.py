@@ -8,8 +8,8 @@ import math
 from collections.abc import Iterable
 
 from companion.languages.values import Box, Cylinder, Pose, Shape, Sphere, Vector
+from companion.quaternions import Quat, conjugate, product
 
-Quat = tuple[float, float, float, float]
 Bounds = tuple[Vector, Vector]
 # GJK needs a few iterations for such shapes; undecided after these, they count as touching (safe side).
 ROUNDS = 32
@@ -23,12 +23,6 @@ def rotate(quat_wxyz: Quat, v: Vector) -> Vector:
     a, b, c = v
     tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
     return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
-
-
-def conjugate(quat_wxyz: Quat) -> Quat:
-    """Return the inverse rotation."""
-    w, x, y, z = quat_wxyz
-    return w, -x, -y, -z
 
 
 def place(pose: Pose, point: Vector) -> Vector:
@@ -45,15 +39,7 @@ def unplace(pose: Pose, point: Vector) -> Vector:
 
 def compose(first: Pose, second: Pose) -> Pose:
     """Return T_A_C of T_A_B and T_B_C."""
-    w, x, y, z = first.quat_wxyz
-    a, b, c, d = second.quat_wxyz
-    turn = (
-        w * a - x * b - y * c - z * d,
-        w * b + x * a + y * d - z * c,
-        w * c - x * d + y * a + z * b,
-        w * d + x * c - y * b + z * a,
-    )
-    return Pose(place(first, second.xyz), turn)
+    return Pose(place(first, second.xyz), product(first.quat_wxyz, second.quat_wxyz))
 
 
 def half_sizes(shape: Shape) -> Vector:

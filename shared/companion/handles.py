@@ -9,6 +9,7 @@ import msgspec
 
 from companion.languages import wm
 from companion.languages.values import Pose, Vector
+from companion.quaternions import Quat, conjugate, product
 
 HANDLE = "handle"
 """Kind of these grasps: the leaf is turned by them, not taken."""
@@ -39,7 +40,7 @@ class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         ways = [(name, turn, up) for name, turn, up in (("down", _DOWNWARDS, -1.0), ("up", _UPWARDS, 1.0))]
         return tuple(self._grasp(slant, *way) for way in ways for slant in self.slants_deg)
 
-    def _grasp(self, slant: float, name: str, turn: tuple[float, float, float, float], up: float) -> wm.GraspDef:
+    def _grasp(self, slant: float, name: str, turn: Quat, up: float) -> wm.GraspDef:
         steps = (self._step(slant, turn, up, self.depth + self.before), self._step(slant, turn, up, self.depth))
         squeeze = math.radians(self.squeeze_deg)
         return wm.GraspDef(f"{name}_{slant:g}", steps, self.closed, squeeze, self.speed, self.before, HANDLE)
@@ -50,13 +51,5 @@ class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         c, s = math.cos(yaw), math.sin(yaw)
         x, y, z = self.bar
         ahead, across = c * x + s * y, up * (s * x - c * y)
-        half = (math.cos(yaw / 2), math.sin(yaw / 2))
-        w, i, j, k = turn
-        # The inverse of Rz(yaw) turn.
-        quat = (
-            half[0] * w - half[1] * k,
-            -(half[0] * i - half[1] * j),
-            -(half[0] * j + half[1] * i),
-            -(half[0] * k + half[1] * w),
-        )
+        quat = conjugate(product((math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)), turn))
         return wm.GraspStep(Pose((-up * z, -across, depth - ahead), quat), self.fingers)

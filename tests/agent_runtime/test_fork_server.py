@@ -5,13 +5,14 @@ import queue
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from worker_entries import At, Count, Go
+from worker_entries import At, Count, counting
 
 from agent_runtime.io import forked
 from agent_runtime.io.forked import FORKS_VARIABLE, UNKNOWN, Forked, Handed, fork
@@ -156,7 +157,7 @@ def test_nothing_runs_for_who_has_given_up(forks: Forks, monkeypatch: pytest.Mon
 
 
 def test_what_was_forked_outlives_the_server(forks: Forks) -> None:
-    """Its end is seen all the same; only how it ended is not known. There is no other one."""
+    """Its end is seen, but its exit code is unknown. Nothing more is forked."""
     one = made(forks.fork("waits"))
     until(lambda: forks.log.exists() and "runs" in forks.log.read_text())
     forks.server.kill()
@@ -169,7 +170,7 @@ def test_what_was_forked_outlives_the_server(forks: Forks) -> None:
 
 
 def test_nonsense_does_not_end_the_server(forks: Forks) -> None:
-    """A line that says nothing, or what is no request, is closed."""
+    """A connection with no valid request is closed."""
     for words in (b"", b"nonsense", b'{"module":1}'):
         line = forked.socket.socket(forked.socket.AF_UNIX, forked.socket.SOCK_SEQPACKET)
         with line, forked.short(forks.run / "forks.sock") as address:
@@ -187,13 +188,22 @@ def test_a_worker_is_forked_where_there_is_a_server(forks: Forks, monkeypatch: p
     heard: queue.Queue[Any] = queue.Queue()
     ends: queue.Queue[int] = queue.Queue()
     worker = Worker("worker_entries:count", answers=At, on_message=heard.put, on_end=ends.put)
-    worker.tell(Count(2, b"x" * 100_000))
-    for number in range(2):
-        assert heard.get(timeout=20) == At(number, b"x" * 100_000)
+    for _ in counting(worker, heard, Count(2, b"x" * 100_000)):
         assert f"\nPPid:\t{forks.server.pid}\n" in Path(f"/proc/{worker.pid}/status").read_text()
-        worker.tell(Go())
     assert ends.get(timeout=20) == 0
     worker.kill()
+
+
+def test_any_thread_may_wait(forks: Forks) -> None:
+    """All of them get the exit code, whichever sees the end first."""
+    one, codes = made(forks.fork("waits")), queue.Queue[int]()
+    threads = [threading.Thread(target=lambda: codes.put(one.wait())) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    one.terminate()
+    for thread in threads:
+        thread.join()
+    assert [codes.get() for _ in threads] == [-signal.SIGTERM] * 8
 
 
 def test_without_a_server_nothing_is_forked(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from worker_entries import At, Count, Go
+from worker_entries import At, Count, counting
 
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.worker import Worker
@@ -46,10 +46,8 @@ def test_talks_and_ends() -> None:
     heard: queue.Queue[Any] = queue.Queue()
     ends: queue.Queue[int] = queue.Queue()
     worker = Worker("worker_entries:count", answers=At, on_message=heard.put, on_end=ends.put)
-    worker.tell(Count(3, b"x" * 1_000_000))
-    for number in range(3):
-        assert heard.get(timeout=20) == At(number, b"x" * 1_000_000)
-        worker.tell(Go())
+    for _ in counting(worker, heard, Count(3, b"x" * 1_000_000)):
+        pass
     assert ends.get(timeout=20) == 0
     worker.kill()
 

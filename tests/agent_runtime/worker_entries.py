@@ -1,11 +1,14 @@
-"""Functions that the workers of the tests run in their child process."""
+"""Functions that the workers of the tests run in their child process, and what a parent says to them."""
 
 import os
 import time
+from collections.abc import Iterator
+from queue import Queue
+from typing import Any
 
 import msgspec
 
-from agent_runtime.io.worker import Link
+from agent_runtime.io.worker import Link, Worker
 
 
 class Count(msgspec.Struct, frozen=True, tag=True):
@@ -32,6 +35,15 @@ def count(link: Link) -> None:
     for number in range(task.end):
         link.send(At(number, task.pad))
         link.recv(Go)
+
+
+def counting(worker: Worker, heard: Queue[Any], task: Count) -> Iterator[int]:
+    """Have a worker that runs `count` do the task; yield each number that it says, before it goes on."""
+    worker.tell(task)
+    for number in range(task.end):
+        assert heard.get(timeout=20) == At(number, task.pad)
+        yield number
+        worker.tell(Go())
 
 
 def spin(link: Link) -> None:

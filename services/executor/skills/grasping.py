@@ -7,7 +7,7 @@ from companion.languages import rc
 from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions
 from services.executor.skills.looking import missed
-from services.executor.skills.moving import joining, straight
+from services.executor.skills.moving import joining, legs
 from services.executor.skills.situation import Held, Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Skill, empty, missing, replan
 from velma import names
@@ -31,7 +31,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
         raise replan(f"{command.object} has not been seen")
     side = command.side
     poses = [here.seen[command.object] * transform(point.at) for point in command.approach]
-    first, legs = _approach(here, side, command, poses)
+    first, rest = _approach(here, side, command, poses)
     watch = here.seen[command.object].translation
     sensed = yield motions.along(
         here, command.key, first, APPROACH_SPEED, watch=watch, settle_s=TARE_S,
@@ -40,7 +40,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
     if (yield from missed(here, command.key, command.object, sensed)):
         raise missing(f"{command.object} is not where it was")
     try:
-        for leg, point in zip(legs, command.approach[1:], strict=True):
+        for leg, point in zip(rest, command.approach[1:], strict=True):
             options = motions.hand(side, motions.fingers(point.fingers))
             if point is command.approach[1]:
                 options["tare"] = str(side)  # before it touches the object
@@ -54,7 +54,7 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
                 here.give_up(command.object)  # the hand closed where it should be
             raise empty(f"the {side} hand closed and {touched} of 3 fingers touched {command.object}")
     except (Cancelled, NotPossible):
-        yield from _back_out(here, side, command, [first[-1] if first else here.q, *(q for leg in legs for q in leg)])
+        yield from _back_out(here, side, command, [first[-1] if first else here.q, *(q for leg in rest for q in leg)])
         raise
     # Until the object is seen in the hand, the planned grasp tells its pose there.
     T_grip_object = here.robot.grip(here.q, side).inverse() * poses[-1] * transform(command.approach[-1].at).inverse()
@@ -81,8 +81,4 @@ def _approach(
         if start is None:
             raise replan(f"the {side} hand cannot reach {command.object} from here")
         first = joining(here, start)
-        legs, q = [], start
-        for pose in poses[1:]:
-            legs.append(straight(here, side, q, pose, here.world.free))
-            q = legs[-1][-1]
-    return first, legs
+        return first, legs(here, side, start, poses[1:])

@@ -13,9 +13,9 @@ from services.executor.skills.situation import Situation
 
 LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
 AHEAD = HeadGoal(0.0, 0.0, LOOK_SPEED)
-EVERY = (
-    5  # knots between two states that are looked at, 0.1 s: the arm moves by up to 5 cm, the head turns by 6 degrees
-)
+EVERY = 5
+"""Knots between two states that are checked (estimate): 0.1 s, in which a hand moves by 3.5 cm at most and the head
+turns by 6 degrees."""
 ROOM_M = 0.02
 """Between arm and head: hands were up to 24 mm beside their path, mostly 10, in task runs."""
 

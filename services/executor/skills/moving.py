@@ -1,6 +1,6 @@
 """Skills that move an arm: along a planned joint path, in a straight line, and home."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -83,6 +83,18 @@ def straight(here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept:
         return ik.line(here.robot, side, q, target, accept=outwards, columns=names.COLUMNS[side])[1:]
     except ik.PathBlocked as blocked:
         raise replan(f"the {side} hand cannot move straight: {blocked}") from None
+
+
+def legs(here: Situation, side: str, q: np.ndarray, poses: Sequence[pin.SE3]) -> list[list[np.ndarray]]:
+    """Return a straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
+
+    Raises replan if one is blocked.
+    """
+    found: list[list[np.ndarray]] = []
+    for pose in poses:
+        found.append(straight(here, side, q, pose, here.world.free))
+        q = found[-1][-1]
+    return found
 
 
 def _outwards(here: Situation, q: np.ndarray) -> Callable[[np.ndarray], bool]:

@@ -1,6 +1,7 @@
 """The skill that opens a leaf: take the bar of its handle, turn it, let go, look how far it is open."""
 
 import math
+from itertools import chain
 
 import numpy as np
 import pinocchio as pin
@@ -8,8 +9,9 @@ import pinocchio as pin
 from companion.languages import rc
 from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions, own_paths
+from services.executor.skills.grasping import SETTLE_S
 from services.executor.skills.looking import missed
-from services.executor.skills.moving import joining, straight
+from services.executor.skills.moving import joining, legs
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Skill, despite_cancel, empty, missing, replan
 from velma import names
@@ -18,10 +20,9 @@ from velma.kinematics.frames import heading, transform
 from velma.kinematics.tasks import attaching, opening
 from velma.kinematics.tasks.speeds import APPROACH_SPEED, PULL_SPEED, RETREAT_SPEED
 
-SETTLE_S = 0.3  # as in a grasp
 FINGERS_NEEDED = 2  # one on each side of the bar hold it
-BESIDE_M = 0.2  # tolerated of the hand while it is led by the hinge
-OPEN_BY, OPEN_SPEED = 0.5, 0.8  # [rad], [rad/s]: the bar is free before the hand moves
+BESIDE_M = 0.2  # tolerated of the hand while the hinge leads it (estimate: twice the usual)
+OPEN_BY, OPEN_SPEED = 0.5, 0.8  # [rad], [rad/s]: the bar is free before the hand moves (estimates)
 
 
 def open_door(here: Situation, command: rc.OpenDoor) -> Skill:
@@ -72,10 +73,7 @@ def _solved(here: Situation, side: str, command: rc.OpenDoor) -> list[np.ndarray
     start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
     if start is None:
         raise replan(f"the {side} hand cannot reach the handle of {command.door} from here")
-    path = [start]
-    for pose in poses[1:]:
-        path += straight(here, side, path[-1], pose, here.world.free)
-    return path
+    return [start, *chain.from_iterable(legs(here, side, start, poses[1:]))]
 
 
 def _take(here: Situation, side: str, command: rc.OpenDoor) -> Skill:

@@ -46,7 +46,7 @@ GRASPS_TRIED = ("1", "2", "3", "4")
 CLEARED = (1, 2)
 """Ranks of the things beside a wanted one that are put aside, 1 the nearest. Estimate: a try takes seconds."""
 DOORS = (1, 2)
-"""Ranks of the closed doors before a thing, one of which is opened first."""
+"""Ranks of the closed doors before a thing, one of which is opened first: a cabinet has two."""
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 

@@ -2,8 +2,8 @@
 
 A process that is forked need not import again what all share. The server has one thread when it forks, so nothing is
 lost by that. Where what it imported has changed since, or the process is to start with other variables of the loader or
-interpreter, it makes nothing, and who asked starts the process in the usual way. It reads nothing but requests of the
-same user (the socket's folder is the run's), and a process that it made does not need it any more.
+interpreter, it makes nothing, and the caller starts the process itself. Only the same user can ask: the socket is in
+the run's folder. A process that it made does not need it any more.
 """
 
 import atexit
@@ -27,15 +27,15 @@ from typing import NoReturn
 
 import msgspec
 
-from agent_runtime.io.forked import FORKS_VARIABLE, GO, NUMBER, Asked, short
+from agent_runtime.io.forked import FORKS, FORKS_VARIABLE, GO, NUMBER, Asked, short
+from agent_runtime.io.heartbeat import ready_file
 from agent_runtime.io.pulse import PERIOD_S, Pulse
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 
-NAME = "forks"
 MOST_BYTES, MOST_FILES = 1 << 20, 16  # of a request: an environment has some kB
 AT_THE_START = ("LD_", "PYTHON", "GLIBC_", "MALLOC_", "OMP_", "OPENBLAS_")
-"""Variables, by how they begin, that loader, interpreter and numeric libraries read when they start, and then never."""
-ABOVE = 256  # numbers of files while they are sorted; no place of a file is as high
+"""Beginnings of the variables that loader, C library, interpreter and numeric libraries read only when they start (by
+their manuals; more than those count for nothing but a start without the server)."""
 
 
 class Sources:
@@ -174,7 +174,7 @@ def _become(asked: Asked, files: Sequence[int], line: socket.socket) -> None:
     except OSError:
         os._exit(0)
     line.close()
-    above = [fcntl.fcntl(file, fcntl.F_DUPFD_CLOEXEC, ABOVE) for file in files]
+    above = [fcntl.fcntl(file, fcntl.F_DUPFD_CLOEXEC, 1 + max(asked.places)) for file in files]  # no place is taken
     for file in files:
         os.close(file)
     for file, place in zip(above, asked.places, strict=True):
@@ -230,7 +230,7 @@ def rename(module: str, *arguments: str) -> None:
 def main(modules: Sequence[str]) -> Asked | None:
     """Import the modules and serve; one that cannot be imported is left to who needs it."""
     start, run_folder = at_the_start(os.environ), Path(os.environ[RUN_FOLDER_VARIABLE])  # imports may set some
-    pulse = Pulse(run_folder, NAME)
+    pulse = Pulse(run_folder, FORKS)
     for module in modules:
         pulse.beat()
         try:
@@ -242,7 +242,7 @@ def main(modules: Sequence[str]) -> Asked | None:
     gc.collect()
     gc.freeze()  # or a collection in each process would write to all that they share
     server = Server(Path(os.environ[FORKS_VARIABLE]), pulse.beat, start)
-    (run_folder / f"{NAME}.ready").touch()
+    ready_file(run_folder, FORKS).touch()
     return server.serve()
 
 

@@ -1,8 +1,7 @@
-"""A process made by the fork server (fork_server.py): asked for, then watched and ended as a child of one's own.
+"""Client of the fork server (fork_server.py): `fork` asks for a process; `Forked` watches and ends it.
 
-The asking process has the address of the server in its environment. Where there is no server, or it cannot serve, the
-answer is None, and the process is started in the usual way. Nobody runs what nobody waits for: the new process begins
-only once it was told to, and ends where who asked has given up.
+The environment names the server's socket. `fork` returns None if there is no server, or it does not answer in time;
+the caller then starts the process itself. A new process begins when the caller says so, and ends if the caller is gone.
 """
 
 import os
@@ -11,6 +10,7 @@ import signal
 import socket
 import struct
 import threading
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import msgspec
 
+FORKS = "forks"
+"""Name of the server among the processes of a fleet."""
 FORKS_VARIABLE = "ROCO_FORKS"
 """The file of the server's socket."""
 WITHIN_S = 2.0  # for an answer; estimate: a fork takes 10-40 ms on a loaded machine
@@ -47,28 +49,21 @@ class Handed(NamedTuple):
     place: int
 
 
-class Forked:
-    """A process that a fork server made; as much of subprocess.Popen as is needed. Any thread may use it."""
+class Other:
+    """A process that is not a child of this one, by a handle: another one that gets its number later is not meant.
 
-    def __init__(self, pid: int, handle: int, line: socket.socket) -> None:
-        """`handle`: of the process itself, so that no other with its number is meant; `line`: to the server."""
+    Any thread may use it. The handle is closed with the object.
+    """
+
+    def __init__(self, pid: int) -> None:
+        """Raise ProcessLookupError where there is none."""
         self.pid = pid
-        self.returncode: int | None = None
-        self._handle, self._line = handle, line
-        self._lock = threading.Lock()
+        self._handle = os.pidfd_open(pid)
+        weakref.finalize(self, os.close, self._handle)
 
-    def poll(self) -> int | None:
-        """Return the exit code once it has ended, negative for a signal; else None."""
-        with self._lock:
-            if self.returncode is None and select.select([self._handle], [], [], 0.0)[0]:
-                self._end()
-            return self.returncode
-
-    def wait(self) -> int:
-        """Return the exit code once it has ended."""
-        while (code := self.poll()) is None:
-            select.select([self._handle], [], [])
-        return code
+    def ended(self, within_s: float | None = 0.0) -> bool:
+        """Whether it has ended, or does within this time [s]; None: wait until it has."""
+        return bool(select.select([self._handle], [], [], within_s)[0])
 
     def terminate(self) -> None:
         """Send SIGTERM."""
@@ -79,18 +74,39 @@ class Forked:
         self._signal(signal.SIGKILL)
 
     def _signal(self, number: signal.Signals) -> None:
-        with self._lock, suppress(ProcessLookupError):
-            if self.returncode is None:
-                signal.pidfd_send_signal(self._handle, number)
+        with suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._handle, number)
 
-    def _end(self) -> None:
-        """Note the exit code, which the server tells as soon as it sees the end."""
-        code = b""
-        with suppress(OSError):
-            code = self._line.recv(NUMBER.size)
-        self.returncode = NUMBER.unpack(code)[0] if len(code) == NUMBER.size else UNKNOWN
-        self._line.close()
-        os.close(self._handle)
+
+class Forked(Other):
+    """A process that a fork server made; as much of subprocess.Popen as is needed."""
+
+    def __init__(self, pid: int, line: socket.socket) -> None:
+        """`line`: to the server, which tells the exit code. Raise ProcessLookupError."""
+        super().__init__(pid)
+        self.returncode: int | None = None
+        self._line, self._lock = line, threading.Lock()
+
+    def poll(self) -> int | None:
+        """Return the exit code once it has ended, negative for a signal; else None."""
+        with self._lock:
+            if self.returncode is None and self.ended():
+                self.returncode = self._code()
+            return self.returncode
+
+    def wait(self) -> int:
+        """Return the exit code once it has ended."""
+        while (code := self.poll()) is None:
+            self.ended(None)
+        return code
+
+    def _code(self) -> int:
+        """Return the exit code that the server tells; UNKNOWN where it does not."""
+        with self._line as line:
+            try:
+                return int(NUMBER.unpack(line.recv(NUMBER.size))[0])
+            except (OSError, struct.error):
+                return UNKNOWN
 
 
 def fork(
@@ -114,14 +130,12 @@ def fork(
         with short(Path(place)) as address:
             line.connect(address)
         socket.send_fds(line, [msgspec.json.encode(asked)], [one.file for one in hand])
-        answer = line.recv(NUMBER.size)
-        (pid,) = NUMBER.unpack(answer)
-        handle = os.pidfd_open(pid)
+        made = Forked(NUMBER.unpack(line.recv(NUMBER.size))[0], line)
         line.send(GO)
     except (OSError, struct.error):  # the new process, if there is one, sees that nobody waits for it, and ends
         line.close()
         return None
-    return Forked(pid, handle, line)
+    return made
 
 
 @contextmanager

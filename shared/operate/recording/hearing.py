@@ -1,4 +1,4 @@
-"""What an agent heard and when, by its own step log. A latency ends where the asker hears, not the recorder.
+"""Times at which an agent heard something, by its own step log: a latency ends when the asker hears the answer.
 
 Times are those of the agent's clock (agent_runtime.io.clock), which is also that of what it says. It is even within a
 life; of two lives, or of two hosts, clocks may differ. So both ends of a span are times of one life of one agent.

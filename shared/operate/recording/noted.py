@@ -1,4 +1,4 @@
-"""Records of an agent's step log: what it heard and when, by its own clock, and when its lives began.
+"""Records of an agent's step log: what it heard, the time by its own clock, and the begin of each life.
 
 Must not know: the recording.
 """

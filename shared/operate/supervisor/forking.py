@@ -6,12 +6,12 @@ is not ready they are started without it, each by an interpreter of its own.
 
 import msgspec
 
+from agent_runtime.io import forked
 from agent_runtime.io.secured import ROUTERS
 from operate.supervisor.processes import RECORDS_S, Process
 
-FORKS = Process(
-    "forks", "agent_runtime.io.fork_server", optional=True, patience_s=30.0, hangs_s=RECORDS_S
-)  # patience: estimate; its imports take 2 s, and 12 s on a slow machine at a load of 3
+PATIENCE_S = 30.0  # estimate: its imports take 2 s, and 12 s on a slow machine at a load of 3
+FORKS = Process(forked.FORKS, "agent_runtime.io.fork_server", optional=True, patience_s=PATIENCE_S, hangs_s=RECORDS_S)
 FORKS_FILE = "forks.sock"
 
 
@@ -20,14 +20,12 @@ def forking(processes: tuple[Process, ...]) -> tuple[Process, ...]:
 
     Routers, which others wait for, start beside it.
     """
-    forked = [one for one in processes if one.forked and one.name not in ROUTERS]
-    if len(forked) < 2:
+    made = [one for one in processes if one.forked and one.name not in ROUTERS]
+    if len(made) < 2:
         return processes
-    modules = (name for one in forked for name in (program(one), *one.workers))
+    modules = (name for one in made for name in (program(one), *one.workers))
     server = msgspec.structs.replace(FORKS, arguments=tuple(dict.fromkeys(modules)))
-    behind = (
-        msgspec.structs.replace(one, after=(*one.after, FORKS.name)) if one in forked else one for one in processes
-    )
+    behind = (msgspec.structs.replace(one, after=(*one.after, FORKS.name)) if one in made else one for one in processes)
     return (server, *behind)
 
 

@@ -8,12 +8,11 @@ folder ends them first, in order: a second router or control loop beside them wo
 import contextlib
 import fcntl
 import os
-import select
-import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from agent_runtime.io.forked import Other
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, make_run
 from operate.run_folder import LOCK_FILE
 from operate.supervisor import folder
@@ -53,29 +52,12 @@ def _take(run: Path, lock: int) -> None:
         time.sleep(0.01)
 
 
-class Left:
-    """A process that is not a child of this one; as much of subprocess.Popen as the shell needs."""
-
-    def __init__(self, pid: int) -> None:
-        """Raise ProcessLookupError where there is none. What has the number later is not meant."""
-        self.pid = pid
-        self._handle = os.pidfd_open(pid)
+class Left(Other):
+    """A process that a dead supervisor left; as much of subprocess.Popen as the shell needs."""
 
     def poll(self) -> int | None:
         """Return 0 once it has ended; its exit code is its parent's to know."""
-        return 0 if select.select([self._handle], [], [], 0.0)[0] else None
-
-    def terminate(self) -> None:
-        """Send SIGTERM."""
-        self._signal(signal.SIGTERM)
-
-    def kill(self) -> None:
-        """Send SIGKILL."""
-        self._signal(signal.SIGKILL)
-
-    def _signal(self, number: signal.Signals) -> None:
-        with contextlib.suppress(ProcessLookupError):
-            signal.pidfd_send_signal(self._handle, number)
+        return 0 if self.ended() else None
 
 
 def left(run: Path, processes: tuple[Process, ...]) -> dict[str, Left]:

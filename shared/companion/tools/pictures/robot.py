@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import velma.model
 from companion.languages.values import Pose
+from companion.quaternions import product
 from companion.telemetry import RobotState
 from velma.names import BODY, DISTAL, HEAD, PROXIMAL, SIDES, SPREAD
 
@@ -108,18 +109,6 @@ def pose(frame: Array) -> Pose:
     w, x, y, z = np.linalg.eigh(np.array(symmetric))[1][:, -1].tolist()
     at = frame[:3, 3].tolist()
     return Pose((at[0], at[1], at[2]), (w, x, y, z))
-
-
-def product(a: Four, b: Four) -> Four:
-    """Hamilton product of quaternions, w first. Plain numbers: numpy takes much longer for so few."""
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
 
 
 def matrix(quat_wxyz: Four) -> Array:
