@@ -26,7 +26,8 @@ from pour_one_process import Run
 
 from companion.languages import rc
 from velma.model.grains import grain_name
-from velma.model.scene import Model, Thing, load, vary
+from velma.model.kinds import Model
+from velma.model.scene import Thing, load, vary
 
 RESULTS = Path(__file__).parent / "results/disturbed.jsonl"
 PAGE = Path(__file__).parents[1] / "docs/eyes.md"

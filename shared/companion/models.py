@@ -28,7 +28,7 @@ UPRIGHT = math.cos(math.radians(15.0))
 BEFORE_M = 0.15
 """Way of the hand to a thing (grasps.json, jar)."""
 KNOWN_AS = {"bowl": "bowl_high", "cabinet": "cabinet_no_door"}
-"""Kinds of the simulated scene (velma.model.scene.Model) -> names of models, where they differ."""
+"""Kinds of the simulated scene (velma.model.kinds.Model) -> names of models, where they differ."""
 
 
 class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

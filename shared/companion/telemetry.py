@@ -67,7 +67,7 @@ class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `grains_in`, `tilt_deg`, `at` by vessel id: grains inside, angle between axis and vertical, origin [m].
     `fingers_on`: vessel id -> side -> number of links of that hand that touch it. `poses` of all things by id,
-    furniture too, and `models`: thing id -> kind (velma.model.scene.Model); `grains_at`: centres of the grains [m].
+    furniture too, and `models`: thing id -> kind (velma.model.kinds.Model); `grains_at`: centres of the grains [m].
     These three are for pictures, and so are: `contacts` of the robot with things; `torque_Nm` of the drives of the body
     (velma.names.BODY), the arms' own weight in it; `wrench` by side: force [N] and torque [Nm] of the arm on the
     hand and what it holds, in the frame of the sensor in the wrist: at rest it carries their weight.

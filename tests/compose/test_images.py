@@ -39,6 +39,15 @@ assert make.everything(Path(sys.argv[2]), SYSTEM, say), told
 assert feeding({"roco": Path(sys.argv[2])}, SYSTEM, say) == {}
 print(told)
 """
+MADE = """
+from pathlib import Path
+from companion.tools.system import SYSTEM
+from operate.reports import make
+told = []
+say = lambda event, **fields: told.append((event, fields.get("file")))
+assert make.everything(Path(sys.argv[2]), SYSTEM, say), told
+print(told)
+"""
 
 
 def run(image: str, code: str, *words: str, code_expected: int = 0) -> str:
@@ -74,6 +83,15 @@ def test_a_recorder_without_pictures_makes_the_report(tmp_path: Path) -> None:
     assert (tmp_path / "report.json").stat().st_size > 1000
     assert "('no pictures', None)" in told
     assert not (tmp_path / "run.rrd").exists()
+
+
+def test_the_monitor_draws_the_robot_with_what_it_has(tmp_path: Path) -> None:
+    """The page of the report and the pictures, with all that the robot's own drawers import."""
+    (tmp_path / "traffic.mcap").write_bytes((POUR / "traffic.mcap").read_bytes())
+    told = run("monitor", MADE, str(tmp_path))
+    assert "('made', 'report.html'), ('made', 'run.rrd')" in told
+    assert (tmp_path / "report.html").stat().st_size > 1000
+    assert (tmp_path / "run.rrd").stat().st_size > 1000
 
 
 def test_what_is_not_locked_cannot_be_imported() -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from velma.model.scene import CANONICAL, Model, load, vary
+from velma.model.kinds import Model
+from velma.model.scene import CANONICAL, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text("utf-8")

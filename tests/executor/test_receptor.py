@@ -15,7 +15,8 @@ from velma import names
 from velma.kinematics import ik
 from velma.kinematics.frames import standing
 from velma.kinematics.robot import Robot
-from velma.model.scene import Model, Noise, Scene, Thing, load
+from velma.model.kinds import Model
+from velma.model.scene import Noise, Scene, Thing, load
 from velma.sim.mujoco_backend import MujocoBackend
 
 NOISE_M = 0.004

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from velma.eyes import beginning, content, edges
 from velma.eyes.detect import Detector
 from velma.eyes.fit import FLOOR_PX, Fit, View, fit
+from velma.model.kinds import FURNITURE
 from velma.model.markers import Marker, of_scene
-from velma.model.scene import FURNITURE, Scene
+from velma.model.scene import Scene
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.errors import SceneError
+from velma.model.kinds import BOXES, DOORS, TABLES, Model
 from velma.model.numbers import objects
-from velma.model.scene import BOXES, DOORS, TABLES, Model, Scene
+from velma.model.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,6 @@ physics: scene_xml.py writes a scene as MJCF.
 
 import math
 import re
-from enum import StrEnum
 from pathlib import Path
 
 import msgspec
@@ -14,38 +13,13 @@ import numpy as np
 
 from velma.errors import SceneError
 from velma.model import leaves, scene_lines
+from velma.model.kinds import CABINETS, DOORS, TABLES, Model
 
 CANONICAL = Path(__file__).parent / "scenes" / "canonical.toml"
 
 Vector = tuple[float, float, float]
 NOWHERE: Vector = (math.nan, math.nan, math.nan)
 """Of a thing whose place the file does not say."""
-
-
-class Model(StrEnum):
-    """Models of objects.yaml that a thing can be."""
-
-    JAR = "jar"
-    BOWL = "bowl"
-    CABINET = "cabinet"
-    CABINET_DOOR = "cabinet_door"
-    TABLE = "table"
-    TABLE_A = "table_a"
-    TABLE_B = "table_b"
-    BOX1 = "box1"
-    BOX2 = "box2"
-    BOX3 = "box3"
-    LID = "jar_lid"
-    DOOR_LEFT = "door_left"
-    DOOR_RIGHT = "door_right"
-
-
-BOXES = (Model.BOX1, Model.BOX2, Model.BOX3)
-TABLES = (Model.TABLE, Model.TABLE_A, Model.TABLE_B)
-DOORS = (Model.DOOR_LEFT, Model.DOOR_RIGHT)
-CABINETS = (Model.CABINET, Model.CABINET_DOOR)
-FURNITURE = (*CABINETS, *TABLES, *DOORS)
-MOVEABLE = (Model.JAR, Model.BOWL, *BOXES, Model.LID)
 
 
 class Thing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from velma.model.scene import DOORS, TABLES, Model
+from velma.model.kinds import DOORS, TABLES, Model
 
 SEGMENTS = 48  # of a full turn; looks smooth in a picture
 

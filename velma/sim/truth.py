@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.model.grains import grain_name
+from velma.model.kinds import FURNITURE, MOVEABLE, Model
 from velma.model.numbers import objects
-from velma.model.scene import FURNITURE, MOVEABLE, Model, Scene
+from velma.model.scene import Scene
 from velma.names import SIDES
 from velma.sim.forces import Forces
 from velma.sim.mujoco_backend import MujocoBackend
@@ -26,7 +27,7 @@ class Truth(msgspec.Struct, frozen=True):
     """The true state at a time: grains by vessel, tilt of everything that can be taken, contacts.
 
     `poses`, `models` and `grains_at` are for pictures: thing id -> (origin, quaternion w first) in the world and model
-    (velma.model.scene.Model), furniture too; centres of the grains. m. So are the last three: where the robot
+    (velma.model.kinds.Model), furniture too; centres of the grains. m. So are the last three: where the robot
     touches a thing and the force on the thing (world frame, m and N), the strongest MOST_CONTACTS; torques of the
     drives of the body; by side force N and torque Nm of the arm on the hand without errors, axes of the wrist's sensor.
     """

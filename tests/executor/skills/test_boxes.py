@@ -6,7 +6,8 @@ from robot import LIFT_M, Acting
 
 from companion import models
 from companion.languages.values import Side
-from velma.model.scene import BOXES, CANONICAL, Model, load
+from velma.model.kinds import BOXES, Model
+from velma.model.scene import CANONICAL, load
 
 BOX, RIGHT = "box_1", Side.RIGHT
 pytestmark = pytest.mark.timeout(180)  # 75 s at a load of 12 (measured)

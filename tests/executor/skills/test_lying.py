@@ -7,7 +7,8 @@ from msgspec.structs import replace
 from robot import LIFT_M, Acting
 
 from companion.languages.values import Side
-from velma.model.scene import Model, Thing, load
+from velma.model.kinds import Model
+from velma.model.scene import Thing, load
 
 JAR, RIGHT = "jar_1", Side.RIGHT
 pytestmark = pytest.mark.timeout(180)

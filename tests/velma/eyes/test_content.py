@@ -15,8 +15,9 @@ from velma.eyes.fit import View
 from velma.eyes.lens import lens
 from velma.kinematics.robot import Robot
 from velma.model.grains import grain_name
+from velma.model.kinds import Model
 from velma.model.numbers import objects
-from velma.model.scene import Content, Model, Scene, load
+from velma.model.scene import Content, Scene, load
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.photographs import Photographs
 

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from velma.eyes import beginning
 from velma.eyes.fit import FLOOR_PX, View, _linear, fit
 from velma.eyes.lens import lens
+from velma.model.kinds import Model
 from velma.model.markers import Marker, of_scene
-from velma.model.scene import Model, Scene, Thing
+from velma.model.scene import Scene, Thing
 
 JAR: tuple[Marker, ...] = of_scene(Scene("jar", (Thing("jar_1", Model.JAR, (0.0, 0.0, 0.0)),)))["jar_1"]
 SEEN = (JAR[0], JAR[1], JAR[8], JAR[15])  # those that look along +x

@@ -15,7 +15,8 @@ from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Box, Cylinder
 from velma.model.contacts import Kind
-from velma.model.scene import Model, load
+from velma.model.kinds import Model
+from velma.model.scene import load
 from velma.model.scene_xml import scene_xml
 
 

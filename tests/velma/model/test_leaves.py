@@ -13,8 +13,9 @@ from companion.models import MODELS
 from velma.errors import SceneError
 from velma.kinematics.frames import standing
 from velma.model import leaves, scene
+from velma.model.kinds import DOORS, Model
 from velma.model.numbers import objects
-from velma.model.scene import DOORS, NOWHERE, Model, Scene, Thing
+from velma.model.scene import NOWHERE, Scene, Thing
 
 PATH = scene.CANONICAL.with_stem("doors")
 CLOSED = scene.load(PATH)

@@ -16,7 +16,8 @@ from velma import names
 from velma.errors import GlError
 from velma.eyes.lens import HALF_WIDTH, HEIGHT, WIDTH, lens
 from velma.model.build import load as robot
-from velma.model.scene import Model, Noise, Scene, Thing, load
+from velma.model.kinds import Model
+from velma.model.scene import Noise, Scene, Thing, load
 from velma.model.surfaces import MATERIALS
 from velma.sim import gl
 from velma.sim.head_camera import HOUSING, HeadCamera
@@ -206,7 +207,8 @@ def test_both_libraries_draw_the_same(show: Show) -> None:
     picture = view.camera.picture(view.qpos)
     code = (
         "import sys, numpy as np\n"
-        "from velma.model.scene import Model, Noise, Scene, Thing\n"
+        "from velma.model.kinds import Model\n"
+        "from velma.model.scene import Noise, Scene, Thing\n"
         "from velma.sim.head_camera import HeadCamera\n"
         "from velma.sim.mujoco_backend import compiled\n"
         f"thing = Thing('bowl_1', Model.BOWL, {OPEN})\n"

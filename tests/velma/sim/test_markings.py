@@ -12,8 +12,9 @@ from velma.eyes import bits
 from velma.eyes.detect import Detector
 from velma.eyes.fit import View
 from velma.eyes.lens import HEIGHT, WIDTH, lens
+from velma.model.kinds import DOORS, Model
 from velma.model.markers import Marker, of_scene
-from velma.model.scene import DOORS, Model, Noise, Scene, Thing, hung, load
+from velma.model.scene import Noise, Scene, Thing, hung, load
 from velma.sim.head_camera import CAMERA, HeadCamera
 from velma.sim.markings import marked
 from velma.sim.mujoco_backend import MujocoBackend, compiled

@@ -12,7 +12,8 @@ from velma.kinematics.collision import World
 from velma.kinematics.frames import standing, transform
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.grasping import Approach, GraspWay, Target, approaches
-from velma.model.scene import Model, load
+from velma.model.kinds import Model
+from velma.model.scene import load
 
 KNOWN_AS = {Model.JAR: "jar", Model.BOWL: "bowl_high", Model.CABINET: "cabinet_no_door", Model.TABLE: "table"}
 WANTED = 3
