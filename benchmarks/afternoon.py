@@ -191,7 +191,7 @@ def _wrong(line: dict[str, Any]) -> str:
 
 
 def main(
-    seeds: Annotated[str, typer.Option(help="first-last")] = "1-10",
+    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-10",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("afternoon.jsonl"),
     script: Annotated[str, typer.Option(help="afternoon or tidying")] = "afternoon",
     table: Annotated[bool, typer.Option("--table", help="write the table into docs/scheduling.md, and end")] = False,
@@ -200,10 +200,9 @@ def main(
     if table:
         tables.put(PAGE, BEGIN, printed(), END)
         return
-    first, last = (int(x) for x in seeds.split("-"))
     known = {line["seed"] for line in tables.read(out)}
     base = Path(tempfile.mkdtemp(prefix="afternoon-"))
-    for seed in range(first, last + 1):
+    for seed in tables.seeds(seeds):
         if seed in known:
             continue
         line = measured(SCRIPTS[script], seed, base / f"seed-{seed}")

@@ -195,7 +195,7 @@ def printed(lines: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def main(
-    seeds: Annotated[str, typer.Option(help="first-last")] = "1-10",
+    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-10",
     cases: Annotated[str, typer.Option(help=", ".join(CASES))] = ",".join(CASES),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     table: Annotated[bool, typer.Option("--table", help="write the table into docs/eyes.md, and end")] = False,
@@ -206,8 +206,7 @@ def main(
         tables.put(PAGE, BEGIN, "\n".join(printed(lines)) + "\n", END)
         return
     known = {(line["case"], line["seed"]) for line in lines}
-    first, last = (int(x) for x in seeds.split("-"))
-    for seed in range(first, last + 1):
+    for seed in tables.seeds(seeds):
         for case in cases.split(","):
             if (case, seed) not in known:
                 line = measured(case, seed)

@@ -11,7 +11,6 @@ looks at each thing, off by up to 4 cm. Appends a line per scene, seed and setti
 
 import math
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -169,13 +168,8 @@ def _changed(scene: Scene, **noise: float | None) -> Scene:
     return msgspec.structs.replace(scene, noise=msgspec.structs.replace(scene.noise, **told))
 
 
-def _seeds(text: str) -> Iterator[int]:
-    first, last = (int(x) for x in text.split("-"))
-    yield from range(first, last + 1)
-
-
 def main(
-    seeds: Annotated[str, typer.Option(help="first-last")] = "",
+    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "",
     scene: Annotated[str, typer.Option(help="a scene of velma/model/scenes")] = CANONICAL.stem,
     pixel: Annotated[float | None, typer.Option(help="noise in grey levels, else the scene's")] = None,
     blur: Annotated[float | None, typer.Option(help="in pixels, else the scene's")] = None,
@@ -185,7 +179,7 @@ def main(
 ) -> None:
     """Run the seeds that do not stand in the results file yet; make the tables."""
     rows = tables.read(out)
-    for seed in _seeds(seeds) if seeds else ():
+    for seed in tables.seeds(seeds) if seeds else ():
         varied = _changed(vary(load(CANONICAL.with_stem(scene)), seed), pixel=pixel, blur=blur)
         setting = {"scene": scene, "seed": seed, "pixel": varied.noise.pixel, "blur": varied.noise.blur}
         if any(all(row[key] == value for key, value in setting.items()) for row in rows):

@@ -4,7 +4,7 @@ One fleet per cell, --speed max. Safe is when everything stands upright, in no h
 task has ended or waits, with the arms at home. Then "look around" must be done. Appends a line per cell to a results
 file and skips cells that stand there.
 
-    python benchmarks/interruptions.py --seeds 7-7 --out benchmarks/results/interruptions.jsonl
+    python benchmarks/interruptions.py --seeds 7 --out benchmarks/results/interruptions.jsonl
     python benchmarks/interruptions.py --table --out benchmarks/results/interruptions.jsonl
 """
 
@@ -126,7 +126,7 @@ def _interrupted(fleet: WatchedFleet, phase: str, kind: str) -> dict[str, Any]:
 
 
 def main(
-    seeds: Annotated[str, typer.Option(help="first-last")] = "7-7",
+    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "7",
     kinds: Annotated[str, typer.Option(help="cancel, switch")] = "cancel,switch",
     phases: Annotated[str, typer.Option()] = ",".join(PHASES),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("interruptions.jsonl"),
@@ -137,10 +137,9 @@ def main(
     if table:
         tables.put(PAGE, BEGIN, printed(lines), END)
         return
-    first, last = (int(x) for x in seeds.split("-"))
     known = {(line["seed"], line["phase"], line["kind"]) for line in lines}
     base = Path(tempfile.mkdtemp(prefix="interruptions-"))
-    for seed in range(first, last + 1):
+    for seed in tables.seeds(seeds):
         for kind in kinds.split(","):
             for number, phase in enumerate(phases.split(",")):
                 if (seed, phase, kind) in known:

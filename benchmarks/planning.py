@@ -8,6 +8,7 @@ import time
 from typing import Annotated
 
 import numpy as np
+import tables
 import typer
 
 from companion.languages import hfsm, wm
@@ -85,12 +86,11 @@ class Planning:
         return [*cost, plan.queries, plan.duration], ""
 
 
-def main(seeds: Annotated[str, typer.Option(help="first-last")] = "1-20") -> None:
+def main(seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-20") -> None:
     """Print one line per plan, then medians and worst."""
-    first, last = (int(x) for x in seeds.split("-"))
     loaded()
     costs: dict[int, list[list[float]]] = {1: [], 2: []}
-    for seed in range(first, last + 1):
+    for seed in tables.seeds(seeds):
         one = Planning(seed)
         for number in costs:
             cost, reason = one.plan(number)

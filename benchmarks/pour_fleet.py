@@ -65,19 +65,18 @@ def measured(seed: int, speed: str, folder: Path) -> dict[str, Any]:
 
 
 def main(
-    seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
+    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-20",
     speed: Annotated[str, typer.Option(help="max, 1, or found: the demo decides")] = "max",
     busy: Annotated[int, typer.Option(help="processes of stress-ng that turn meanwhile")] = 0,
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_fleet.jsonl"),
     runs: Annotated[Path | None, typer.Option(help="where the run folders go; else a temporary folder")] = None,
 ) -> None:
     """Run the seeds that do not stand in the results file yet at this speed, on a machine this busy."""
-    first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
     lines = tables.read(out)
     known = {(line["seed"], line["speed"], line.get("busy", 0)) for line in lines}
     base = runs or Path(tempfile.mkdtemp(prefix="pour-fleet-"))
-    for seed in range(first, last + 1):
+    for seed in tables.seeds(seeds):
         if (seed, speed, busy) in known:
             continue
         with busy_machine(busy):

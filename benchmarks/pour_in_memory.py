@@ -41,14 +41,13 @@ def measured(seed: int) -> dict[str, Any]:
 
 
 def main(
-    seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
+    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-20",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_in_memory.jsonl"),
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
-    first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
     known = {msgspec.json.decode(line)["seed"] for line in out.read_bytes().splitlines()} if out.exists() else set()
-    for seed in range(first, last + 1):
+    for seed in tables.seeds(seeds):
         if seed in known:
             continue
         result = measured(seed)

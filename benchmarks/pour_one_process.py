@@ -205,7 +205,7 @@ def why(line: dict[str, Any]) -> str:
 
 
 def main(
-    seeds: Annotated[str, typer.Option(help="first-last")] = "1-20",
+    seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-20",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
     scene: Annotated[str, typer.Option(help="a scene of velma/model/scenes")] = CANONICAL.stem,
     eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.PIXELS,
@@ -217,7 +217,6 @@ def main(
     if table:
         tables.put(PAGE, BEGIN, "".join(rows(tables.read(out))), END)
         return
-    first, last = (int(x) for x in seeds.split("-"))
     out.parent.mkdir(parents=True, exist_ok=True)
     lines = tables.read(out)
     known = {
@@ -225,7 +224,7 @@ def main(
         for line in lines
         if (line.get("scene", CANONICAL.stem), line.get("eyes", "rays"), line.get("noise", "")) == (scene, eyes, noise)
     }
-    for seed in range(first, last + 1):
+    for seed in tables.seeds(seeds):
         if seed in known:
             continue
         result = measured(seed, verbose, scene, eyes, noise)

@@ -1,9 +1,19 @@
-"""Results of the long benchmarks, JSON lines, and the tables that a page has of them."""
+"""Of the long benchmarks: seeds, results as JSON lines, and the tables that a page has of them."""
 
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import typer
+
+
+def seeds(text: str) -> range:
+    """Return the seeds that a command line names: "1-20" or "7". Raise BadParameter."""
+    first, _, last = text.partition("-")
+    try:
+        return range(int(first), int(last or first) + 1)
+    except ValueError:
+        raise typer.BadParameter(f"seeds are first-last, as 1-20, or one, as 7; not {text!r}") from None
 
 
 def read(out: Path) -> list[dict[str, Any]]:
