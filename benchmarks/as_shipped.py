@@ -11,7 +11,6 @@ stand there are skipped (--again measures them once more). cyclictest runs besid
 
 import os
 import shutil
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -288,19 +287,7 @@ def both(ratio: float | None, interval: tuple[float, float] | None) -> str:
     )
 
 
-def commit() -> str:
-    """Short hash of what is measured, with a + where files differ from it."""
-    found = subprocess.run(
-        ["git", "describe", "--always", "--dirty=+", "--abbrev=7"],
-        cwd=HERE,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return found.stdout.strip() or "unknown"
-
-
-RUN = commit()
+RUN = tables.commit()
 
 
 def main(

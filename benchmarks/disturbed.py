@@ -163,6 +163,7 @@ def measured(case: str, seed: int) -> dict[str, Any]:
         "case": case, "seed": seed, "happened": run.happened, "said": said or "done",
         "poured": round(truth.grains_in[BOWL] / truth.grains, 3), "upright": truth.tilt_deg[BOWL] < 10.0,
         "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1),
+        "commit": tables.commit(),
     }  # fmt: skip
 
 

@@ -13,7 +13,6 @@ import itertools
 import multiprocessing
 import os
 import resource
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -51,7 +50,7 @@ def row(target: Target, seed: int, count: int) -> dict[str, Any]:
         outcome = None
     child.kill()
     child.join()
-    line = {"target": target.name, "seed": seed, "commit": commit(), "load": round(load, 1)}
+    line = {"target": target.name, "seed": seed, "commit": tables.commit(), "load": round(load, 1)}
     if outcome is None:
         return line | {"inputs": 0, "crashes": [f"the process ended or hung; seed {seed}"]}
     for crash in outcome.crashes:
@@ -77,12 +76,6 @@ def keep(name: str, data: bytes) -> None:
     folder = CORPUS / name
     folder.mkdir(parents=True, exist_ok=True)
     (folder / hashlib.sha256(data).hexdigest()[:12]).write_bytes(data)
-
-
-def commit() -> str:
-    """Short hash of what is measured, with a + where files differ from it."""
-    words = ["git", "describe", "--always", "--dirty=+", "--abbrev=7"]
-    return subprocess.run(words, cwd=HERE, capture_output=True, text=True, check=False).stdout.strip()
 
 
 def counts(inputs: int) -> dict[str, int]:

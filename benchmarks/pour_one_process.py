@@ -1,7 +1,8 @@
 """The whole pouring task in one process and without agents: how often, how long, and why not.
 
 km's store, pl's search, the plan's state machine, ex's skills, the loop and the physics are the product's own; only the
-communicates between them are left out. Appends one line per seed to a results file and skips seeds that stand there.
+communicates between them are left out. Appends one line per seed to a results file and skips seeds that stand there;
+--again runs those once more that another version ran. The table has the newest run of each seed.
 
     python benchmarks/pour_one_process.py --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
     python benchmarks/pour_one_process.py --scene env2 --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
@@ -177,7 +178,7 @@ def measured(
         "scene": name, "eyes": eyes, "noise": noise, "seed": seed, "success": good, "failure": failure,
         "poured": round(poured, 3), "held": held, "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2),
         "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans,
-        "work_J": round(truth.work_J, 1), "acts": run.acts,
+        "work_J": round(truth.work_J, 1), "acts": run.acts, "commit": tables.commit(),
     }  # fmt: skip
 
 
@@ -186,9 +187,9 @@ def rows(lines: list[dict[str, Any]]) -> Iterator[str]:
     yield "| scene | eyes | other than in the scene | pours | done | simulated, median [s] |\n"
     yield "|---|---|---|---|---|---|\n"
     failed = []
-    kinds = {(line["scene"], line["eyes"], line["noise"]) for line in lines if "noise" in line}
-    for scene, eyes, noise in sorted(kinds, key=lambda one: (one[2], *one[:2])):
-        same = [one for one in lines if (one["scene"], one.get("eyes"), one.get("noise")) == (scene, eyes, noise)]
+    newest = {(kind(line), line["seed"]): line for line in lines if "noise" in line}
+    for scene, eyes, noise in sorted({of for of, _ in newest}, key=lambda of: (of[2], *of[:2])):
+        same = [line for (of, _), line in newest.items() if of == (scene, eyes, noise)]
         done = [one for one in same if one["success"]]
         middle = statistics.median(one["sim_time_s"] for one in done) if done else math.nan
         words = noise.replace(",", ", ").replace("=", " ") or "none"
@@ -197,6 +198,11 @@ def rows(lines: list[dict[str, Any]]) -> Iterator[str]:
             f"- {scene}, {eyes}, {words}, seed {one['seed']}: {why(one)}\n" for one in same if not one["success"]
         ]
     yield "".join(["\n", *failed]) if failed else ""
+
+
+def kind(line: dict[str, Any]) -> tuple[str, str, str]:
+    """Return scene, eyes and noise of a run."""
+    return line.get("scene", CANONICAL.stem), line.get("eyes", Eyes.RAYS), line.get("noise", "")
 
 
 def why(line: dict[str, Any]) -> str:
@@ -211,6 +217,7 @@ def main(
     eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.PIXELS,
     noise: Annotated[str, typer.Option(help="or content of the scene, as height=0.01,spin=true")] = "",
     verbose: Annotated[bool, typer.Option()] = False,
+    again: Annotated[bool, typer.Option(help="those of other versions once more")] = False,
     table: Annotated[bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
@@ -218,14 +225,9 @@ def main(
         tables.put(PAGE, BEGIN, "".join(rows(tables.read(out))), END)
         return
     out.parent.mkdir(parents=True, exist_ok=True)
-    lines = tables.read(out)
-    known = {
-        line["seed"]
-        for line in lines
-        if (line.get("scene", CANONICAL.stem), line.get("eyes", "rays"), line.get("noise", "")) == (scene, eyes, noise)
-    }
+    ran = {line["seed"]: line for line in tables.read(out) if kind(line) == (scene, eyes, noise)}
     for seed in tables.seeds(seeds):
-        if seed in known:
+        if seed in ran and not (again and ran[seed].get("commit") != tables.commit()):
             continue
         result = measured(seed, verbose, scene, eyes, noise)
         tables.append(out, result)

@@ -1,5 +1,6 @@
 """Of the long benchmarks: seeds, results as JSON lines, and the tables that a page has of them."""
 
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,13 @@ def seeds(text: str) -> range:
         return range(int(first), int(last or first) + 1)
     except ValueError:
         raise typer.BadParameter(f"seeds are first-last, as 1-20, or one, as 7; not {text!r}") from None
+
+
+def commit() -> str:
+    """Return the short hash of what is measured, with a + where files differ from it."""
+    words = ["git", "describe", "--always", "--dirty=+", "--abbrev=7"]
+    found = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or "unknown"
 
 
 def read(out: Path) -> list[dict[str, Any]]:

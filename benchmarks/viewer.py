@@ -22,7 +22,6 @@ from typing import Annotated
 import msgspec
 import tables
 import typer
-from communicates import commit
 from fleets import tree
 from round_trip import SYSTEM
 
@@ -144,7 +143,14 @@ def measure(run: Path, freeze: str, frozen_s: float) -> Row:
         last = bench.phase("without again", frozen_s)
     ratio = held.p99_us / ((first.p99_us + last.p99_us) / 2)
     return Row(
-        commit(), time.time(), os.getloadavg(), freeze, frozen_s, round(ratio, 3), (first, held, last), _dropped(run)
+        tables.commit(),
+        time.time(),
+        os.getloadavg(),
+        freeze,
+        frozen_s,
+        round(ratio, 3),
+        (first, held, last),
+        _dropped(run),
     )
 
 
@@ -159,8 +165,8 @@ def main(
         raise typer.BadParameter(f"--freeze {freeze}: viewer or drawing")
     lines = out.read_bytes().splitlines() if out.exists() else []
     rows = [msgspec.json.decode(line, type=Row) for line in lines]
-    if not again and any((r.run, r.freeze) == (commit(), freeze) and r.frozen_s >= frozen for r in rows):
-        print(f"{out} has a row of {commit()}; --again measures once more")
+    if not again and any((r.run, r.freeze) == (tables.commit(), freeze) and r.frozen_s >= frozen for r in rows):
+        print(f"{out} has a row of {tables.commit()}; --again measures once more")
         return
     with tempfile.TemporaryDirectory(prefix="roco-viewer-") as folder:
         row = measure(Path(folder), freeze, frozen)
