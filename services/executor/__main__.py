@@ -6,7 +6,7 @@ from pathlib import Path
 
 from agent_runtime.io import cli, shell
 from agent_runtime.io.devices import Post
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import USAGE_ERROR, Options
 from companion.binding import wiring
 from companion.design import AgentName
 from companion.eyes import VARIABLE, Eyes, eyes
@@ -20,8 +20,6 @@ from services.executor.skill_device import SkillDevice
 from services.executor.telemetry import Telemetry
 from velma.errors import GlError
 from velma.sim import gl
-
-USAGE_ERROR = 2  # a wrong option or environment: no supervisor tries again
 
 
 def serve(options: Options) -> int:

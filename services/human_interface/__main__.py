@@ -5,14 +5,12 @@ import sys
 from pathlib import Path
 
 from agent_runtime.io import cli, shell
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.run_files import listen_at
 from companion.binding import wiring
 from companion.design import AgentName
 from services.human_interface.behaviours import agent
 from services.human_interface.server import HttpDevice
-
-USAGE_ERROR = 2  # a wrong option or environment: no supervisor tries again
 
 
 def serve(options: Options) -> int:

@@ -16,14 +16,13 @@ import msgspec
 from agent_runtime.io import cli
 from agent_runtime.io.heartbeat import ready_file
 from agent_runtime.io.logs import Log
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.pulse import Pulse
 from agent_runtime.io.run_files import listen_at, make_run, write_secret
 from companion.loopback import HERE
 from companion.run_files import PAGE_FILE, HiEvent, PageAddress, Tasks
 
 NAME = "page"
-USAGE_ERROR = 2  # a wrong option or environment: no supervisor tries again
 LOOK_S = 0.2
 """Between two looks at the stop flag, which `roco stop` sets, too."""
 SENT_BYTES = 131_072

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from agent_runtime.io.options import USAGE_ERROR
 from agent_runtime.io.pulse import Pulse, Turns
 from services.executor.loop.backends import SHORT, maker
 from services.executor.loop.core import LoopCore
@@ -62,7 +63,7 @@ def main(
         robot = maker(backend, scene.vary(world, seed))()
     except VelmaError as error:
         typer.echo(f"loop: {error}", err=True)
-        raise typer.Exit(2) from None
+        raise typer.Exit(USAGE_ERROR) from None
     # Before the priority, which their threads would inherit: the pulse, and the drivers of a back-end.
     turns = Turns(Pulse(slots.parent, "loop"))
     # Priority only where the loop rests between cycles: a process that never rests would starve the agents.

@@ -4,6 +4,9 @@ from pathlib import Path
 
 import msgspec
 
+USAGE_ERROR = 2
+"""Exit status of a service after a wrong option or environment: trying again cannot help, and no supervisor does."""
+
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
     """`connect`: the router's endpoint, or those of two linked routers, comma between; `listen`: where the router

@@ -12,7 +12,7 @@ import typer
 
 from agent_runtime.io import cli
 from agent_runtime.io.logs import Log
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.tap import RECORDER
 from operate.experiments.verbs import again, compare, experiment, export, invariants
 from operate.recording.recorder import serve
@@ -25,7 +25,7 @@ def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traff
     """Make report.json, report.html and run.rrd of a run folder again, from its recording and the agents' step logs."""
     if not run_dir.is_dir():
         typer.echo(f"{run_dir} is not a folder; give one that a run was recorded in", err=True)
-        raise typer.Exit(2)
+        raise typer.Exit(USAGE_ERROR)
     from operate.reports import make
 
     raise typer.Exit(0 if make.everything(run_dir, of_run(run_dir), Log("monitor").write) else 1)
@@ -55,7 +55,7 @@ def judge(
         lines = rejudge.judge(file, system)
     except (rejudge.CannotJudge, NoSystemError) as error:
         typer.echo(str(error), err=True)
-        raise typer.Exit(2) from error
+        raise typer.Exit(USAGE_ERROR) from error
     sys.stdout.buffer.writelines(map(judged.encoded, lines))
 
 
@@ -70,7 +70,7 @@ def said(
         samples.main(file, of_run(file), everything=everything)
     except (samples.NoRecordingError, NoSystemError) as error:
         typer.echo(str(error), err=True)
-        raise typer.Exit(2) from error
+        raise typer.Exit(USAGE_ERROR) from error
 
 
 def dead(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=True, file_okay=False)]) -> None:
@@ -100,7 +100,7 @@ def why(
         found = reasons.of(file, of_run(file), about, at)
     except reasons.NothingKnown as error:
         typer.echo(str(error), err=True)
-        raise typer.Exit(2) from error
+        raise typer.Exit(USAGE_ERROR) from error
     sys.stdout.buffer.write(msgspec.json.encode(found))
 
 
@@ -112,7 +112,7 @@ def info(file: Annotated[Path, typer.Argument(help="A run folder or a recording.
         contents.main(file)
     except samples.NoRecordingError as error:
         typer.echo(str(error), err=True)
-        raise typer.Exit(2) from error
+        raise typer.Exit(USAGE_ERROR) from error
 
 
 def record(

@@ -19,7 +19,7 @@ import msgspec
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.full_disk import worded
 from agent_runtime.io.logs import Log
-from agent_runtime.io.options import Options
+from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.pulse import Pulse
 from agent_runtime.io.repeats import WINDOW_S, Repeats
 from agent_runtime.io.run_files import make_run
@@ -285,7 +285,7 @@ def serve(options: Options, system: System) -> int:
         where = folders(run, options.all_systems)
     except SystemNameError as error:
         log.write("cannot record", level="error", why=str(error))
-        return 2
+        return USAGE_ERROR
     waiting = Waiting()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, waiting.stop)

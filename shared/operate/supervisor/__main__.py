@@ -13,9 +13,10 @@ import typer
 
 from agent_runtime.io.cli import Level, Speed
 from agent_runtime.io.forked import FORKS_VARIABLE
+from agent_runtime.io.options import USAGE_ERROR
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTERS
-from operate.supervisor import core, folder, wiring
+from operate.supervisor import folder, wiring
 from operate.supervisor.forking import FORKS_FILE, forking
 from operate.supervisor.keeping import KeptError, kept
 from operate.supervisor.processes import Process, linked
@@ -91,7 +92,7 @@ def main(
             )
         except (ValueError, NoSystemError) as error:
             typer.echo(f"supervisor: {error}", err=True)
-            raise typer.Exit(core.USAGE_ERROR) from error
+            raise typer.Exit(USAGE_ERROR) from error
         except KeptError as error:
             typer.echo(f"supervisor: {error}", err=True)
             raise typer.Exit(1) from error

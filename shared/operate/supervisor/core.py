@@ -10,6 +10,7 @@ import math
 
 import msgspec
 
+from agent_runtime.io.options import USAGE_ERROR
 from operate.run_folder import ProcessState, ProcessStatus
 from operate.supervisor.processes import Process
 
@@ -24,7 +25,6 @@ BORN_WITHIN_S = 60.0  # to the first heartbeat; estimate: a fleet needs 9 s at a
 OFF = "stopped by hand"
 """Note of what shall not run until somebody says so."""
 LEFT = "left by a supervisor that died"
-USAGE_ERROR = 2  # exit code of a wrong option or environment: trying again cannot help
 
 _AS_IF_NEW = {"state": ProcessState.WAITING, "failures": 0, "killed": False, "note": "", "deaths": ()}
 RUNNING = (ProcessState.STARTING, ProcessState.READY, ProcessState.STOPPING)

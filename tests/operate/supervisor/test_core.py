@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agent_runtime.io.options import USAGE_ERROR
 from companion.tools.system import PROCESSES
 from operate.run_folder import ProcessState
 from operate.supervisor import core
@@ -150,7 +151,7 @@ def test_a_wrong_option_is_not_tried_again() -> None:
     """Exit code 2 is a usage error."""
     world = World()
     world.tick()
-    world.tell(core.Exited("router", core.USAGE_ERROR, "Invalid value for --speed"))
+    world.tell(core.Exited("router", USAGE_ERROR, "Invalid value for --speed"))
     assert world.state("router") is ProcessState.GIVEN_UP
 
 

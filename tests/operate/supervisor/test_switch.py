@@ -3,6 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agent_runtime.io.options import USAGE_ERROR
 from operate.run_folder import ProcessState
 from operate.supervisor import core
 from operate.supervisor.processes import Process
@@ -62,7 +63,7 @@ def test_switched_on_again_is_no_failure() -> None:
     world = World()
     world.turn(frozenset())
     world.turn(frozenset())
-    world.tell(core.Exited("ta", core.USAGE_ERROR))
+    world.tell(core.Exited("ta", USAGE_ERROR))
     assert world.fleet.known["ta"].state is ProcessState.GIVEN_UP
     world.turn(frozenset({"ta"}))
     world.turn(frozenset())
