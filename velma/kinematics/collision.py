@@ -29,7 +29,7 @@ Kind = Literal["furniture", "object"]
 MARGIN = 0.006  # m: kept free between any two shapes when planning (trial runs)
 DISTAL_SHARE = 1 / 3  # a finger's outer joint turns by this share of the inner one while it moves freely (BarrettHand)
 ROBOT = "robot"
-HEAD_M, THIN_M = 0.2, 0.001  # of a line of sight: its part inside the head, its radius; estimates
+THIN_M = 0.001  # radius of a line of sight (estimate)
 
 
 class UnknownThing(VelmaError):
@@ -89,6 +89,7 @@ class World:
         model = self._body.model
         self._data = model.createData()
         self._q = pin.neutral(model)
+        self._head = model.getJointId(names.HEAD[-1])
         self._columns = np.array([model.joints[model.getJointId(name)].idx_q for name in names.BODY])
         self._index = {name: model.joints[model.getJointId(name)].idx_q for name in list(model.names)[1:]}
         self._grip = {side: body_frame(model, names.GRIP_BODY[side]) for side in names.SIDES}
@@ -209,7 +210,7 @@ class World:
         others = [
             (self._shapes.geometryObjects[k].geometry, coal.Transform3s(at.rotation, at.translation))
             for k, (group, at) in enumerate(zip(self._groups, self._placed.oMg, strict=True))
-            if group != name
+            if group != name and self._shapes.geometryObjects[k].parentJoint != self._head
         ]
         return sum(_crossed(others, eye, point) for point in points)
 
@@ -314,11 +315,11 @@ class World:
 
 
 def _crossed(shapes: Sequence[tuple[Any, Any]], eye: Array, point: Array) -> bool:
-    """Whether the line from before the head to the point meets one of the shapes, each with its transform."""
+    """Whether the line from the eye to the point meets one of the shapes, each with its transform."""
     way = point - eye
     length = float(np.linalg.norm(way))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), way / length).matrix()
-    line = coal.Capsule(THIN_M, length - HEAD_M)
-    at = coal.Transform3s(turn, eye + way * (length + HEAD_M) / (2 * length))
+    line = coal.Capsule(THIN_M, length)
+    at = coal.Transform3s(turn, eye + way / 2)
     request, found = coal.CollisionRequest(), coal.CollisionResult()
     return any(coal.collide(line, at, shape, there, request, found) for shape, there in shapes)

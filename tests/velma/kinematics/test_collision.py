@@ -14,10 +14,12 @@ from velma.kinematics.collision import UnknownThing, World
 from velma.kinematics.frames import standing
 from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Box, NoShape, Sphere
+from velma.model.contacts import SHAPE_GROUP
 
 OBJECTS = ("jar_1", "bowl_1")
 Furnish = Callable[[], World]
 MARGIN, UNCERTAIN = 0.006, 0.0005  # m
+BESIDE = 0.003  # m
 
 
 class Judge:
@@ -233,6 +235,49 @@ def test_an_arm_before_the_eye_hides_a_point(robot: Robot) -> None:
     away = reaching.copy()
     away[names.TORSO] = 0.8
     assert not world.hidden(away, eye, [behind], "")
+
+
+def test_what_hides_a_point_hides_it_from_a_ray_of_mujoco(
+    robot: Robot, canonical: mujoco.MjModel, rng: np.random.Generator
+) -> None:
+    """Arms anywhere, also a hand's width before the eye; the head, wherever it looks, hides nothing."""
+    world, data = World(robot), mujoco.MjData(canonical)
+    columns = [canonical.joint(name).qposadr[0] for name in names.BODY]
+    shapes = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
+    shapes[int(SHAPE_GROUP)] = 1
+    verdicts = []
+    for _ in range(400):
+        q, pan, tilt = rng.uniform(names.LOWER, names.UPPER), *rng.uniform(names.HEAD_LOWER, names.HEAD_UPPER)
+        camera = robot.camera(q[names.TORSO], pan, tilt)
+        point = camera.act(np.array([*rng.uniform(-0.1, 0.1, 2), rng.uniform(0.3, 0.5)]))
+        data.qpos[columns] = q
+        mujoco.mj_kinematics(canonical, data)
+        hits = _hit(canonical, data, shapes, camera.translation, point)
+        if hits is not None:
+            hidden = bool(world.hidden(q, camera.translation, [point], ""))
+            assert hidden == hits, (q, pan, tilt, point)
+            verdicts.append(hits)
+    assert 20 < sum(verdicts) < len(verdicts) - 20
+
+
+def _hit(
+    model: mujoco.MjModel, data: mujoco.MjData, shapes: np.ndarray, eye: np.ndarray, point: np.ndarray
+) -> bool | None:
+    """Whether rays meet the robot before the point; None where those beside differ: the line goes along an edge."""
+    way, geom, head = point - eye, np.full(1, -1, dtype=np.int32), model.body("head_tilt_link").id
+    length = float(np.linalg.norm(way))
+    across = np.cross(way, [0.0, 0.0, 1.0])
+    sides = (np.zeros(3), *(BESIDE * one / np.linalg.norm(one) for one in (across, np.cross(way, across))))
+    found = []
+    for side in (side * sign for side in sides for sign in (1.0, -1.0)):
+        far = mujoco.mj_ray(model, data, eye + side, way / length, shapes, 1, head, geom)
+        on = model.body(model.geom_bodyid[geom[0]]).name if geom[0] >= 0 else ""
+        if on in (*OBJECTS, "cabinet_2", "table_1", "table_2"):
+            return None
+        if abs(far - length) < 2 * BESIDE:
+            return None
+        found.append(0.0 <= far < length)
+    return found[0] if len(set(found)) == 1 else None
 
 
 def test_only_shapes_are_shapes(robot: Robot) -> None:
