@@ -15,7 +15,9 @@ from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.names import Array
 
-OUT_M = (0.05, 0.10, 0.16)  # m a hand moves to get out of contact: a finger is 0.1 long (estimates)
+OUT_M = (0.05, 0.10, 0.16, 0.03, 0.07, 0.13)
+"""How far a hand moves to get out of contact [m]: a finger is 0.1 long (estimates). The last three are for where it is out
+by less, and meets something farther on."""
 _STEP = 0.02  # m between checked states on that path
 _TOUCH, _SLACK = 0.002, 0.001  # m: closer than this is contact; noise of contact distances (estimates)
 BACK_M = (0.25, 0.15, 0.08)  # m a hand is drawn back, the farthest that is possible (estimate)
