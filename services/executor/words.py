@@ -56,6 +56,8 @@ def _about_a_door(command: rc.OpenDoor) -> Iterator[str]:
     if not command.approach:
         yield "approach is empty, its last point is the handle"
     yield from _bad_numbers("turn, least, closed", command.turn, command.least, command.closed)
+    if command.end is not None:
+        yield from _bad_numbers("end", *command.end.xyz, *command.end.quat_wxyz)
     yield from _bad_speed(command.speed)
 
 

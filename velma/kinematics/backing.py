@@ -6,18 +6,20 @@ motion would start in a collision.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
 
+from velma import names
 from velma.kinematics import ik
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.names import Array
 
 OUT_M = (0.05, 0.10, 0.16, 0.03, 0.07, 0.13)
-"""How far a hand moves to get out of contact [m]: a finger is 0.1 long (estimates). The last three are for where it is out
-by less, and meets something farther on."""
+"""How far a hand moves to get out of contact [m]: a finger is 0.1 long (estimates). The last three are for where it is
+out by less, and meets something farther on."""
 _STEP = 0.02  # m between checked states on that path
 _TOUCH, _SLACK = 0.002, 0.001  # m: closer than this is contact; noise of contact distances (estimates)
 BACK_M = (0.25, 0.15, 0.08)  # m a hand is drawn back, the farthest that is possible (estimate)
@@ -55,6 +57,27 @@ def out_of_touch(robot: Robot, world: World, side: str, q: Array) -> list[Array]
             if world.free(path[-1]):
                 return path
     return [q]
+
+
+def furthest(robot: Robot, world: World, side: str, q: Array, target: pin.SE3) -> tuple[list[Array], bool]:
+    """Return postures on the straight line of the grip from q to `target` as far as possible, and whether it got there.
+
+    It comes no nearer to anything than it is at q. The torso moves only if the arm alone does not reach.
+    """
+    accept = no_nearer(world, q)
+    fraction = 0.0
+    for columns in (names.ARM[side], names.COLUMNS[side]):
+        try:
+            return ik.line(robot, side, q, target, accept=accept, columns=columns)[1:], True
+        except ik.PathBlocked as blocked:
+            fraction = blocked.fraction
+    start = robot.grip(q, side)
+    for part in (fraction - 0.05, fraction / 2):
+        with suppress(ik.PathBlocked):
+            if part > 0.0:
+                short = pin.SE3.Interpolate(start, target, part)
+                return ik.line(robot, side, q, short, accept=accept, columns=names.COLUMNS[side])[1:], False
+    return [], False
 
 
 def no_nearer(world: World, q: Array) -> Callable[[Array], bool]:

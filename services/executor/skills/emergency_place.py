@@ -12,7 +12,7 @@ import pinocchio as pin
 from companion import models
 from services.executor.skills import own_paths
 from services.executor.skills.situation import Held, Situation
-from velma.kinematics import motion
+from velma.kinematics import backing, motion
 from velma.kinematics.frames import heading, level, standing, tilt
 from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.tasks.placing import placings
@@ -57,7 +57,7 @@ def back_in_place(here: Situation, side: str) -> tuple[pin.SE3, list[np.ndarray]
         return None
     place = standing(stood.translation, heading(pose.rotation[:, 0]))
     over = standing(np.array([*stood.translation[:2], pose.translation[2]]), heading(pose.rotation[:, 0]))
-    path, whole = own_paths.furthest(here, side, here.q, over * held.T_grip_object.inverse())
+    path, whole = backing.furthest(here.robot, here.world, side, here.q, over * held.T_grip_object.inverse())
     return (place, path) if whole else None
 
 

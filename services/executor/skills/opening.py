@@ -89,15 +89,16 @@ def _take(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
 def _turn(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
     """Lead the handle about the hinge. Raises replan where the arm does not follow."""
     leaf = here.seen[command.door]
+    begin = leaf.inverse() * here.robot.grip(here.q, side)
+    end = begin if command.end is None else transform(command.end)
     try:
-        path = opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn)
+        path = opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
     except ik.PathBlocked as blocked:
         raise replan(f"the {side} hand cannot turn {command.door}: {blocked}") from None
-    T_grip_leaf = here.robot.grip(here.q, side).inverse() * leaf
     try:
         yield motions.along(here, command.key, path, PULL_SPEED, settle_s=SETTLE_S, tolerance_m=BESIDE_M)
     finally:
-        here.place(command.door, here.robot.grip(here.q, side) * T_grip_leaf)
+        here.place(command.door, opening.led(leaf, command.turn, begin, end, here.robot.grip(here.q, side)))
 
 
 def _let_go(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
@@ -108,7 +109,9 @@ def _let_go(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
     yield from despite_cancel(lambda: motions.still(here, command.key, **motions.hand(side, loose[1])))
     here.set_fingers(side, wide)
     first, last = (transform(point.at) for point in (command.approach[0], command.approach[-1]))
-    leg, _ = own_paths.furthest(here, side, here.q, here.robot.grip(here.q, side) * last.inverse() * first)
+    leg, _ = backing.furthest(
+        here.robot, here.world, side, here.q, here.robot.grip(here.q, side) * last.inverse() * first
+    )
     path = [here.q, *leg]
     path += backing.out_of_touch(here.robot, here.world, side, path[-1])[1:]
     yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path[1:]), RETREAT_SPEED))

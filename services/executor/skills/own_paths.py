@@ -4,14 +4,12 @@ Used where the plan has no path: to put down in an emergency, to go home, to bac
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import numpy as np
-import pinocchio as pin
 
 from services.executor.skills.situation import MARGIN_M, Situation
-from velma import names
-from velma.kinematics import backing, ik, motion
+from velma.kinematics import motion
 
 # [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; poses seen are wrong by 4 mm.
 ROOM_M = (0.02, 0.01, MARGIN_M)
@@ -47,27 +45,6 @@ def free_path(
                 if found is not None:
                     return found.path
     return None
-
-
-def furthest(here: Situation, side: str, q: np.ndarray, target: pin.SE3) -> tuple[list[np.ndarray], bool]:
-    """Return postures on the straight line of the grip from q to `target` as far as possible, and whether it got there.
-
-    It comes no nearer to anything than it is at q. The torso moves only if the arm alone does not reach.
-    """
-    accept = backing.no_nearer(here.world, q)
-    fraction = 0.0
-    for columns in (names.ARM[side], names.COLUMNS[side]):
-        try:
-            return ik.line(here.robot, side, q, target, accept=accept, columns=columns)[1:], True
-        except ik.PathBlocked as blocked:
-            fraction = blocked.fraction
-    start = here.robot.grip(q, side)
-    for part in (fraction - 0.05, fraction / 2):
-        with suppress(ik.PathBlocked):
-            if part > 0.0:
-                short = pin.SE3.Interpolate(start, target, part)
-                return ik.line(here.robot, side, q, short, accept=accept, columns=names.COLUMNS[side])[1:], False
-    return [], False
 
 
 def rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:

@@ -103,7 +103,7 @@ def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]
     path = [here.q]
     with attaching.allowed(here.world, (object_name, f"{side}_hand")):
         for pose in poses:
-            leg, whole = own_paths.furthest(here, side, path[-1], pose)
+            leg, whole = backing.furthest(here.robot, here.world, side, path[-1], pose)
             path += leg
             if not whole:
                 break

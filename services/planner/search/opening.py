@@ -10,60 +10,93 @@ import pinocchio as pin
 from companion.languages import rc, wm
 from companion.languages.values import Side
 from services.planner.search import leaves
+from services.planner.search.putting import home
 from services.planner.search.situation import Situation, configured, on_wire
 from services.planner.search.steps import CLOSE_S, OPEN_S, Geometry, Path, Step, approach_points, free_speed, move
 from velma import names
-from velma.kinematics import ik
+from velma.kinematics import backing, ik
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks import attaching, opening
 from velma.kinematics.tasks.speeds import PULL_SPEED
 
 POSTURES = 30  # random torsos and elbows for each way to hold the bar (estimate: half of them follow the turn)
+UPRIGHT = 1e-6  # [rad]: rounding of a rotation about an upright axis
 TRIED = 4  # of those that follow: to each a free way is looked for (estimate)
 
 
 @dataclass(frozen=True)
 class _Leaf:
-    """A leaf that is to be opened: its pose, the turn about its hinge [rad], and how large a turn is enough."""
+    """A leaf that is to be opened: its pose, how its bar may be held, the turn about its hinge [rad], how large a turn
+    is enough.
+    """
 
     name: str
     pose: pin.SE3
+    grasps: tuple[wm.GraspDef, ...]
     turn: float
     least: float
 
 
 @dataclass(frozen=True)
 class _Way:
-    """Postures to the handle and along the turn, the one with the hand drawn back, and how the bar is held."""
+    """Postures to the handle and along the turn, the one with the hand drawn back, and the hand at the turn's end."""
 
     path: Path
     last: np.ndarray
-    grasp: wm.GraspDef
+    end: pin.SE3
 
 
 def open_door(geometry: Geometry, state: str, door: str, around: str, side: Side) -> Step | None:
-    """Return the step that opens a leaf with an empty hand; None, with the reason noted, where none is found."""
-    here, known = geometry.at(state), leaves.grasps(geometry.ask, state, door)
-    if side in here.held:
-        geometry.failed(f"the {side} hand holds {here.held[side].object}")
+    """Return the step that opens a leaf with an empty hand, from whose end a way home is found.
+
+    None, with the reason noted, where there is none.
+    """
+    held, known = geometry.at(state).held, leaves.grasps(geometry.ask, state, door)
+    if side in held:
+        geometry.failed(f"the {side} hand holds {held[side].object}")
         return None
     now, pose = leaves.opened(geometry.ask, state, door, around), geometry.pose(state, door)
-    here.world.put(door, geometry.model(state, door).shapes, pose)  # as thick as it is: things stand close behind it
     for wide, grasp in product(leaves.WIDE, known):
-        leaf = _Leaf(door, pose, leaves.opens(grasp) * (wide - now), leaves.ENOUGH - now)
-        ways = list(islice(_ways(geometry, here, side, leaf, grasp), TRIED))
-        reached = geometry.free_motion(here, side, [way.path[0] for way in ways], tried=TRIED)
-        if reached is not None:
-            index, motion = reached
-            lead = move(side, motion, free_speed(here), grasp.steps[0].fingers)
-            return _opening(geometry, side, leaf, ways[index], lead, motion.duration)
+        leaf = _Leaf(door, pose, known, leaves.opens(grasp) * (wide - now), leaves.ENOUGH - now)
+        step = _by(geometry, state, side, leaf, grasp)
+        if step is not None and home(geometry, geometry.ask.suppose(state, step.changes), side):
+            return step
     geometry.failed(f"the {side} hand finds no way to open {door}")
     return None
+
+
+def _by(geometry: Geometry, state: str, side: Side, leaf: _Leaf, grasp: wm.GraspDef) -> Step | None:
+    """Return the step that opens a leaf by one grasp; None where none is found."""
+    here, model = geometry.at(state), geometry.model(state, leaf.name)
+    here.world.put(leaf.name, model.shapes, leaf.pose)  # as thick as it is: things stand close behind it
+    ways = list(islice(_ways(geometry, here, side, leaf, grasp), TRIED))
+    reached = geometry.free_motion(here, side, [way.path[0] for way in ways], tried=TRIED)
+    if reached is None:
+        return None
+    index, motion = reached
+    lead = move(side, motion, free_speed(here), grasp.steps[0].fingers)
+    return _opening(geometry, side, leaf, grasp, ways[index], lead, motion.duration)
 
 
 def _handle(grasp: wm.GraspDef) -> list[tuple[pin.SE3, float]]:
     """Return T_leaf_grip and finger angle [rad] of each step, outermost first."""
     return [(transform(step.pose).inverse(), step.fingers) for step in grasp.steps]
+
+
+def _ends(leaf: _Leaf, begin: pin.SE3) -> list[pin.SE3]:
+    """Return how the hand may hold the bar at the end of the turn, best first, in the leaf's frame.
+
+    As at its begin, or by another grasp, so that it turns less than the leaf: the fingers slide about the bar.
+    """
+    hands = (_handle(grasp)[-1][0] for grasp in leaf.grasps)
+    behind = [(turn, hand) for hand in hands if (turn := _about_bar(begin, hand)) * leaf.turn < 0.0]
+    return [begin, *(hand for _, hand in sorted(behind, key=lambda one: abs(one[0])))]
+
+
+def _about_bar(begin: pin.SE3, end: pin.SE3) -> float:
+    """Return the rotation [rad] about the upright bar between two ways to hold it; 0 if it is about another axis."""
+    x, y, z = pin.log3(end.rotation @ begin.rotation.T)
+    return float(z) if np.hypot(x, y) < UPRIGHT else 0.0
 
 
 def _ways(geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, grasp: wm.GraspDef) -> Iterator[_Way]:
@@ -84,22 +117,42 @@ def _way(
 ) -> _Way | None:
     """Return the way by the posture q (15,) at the handle; None where the arm does not follow."""
     robot, world, (outer, inner) = geometry.robot, here.world, _handle(grasp)
-    after, columns = opening.turned(leaf.pose, leaf.turn), names.COLUMNS[side]
+    columns = names.COLUMNS[side]
     try:
         back = ik.line(robot, side, q, leaf.pose * outer[0], accept=world.free, columns=columns)
-        world.fingers(side, grasp.closed)
-        turning = opening.arc(robot, world, side, q, leaf.name, leaf.pose, leaf.turn)
-        world.fingers(side, inner[1])
-        with attaching.stood(world, leaf.name, after, side):
-            away = ik.line(robot, side, turning[-1], after * outer[0], accept=world.free, columns=columns)
     except ik.PathBlocked:
         return None
-    return _Way([*back[::-1], *turning], away[-1], grasp)
+    for end in _ends(leaf, inner[0]):
+        try:
+            world.fingers(side, grasp.closed)
+            turning = opening.arc(robot, world, side, q, leaf.name, leaf.pose, leaf.turn, end)
+        except ik.PathBlocked:
+            continue
+        finally:
+            world.fingers(side, inner[1])
+        away = _away(geometry, here, side, leaf, turning[-1], end * inner[0].inverse() * outer[0])
+        if away is not None:
+            return _Way([*back[::-1], *turning], away, end)
+    return None
 
 
-def _opening(geometry: Geometry, side: Side, leaf: _Leaf, way: _Way, lead: rc.MoveJoint, leading: float) -> Step:
+def _away(
+    geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, q: np.ndarray, out: pin.SE3
+) -> np.ndarray | None:
+    """Return a free posture (15,), the hand drawn back towards `out` (T_leaf_grip) from the turned leaf, or None."""
+    robot, world = geometry.robot, here.world
+    after = opening.turned(leaf.pose, leaf.turn)
+    with attaching.stood(world, leaf.name, after, side):
+        back, _ = backing.furthest(robot, world, side, q, after * out)
+        last = backing.out_of_touch(robot, world, side, back[-1] if back else q)[-1]
+        return last if world.free(last) else None
+
+
+def _opening(
+    geometry: Geometry, side: Side, leaf: _Leaf, grasp: wm.GraspDef, way: _Way, lead: rc.MoveJoint, leading: float
+) -> Step:
     """Return the step of a solved way; `lead` brings the hand to its start in `leading` seconds."""
-    steps, grasp = _handle(way.grasp), way.grasp
+    steps = _handle(grasp)
     command = rc.OpenDoor(
         key="",
         side=side,
@@ -110,6 +163,7 @@ def _opening(geometry: Geometry, side: Side, leaf: _Leaf, way: _Way, lead: rc.Mo
         speed=grasp.speed,
         turn=leaf.turn,
         least=leaf.least,
+        end=on_wire(way.end),
     )
     changes = (
         wm.Moved(object=leaf.name, pose=on_wire(opening.turned(leaf.pose, leaf.turn))),

@@ -32,7 +32,7 @@ from velma.kinematics.tasks.placing import Placing, backwards, placings
 from velma.kinematics.tasks.speeds import DOWN_SPEED, HOME_TORSO, LOADED_SPEED, RETREAT_SPEED
 
 # [rad] largest tilt of a thing on its way, and iterations of a tree, tried in turn: an empty bowl may tilt more
-CARRIED_TILT = ((math.radians(25.0), QUICK), (math.radians(60.0), EFFORTS))
+CARRIED_TILT = ((math.radians(25.0), QUICK), (math.radians(40.0), EFFORTS), (math.radians(60.0), EFFORTS))
 PLACINGS, TRIES = 12, 300  # placings to choose from, samples tried (estimates)
 BATCHES = 6  # groups of spots tried (estimate)
 HOME_FINGERS = 1.0  # [rad], same runs

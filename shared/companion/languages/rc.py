@@ -114,7 +114,8 @@ class OpenDoor(Command, frozen=True):
 
     `approach`: in the leaf's frame, outermost first, the handle last. Fingers: `closed`, where one stops that meets
     nothing [rad], `squeeze` and `speed` as of Grasp. `turn`: of the leaf about its z from where it is seen before
-    [rad]. `least`: size of the turn that is enough.
+    [rad]. `least`: size of the turn that is enough. `end`: of the hand in the leaf's frame after the turn, in which the
+    fingers slide about the bar; None: as at its begin.
     """
 
     side: Side
@@ -125,6 +126,7 @@ class OpenDoor(Command, frozen=True):
     speed: float
     turn: float
     least: float
+    end: Pose | None = None
 
 
 class Home(Command, frozen=True):
