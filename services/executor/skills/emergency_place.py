@@ -25,6 +25,7 @@ UPRIGHT = 0.1  # [rad] of a thing that may be put back as it stood (estimate)
 LARGEST_TILT = 1.05  # [rad] on the way; a tilted object may go upright on it (estimate)
 SPACING_M, MARGIN_M = 0.06, 0.05  # of the spots tried on a surface, and from its edge (estimates)
 CLEAR_M = 0.20  # to other things standing there, centre to centre (estimate)
+SAME_M = 0.02  # of heights of one table, as seen (estimate)
 NEAR_M, REACH_M = 0.35, 0.9  # of a spot from the shoulder (estimates); and as far as the hand is now
 TRIES, WAYS = 120, 4
 
@@ -76,14 +77,24 @@ def surfaces(here: Situation) -> Iterator[tuple[str, pin.SE3, tuple[float, float
 
 
 def free_spot(
-    here: Situation, side: str, retreat: list[tuple[pin.SE3, float]], seed: int = 0
+    here: Situation,
+    side: str,
+    retreat: list[tuple[pin.SE3, float]],
+    *,
+    largest: float = LARGEST_TILT,
+    height: float | None = None,
 ) -> tuple[pin.SE3, list[np.ndarray]] | None:
-    """Return a free place and the joint path to above it; None if none was found."""
-    held, rng = here.held[side], np.random.default_rng(seed)
+    """Return a free place and the joint path to above it; None if none was found.
+
+    The object tilts by at most `largest` [rad] on the way, or as it is. `height`: of its origin at the place [m]; None:
+    any.
+    """
+    held, rng = here.held[side], np.random.default_rng(0)
     base = models.MODELS[here.models[held.object]].base
     spots = [(name, spot - np.array([0.0, 0.0, base.z])) for name, spot in _spots(here, held, base.radius, side)]
-    largest = max(LARGEST_TILT, tilt(held_pose(here, side)) + 0.1)
-    keep = upright(here.robot, side, held.T_grip_object, largest)
+    if height is not None:
+        spots = [(name, spot) for name, spot in spots if abs(spot[2] - height) < SAME_M]
+    keep = upright(here.robot, side, held.T_grip_object, max(largest, tilt(held_pose(here, side)) + 0.1))
     for margin in own_paths.ROOM_M if spots else ():
         with own_paths.room(here, margin):
             found = placings(

@@ -1,4 +1,8 @@
-"""The skill that puts down: move above the place, level the object, go down to contact, open, retreat."""
+"""The skill that puts down: move above the place, level the object, go down to contact, open, retreat.
+
+Where the object meets something above the place, what stands there is not known: the arm and the object hide it. It is
+put down beside then.
+"""
 
 import math
 from collections.abc import Sequence
@@ -6,22 +10,27 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from companion import models
 from companion.languages import rc
 from companion.languages.values import Vector
 from services.executor.loop.program import Open, Until
 from services.executor.skills import emergency_place, motions, own_paths
 from services.executor.skills.moving import straight
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import Skill, despite_cancel, despite_slips, failed, replan
+from services.executor.skills.skill import NotPossible, Skill, despite_cancel, despite_slips, failed, replan
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
+from velma.kinematics.shapes import Box
 from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
 from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 
 BELOW_M = 0.02  # the descent aims this far below the place; contact ends it; task runs with the true robot model
 CONTACT_M = 0.003  # set-point below the hand that counts as contact (about 4.5 N at 1500 N/m), same runs
+MET_M = 0.2  # size of what was met, as far as it is guessed: as wide as a bowl (estimate)
+LEVEL = math.radians(35.0)  # tilt on the way to another place, as pl has it for the jar
+MET = "met"
 HIGH_M = 0.04  # above its place a thing is not let go, whatever the hand met: it would fall (estimate)
 SETTLE_S = 0.3
 OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5  # same runs (they waited 0.9 s in all)
@@ -37,14 +46,47 @@ def release(here: Situation, command: rc.Release) -> Skill:
     held = here.held.get(command.side)
     if held is None or held.object != command.object:
         return
-    yield from despite_slips(lambda: _lower(here, command))
+    try:
+        yield from despite_slips(lambda: _lower(here, command, *_place(here, command.side, command)))
+    except _Met as met:
+        yield from _beside(here, command, met)
     yield from _let_go(here, command.side, command)
 
 
-def _lower(here: Situation, command: rc.Release) -> Skill:
-    """Carry the object to above its place and go down to contact. Raises replan if it is not there then."""
+class _Met(NotPossible):
+    """The object met something `above` its place [m]."""
+
+    def __init__(self, reason: str, place: pin.SE3, above: float) -> None:
+        super().__init__(rc.NotDoneKind.REPLAN, reason)
+        self.place, self.above = place, above
+
+
+def _beside(here: Situation, command: rc.Release, met: _Met) -> Skill:
+    """Go up again and put the object down on a free spot beside what it met. Raises `met` where none is found."""
+    side, grip = command.side, here.robot.grip(here.q, command.side)
+    up = straight(here, side, here.q, shifted(grip, np.array([0.0, 0.0, ABOVE_M])))
+    yield motions.along(here, command.key, up, LOADED_SPEED)
+    base = models.MODELS[here.models[command.object]].base.z
+    middle = shifted(met.place, np.array([0.0, 0.0, base + met.above - MET_M / 2]))
+    here.world.put(MET, [Box((MET_M, MET_M, MET_M))], middle)
+    try:
+        height = float(met.place.translation[2])
+        found = emergency_place.free_spot(here, side, _retreat(command), largest=LEVEL, height=height)
+        if found is None:
+            raise met
+        yield from _lower(here, command, *found)
+    finally:
+        here.world.remove(MET)
+
+
+def _retreat(command: rc.Release) -> list[tuple[pin.SE3, float]]:
+    """Return T_object_grip and finger angle of each point of the way back."""
+    return [(transform(point.at), point.fingers) for point in command.retreat]
+
+
+def _lower(here: Situation, command: rc.Release, place: pin.SE3, path: list[np.ndarray]) -> Skill:
+    """Carry the object to above the place and go down to contact. Raises _Met if something stands there."""
     side = command.side
-    place, path = _place(here, side, command)
     if path:
         yield motions.along(here, command.key, path, LOADED_SPEED, watch=place.translation, settle_s=0.2)
     # The object was seen in the hand again: go down so that it arrives level.
@@ -56,7 +98,7 @@ def _lower(here: Situation, command: rc.Release) -> Skill:
     )  # fmt: skip
     above = (here.robot.grip(here.q, side) * here.held[side].T_grip_object).translation[2] - place.translation[2]
     if above > HIGH_M:
-        raise replan(f"the {side} hand met something {above:.2f} m above the place of {command.object}")
+        raise _Met(f"the {side} hand met something {above:.2f} m above the place of {command.object}", place, above)
 
 
 def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, list[np.ndarray]]:
@@ -74,7 +116,7 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
     back = emergency_place.back_in_place(here, side)
     if back is not None:
         return back
-    found = emergency_place.free_spot(here, side, [(transform(p.at), p.fingers) for p in command.retreat])
+    found = emergency_place.free_spot(here, side, _retreat(command))
     if found is None:
         raise failed(f"the {side} hand finds no free place for {held.object}")
     return found

@@ -1,17 +1,22 @@
 """What is put down and not seen is told as that, where the hand left it: true loop, simulated physics."""
 
+import mujoco
 import numpy as np
 import pytest
 from robot import Acting
 
 from companion.languages import rc
-from companion.languages.values import Side
+from companion.languages.values import Pose, Side
 from services.executor.receptor import Receptor
 from services.executor.remembered import Remembered
 from services.executor.sight import Neck
 from services.executor.skill_process import remembered
+from services.executor.skills.emergency_place import free_spot
+from velma.kinematics.frames import transform, xyz_quat
+from velma.kinematics.tasks.placing import ABOVE_M
 
-JAR, LEFT = "jar_1", Side.LEFT
+JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
+JAR_M, RIM_M = 0.2, 0.09  # height; radius of the rim, within its wall (objects.yaml)
 NEAR_M = 0.02  # of the true place: the receptor's noise of 4 mm on each axis, and what slips at the opening (estimate)
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
@@ -51,6 +56,33 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, sees
     assert placed.uncertainty is None
     kept: Remembered = remembered(jar_out.here, "")
     assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, "also if its end is not told"
+
+
+def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> None:
+    """The rim of a bowl is where the jar is to stand; the jar comes to stand upright beside it, as high."""
+    retreat = [(transform(one.at), one.fingers) for one in jar_out.retreats[JAR]]
+    found = free_spot(jar_out.here, LEFT, retreat)
+    assert found is not None
+    place, path = found
+    put(jar_out, BOWL, place.translation + np.array([0.0, RIM_M, 0.005 - JAR_M / 2]))
+    jar_out.eye, at = Blind(), Pose(*xyz_quat(place))
+    jar_out.done(jar_out.move(LEFT, [jar_out.here.q, *path]))
+    jar_out.done(rc.Release("act", LEFT, JAR, "table_1", at, jar_out.retreats[JAR], ((0.0, 0.0, ABOVE_M),)))
+    truth = jar_out.truth
+    assert truth.tilt_deg[JAR] < 2.0
+    assert abs(truth.at[JAR][2] - place.translation[2]) < 0.01
+    assert np.linalg.norm(np.subtract(truth.at[JAR], truth.at[BOWL])[:2]) > 0.1, "not in the bowl"
+
+
+def put(acting: Acting, name: str, xyz: np.ndarray) -> None:
+    """Put a thing at `xyz` (3,) [m], where nobody looks."""
+    model, data = acting.core.backend.model, acting.core.backend.data
+    joint = model.body(name).jntadr[0]
+    at = model.jnt_qposadr[joint]
+    data.qpos[at : at + 7] = [*xyz, 1.0, 0.0, 0.0, 0.0]
+    data.qvel[model.jnt_dofadr[joint] :][:6] = 0.0
+    mujoco.mj_forward(model, data)
+    acting.core.hold(0.2)
 
 
 def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> None:
