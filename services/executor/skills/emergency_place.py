@@ -14,6 +14,7 @@ from services.executor.skills import own_paths
 from services.executor.skills.situation import Held, Situation
 from velma.kinematics import backing, motion
 from velma.kinematics.frames import heading, level, standing, tilt
+from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.tasks.placing import placings
 from velma.kinematics.tasks.speeds import LOADED_SPEED
@@ -96,7 +97,7 @@ def free_spot(
         spots = [(name, spot) for name, spot in spots if abs(spot[2] - height) < SAME_M]
     keep = upright(here.robot, side, held.T_grip_object, max(largest, tilt(held_pose(here, side)) + 0.1))
     for margin in own_paths.ROOM_M if spots else ():
-        with own_paths.room(here, margin):
+        with attaching.room(here.world, margin):
             found = placings(
                 here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
             )

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from services.executor.loop.program import KNOT_S, HeadGoal
-from services.executor.skills import own_paths
 from services.executor.skills.situation import Situation
+from velma.kinematics.tasks import attaching
 
 LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
 AHEAD = HeadGoal(0.0, 0.0, LOOK_SPEED)
@@ -34,7 +34,7 @@ def _clear(here: Situation, knots: Sequence[np.ndarray], goal: HeadGoal | None) 
     way = np.zeros(2) if goal is None else np.array((goal.pan, goal.tilt)) - begin
     turns_s = float(np.linalg.norm(way)) / LOOK_SPEED
     lasts_s = max(turns_s, KNOT_S * (len(knots) - 1))
-    with own_paths.room(here, ROOM_M):
+    with attaching.room(here.world, ROOM_M):
         for at in np.arange(0.0, lasts_s + EVERY * KNOT_S, EVERY * KNOT_S):
             head = begin + way * min(1.0, at / turns_s if turns_s else 1.0)
             q = knots[min(len(knots) - 1, round(at / KNOT_S))]

@@ -1,7 +1,7 @@
 """The skill that opens a leaf: take the bar of its handle, turn it, let go, look how far it is open."""
 
 import math
-from itertools import chain
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
@@ -11,8 +11,8 @@ from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions, own_paths
 from services.executor.skills.grasping import SETTLE_S
 from services.executor.skills.looking import missed
-from services.executor.skills.moving import joining, legs
-from services.executor.skills.situation import Situation
+from services.executor.skills.moving import joining, straight
+from services.executor.skills.situation import MARGIN_M, Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Skill, despite_cancel, empty, missing, replan
 from velma import names
 from velma.kinematics import backing, ik
@@ -73,7 +73,18 @@ def _solved(here: Situation, side: str, command: rc.OpenDoor) -> list[np.ndarray
     start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
     if start is None:
         raise replan(f"the {side} hand cannot reach the handle of {command.door} from here")
-    return [start, *chain.from_iterable(legs(here, side, start, poses[1:]))]
+    way = [start]
+    for pose in poses[1:]:
+        way += _as_planned(here, side, way[-1], pose)
+    return way
+
+
+def _as_planned(here: Situation, side: str, q: np.ndarray, target: pin.SE3) -> list[np.ndarray]:
+    """Return postures on the straight line to `target`; torso and arm move as in pl, which saw room for the turn."""
+    with suppress(ik.PathBlocked):
+        columns = names.COLUMNS[side]
+        return ik.line(here.robot, side, q, target, accept=here.world.free, columns=columns)[1:]
+    return straight(here, side, q, target, here.world.free)
 
 
 def _take(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
@@ -91,14 +102,22 @@ def _turn(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
     leaf = here.seen[command.door]
     begin = leaf.inverse() * here.robot.grip(here.q, side)
     end = begin if command.end is None else transform(command.end)
-    try:
-        path = opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
-    except ik.PathBlocked as blocked:
-        raise replan(f"the {side} hand cannot turn {command.door}: {blocked}") from None
+    path = _arc(here, side, command, leaf, end)
     try:
         yield motions.along(here, command.key, path, PULL_SPEED, settle_s=SETTLE_S, tolerance_m=BESIDE_M)
     finally:
         here.place(command.door, opening.led(leaf, command.turn, begin, end, here.robot.grip(here.q, side)))
+
+
+def _arc(here: Situation, side: str, command: rc.OpenDoor, leaf: pin.SE3, end: pin.SE3) -> list[np.ndarray]:
+    """Return postures of the turn, with some room where that is possible, else without. Raises replan for none."""
+    for room in (MARGIN_M, 0.0):
+        try:
+            with attaching.room(here.world, room):
+                return opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
+        except ik.PathBlocked as blocked:
+            why = str(blocked)
+    raise replan(f"the {side} hand cannot turn {command.door}: {why}")
 
 
 def _let_go(here: Situation, side: str, command: rc.OpenDoor) -> Skill:

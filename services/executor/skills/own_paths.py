@@ -3,28 +3,17 @@
 Used where the plan has no path: to put down in an emergency, to go home, to back out of contacts.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from services.executor.skills.situation import MARGIN_M, Situation
 from velma.kinematics import motion
+from velma.kinematics.tasks import attaching
 
 # [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; poses seen are wrong by 4 mm.
 ROOM_M = (0.02, 0.01, MARGIN_M)
 ATTEMPTS = 2  # trees for each goal: any path will do, and ta waits (estimate)
-
-
-@contextmanager
-def room(here: Situation, margin: float) -> Iterator[None]:
-    """Set the collision margin to this distance [m] inside the block."""
-    before = here.world.margin
-    here.world.margin = margin
-    try:
-        yield
-    finally:
-        here.world.margin = before
 
 
 def free_path(
@@ -37,7 +26,7 @@ def free_path(
     """Return a free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
     wanted = list(goals)
     for margin in ROOM_M:
-        with room(here, margin):
+        with attaching.room(here.world, margin):
             for goal in wanted:
                 found = motion.plan(
                     here.robot, here.world, side, here.q, goal, keep=keep, tool_speed=speed, attempts=ATTEMPTS

@@ -128,7 +128,7 @@ class Search:
         self._bind("put_aside", *both(methods.put_aside_with))
         for task in (TaskName.TAKE, TaskName.BRING, TaskName.PUT_AT, "put_aside"):
             self._bind(task, *(self._after_first(methods.after_clearing, task, number) for number in CLEARED))
-        for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN, TaskName.PUT_AT):
+        for task in (TaskName.POUR, TaskName.TAKE, TaskName.PUT_DOWN, TaskName.PUT_AT, "open_door"):
             self._bind(task, self._after_arms_home(task))
         self._bind("localize", methods.localize)
         self._bind(TaskName.LOOK_AROUND, methods.look_around)

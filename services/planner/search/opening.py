@@ -19,6 +19,7 @@ from velma.kinematics.frames import transform
 from velma.kinematics.tasks import attaching, opening
 from velma.kinematics.tasks.speeds import PULL_SPEED
 
+ROOM_M = 0.012  # of the arm during the turn: ex takes the handle where it is seen then (estimate)
 POSTURES = 30  # random torsos and elbows for each way to hold the bar (estimate: half of them follow the turn)
 UPRIGHT = 1e-6  # [rad]: rounding of a rotation about an upright axis
 TRIED = 4  # of those that follow: to each a free way is looked for (estimate)
@@ -125,7 +126,8 @@ def _way(
     for end in _ends(leaf, inner[0]):
         try:
             world.fingers(side, grasp.closed)
-            turning = opening.arc(robot, world, side, q, leaf.name, leaf.pose, leaf.turn, end)
+            with attaching.room(world, ROOM_M):
+                turning = opening.arc(robot, world, side, q, leaf.name, leaf.pose, leaf.turn, end)
         except ik.PathBlocked:
             continue
         finally:

@@ -16,7 +16,6 @@ from services.executor.loop.core import LoopCore
 from services.executor.loop.program import Motion, Phase
 from services.executor.sight import Eye
 from services.executor.simulation import InProcess, markers, receptor, things
-from services.executor.skills import own_paths
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Situation, beginning
 from services.executor.skills.skill import Sensed
@@ -24,6 +23,7 @@ from velma.kinematics import motion
 from velma.kinematics.collision import MARGIN
 from velma.kinematics.frames import lies, transform, xyz_quat
 from velma.kinematics.robot import Robot
+from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.grasping import Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.placing import backwards
 from velma.model.scene import Scene, load, vary
@@ -142,7 +142,7 @@ class Acting:
 
     def _reached(self, side: Side, target: Target, ways: list[GraspWay]) -> tuple[Approach, list[np.ndarray]]:
         here, rng = self.here, np.random.default_rng(1)
-        with own_paths.room(here, MARGIN):
+        with attaching.room(here.world, MARGIN):
             for found in approaches(self.robot, here.world, side, here.q, target, ways, rng, wanted=WAYS_IN_TRIED):
                 here.world.fingers(side, found.steps[0][1])
                 way = motion.plan(self.robot, here.world, side, here.q, found.way_in[0])

@@ -1,5 +1,6 @@
 """Doors are opened for what stands behind them, and for what may."""
 
+import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -7,6 +8,7 @@ from hypothesis import strategies as st
 from companion.languages import hfsm, rc
 from services.planner.search import leaves
 from services.planner.search.asking import Asking
+from velma.kinematics.frames import transform
 
 pytestmark = pytest.mark.timeout(240)
 WIDE = 1.45  # as far as the hand leaves them
@@ -14,10 +16,14 @@ DOORS = {"door_1", "door_2"}
 SEEN_WITHIN = 0.01  # [rad] of the noise of two yaws
 
 
+def acts(plan: hfsm.HierarchicalPlan) -> list[rc.Act]:
+    """Return the acts of a plan, in this order."""
+    return [leaf.command for state in plan.root.states for leaf in getattr(state, "states", ())]
+
+
 def opened(plan: hfsm.HierarchicalPlan) -> list[str]:
     """Return the doors that a plan opens, in this order."""
-    acts = [leaf.command for state in plan.root.states for leaf in getattr(state, "states", ())]
-    return [act.door for act in acts if isinstance(act, rc.OpenDoor)]
+    return [act.door for act in acts(plan) if isinstance(act, rc.OpenDoor)]
 
 
 @settings(max_examples=8, deadline=None)
@@ -54,6 +60,21 @@ def test_the_other_door_is_opened_for_a_thing_that_was_seen(angles, closed: str,
     plan = km(doors(*angles)).plan("take", "jar", "")
     assert opened(plan) == [closed]
     assert named(plan)[2:] == ["look at jar_1", "is jar_1 localized?", "replan"]
+
+
+@pytest.mark.parametrize("angles", [(0.0, WIDE), (WIDE, 0.0)])
+def test_the_hand_turns_no_farther_than_the_leaf(angles, km, doors) -> None:
+    """It slides about the upright bar against the turn, or not at all, from one way to hold it to another."""
+    world = km(doors(*angles))
+    (act,) = [one for one in acts(world.plan("take", "jar", "")) if isinstance(one, rc.OpenDoor)]
+    assert act.end is not None
+    begin, end = transform(act.approach[-1].at), transform(act.end)
+    x, y, z = pin.log3(end.rotation @ begin.rotation.T)
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert z * act.turn <= 1e-9
+    known = leaves.grasps(Asking(world.ask, "q"), "", act.door)
+    hands = [transform(grasp.steps[-1].pose).inverse() for grasp in known]
+    assert any(hand.isApprox(end, 1e-6) for hand in hands)
 
 
 def test_open_doors_are_left_as_they_are(km, named, doors) -> None:

@@ -1,4 +1,4 @@
-"""Temporary changes of the collision world: an object in the hand, or at rest, while something is tried."""
+"""Temporary changes of the collision world while something is tried: an object in the hand or at rest, other room."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,3 +44,14 @@ def allowed(world: World, *pairs: tuple[str, str]) -> Iterator[None]:
         yield
     finally:
         world.allow(*before)
+
+
+@contextmanager
+def room(world: World, margin: float) -> Iterator[None]:
+    """Set the collision margin to this distance [m] inside the block."""
+    before = world.margin
+    world.margin = margin
+    try:
+        yield
+    finally:
+        world.margin = before
