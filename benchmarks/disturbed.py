@@ -5,7 +5,8 @@ The pour is that of pour_one_process.
 `pushed`: jar or bowl is shifted by 5 cm while the robot reaches for it, or the bowl on the table before the tilt.
 `knocked`: the jar is struck out of the hand (its fingers lose their friction for 1.5 s) while it is carried.
 `obstructed`: a box is put where the bowl is going to be put down. `removed`: a thing is taken away, out of sight.
-Appends a line per run to a results file and skips runs that stand there.
+Appends a line per run to a results file and skips runs that stand there; the table has the newest of each case and
+seed.
 
     python benchmarks/disturbed.py --seeds 1-10
     python benchmarks/disturbed.py --table
@@ -202,7 +203,7 @@ def main(
     table: Annotated[bool, typer.Option("--table", help="write the table into docs/eyes.md, and end")] = False,
 ) -> None:
     """Run what does not stand in the results file yet."""
-    lines = tables.read(out)
+    lines = list({(line["case"], line["seed"]): line for line in tables.read(out)}.values())
     if table:
         tables.put(PAGE, BEGIN, "\n".join(printed(lines)) + "\n", END)
         return

@@ -1,6 +1,6 @@
 """Paths that ex plans itself, with a safety margin: hands follow paths, and sights show poses, with some error.
 
-Used where the plan has no path: to put down in an emergency, to go home, to back out of contacts.
+Used where the plan has no path: to put down in an emergency, to go home.
 """
 
 from collections.abc import Callable, Iterable
