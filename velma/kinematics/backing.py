@@ -21,6 +21,7 @@ OUT_M = (0.05, 0.10, 0.16, 0.03, 0.07, 0.13)
 """How far a hand moves to get out of contact [m]: a finger is 0.1 long (estimates). The last three are for where it is
 out by less, and meets something farther on."""
 _STEP = 0.02  # m between checked states on that path
+_TURN = 0.05  # [rad] of a joint between checked states there
 _TOUCH, _SLACK = 0.002, 0.001  # m: closer than this is contact; noise of contact distances (estimates)
 BACK_M = (0.25, 0.15, 0.08)  # m a hand is drawn back, the farthest that is possible (estimate)
 
@@ -41,8 +42,9 @@ def drawn_back(robot: Robot, side: str, q: Array, accept: Callable[[Array], bool
 def out_of_touch(robot: Robot, world: World, side: str, q: Array) -> list[Array]:
     """Return postures (15,) from q to where nothing is nearer than the margin; [q] if q is so, or none is found.
 
-    A short straight line, first upwards with an object in the hand, back with an empty one. It comes near to nothing
-    that is not near at q.
+    A short straight line, first upwards with an object in the hand, back with an empty one; else an empty arm goes
+    towards its start posture, as where a hand is folded against its own arm. It comes near to nothing that is not near
+    at q.
     """
     if world.free(q):
         return [q]
@@ -56,6 +58,20 @@ def out_of_touch(robot: Robot, world: World, side: str, q: Array) -> list[Array]
                 continue
             if world.free(path[-1]):
                 return path
+    return [q] if world.carried(side) else _unfolded(world, side, q, accept)
+
+
+def _unfolded(world: World, side: str, q: Array, accept: Callable[[Array], bool]) -> list[Array]:
+    """Return postures (15,) from q towards the start posture of the arm, the last one free; [q] if none is reached."""
+    turn = np.zeros_like(q)
+    turn[names.ARM[side]] = names.START[names.ARM[side]] - q[names.ARM[side]]
+    path = [q]
+    for share in np.linspace(0.0, 1.0, 2 + int(np.abs(turn).max() / _TURN))[1:]:
+        path.append(q + share * turn)
+        if not accept(path[-1]):
+            break
+        if world.free(path[-1]):
+            return path
     return [q]
 
 
