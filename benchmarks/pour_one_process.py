@@ -184,16 +184,18 @@ def measured(
 
 def rows(lines: list[dict[str, Any]]) -> Iterator[str]:
     """Yield the table of what each change of the scene does, and below it why a pour was not done."""
-    yield "| scene | eyes | other than in the scene | pours | done | simulated, median [s] |\n"
-    yield "|---|---|---|---|---|---|\n"
+    yield "| scene | eyes | other than in the scene | pours | done | of them run again | simulated, median [s] |\n"
+    yield "|---|---|---|---|---|---|---|\n"
     failed = []
     newest = {(kind(line), line["seed"]): line for line in lines if "noise" in line}
+    failing = {(kind(line), line["seed"]) for line in lines if not line["success"]}
     for scene, eyes, noise in sorted({of for of, _ in newest}, key=lambda of: (of[2], *of[:2])):
         same = [line for (of, _), line in newest.items() if of == (scene, eyes, noise)]
         done = [one for one in same if one["success"]]
+        again = sum(((scene, eyes, noise), one["seed"]) in failing for one in done)
         middle = statistics.median(one["sim_time_s"] for one in done) if done else math.nan
         words = noise.replace(",", ", ").replace("=", " ") or "none"
-        yield f"| {scene} | {eyes} | {words} | {len(same)} | {len(done)} | {middle:.0f} |\n"
+        yield f"| {scene} | {eyes} | {words} | {len(same)} | {len(done)} | {again} | {middle:.0f} |\n"
         failed += [
             f"- {scene}, {eyes}, {words}, seed {one['seed']}: {why(one)}\n" for one in same if not one["success"]
         ]
