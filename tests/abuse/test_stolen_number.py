@@ -93,10 +93,10 @@ def test_words_under_his_next_numbers_do_not_lose_his_task(router: Fleet, hi: Hi
     wait_for(lambda: record(router, "co").taken.get("hi") == stolen, "co has taken the thief's words")
     wait_for(lambda: lines(router, "hi", TOLD), "hi tells that somebody else has its key")
     assert "roco keys revoke hi" in str(lines(router, "hi", TOLD)[0]["why"])
+    wait_for(lambda: router.beat("hi").counts.get(TOLD) == stolen, "the heartbeat counts them: hi has all receipts")
     task = hi.say("look around").task
     wait_for(lambda: task_is_known(router, task), f"co has hi's task\n{router.logs()}")
     assert record(router, "co").taken["hi"] == stolen + 1
-    wait_for(lambda: router.beat("hi").counts.get(TOLD) == stolen, "the heartbeat counts them")
     thief.close()
 
 
