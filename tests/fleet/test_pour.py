@@ -68,7 +68,8 @@ def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path)
         fleet.say("pour the jar into the bowl")
         assert fleet.finish(limit_s=1200.0) == ["failed"], fleet.tasks
         truth = fleet.truth.read()
-        assert (truth.grains_in["jar_1"], truth.grains_in["bowl_1"] < 0.6 * truth.grains) == (0, True)
+        assert truth.grains_in["jar_1"] == 0
+        assert truth.grains_in["bowl_1"] < 0.9 * truth.grains, "less than what counts as poured"
         assert re.search(r"(59|60|61) g left jar_1", words(fleet)), words(fleet)
         assert "the rest is not there" in words(fleet)
     finally:
