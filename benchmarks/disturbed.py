@@ -35,6 +35,7 @@ PAGE = Path(__file__).parents[1] / "docs/eyes.md"
 BEGIN, END = "<!-- disturbed: python benchmarks/disturbed.py --table -->\n", "<!-- /disturbed -->\n"
 PUSH_M, KNOCK_S = 0.05, 1.5  # as far as a passing arm pushes (estimate); as in tests/fleet/test_lost.py
 JAR, BOWL, BOX = "jar_1", "bowl_1", "box_1"
+RUN = tables.commit()
 ASIDE = (-2.0, 2.0, 0.056)  # on the floor, where nobody looks or reaches
 LEAST = 0.9  # of the content, that a pour moves, as the report demands
 
@@ -164,7 +165,7 @@ def measured(case: str, seed: int) -> dict[str, Any]:
         "case": case, "seed": seed, "happened": run.happened, "said": said or "done",
         "poured": round(truth.grains_in[BOWL] / truth.grains, 3), "upright": truth.tilt_deg[BOWL] < 10.0,
         "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1),
-        "commit": tables.commit(),
+        "commit": RUN,
     }  # fmt: skip
 
 

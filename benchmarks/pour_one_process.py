@@ -42,6 +42,7 @@ from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 
 MOST_PLANS = 6
+RUN = tables.commit()
 Part = TypeVar("Part", Content, Noise)
 PAGE = Path(__file__).parents[1] / "docs/scenes.md"
 BEGIN, END = "<!-- noise: python benchmarks/pour_one_process.py --table -->\n", "<!-- /noise -->\n"
@@ -178,7 +179,7 @@ def measured(
         "scene": name, "eyes": eyes, "noise": noise, "seed": seed, "success": good, "failure": failure,
         "poured": round(poured, 3), "held": held, "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2),
         "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans,
-        "work_J": round(truth.work_J, 1), "acts": run.acts, "commit": tables.commit(),
+        "work_J": round(truth.work_J, 1), "acts": run.acts, "commit": RUN,
     }  # fmt: skip
 
 
@@ -229,7 +230,7 @@ def main(
     out.parent.mkdir(parents=True, exist_ok=True)
     ran = {line["seed"]: line for line in tables.read(out) if kind(line) == (scene, eyes, noise)}
     for seed in tables.seeds(seeds):
-        if seed in ran and not (again and ran[seed].get("commit") != tables.commit()):
+        if seed in ran and not (again and ran[seed].get("commit") != RUN):
             continue
         result = measured(seed, verbose, scene, eyes, noise)
         tables.append(out, result)

@@ -5,7 +5,7 @@ paths out of contact: with an object in the hand that still stands on its shelf,
 motion would start in a collision.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -21,7 +21,7 @@ OUT_M = (0.05, 0.10, 0.16, 0.03, 0.07, 0.13)
 """How far a hand moves to get out of contact [m]: a finger is 0.1 long (estimates). The last three are for where it is
 out by less, and meets something farther on."""
 _STEP = 0.02  # m between checked states on that path
-_TURN = 0.05  # [rad] of a joint between checked states there
+_TURN = 0.05  # [rad] of a joint between checked states (estimate)
 _TOUCH, _SLACK = 0.002, 0.001  # m: closer than this is contact; noise of contact distances (estimates)
 BACK_M = (0.25, 0.15, 0.08)  # m a hand is drawn back, the farthest that is possible (estimate)
 
@@ -59,6 +59,17 @@ def out_of_touch(robot: Robot, world: World, side: str, q: Array) -> list[Array]
             if world.free(path[-1]):
                 return path
     return [q] if world.carried(side) else _unfolded(world, side, q, accept)
+
+
+def way_out(robot: Robot, world: World, side: str, q: Array, poses: Sequence[pin.SE3]) -> list[Array]:
+    """Return postures (15,) after q through the poses of the grip as far as they can be reached, and out of contact."""
+    path = [q]
+    for pose in poses:
+        leg, whole = furthest(robot, world, side, path[-1], pose)
+        path += leg
+        if not whole:
+            break
+    return [*path[1:], *out_of_touch(robot, world, side, path[-1])[1:]]
 
 
 def _unfolded(world: World, side: str, q: Array, accept: Callable[[Array], bool]) -> list[Array]:

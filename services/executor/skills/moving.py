@@ -69,13 +69,17 @@ def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
         yield motions.along(here, command.key, path, segment.speed, watch=target.translation if index else None)
 
 
-def straight(here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None) -> list[np.ndarray]:
+def straight(
+    here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None, *, torso: bool = False
+) -> list[np.ndarray]:
     """Return postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
 
-    The torso moves only if the arm alone does not reach. A line that is blocked by the margin alone, or leads out of
-    what touches already, is taken all the same: poses are seen again at a grasp, and differ by more than the margin.
+    The torso moves only if the arm alone does not reach; with `torso` it moves where that is possible. A line that is
+    blocked by the margin alone, or leads out of what touches already, is taken all the same: poses are seen again at a
+    grasp, and differ by more than the margin.
     """
-    for columns in (names.ARM[side], names.COLUMNS[side]):
+    moving = (names.ARM[side], names.COLUMNS[side])
+    for columns in reversed(moving) if torso else moving:
         with suppress(ik.PathBlocked):
             return ik.line(here.robot, side, q, target, accept=accept, columns=columns)[1:]
     try:
@@ -85,14 +89,16 @@ def straight(here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept:
         raise replan(f"the {side} hand cannot move straight: {blocked}") from None
 
 
-def legs(here: Situation, side: str, q: np.ndarray, poses: Sequence[pin.SE3]) -> list[list[np.ndarray]]:
+def legs(
+    here: Situation, side: str, q: np.ndarray, poses: Sequence[pin.SE3], *, torso: bool = False
+) -> list[list[np.ndarray]]:
     """Return a straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
 
-    Raises replan if one is blocked.
+    `torso`: as of straight. Raises replan if one is blocked.
     """
     found: list[list[np.ndarray]] = []
     for pose in poses:
-        found.append(straight(here, side, q, pose, here.world.free))
+        found.append(straight(here, side, q, pose, here.world.free, torso=torso))
         q = found[-1][-1]
     return found
 

@@ -1,7 +1,7 @@
 """The skill that opens a leaf: take the bar of its handle, turn it, let go, look how far it is open."""
 
 import math
-from contextlib import suppress
+from itertools import chain
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +11,7 @@ from services.executor.loop.program import Close, Open, Until
 from services.executor.skills import motions, own_paths
 from services.executor.skills.grasping import SETTLE_S
 from services.executor.skills.looking import missed
-from services.executor.skills.moving import joining, straight
+from services.executor.skills.moving import joining, legs
 from services.executor.skills.situation import MARGIN_M, Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Skill, despite_cancel, empty, missing, replan
 from velma import names
@@ -73,18 +73,8 @@ def _solved(here: Situation, side: str, command: rc.OpenDoor) -> list[np.ndarray
     start = ik.solve(here.robot, side, poses[0], here.q, columns=names.ARM[side])
     if start is None:
         raise replan(f"the {side} hand cannot reach the handle of {command.door} from here")
-    way = [start]
-    for pose in poses[1:]:
-        way += _as_planned(here, side, way[-1], pose)
-    return way
-
-
-def _as_planned(here: Situation, side: str, q: np.ndarray, target: pin.SE3) -> list[np.ndarray]:
-    """Return postures on the straight line to `target`; torso and arm move as in pl, which saw room for the turn."""
-    with suppress(ik.PathBlocked):
-        columns = names.COLUMNS[side]
-        return ik.line(here.robot, side, q, target, accept=here.world.free, columns=columns)[1:]
-    return straight(here, side, q, target, here.world.free)
+    # Torso and arm move, as in pl, which saw room for the turn.
+    return [start, *chain.from_iterable(legs(here, side, start, poses[1:], torso=True))]
 
 
 def _take(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
@@ -128,12 +118,9 @@ def _let_go(here: Situation, side: str, command: rc.OpenDoor) -> Skill:
     yield from despite_cancel(lambda: motions.still(here, command.key, **motions.hand(side, loose[1])))
     here.set_fingers(side, wide)
     first, last = (transform(point.at) for point in (command.approach[0], command.approach[-1]))
-    leg, _ = backing.furthest(
-        here.robot, here.world, side, here.q, here.robot.grip(here.q, side) * last.inverse() * first
-    )
-    path = [here.q, *leg]
-    path += backing.out_of_touch(here.robot, here.world, side, path[-1])[1:]
-    yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path[1:]), RETREAT_SPEED))
+    out = here.robot.grip(here.q, side) * last.inverse() * first
+    path = backing.way_out(here.robot, here.world, side, here.q, [out])
+    yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path), RETREAT_SPEED))
 
 
 def _judge(here: Situation, command: rc.OpenDoor, before: pin.SE3) -> Skill:

@@ -23,14 +23,13 @@ from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
 from velma.kinematics.shapes import Box
 from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks.carrying import CARRY_TILT
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
 from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 
 BELOW_M = 0.02  # the descent aims this far below the place; contact ends it; task runs with the true robot model
 CONTACT_M = 0.003  # set-point below the hand that counts as contact (about 4.5 N at 1500 N/m), same runs
-MET_M = 0.2  # size of what was met, as far as it is guessed: as wide as a bowl (estimate)
-LEVEL = math.radians(35.0)  # tilt on the way to another place, as pl has it for the jar
-MET = "met"
+MET, MET_M = "met", 0.2  # name and edge [m] of the box that stands for what was met: as wide as a bowl (estimate)
 HIGH_M = 0.04  # above its place a thing is not let go, whatever the hand met: it would fall (estimate)
 SETTLE_S = 0.3
 OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5  # same runs (they waited 0.9 s in all)
@@ -71,7 +70,7 @@ def _beside(here: Situation, command: rc.Release, met: _Met) -> Skill:
     here.world.put(MET, [Box((MET_M, MET_M, MET_M))], middle)
     try:
         height = float(met.place.translation[2])
-        found = emergency_place.free_spot(here, side, _retreat(command), largest=LEVEL, height=height)
+        found = emergency_place.free_spot(here, side, _retreat(command), largest=CARRY_TILT, height=height)
         if found is None:
             raise met
         yield from _lower(here, command, *found)
@@ -136,20 +135,9 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     spread = motions.hand(side, motions.fingers(wide, SPREAD_SPEED))
     yield from despite_cancel(lambda: motions.still(here, command.key, **spread))
     here.set_fingers(side, wide)
-    path = _way_back(here, side, object_name, retreat_poses(grip, [(transform(p.at), 0.0) for p in command.retreat]))
-    yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path), RETREAT_SPEED))
-
-
-def _way_back(here: Situation, side: str, object_name: str, poses: list[pin.SE3]) -> list[np.ndarray]:
-    """Return the path through the poses as far as they can be reached, ending free of contacts."""
-    path = [here.q]
     with attaching.allowed(here.world, (object_name, f"{side}_hand")):
-        for pose in poses:
-            leg, whole = backing.furthest(here.robot, here.world, side, path[-1], pose)
-            path += leg
-            if not whole:
-                break
-    return [*path[1:], *backing.out_of_touch(here.robot, here.world, side, path[-1])[1:]]
+        path = backing.way_out(here.robot, here.world, side, here.q, retreat_poses(grip, _retreat(command)))
+    yield from despite_cancel(lambda: motions.along(here, command.key, own_paths.rest(here, path), RETREAT_SPEED))
 
 
 def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -> list[np.ndarray]:

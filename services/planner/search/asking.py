@@ -22,7 +22,7 @@ class Asking:
     def __init__(self, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], request: str) -> None:
         self._ask, self.request = ask, request
         self._known: dict[wm.AnyQuery, wm.AnyAnswer] = {}
-        self._states = 0
+        self._states: dict[tuple[str, tuple[wm.AnyChange, ...]], str] = {}
         self.queries = 0
 
     def __call__(self, query: wm.AnyQuery, kind: type[A]) -> A:
@@ -37,7 +37,8 @@ class Asking:
         raise Unanswered(query, reason)
 
     def suppose(self, state: str, changes: tuple[wm.AnyChange, ...]) -> str:
-        """Have km make a hypothetical state, `state` with these changes; return its id."""
-        self._states += 1
-        made = self(wm.HypotheticalState(state=state, id=f"{self.request}/{self._states}", changes=changes), wm.Made)
-        return made.id
+        """Have km make a hypothetical state, `state` with these changes, once; return its id. Raise Unanswered."""
+        if (state, changes) not in self._states:
+            name = f"{self.request}/{len(self._states) + 1}"
+            self._states[state, changes] = self(wm.HypotheticalState(state=state, id=name, changes=changes), wm.Made).id
+        return self._states[state, changes]

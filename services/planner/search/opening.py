@@ -27,15 +27,16 @@ TRIED = 4  # of those that follow: to each a free way is looked for (estimate)
 
 @dataclass(frozen=True)
 class _Leaf:
-    """A leaf that is to be opened: its pose, how its bar may be held, the turn about its hinge [rad], how large a turn
-    is enough.
+    """A leaf to be opened: its pose, the turn about its hinge [rad], how large a turn is enough.
+
+    `ends`: how the hand may hold the bar at the end of the turn (T_leaf_grip), best first.
     """
 
     name: str
     pose: pin.SE3
-    grasps: tuple[wm.GraspDef, ...]
     turn: float
     least: float
+    ends: list[pin.SE3]
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,8 @@ def open_door(geometry: Geometry, state: str, door: str, around: str, side: Side
         return None
     now, pose = leaves.opened(geometry.ask, state, door, around), geometry.pose(state, door)
     for wide, grasp in product(leaves.WIDE, known):
-        leaf = _Leaf(door, pose, known, leaves.opens(grasp) * (wide - now), leaves.ENOUGH - now)
+        turn = leaves.opens(grasp) * (wide - now)
+        leaf = _Leaf(door, pose, turn, leaves.ENOUGH - now, _ends(grasp, known, turn))
         step = _by(geometry, state, side, leaf, grasp)
         if step is not None and home(geometry, geometry.ask.suppose(state, step.changes), side):
             return step
@@ -84,14 +86,14 @@ def _handle(grasp: wm.GraspDef) -> list[tuple[pin.SE3, float]]:
     return [(transform(step.pose).inverse(), step.fingers) for step in grasp.steps]
 
 
-def _ends(leaf: _Leaf, begin: pin.SE3) -> list[pin.SE3]:
-    """Return how the hand may hold the bar at the end of the turn, best first, in the leaf's frame.
+def _ends(grasp: wm.GraspDef, known: tuple[wm.GraspDef, ...], turn: float) -> list[pin.SE3]:
+    """Return how the hand may hold the bar after the leaf's turn (T_leaf_grip), best first.
 
-    As at its begin, or by another grasp, so that it turns less than the leaf: the fingers slide about the bar.
+    By the same grasp, or by another one if the hand then turns less than the leaf: the fingers slide about the bar.
     """
-    hands = (_handle(grasp)[-1][0] for grasp in leaf.grasps)
-    behind = [(turn, hand) for hand in hands if (turn := _about_bar(begin, hand)) * leaf.turn < 0.0]
-    return [begin, *(hand for _, hand in sorted(behind, key=lambda one: abs(one[0])))]
+    begin, *hands = (_handle(one)[-1][0] for one in (grasp, *known))
+    slides = [(slide, hand) for hand in hands if (slide := _about_bar(begin, hand)) * turn < 0.0]
+    return [begin, *(hand for _, hand in sorted(slides, key=lambda one: abs(one[0])))]
 
 
 def _about_bar(begin: pin.SE3, end: pin.SE3) -> float:
@@ -123,7 +125,7 @@ def _way(
         back = ik.line(robot, side, q, leaf.pose * outer[0], accept=world.free, columns=columns)
     except ik.PathBlocked:
         return None
-    for end in _ends(leaf, inner[0]):
+    for end in leaf.ends:
         try:
             world.fingers(side, grasp.closed)
             with attaching.room(world, ROOM_M):
@@ -145,8 +147,7 @@ def _away(
     robot, world = geometry.robot, here.world
     after = opening.turned(leaf.pose, leaf.turn)
     with attaching.stood(world, leaf.name, after, side):
-        back, _ = backing.furthest(robot, world, side, q, after * out)
-        last = backing.out_of_touch(robot, world, side, back[-1] if back else q)[-1]
+        last = [q, *backing.way_out(robot, world, side, q, [after * out])][-1]
         return last if world.free(last) else None
 
 

@@ -49,7 +49,8 @@ class Step:
 class Geometry:
     """The common part of all steps: the robot, queries to km, the seed, and why the last attempts failed.
 
-    `reachable`: whether a thing can be taken in a state with a hand, as far as that was looked for.
+    As far as they were looked for: `reachable`, whether a thing can be taken in a state with a hand; `homes`, the step
+    that brings a hand home in a state, None where there is none.
     """
 
     robot: Robot
@@ -57,6 +58,7 @@ class Geometry:
     seed: int
     why: list[str] = field(default_factory=list)
     reachable: dict[tuple[str, str, Side], bool] = field(default_factory=dict)
+    homes: dict[tuple[str, Side], Step | None] = field(default_factory=dict)
 
     def rng(self, *words: str) -> np.random.Generator:
         """Return random numbers that depend on seed and attempt, not on the order of attempts."""

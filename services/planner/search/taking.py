@@ -1,6 +1,5 @@
 """Primitive tasks that take something from its place and carry it out of the way."""
 
-import math
 from itertools import islice
 
 import numpy as np
@@ -15,13 +14,12 @@ from services.planner.search.situation import Situation, configured, on_wire
 from services.planner.search.steps import CLOSE_S, Geometry, Step, approach_points, free_speed, move
 from velma.kinematics.frames import lies, transform
 from velma.kinematics.motion import Motion
-from velma.kinematics.tasks.carrying import carries
+from velma.kinematics.tasks.carrying import CARRY_TILT, carries
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 
 GRASPS, CARRIES = 8, 16  # estimate: found in 0.1 s
 FLOOR_M = 0.3  # [m] height below which no hand reaches a thing: IK 0 of 15 on the floor, from 0.30 to 0.45 m some
-CARRY_TILT = math.radians(35.0)  # task runs with the true robot model
 ANY_TORSO = (-0.9, 0.9)  # [rad] range of the torso at a grasp; same runs; never tried for a box (face)
 TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (-1.0, 1.0)}  # [rad], same runs
 

@@ -1,7 +1,7 @@
 """Client of the fork server (fork_server.py): `fork` asks for a process; `Forked` watches and ends it.
 
-The environment names the server's socket. `fork` returns None if there is no server, or it does not answer in time;
-the caller then starts the process itself. A new process begins when the caller says so, and ends if the caller is gone.
+The variable ROCO_FORKS holds the path of the server's socket. Without an answer of a server, `fork` returns None, and
+the caller starts the process itself. A new process waits for the caller's go, and ends if the caller is gone.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Records of an agent's step log: what it heard, the time by its own clock, and the begin of each life.
+"""Reading of an agent's step log: messages it received, with the times of its own clock, and its starts.
 
 Must not know: the recording.
 """

@@ -59,7 +59,7 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, sees
 
 
 def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> None:
-    """The rim of a bowl is where the jar is to stand; the jar comes to stand upright beside it, as high."""
+    """A bowl's rim is at the jar's place: the jar is put down beside it, upright, on the same surface."""
     retreat = [(transform(one.at), one.fingers) for one in jar_out.retreats[JAR]]
     found = free_spot(jar_out.here, LEFT, retreat)
     assert found is not None

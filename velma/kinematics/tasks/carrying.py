@@ -16,6 +16,7 @@ from velma.kinematics.robot import Robot
 REGION_LOW = np.array([0.20, 0.35, 0.95])
 REGION_HIGH = np.array([0.45, 0.70, 1.35])
 HEADING = (-0.6, 1.2)  # [rad], same runs
+CARRY_TILT = math.radians(35.0)  # largest of a filled jar on its way; same runs
 TORSO_SWEEP = (-1.0, -0.5, 0.3, 0.6)  # [rad], angles to which the torso must be able to turn with the object held
 
 
