@@ -11,6 +11,8 @@ import mmap
 import os
 import struct
 import uuid
+from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Protocol, Self, runtime_checkable
 
@@ -60,9 +62,12 @@ class _Saved(msgspec.Struct, frozen=True, array_like=True):
 
     @classmethod
     def of(cls, one: object) -> Self:
-        """Return the present values."""
-        values = vars(one)
-        return cls(*[_plain(values[name] if name in values else values[f"_{name}"]) for name in cls.__struct_fields__])
+        """Return the present values; arrays as they are, to be encoded before the next cycle."""
+        read = _READERS.get(cls)
+        if read is None:
+            values = vars(one)
+            read = _READERS[cls] = attrgetter(*[n if n in values else f"_{n}" for n in cls.__struct_fields__])
+        return cls(*read(one))
 
     def give(self, one: object) -> None:
         """Set them."""
@@ -72,10 +77,13 @@ class _Saved(msgspec.Struct, frozen=True, array_like=True):
             values[key] = _alike(values[key], getattr(self, name))
 
 
+_READERS: dict[type[_Saved], Callable[[object], tuple[Any, ...]]] = {}
+"""How the values of each are read: asked once for each class, since it is done in each cycle."""
+
+
 def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tobytes()
-    return value.item() if isinstance(value, np.generic) else value
+    """Return a value of numpy as msgspec knows it."""
+    return value.tobytes() if isinstance(value, np.ndarray) else value.item()
 
 
 def _alike(before: Any, value: Any) -> Any:
@@ -214,7 +222,7 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
             self.track.give(act.track)
 
 
-_encode = msgspec.msgpack.Encoder().encode
+_encode = msgspec.msgpack.Encoder(enc_hook=_plain).encode
 _decode = msgspec.msgpack.Decoder(LoopMemory).decode
 _motion = msgspec.msgpack.Decoder(Motion).decode
 

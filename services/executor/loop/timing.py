@@ -45,17 +45,18 @@ class Histogram:
 
 
 class Pacer:
-    """Keeps real time: cycle k starts k periods after the first wait."""
+    """Keeps real time: cycle k starts k periods after the first wait, or earlier if several follow one wait."""
 
     def __init__(self, period_s: float, realtime: bool = False) -> None:
-        self._period, self._next = period_s, 0.0
+        self._period, self._next, self._since = period_s, 0.0, 0  # _since: cycles after the last wait
         self._late, self._compute = Histogram(), Histogram()
         self._cycles, self._missed, self._skipped, self._realtime = 0, 0, 0, realtime
         self._began = 0.0
 
     def wait(self) -> None:
-        """Sleep until the next deadline; after it, return at once."""
-        self._next = self._next + self._period if self._cycles else time.monotonic()
+        """Sleep until all cycles since the last wait are due to be over; after that, return at once."""
+        self._next = self._next + self._since * self._period if self._cycles else time.monotonic()
+        self._since = 0
         left = self._next - time.monotonic()
         if left > 0:
             time.sleep(left)
@@ -70,13 +71,16 @@ class Pacer:
     def go(self) -> None:
         """Start a cycle at once, without a deadline. Its computing time is counted; longer than a period is a miss."""
         self._began = self._next = time.monotonic()
+        self._since = 0
 
     def done(self) -> None:
         """Note that the command of this cycle was sent."""
         now = time.monotonic()
         self._cycles += 1
-        self._missed += now > self._next + self._period
+        self._since += 1
+        self._missed += now > self._next + self._since * self._period
         self._compute.add(1e6 * (now - self._began))
+        self._began = now
 
     def timing(self) -> Timing:
         """Return the figures so far."""

@@ -279,6 +279,39 @@ def test_a_pacer_keeps_absolute_deadlines_and_gives_up_what_is_long_gone(clock):
     assert pacer.timing().skipped == pytest.approx(500, abs=3)
 
 
+def test_a_simulated_robot_that_nobody_moves_is_simulated_every_10_ms(tmp_path, clock):
+    """Its time follows the clock, no cycle is missed, and it is moved from the next turn on, every 2 ms."""
+    loop = build(tmp_path / "loop.slots", MujocoBackend(scene.load()), speed=Speed.REAL, realtime=False)
+    agent, began, sim = AgentLink(tmp_path / "loop.slots"), clock.now, loop.core.state.time
+
+    def turned(most):
+        """Turn once; return how much simulated time has passed, at most so much before the clock."""
+        before = loop.core.backend.data.time
+        loop.turn()
+        after = loop.core.backend.data.time
+        assert 0.0 <= after - sim - (clock.now - began) <= most + 1e-9
+        return pytest.approx(after - before)
+
+    assert [turned(0.010) for _ in range(20)] == [0.010] * 20
+    agent.send(motion("up", rise(agent.state().setpoint)))
+    assert [turned(0.010) for _ in range(100)] == [0.002] * 100
+    assert agent.told().report.phase is Phase.RUNNING
+    turn(loop, agent)
+    assert turned(0.010) == 0.010
+    timing = agent.timing()
+    assert (timing.missed, timing.skipped) == (0, 0)
+
+
+def test_a_robot_that_is_not_simulated_has_a_cycle_every_2_ms(tmp_path, clock):
+    """At rest, too."""
+    loop = build(tmp_path / "loop.slots", MockBackend(), speed=Speed.REAL, realtime=False)
+    for _ in range(50):
+        before = loop.core.cycles, clock.now
+        loop.turn()
+        assert loop.core.cycles == before[0] + 1
+    assert clock.now - before[1] == pytest.approx(0.002)
+
+
 def test_the_process_starts_shows_a_state_and_ends_in_order(tmp_path):
     """`python -m services.executor.loop` on the pretended robot, ended by SIGTERM."""
     path = tmp_path / "loop.slots"
