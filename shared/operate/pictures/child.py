@@ -1,6 +1,6 @@
 """The process that draws: reads what the monitor hears from its standard input, and logs it to a Rerun server.
 
-The server is Rerun's own program, a child of this one: it serves viewers (gRPC) and the web viewer's page. Both have a
+The server is Rerun's own, a child of this process: it serves viewers (gRPC) and the web viewer's page. Both have a
 limit of memory: beyond it they end, and the monitor restarts them. Nobody waits for this process.
 """
 

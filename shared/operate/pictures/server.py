@@ -1,7 +1,8 @@
 """Rerun's own server as a child process: it keeps what was logged for viewers that join late, and serves the page.
 
-It listens at the given address (the SDK's own server listens at every interface), its memory is bounded, and it ends
-with the process that started it, however that ends.
+Rerun's program listens at the given address. Where that is every interface, as in a container, its library serves: the
+program has 290 MB, which the image does without. Memory is bounded, and the server ends with the process that started
+it, however that ends.
 """
 
 import ctypes
@@ -10,12 +11,13 @@ import os
 import signal
 import socket
 import subprocess
+import sys
 import time
 from pathlib import Path
 
 import rerun_cli  # type: ignore[import-untyped]
 
-from operate.pictures.viewer_address import LOOPBACK, Place
+from operate.pictures.viewer_address import EVERY_INTERFACE, LOOPBACK, Place
 
 PROGRAM = Path(rerun_cli.__file__).with_name("rerun")
 KEPT = "256MiB"
@@ -38,10 +40,8 @@ class Server:
     def __init__(self, run: Path, place: Place) -> None:
         """Waits until it listens. Raises ServerError."""
         self.url = f"rerun+http://{LOOPBACK}:{place.grpc}/proxy"
-        options = ("--serve-web", "--bind", place.bind, "--port", str(place.grpc))
-        limits = ("--web-viewer-port", str(place.web), "--server-memory-limit", KEPT)
         self._process = subprocess.Popen(
-            [PROGRAM, *options, *limits],
+            _command(place),
             stdin=subprocess.DEVNULL,
             env=os.environ | {"HOME": str(_home(run)), "NO_COLOR": "1"},
             preexec_fn=_die_with_parent,
@@ -71,6 +71,14 @@ class Server:
                     return
             time.sleep(0.05)
         raise ServerError(f"Rerun's server does not listen at port {port} after {READY_S:.0f} s; see rerun.log")
+
+
+def _command(place: Place) -> tuple[str, ...]:
+    grpc, web = str(place.grpc), str(place.web)
+    if place.bind == EVERY_INTERFACE:
+        return sys.executable, "-m", "operate.pictures.library_server", grpc, web, KEPT
+    options = ("--serve-web", "--bind", place.bind, "--port", grpc)
+    return str(PROGRAM), *options, "--web-viewer-port", web, "--server-memory-limit", KEPT
 
 
 def rss_mb(pid: int) -> float:

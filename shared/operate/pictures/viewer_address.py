@@ -9,7 +9,7 @@ import msgspec
 from operate.run_folder import VIEW_FILE, ViewAddress
 
 SWITCH, BIND, GRPC, WEB = "ROCO_VIEW", "ROCO_VIEW_BIND", "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
-LOOPBACK = "127.0.0.1"
+LOOPBACK, EVERY_INTERFACE = "127.0.0.1", "0.0.0.0"
 
 
 class ViewSettingError(ValueError):

@@ -19,7 +19,7 @@ from operate.pictures import feed as feeding
 from operate.pictures.child import OverLimit
 from operate.pictures.feed import Feed
 from operate.pictures.server import ServerError
-from operate.pictures.viewer_address import Place, wanted
+from operate.pictures.viewer_address import BIND, EVERY_INTERFACE, Place, wanted
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken
@@ -29,9 +29,9 @@ pytestmark = [pytest.mark.long, pytest.mark.process, pytest.mark.timeout(240)]
 PATIENCE_S = 60.0
 
 
-def place() -> Place:
-    """Free ports."""
-    found = wanted({})
+def place(bind: str = "") -> Place:
+    """Free ports at this interface."""
+    found = wanted({BIND: bind})
     assert found is not None
     return found
 
@@ -68,13 +68,14 @@ def serves(run: Path) -> bool:
         return probe.connect_ex(("127.0.0.1", address.grpc)) == 0
 
 
+@pytest.mark.parametrize("bind", ["", EVERY_INTERFACE])
 def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
-    tmp_path: Path, pouring: Run, monkeypatch: pytest.MonkeyPatch
+    bind: str, tmp_path: Path, pouring: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The drawing process is killed, its server is killed, the drawing process is frozen: every sample is recorded."""
     monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.1)
     samples = iter(pouring.samples)
-    feed = Feed(tmp_path, place(), SYSTEM, lambda event, **_: None)
+    feed = Feed(tmp_path, place(bind), SYSTEM, lambda event, **_: None)
     recorder = Recorder(tmp_path, SYSTEM)
     recorder.show(feed)
 
