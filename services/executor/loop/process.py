@@ -1,7 +1,7 @@
 """The loop with its clock and its slots. `__main__` calls `turn` for ever; tests call it step by step.
 
 `--speed 1`: a cycle every 2 ms of wall time. While nobody moves a simulated robot, five cycles follow each other every
-10 ms: a cycle alone takes four times as long, since other work has taken the caches (benchmarks/README.md).
+10 ms: the process wakes a fifth as often and takes 12 to 18 % less of a processor (benchmarks/README.md).
 `--speed max`: simulated time goes on only while something happens, as fast as possible; between acts it stands still.
 
 The agent sends heartbeats during an act. If one is late, the arms come to rest along their path and go on with the
