@@ -25,7 +25,15 @@ TARGETS = {
 RECORDER = "recorder"
 """The image that takes the monitor's place where ROCO_MONITOR names it."""
 IMAGES = (*TARGETS, RECORDER)
-MOST_MB = {"agent": 150.0, "knowledge": 150.0, "page": 150.0, "planner": 550.0, RECORDER: 250.0}
+MOST_MB = {
+    "agent": 150.0,
+    "knowledge": 150.0,
+    "page": 150.0,
+    "planner": 550.0,
+    "executor": 800.0,
+    "monitor": 700.0,
+    RECORDER: 250.0,
+}
 """Over the base."""
 ALONE = {"mujoco": "executor", "cv2": "executor", "rerun": "monitor", "matplotlib": "monitor", "PIL": "monitor"}
 """Library -> the only image that has it."""
