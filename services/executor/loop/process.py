@@ -65,7 +65,7 @@ class LoopProcess:
         self._publish()
 
     def turn(self) -> None:
-        """Take commands, run a cycle, publish what is new."""
+        """Take commands, run the cycles that are due, publish what is new; in real time, wait for them first."""
         if self._speed is Speed.REAL:
             self._pacer.wait()
         self._people()

@@ -74,7 +74,7 @@ class Pacer:
         self._since = 0
 
     def done(self) -> None:
-        """Note that the command of this cycle was sent."""
+        """Note that the command of this cycle was sent. The next one begins now, or after `wait` or `go`."""
         now = time.monotonic()
         self._cycles += 1
         self._since += 1
