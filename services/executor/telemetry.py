@@ -1,4 +1,4 @@
-"""Telemetry of the robot, 20 times a second, the sealed truth of the simulation, and pictures.
+"""Telemetry of the robot, the sealed truth of the simulation, and pictures: 20 times a second while anything changes.
 
 A thread with its own link to the loop. Only the newest state counts, and nothing waits for it. The truth is passed on
 as the loop wrote it; ex does not read it.
@@ -6,6 +6,7 @@ as the loop wrote it; ex does not read it.
 
 import contextlib
 import threading
+import time
 from pathlib import Path
 
 import msgspec
@@ -17,6 +18,25 @@ from services.executor.loop.program import Phase
 from services.executor.pictures import Pictures
 from velma.errors import SlotError
 
+STILL_S = 0.5
+"""Between two looks of a robot of which nothing has changed but the time, for viewers that were opened meanwhile;
+estimate: less than the second after which a simulated time is no longer known (companion/tools/report/clock.py)."""
+
+
+class News:
+    """Whether something is to be told: at once if it has changed, else every `still_s` [s]."""
+
+    def __init__(self, still_s: float = STILL_S) -> None:
+        self._still_s, self._due = still_s, 0.0
+        self._told: tuple[object, ...] = ()
+
+    def due(self, seen: tuple[object, ...], now: float) -> bool:
+        """Whether `seen` is to be told now [s, monotonic]; if so, it is noted as told."""
+        if seen == self._told and now < self._due:
+            return False
+        self._told, self._due = seen, now + self._still_s
+        return True
+
 
 class Telemetry:
     """`skill`: the name of the act under way; set by the device that hands acts out."""
@@ -25,6 +45,7 @@ class Telemetry:
         self.skill = ""
         self._post, self._path, self._pictures = post, path, pictures
         self._link: AgentLink | None = None
+        self._news = News()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="telemetry", daemon=True)
         self._thread.start()
@@ -49,14 +70,19 @@ class Telemetry:
         return self._link
 
     def _tell(self, link: AgentLink) -> None:
-        state = link.state()
-        if state is not None:
-            shown = robot_state(state, link.told(), link.timing(), self.skill)
-            self._post.publish("telemetry", msgspec.msgpack.encode(shown))
-            self._pictures.offer(state.time_s, state.configuration)
+        state, told = link.state(), link.told()
+        if state is None or not self._news.due(seen(state, told, self.skill), time.monotonic()):
+            return
+        self._post.publish("telemetry", msgspec.msgpack.encode(robot_state(state, told, link.timing(), self.skill)))
+        self._pictures.offer(state.time_s, state.configuration)
         truth = link.sealed_truth()
         if truth:
             self._post.publish("truth", truth)
+
+
+def seen(state: LoopState, told: Told, skill: str) -> tuple[object, ...]:
+    """Return what a viewer would see change: all but the time, the count of cycles and their timing."""
+    return state.body, state.hands, state.world, state.mode, state.faults, told, skill
 
 
 def robot_state(state: LoopState, told: Told, timing: Timing, skill: str) -> RobotState:

@@ -1,9 +1,10 @@
 """Telemetry of ex for people about the robot and, from the simulation, the truth; not communicates, newest wins.
 
 `RobotState` goes to `DESIGN.house_key("telemetry", owner="ex")`, `TrueState` to the key of kind "truth", both as
-msgpack at `RATE_HZ`. A `Picture` goes to the first key, too, at most once in `PICTURE_S`, told apart by its tag: who
-knows `RobotState` only finds fields missing. Only recorders and screens read them, no agent decides by them. Arrays
-are in the order of velma.names; poses are in the world frame (torso_base). Must not know: Zenoh, MuJoCo.
+msgpack, at `RATE_HZ` while anything changes and twice a second while nothing does. A `Picture` goes to the first key,
+too, at most once in `PICTURE_S`, told apart by its tag: who knows `RobotState` only finds fields missing. Only
+recorders and screens read them, no agent decides by them. Arrays are in the order of velma.names; poses are in the
+world frame (torso_base). Must not know: Zenoh, MuJoCo.
 """
 
 import msgspec

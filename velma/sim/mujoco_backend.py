@@ -144,6 +144,10 @@ class MujocoBackend:
         self._work += float(np.abs(power).sum()) * PERIOD_S
         mujoco.mj_step1(self.model, data)
 
+    def pass_time(self, periods: int) -> None:
+        """Let time pass in which nothing moves; the caller knows that nothing would."""
+        self.data.time += periods * PERIOD_S
+
     def _lock(self, locked: Array) -> None:
         for row, on in enumerate(locked):
             self.model.dof_frictionloss[self._stiff_dofs[row]] = LOCK_PROXIMAL * on

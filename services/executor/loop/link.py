@@ -81,6 +81,7 @@ class Timing(msgspec.Struct, frozen=True):
     lateness_us: dict[str, float] = {}  # p50, p99, p999, max
     compute_us: dict[str, float] = {}
     realtime: bool = False
+    rested: int = 0  # periods of a simulated world that stands still, which were not computed
 
 
 _STATE = msgspec.msgpack.Decoder(LoopState).decode

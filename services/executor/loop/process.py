@@ -1,7 +1,7 @@
 """The loop with its clock and its slots. `__main__` calls `turn` for ever; tests call it step by step.
 
-`--speed 1`: a cycle every 2 ms of wall time. While nobody moves a simulated robot, five cycles follow each other every
-10 ms: the process wakes a fifth as often and takes 12 to 18 % less of a processor (benchmarks/README.md).
+`--speed 1`: a cycle every 2 ms of wall time. A simulated world that stands still is not computed until something is
+asked of the robot: every 20 ms its time passes, and it is shown every 0.1 s.
 `--speed max`: simulated time goes on only while something happens, as fast as possible; between acts it stands still.
 
 The agent sends heartbeats during an act. If one is late, the arms come to rest along their path and go on with the
@@ -18,6 +18,7 @@ from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink, LoopState, Told
 from services.executor.loop.memory import Keeper
 from services.executor.loop.program import Cancel, Mode, Motion, Phase, Release
+from services.executor.loop.stillness import Stillness
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
 
@@ -25,7 +26,7 @@ LATE_TURNS = 50  # turns without a heartbeat, 0.1 s: ten beats of the agent (ser
 GONE_TURNS = 2500  # 5 s; estimate: a killed agent is back after 3.3 s (measured), and finds its motion at rest
 SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody looks
 SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
-AT_REST = SHOW_EVERY  # cycles that follow each other at once while nobody moves a simulated robot
+LOOK_EVERY, SHOW_STILL_EVERY = 10, 50  # cycles of a world that stands still: between two looks for a command, and shown
 IDLE_S = 0.002  # pause between two looks while time stands still
 
 
@@ -40,7 +41,8 @@ class LoopProcess:
     """Runs a core by commands from slots. `turn` is one cycle, or a short pause while time stands still.
 
     `keeper` saves the core after each cycle, None for a robot whose world does not end with this process. A motion that
-    a killed loop left is cancelled: who asked for it sees a new loop, and takes it for lost.
+    a killed loop left is cancelled: who asked for it sees a new loop, and takes it for lost. `still`: None for a robot
+    whose every cycle has to be computed.
     """
 
     def __init__(
@@ -52,9 +54,10 @@ class LoopProcess:
         truth: TruthReader | None,
         pacer: Pacer,
         keeper: Keeper | None = None,
+        still: Stillness | None = None,
     ) -> None:
         self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
-        self._keeper = keeper
+        self._keeper, self._still = keeper, still
         self._told, self._shown = Told(), core.mode
         self._beat, self._silent = link.heartbeat(), 0
         if self.restored:
@@ -72,8 +75,9 @@ class LoopProcess:
         self._take()
         self._listen()
         if self._speed is Speed.REAL:
-            at_rest = self._keeper is not None and not self.core.busy
-            for _ in range(AT_REST if at_rest else 1):
+            if self._still is not None and self._still.reached and self.core.cycles % LOOK_EVERY == 0:
+                self._rest(self._still)
+            else:
                 self._cycle()
         elif self.core.busy and not self._late:
             self._pacer.go()
@@ -85,7 +89,17 @@ class LoopProcess:
         self.core.cycle()
         self._keep()
         self._pacer.done()
+        if self._still is not None:
+            self._still.computed()
         self._show()
+
+    def _rest(self, still: Stillness) -> None:
+        still.rest(LOOK_EVERY)
+        self._pacer.rest(LOOK_EVERY)
+        if self.core.cycles % SHOW_STILL_EVERY == 0:
+            self.core.state = self.core.backend.observe()
+            self._keep()
+            self._show()
 
     def _keep(self) -> None:
         if self._keeper is not None:
@@ -165,6 +179,8 @@ class LoopProcess:
 
     def _publish(self) -> None:
         """Save and publish all; state and truth first, so that a reader of a motion's end finds the state after it."""
+        if self._still is not None:
+            self._still.restart()
         self._keep()
         self._show_state()
         self._show_truth()

@@ -45,18 +45,18 @@ class Histogram:
 
 
 class Pacer:
-    """Keeps real time: cycle k starts k periods after the first wait, or earlier if several follow one wait."""
+    """Keeps real time: a cycle starts a period after the one before, or after as many as were rested."""
 
     def __init__(self, period_s: float, realtime: bool = False) -> None:
-        self._period, self._next, self._since = period_s, 0.0, 0  # _since: cycles after the last wait
+        self._period, self._next, self._since = period_s, 0.0, 1  # _since: periods from the last wait to the next
         self._late, self._compute = Histogram(), Histogram()
-        self._cycles, self._missed, self._skipped, self._realtime = 0, 0, 0, realtime
+        self._cycles, self._missed, self._skipped, self._rested, self._realtime = 0, 0, 0, 0, realtime
         self._began = 0.0
 
     def wait(self) -> None:
-        """Sleep until all cycles since the last wait are due to be over; after that, return at once."""
+        """Sleep until the next period begins; after that, return at once."""
         self._next = self._next + self._since * self._period if self._cycles else time.monotonic()
-        self._since = 0
+        self._since = 1
         left = self._next - time.monotonic()
         if left > 0:
             time.sleep(left)
@@ -71,16 +71,17 @@ class Pacer:
     def go(self) -> None:
         """Start a cycle at once, without a deadline. Its computing time is counted; longer than a period is a miss."""
         self._began = self._next = time.monotonic()
-        self._since = 0
 
     def done(self) -> None:
-        """Note that the command of this cycle was sent. The next one begins now, or after `wait` or `go`."""
+        """Note that the command of this cycle was sent."""
         now = time.monotonic()
         self._cycles += 1
-        self._since += 1
-        self._missed += now > self._next + self._since * self._period
+        self._missed += now > self._next + self._period
         self._compute.add(1e6 * (now - self._began))
-        self._began = now
+
+    def rest(self, periods: int) -> None:
+        """Let the next wait be for as many periods."""
+        self._since, self._rested = periods, self._rested + periods
 
     def timing(self) -> Timing:
         """Return the figures so far."""
@@ -88,6 +89,7 @@ class Pacer:
             cycles=self._cycles,
             missed=self._missed,
             skipped=self._skipped,
+            rested=self._rested,
             lateness_us=self._late.figures(),
             compute_us=self._compute.figures(),
             realtime=self._realtime,

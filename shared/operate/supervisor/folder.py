@@ -48,7 +48,7 @@ def ready_file(run: Path, name: str) -> Path:
 def beat(run: Path, name: str) -> int:
     """Return the time of its last heartbeat [ns]; 0: none. Only whether it changes means anything."""
     try:
-        return heartbeat_file(run, name).stat().st_mtime_ns
+        return os.stat(heartbeat_file(run, name)).st_mtime_ns
     except OSError:
         return 0
 
@@ -76,7 +76,7 @@ def keep_small(log: Path) -> None:
 
 def off(run: Path) -> frozenset[str]:
     """Return the processes that shall not run: each has a file NAME.off."""
-    return frozenset(path.name.removesuffix(OFF_SUFFIX) for path in run.glob(f"*{OFF_SUFFIX}"))
+    return frozenset(name.removesuffix(OFF_SUFFIX) for name in os.listdir(run) if name.endswith(OFF_SUFFIX))
 
 
 def last_line(log: Path, limit: int = 4096) -> str:

@@ -115,7 +115,6 @@ class Shell:
         """See which children ended, and which became ready."""
         seen: list[core.Event] = []
         for name, child in list(self.children.items()):
-            folder.keep_small(folder.log_file(self.run, name))
             code = child.poll()
             if code is not None:
                 del self.children[name]
@@ -130,6 +129,8 @@ class Shell:
         found = {name: folder.beat(self.run, name) for name in self.children}
         changed = frozenset(name for name, at in found.items() if at and at != self.beats.get(name))
         self.beats |= found
+        for name in changed:
+            folder.keep_small(folder.log_file(self.run, name))
         return changed
 
     def _act(self, action: core.Action) -> core.Event | None:

@@ -144,6 +144,15 @@ def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(tmp_path, monke
     assert (found.periods, found.late, found.held, found.realtime) == expected
 
 
+def test_another_loop_is_tried_out_where_the_world_stands_still(tmp_path, monkeypatch):
+    """The one that runs computes nothing, so it cannot be judged."""
+    slots, pause = shown(tmp_path, Timing(1000, 0, 0, PACED), Timing(1000, 0, 0, PACED, rested=1000))
+    tried = pace.Pace(500, 3, True, False, {})
+    monkeypatch.setattr(pace.time, "sleep", pause)
+    monkeypatch.setattr(pace, "try_out", lambda: tried)
+    assert pace.watch(slots) is tried
+
+
 def test_who_watches_a_loop_tells_it_nothing(tmp_path, monkeypatch):
     """Its agent's heartbeat and commands stay as they are, and no robot is made."""
     slots, pause = shown(tmp_path, Timing(0, 0, 0, PACED), Timing(500, 0, 0, PACED))

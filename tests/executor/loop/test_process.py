@@ -279,27 +279,109 @@ def test_a_pacer_keeps_absolute_deadlines_and_gives_up_what_is_long_gone(clock):
     assert pacer.timing().skipped == pytest.approx(500, abs=3)
 
 
-def test_a_simulated_robot_that_nobody_moves_is_simulated_every_10_ms(tmp_path, clock):
-    """Its time follows the clock, no cycle is missed, and it is moved from the next turn on, every 2 ms."""
-    loop = build(tmp_path / "loop.slots", MujocoBackend(scene.load()), speed=Speed.REAL, realtime=False)
-    agent, began, sim = AgentLink(tmp_path / "loop.slots"), clock.now, loop.core.state.time
-
-    def turned():
-        """Turn once; return how much simulated time has passed, at most 10 ms before the clock."""
-        before = loop.core.backend.data.time
+def still(tmp_path, seconds=3.0, *, world=None):
+    """A loop in real time whose simulated world has had these seconds to come to rest, its agent and its path."""
+    path = tmp_path / "loop.slots"
+    loop = build(path, MujocoBackend(world or scene.load()), speed=Speed.REAL, realtime=False)
+    until = loop.core.state.time + seconds
+    while loop.core.state.time < until:
         loop.turn()
-        after = loop.core.backend.data.time
-        assert 0.0 <= after - sim - (clock.now - began) <= 0.010 + 1e-9
-        return pytest.approx(after - before)
+    return loop, AgentLink(path), path
 
-    assert [turned() for _ in range(20)] == [0.010] * 20
+
+def turned(loop):
+    """Turn once; return how much simulated time has passed, and the largest change of a coordinate."""
+    time_s, before = loop.core.backend.data.time, loop.core.backend.configuration().copy()
+    loop.turn()
+    moved = np.abs(loop.core.backend.configuration() - before).max()
+    return pytest.approx(loop.core.backend.data.time - time_s), moved
+
+
+def test_a_world_that_stands_still_is_not_computed_but_its_time_passes_and_is_shown(tmp_path, clock):
+    """Every 20 ms, with the clock, and shown every 0.1 s; no cycle of it counts, none is missed."""
+    loop, agent, _ = still(tmp_path)
+    began, before, shown = clock.now, agent.state(), agent.timing()
+    for _ in range(100):
+        assert turned(loop) == (0.020, 0.0)
+        assert 0 <= loop.core.cycles - agent.state().cycles < 50
+    after = agent.state()
+    assert after.time_s - before.time_s == pytest.approx(2.0)
+    assert clock.now - began == pytest.approx(2.0)
+    assert after.cycles == before.cycles + 1000
+    assert (after.body, after.world) == (before.body, before.world)
+    timing = agent.timing()
+    assert (timing.cycles, timing.rested) == (shown.cycles, shown.rested + 1000)
+    assert (timing.missed, timing.skipped) == (0, 0)
+
+
+def test_a_world_that_stood_still_moves_from_the_next_turn_on_when_it_is_asked_to(tmp_path, clock):
+    """Every 2 ms, by the motion's path, to its end; then it comes to rest once more."""
+    loop, agent, _ = still(tmp_path)
     agent.send(motion("up", rise(agent.state().setpoint)))
-    assert [turned() for _ in range(100)] == [0.002] * 100
+    for _ in range(100):
+        assert turned(loop)[0] == 0.002
     assert agent.told().report.phase is Phase.RUNNING
     turn(loop, agent)
-    assert turned() == 0.010
-    timing = agent.timing()
-    assert (timing.missed, timing.skipped) == (0, 0)
+    assert agent.told().report.phase is Phase.DONE
+    np.testing.assert_allclose(agent.state().q, rise(START)[-1], atol=0.01)
+    assert turned(loop)[0] == 0.002, "the arms swing out"
+    for _ in range(2500):
+        loop.turn()
+    assert turned(loop) == (0.020, 0.0)
+
+
+def test_a_motion_after_a_rest_is_the_motion_without_one(tmp_path, clock):
+    """Beside a loop whose every cycle was computed: the same way to a thousandth of a radian."""
+    rested, agent, _ = still(tmp_path)
+    for _ in range(200):
+        rested.turn()
+    (tmp_path / "other").mkdir()
+    path = tmp_path / "other" / "loop.slots"
+    plain = build(path, MujocoBackend(scene.load()), speed=Speed.REAL, realtime=False)
+    plain.core.hold(rested.core.state.time - plain.core.state.time)
+    other = AgentLink(path)
+    knots = rise(agent.state().setpoint)
+    for loop, link in ((rested, agent), (plain, other)):
+        link.send(motion("up", knots))
+        turn(loop, link)
+    np.testing.assert_allclose(agent.state().q, other.state().q, atol=1e-6)
+    assert rested.core.cycles == pytest.approx(plain.core.cycles, abs=5)
+
+
+@pytest.mark.parametrize("asked", ["stop", "release", "cancel", "refused"])
+def test_whatever_is_asked_of_a_world_that_stands_still_has_it_computed(tmp_path, clock, asked):
+    """For half a second at least: a stop changes the law of control, and what follows from it is seen."""
+    loop, agent, path = still(tmp_path)
+    assert turned(loop)[0] == 0.020
+    if asked in ("stop", "release"):
+        StopLink(path).stop()
+        loop.turn()
+    if asked == "release":
+        for _ in range(1500):
+            loop.turn()
+        StopLink(path).release()
+    elif asked != "stop":
+        agent.send(Cancel("none") if asked == "cancel" else motion("far", START + 1.0))
+    loop.turn()
+    assert [turned(loop)[0] for _ in range(240)] == [0.002] * 240
+
+
+def test_what_creeps_is_computed(tmp_path, clock):
+    """A jar that is pulled a little moves over its table by tenths of a millimetre in a second."""
+    loop, agent, _ = still(tmp_path)
+    agent.send(Cancel("none"))
+    data, jar = loop.core.backend.data, loop.core.backend.model.body("jar_1").id
+    data.xfrc_applied[jar, 0] = 0.2
+    for _ in range(1500):
+        assert turned(loop)[0] == 0.002
+
+
+def test_a_robot_whose_joints_are_measured_with_noise_is_computed(tmp_path, clock):
+    """Its arms tremble, whatever it is asked."""
+    world = scene.load()
+    noisy = msgspec.structs.replace(world, noise=msgspec.structs.replace(world.noise, joint=1e-4))
+    loop, _, _ = still(tmp_path, world=noisy)
+    assert turned(loop)[0] == 0.002
 
 
 def test_a_robot_that_is_not_simulated_has_a_cycle_every_2_ms(tmp_path, clock):
@@ -312,17 +394,20 @@ def test_a_robot_that_is_not_simulated_has_a_cycle_every_2_ms(tmp_path, clock):
     assert clock.now - before[1] == pytest.approx(0.002)
 
 
-@pytest.mark.parametrize(("takes_s", "missed"), [(0.0019, 0), (0.0021, 5)])
-def test_each_of_several_cycles_after_one_wait_has_a_deadline_of_its_own(clock, takes_s, missed):
-    """The k-th is over k periods after the wait, or it is missed."""
-    pacer = Pacer(0.002)
-    pacer.wait()
-    for _ in range(5):
-        clock.now += takes_s
-        pacer.done()
+def test_a_pacer_waits_as_long_as_was_rested(clock):
+    """Then a period again; what was rested is no cycle."""
+    pacer, began = Pacer(0.002), clock.now
+    waits = []
+    for rested in (0, 5, 0, 3, 0):
+        pacer.wait()
+        waits.append(round(1e3 * (clock.now - began), 6))
+        if rested:
+            pacer.rest(rested)
+        else:
+            pacer.done()
+    assert waits == [0, 2, 12, 14, 20]
     timing = pacer.timing()
-    assert (timing.cycles, timing.missed) == (5, missed)
-    assert timing.compute_us["max"] == pytest.approx(1e6 * takes_s)
+    assert (timing.cycles, timing.rested, timing.missed) == (3, 8, 0)
 
 
 def test_the_process_starts_shows_a_state_and_ends_in_order(tmp_path):
