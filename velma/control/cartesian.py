@@ -16,13 +16,14 @@ All torques are beyond gravity. Functions are pure; sides are rows (0 right, 1 l
 """
 
 import math
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from velma.control import law
 from velma.control.dynamics import Terms
-from velma.control.law import law
 
 Array = NDArray[np.float64]
 
@@ -77,6 +78,11 @@ def task_error(terms: Terms, goal_rotation: Array, goal_position: Array) -> Arra
         error[6 * row : 6 * row + 3] = goal_position[row] - terms.position[row]
         error[6 * row + 3 : 6 * row + 6] = rotation_vector(goal_rotation[row] @ terms.rotation[row].T)
     return error
+
+
+def error() -> Callable[[Terms, Array, Array], Array]:
+    """Return `task_error`, in C where velma.compiled is built."""
+    return law.error() or task_error
 
 
 def task_inertia(jacobian: Array, inverse_mass: Array) -> tuple[Array, Array]:
@@ -136,26 +142,29 @@ class CartesianImpedance:
         self._posture_stiffness, self._posture_damping = self.gains.posture()
         self._damping = np.zeros((12, 12))
         self._age = self.gains.renewed_every
-        self._law = law()
+        self._law = law.law()
         if self._law is not None:
             self._law.set(stiffness=self._twice, regularisation=REGULARISATION)
+            self._law.set(twice_ratio=2.0 * self.gains.damping_ratio)
             self._law.set(posture_stiffness=self._posture_stiffness, posture_damping=self._posture_damping)
 
     def torque(self, terms: Terms, error: Array, slip: Array, stray: Array, wrench: Array) -> Array:
         """Return tau (15,) for error e (12,), slip v - v_des (15,), stray q_des - q (15,), added wrench h (12,)."""
         if self._law is not None:
-            self._renew(self._law.inertia(terms, error, slip, stray, wrench))
+            self._law.inertia(terms, error, slip, stray, wrench)
+            if self._is_due():
+                self._damping = self._law.damping()
             return self._law.torque(self._damping)
         jacobian = terms.jacobian
         inertia, through = task_inertia(jacobian, np.asarray(np.linalg.inv(terms.mass), dtype=np.float64))
-        self._renew(inertia)
+        if self._is_due():
+            self._damping = task_damping(inertia, self._stiffness, self.gains.damping_ratio)
         force = self._twice * error - self._damping @ (jacobian @ slip) + wrench
         posture = self._posture_stiffness * stray - self._posture_damping * slip
         return np.asarray(jacobian.T @ force + null_space(posture, jacobian, through, inertia))
 
-    def _renew(self, inertia: Array) -> None:
-        """Design the damping, if its time has come."""
-        if self._age >= self.gains.renewed_every:
-            self._damping = task_damping(inertia, self._stiffness, self.gains.damping_ratio)
-            self._age = 0
-        self._age += 1
+    def _is_due(self) -> bool:
+        """Count a cycle; return whether the damping is to be designed in it."""
+        due = self._age >= self.gains.renewed_every
+        self._age = 1 if due else self._age + 1
+        return due

@@ -11,19 +11,22 @@ filters, or their lags would differ. Sides are rows: 0 right, 1 left. The number
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from velma.compiled import library
 from velma.control.cartesian import GRAVITY
+from velma.control.record import Record
 
 Array = NDArray[np.float64]
 
 HAND_KG = 1.2421  # below the sensor: sum of robot.yaml (a test adds it up)
-SENSOR_TO_GRIP = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])[:, None]  # VR: the left palm is turned by half a turn
+SENSOR_TO_GRIP = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])  # VR: the left palm is turned by half a turn
 POINT_M = -0.02  # c along z of the grip: 0.105 m before the sensor, the least error of the hand's mass centre in motion
 CUTOFF_HZ, WINDOW = 12.0, 25  # of each of two low-passes; samples of the mean after them: 50 ms
 # N; normal maxima of r: jar 0.17, bowl 0.05, with noise of 0.3 N 0.26; a bowl that was turned by 45 deg 0.52 (seed 10)
@@ -34,51 +37,74 @@ WARN_CYCLES = 5  # 10 ms: no single reading
 OVER_CYCLES = 250  # 0.5 s: longer than a jar takes to slide out of a tilted hand (0.44 s, measured)
 
 
-class Wrists:
-    """Filtered readings of both wrists; call `feel` once a cycle."""
+_WRISTS = {
+    "wrist": (2, 6), "rotation": (2, 3, 3), "position": (2, 3),
+    "sign": (2, 3), "up": (3,), "rate": (1,), "gain": (1,), "point": (1,),
+    "cycle": (1,), "first": (2, 2, 3), "second": (2, 2, 3), "window": (WINDOW, 2, 2, 3), "points": (2, 2, 3),
+    "before": (2, 3, 3), "felt": (2, 2, 3),
+}  # fmt: skip
+"""As in wrists.c of velma.compiled: what is read, constants, what is kept from cycle to cycle, what is felt."""
 
-    def __init__(self, period_s: float) -> None:
-        self._rate = 1.0 / (period_s * period_s)
-        self._gain = 1.0 - math.exp(-2.0 * math.pi * CUTOFF_HZ * period_s)
-        self._x, self._first, self._second = np.zeros((3, 2, 2, 3))  # rows: force, acceleration, in world axes
-        self._window = np.zeros((WINDOW, 2, 2, 3))
-        self._points, self._rotation = np.zeros((2, 2, 3)), np.zeros((2, 3, 3))
-        self._up = np.array([0.0, 0.0, GRAVITY])
-        self._cycles = 0
+
+class Wrists:
+    """Filtered readings of both wrists; call `feel` once a cycle. `record`: all that it keeps."""
+
+    def __init__(self, period_s: float, record: Record | None = None) -> None:
+        self._period_s, self.record = period_s, record or Record(_WRISTS)
+        self._part = part = self.record.part
+        part["sign"][:], part["up"][:], part["point"][:] = SENSOR_TO_GRIP, (0.0, 0.0, GRAVITY), POINT_M
+        part["rate"][:] = 1.0 / (period_s * period_s)
+        part["gain"][:] = 1.0 - math.exp(-2.0 * math.pi * CUTOFF_HZ * period_s)
+        built = library()
+        self._feel = None if built is None else built.wrists_feel
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Wrists, (self._period_s, self.record)
 
     def restart(self) -> None:
         """Forget the past: cycles were left out."""
-        self._cycles = 0
+        self._part["cycle"][:] = 0.0
 
     @property
     def settled(self) -> bool:
         """Whether the filters have heard enough since the start."""
-        return self._cycles > 2 * WINDOW
+        return bool(self._part["cycle"][0] > 2 * WINDOW)
 
     def feel(self, wrist: Array, rotation: Array, position: Array) -> Array:
         """Return force F and apparent gravity e of each hand in grip axes: (2, 2, 3), F and e in the second axis.
 
         `wrist` (2, 6): the reading, of the cycle before; `rotation` (2, 3, 3), `position` (2, 3): T_world_grip now.
         """
-        point = position + POINT_M * rotation[:, :, 2]
-        if self._cycles == 0:
-            self._points[:], self._rotation[:] = point, rotation
-        last, before = self._points
-        x = self._x
+        part = self._part
+        part["wrist"][:], part["rotation"][:], part["position"][:] = wrist, rotation, position
+        if self._feel is not None:
+            self._feel(self.record.at)
+        else:
+            self._plain(int(part["cycle"][0]))
+        return part["felt"].copy()
+
+    def _plain(self, cycle: int) -> None:
+        """Compute what wrists.c does."""
+        part, rotation, points = self._part, self._part["rotation"], self._part["points"]
+        first, second, window = part["first"], part["second"], part["window"]
+        point = part["position"] + part["point"] * rotation[:, :, 2]
+        if cycle == 0:
+            points[:], part["before"][:] = point, rotation
+        x = np.empty((2, 2, 3))
         # Rows times R^T are R times columns: from grip axes to world axes, as the hand was when its force was felt.
-        x[:, :1] = (wrist[:, None, :3] * SENSOR_TO_GRIP) @ self._rotation.transpose(0, 2, 1)
-        x[:, 1] = (point - 2.0 * last + before) * self._rate + self._up
-        self._points[1], self._points[0], self._rotation[:] = last, point, rotation
-        if self._cycles < 3:
-            x[:, 1] = self._up  # no second difference yet
-            self._first[:], self._second[:] = x, x
-        self._first += self._gain * (x - self._first)
-        self._second += self._gain * (self._first - self._second)
-        self._window[self._cycles % WINDOW] = self._second @ rotation
-        if self._cycles < WINDOW:
-            self._window[self._cycles + 1 :] = self._window[self._cycles]
-        self._cycles += 1
-        return np.asarray(np.add.reduce(self._window, 0) / WINDOW)
+        x[:, :1] = (part["wrist"][:, :3] * part["sign"])[:, None] @ part["before"].transpose(0, 2, 1)
+        x[:, 1] = (point - 2.0 * points[0] + points[1]) * part["rate"] + part["up"]
+        points[1], points[0], part["before"][:] = points[0], point, rotation
+        if cycle < 3:
+            x[:, 1] = part["up"]  # no second difference yet
+            first[:], second[:] = x, x
+        first += part["gain"] * (x - first)
+        second += part["gain"] * (first - second)
+        window[cycle % WINDOW] = second @ rotation
+        if cycle < WINDOW:
+            window[cycle + 1 :] = window[cycle]
+        part["felt"][:] = np.add.reduce(window, 0) / WINDOW
+        part["cycle"] += 1.0
 
 
 def tare(force: Array, gravity: Array) -> Array:
@@ -86,17 +112,16 @@ def tare(force: Array, gravity: Array) -> Array:
     return np.asarray(force - HAND_KG * gravity)
 
 
-def mass(force: Array, gravity: Array) -> Array:
-    """Return the masses m (2,) [kg] in the hands; `force` (2, 3) without the sensors' errors."""
-    along = (force * gravity).sum(axis=1)
-    return np.asarray(along / (gravity * gravity).sum(axis=1) - HAND_KG)
+def mass(force: Sequence[float], gravity: Sequence[float]) -> float:
+    """Return the mass m [kg] in a hand; `force` (3,) without the sensor's error, `gravity` (3,)."""
+    (fx, fy, fz), (gx, gy, gz) = force, gravity  # plain numbers: small arrays take three times as long
+    return (fx * gx + fy * gy + fz * gz) / (gx * gx + gy * gy + gz * gz) - HAND_KG
 
 
-def residual(force: Array, gravity: Array, masses: Array, low: Array, high: Array) -> Array:
-    """Return r (2,) [N] for hands that hold between low and high (2,) [kg]."""
-    believed = HAND_KG + np.minimum(np.maximum(masses, low), high)
-    rest = force - believed[:, None] * gravity
-    return np.asarray(np.sqrt((rest * rest).sum(axis=1)))
+def residual(force: Sequence[float], gravity: Sequence[float], felt: float, low: float, high: float) -> float:
+    """Return r [N] for a hand in which a mass is felt, and that holds between low and high [kg]."""
+    believed = HAND_KG + min(max(felt, low), high)
+    return math.hypot(*(f - believed * g for f, g in zip(force, gravity, strict=True)))
 
 
 class Grip(StrEnum):

@@ -18,7 +18,8 @@ def reachable(goal: Array) -> Array:
 
 def advance(target: Array, goal: Array, speed: float, dt: float) -> Array:
     """Return the next servo target (2,) [rad]: from `target` towards `goal`, within limits, by at most speed * dt."""
-    step = reachable(goal) - target
+    end = reachable(goal)
+    step = end - target
     reach = min(speed, HEAD_SPEED) * dt
     length = math.sqrt(step @ step)
-    return np.asarray(target + step * (reach / length if length > reach else 1.0))
+    return np.asarray(target + step * (reach / length)) if length > reach else end

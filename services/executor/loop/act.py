@@ -65,9 +65,9 @@ class Act:
 
     def beside(self, error: Array) -> tuple[Phase, str] | None:
         """Return the end of a motion that a hand is too far from. `error` (12,): of both hands."""
+        values = error.tolist()
         for row, side in enumerate(SIDES):
-            e = error[6 * row : 6 * row + 3]
-            distance = math.sqrt(e @ e)
+            distance = math.hypot(*values[6 * row : 6 * row + 3])
             self._largest[row] = max(self._largest[row], distance)
             if distance > self.motion.tolerance_m:
                 self.track = None

@@ -42,6 +42,7 @@ class Fingers:
         self._closing: list[Close | None] = [None, None]
         self._left_s = [0.0, 0.0]
         self._limit = np.array([[PAIR_LIMIT, PAIR_LIMIT, SINGLE_LIMIT]] * 2)
+        self._settled = False  # at rest, the motors at their goals, and all this in the last command
 
     def start_from(self, state: State) -> None:
         """Take the measured hands as set-points."""
@@ -59,6 +60,7 @@ class Fingers:
 
     def begin(self, row: int, command: HandCommand) -> None:
         """Start what `check` allowed."""
+        self._settled = False
         self._stalling[row] = self._pushing[row] = 0
         match command:
             case Move():
@@ -87,7 +89,15 @@ class Fingers:
         return self._activity[0] is Activity.REST and self._activity[1] is Activity.REST
 
     def update(self, state: State, command: Command, dt: float) -> None:
-        """Run one cycle: detect touch, move the motors, write servo targets and locks into `command`."""
+        """Run one cycle: detect touch, move the motors, write servo targets and locks into `command`.
+
+        `command` is that of the cycle before.
+        """
+        if not self._settled:
+            self._drive(state, command, dt)
+        command.distal[:] = hand.distal_target(self.motor, state.proximal)
+
+    def _drive(self, state: State, command: Command, dt: float) -> None:
         stall = hand.stalled(self.motor, state.proximal, state.distal, self._limit)
         self._stalling = np.where(stall, self._stalling + 1, 0)
         for row in (0, 1):
@@ -98,8 +108,9 @@ class Fingers:
         self.spread += within(self._spread_goal - self.spread, -reach, reach)
         command.spread[:] = self.spread
         command.proximal[:] = self.motor
-        command.distal[:] = hand.distal_target(self.motor, state.proximal)
         command.locked[:] = self.locked
+        arrived = (self.motor == self._goal).all() and (self.spread == self._spread_goal).all()
+        self._settled = self.at_rest and bool(arrived)
 
     def _go_on(self, row: int, state: State, dt: float) -> None:
         arrived = (self.motor[row] == self._goal[row]) | (self._stalling[row] > STALL_CYCLES)

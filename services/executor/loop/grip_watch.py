@@ -56,16 +56,15 @@ class GripWatch:
         if state.wrist is None:
             return
         self._sensed, self._felt = True, self.wrists.feel(state.wrist, terms.rotation, terms.position)
-        force, gravity = self._felt[:, 0] - self._error, self._felt[:, 1]
-        masses = grip.mass(force, gravity)
+        forces, gravities = (self._felt[:, 0] - self._error).tolist(), self._felt[:, 1].tolist()
+        masses = [grip.mass(force, gravity) for force, gravity in zip(forces, gravities, strict=True)]
         self._load += self._share * (masses - self._load)
-        if not self.wrists.settled or not self._high.any():
+        if not self.wrists.settled:
             return
-        rest = grip.residual(force, gravity, masses, self._low, self._high)
-        for row in (0, 1):
-            if self._high[row] and not self._down[row]:
-                m, r, low = float(masses[row]), float(rest[row]), float(self._low[row])
-                self._watch[row] = grip.watched(self._watch[row], r, m, low)
+        for row, (low, high) in enumerate(zip(self._low.tolist(), self._high.tolist(), strict=True)):
+            if high and not self._down[row]:
+                rest = grip.residual(forces[row], gravities[row], masses[row], low, high)
+                self._watch[row] = grip.watched(self._watch[row], rest, masses[row], low)
 
     def skip(self) -> None:
         """A cycle without readings."""

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 MEMORY = "loop.memory"
 """Name of the file, beside the slots."""
-MAGIC = b"VELMAWM2"
+MAGIC = b"VELMAWM3"
 _HEAD = struct.Struct("<8s32s16s")  # magic, fingerprint of the world, its epoch
 _PLACES = {"motion": (64, 4 << 20), "even": ((4 << 20) + 64, 5 << 20), "odd": ((5 << 20) + 64, 6 << 20)}
 """Start and end of the slots [bytes]. The file is sparse. A world of 60 grains, the most, has 20 kB where they spin."""
@@ -132,15 +132,6 @@ class _Payloads(_Saved, frozen=True, array_like=True):
     goal: bytes
 
 
-class _Wrists(_Saved, frozen=True, array_like=True):
-    first: bytes
-    second: bytes
-    window: bytes
-    points: bytes
-    rotation: bytes
-    cycles: int
-
-
 class _Grips(_Saved, frozen=True, array_like=True):
     sensed: bool
     felt: bytes
@@ -186,7 +177,7 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
     fingers: _Fingers
     payloads: _Payloads
     grips: _Grips
-    wrists: _Wrists
+    wrists: bytes
     impedance: _Impedance
     act: _Act | None
     track: _Track | None
@@ -202,7 +193,7 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
             _Fingers.of(core.fingers),
             _Payloads.of(core.payloads),
             _Grips.of(core.grips),
-            _Wrists.of(core.grips.wrists),
+            core.grips.wrists.record.values,
             _Impedance.of(core.impedance),
             None if act is None else _Act.of(act),
             None if act is None or act.track is None else _Track.of(act.track),
@@ -214,7 +205,7 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
         self.fingers.give(core.fingers)
         self.payloads.give(core.payloads)
         self.grips.give(core.grips)
-        self.wrists.give(core.grips.wrists)
+        core.grips.wrists.record.take(self.wrists)
         self.impedance.give(core.impedance)
         if self.act is None or motion is None:
             return

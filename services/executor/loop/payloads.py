@@ -29,6 +29,6 @@ class Payloads:
 
     def advance(self, dt: float) -> None:
         """Advance by dt [s]."""
-        if (self.mass != self._goal).any():
+        if self.mass.tolist() != self._goal.tolist():
             step = RATE * dt
             self.mass += np.clip(self._goal - self.mass, -step, step)

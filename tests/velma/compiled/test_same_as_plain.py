@@ -12,9 +12,10 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from velma import compiled, names
-from velma.control import law
-from velma.control.cartesian import CartesianImpedance
+from velma.control import cartesian, grip, law
+from velma.control.cartesian import CartesianImpedance, task_damping
 from velma.control.dynamics import Dynamics
+from velma.control.grip import Wrists
 from velma.kinematics import chain, ik, near
 from velma.kinematics.collision import World
 from velma.kinematics.frames import standing
@@ -190,6 +191,55 @@ def test_torques_are_the_same(seed, some_weight):
         acting = error, slip, stray, wrench * some_weight
         expected = theirs.torque(terms, *acting)
         np.testing.assert_allclose(ours.torque(terms, *acting), expected, atol=1e-9 * np.abs(expected).max())
+
+
+@MANY
+@given(seeds, st.sampled_from([1e-3, 1.0, 1e3]), st.floats(0.05, 2.0))
+def test_dampings_are_the_same(seed, scale, ratio):
+    """Of any inertia and stiffness, also far from those of hands."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(0.0, scale, (12, 12))
+    ours, stiffness = CartesianImpedance()._law, rng.uniform(1.0, 2000.0, 6)
+    assert ours is not None
+    inertia = root @ root.T + 1e-3 * scale**2 * np.eye(12)
+    ours.set(inertia=inertia, stiffness=np.tile(stiffness, 2), twice_ratio=2.0 * ratio)
+    expected = task_damping(inertia, stiffness, ratio)
+    np.testing.assert_allclose(ours.damping(), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
+@MANY
+@given(seeds, st.sampled_from([0.0, 1e-9, 1e-3, 1.0, np.pi - 1e-9, np.pi]))
+def test_errors_are_the_same(seed, angle):
+    """Of hands anywhere, turned by this angle to their goals: no turn and half a turn, too."""
+    rng, ours = np.random.default_rng(seed), cartesian.error()
+    assert ours is not cartesian.task_error
+    axes = rng.normal(size=(2, 3)) ** 3
+    here = np.stack([pin.exp3(rng.normal(size=3)) for _ in range(2)])
+    goal = np.stack([pin.exp3(angle * a / np.linalg.norm(a)) @ r for a, r in zip(axes, here, strict=True)])
+    terms = msgspec.structs.replace(DYNAMICS.terms(np.array(names.START)), rotation=here)
+    at = rng.normal(size=(2, 3))
+    found, expected = ours(terms, goal, at), cartesian.task_error(terms, goal, at)
+    if angle == np.pi:  # the sign of the axis is arbitrary
+        turns = [pin.exp3(e[k : k + 3]) for e in (found, expected) for k in (3, 9)]
+        np.testing.assert_allclose(turns[:2], turns[2:], atol=1e-7)
+    else:
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@MANY
+@given(seeds, st.integers(1, 80), st.lists(st.integers(0, 79), max_size=2))
+def test_wrists_feel_the_same(seed, cycles, restarts):
+    """Over many cycles of any readings, with restarts; what they keep is the same, too."""
+    rng, ours, theirs = np.random.default_rng(seed), Wrists(0.002), without(grip, lambda: Wrists(0.002))
+    assert (ours._feel is None, theirs._feel is None) == (False, True)
+    for k in range(cycles):
+        rotation = np.stack([pin.exp3(rng.normal(size=3)) for _ in range(2)])
+        reading = rng.normal(0.0, 5.0, (2, 6)), rotation, rng.normal(0.0, 1e-3, (2, 3))
+        np.testing.assert_allclose(ours.feel(*reading), theirs.feel(*reading), atol=1e-9)
+        if k in restarts:
+            ours.restart(), theirs.restart()
+    for name, part in ours.record.part.items():
+        np.testing.assert_allclose(part, theirs.record.part[name], atol=1e-9, err_msg=name)
 
 
 def test_a_mass_that_is_none_is_an_error_in_both():

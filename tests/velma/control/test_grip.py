@@ -52,10 +52,12 @@ class Swung:
             wrist = np.hstack((before, np.zeros((2, 3))))
             felt = self.wrists.feel(wrist, np.array([rotation] * 2), np.array([position] * 2))
             force, gravity = felt[:, 0], felt[:, 1]
-            masses = grip.mass(force - self.tared, gravity)
+            rows = list(zip((force - self.tared).tolist(), gravity.tolist(), LOW, HIGH, strict=True))
+            masses = np.array([grip.mass(f, g) for f, g, _, _ in rows])
+            rest = [grip.residual(f, g, m, low, high) for m, (f, g, low, high) in zip(masses, rows, strict=True)]
             if k * PERIOD_S < REST and self.wrists.settled:
                 self.last = force, gravity
-            yield k * PERIOD_S, masses, grip.residual(force - self.tared, gravity, masses, LOW, HIGH)
+            yield k * PERIOD_S, masses, np.array(rest)
 
     tared = np.zeros((2, 3))
 
