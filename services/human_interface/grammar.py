@@ -8,7 +8,7 @@ import difflib
 import re
 import threading
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from lark import Lark, Token, Tree
@@ -247,6 +247,7 @@ def _parsed(words: tuple[str, ...]) -> Meaning | None:
     return next((found for language in possible if (found := _parsed_in(language, words)) is not None), None)
 
 
+@lru_cache(maxsize=256)  # what is said is often said again; a parse takes some hundredths of a second
 def _parsed_in(language: str, words: tuple[str, ...]) -> Meaning | None:
     try:
         tree = _parser(language).parse(words)

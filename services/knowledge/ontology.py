@@ -12,10 +12,15 @@ from rdflib.namespace import OWL
 ROCO = Namespace("urn:robot-companion:roco#")
 
 
+@cache
+def text() -> str:
+    """Return the ontology in Turtle."""
+    return resources.files("companion").joinpath("ontology/roco.ttl").read_text("utf-8")
+
+
 def read() -> Graph:
     """Return the ontology as a new graph."""
-    text = resources.files("companion").joinpath("ontology/roco.ttl").read_text("utf-8")
-    return Graph().parse(data=text, format="turtle")
+    return Graph().parse(data=text(), format="turtle")
 
 
 @cache

@@ -13,7 +13,7 @@ from rdflib import Graph
 from rdflib.graph import DATASET_DEFAULT_GRAPH_ID
 
 from companion.languages.values import Side
-from services.knowledge.ontology import ROCO, read
+from services.knowledge.ontology import ROCO, text
 from services.knowledge.scene import PARTS, Held, Scene, Thing
 from services.knowledge.subjects import OBSERVED, RECORD, VERSION, Stored, differing
 
@@ -32,7 +32,7 @@ class Store:
         """Return the store in the folder `path`, or an empty one in memory. OSError if another process has it open."""
         triples = ox.Store(str(path)) if path is not None else ox.Store()
         if not any(triples.quads_for_pattern(None, None, None)):
-            triples.load(read().serialize(format="nt").encode(), format=ox.RdfFormat.N_TRIPLES)
+            triples.load(text().encode(), format=ox.RdfFormat.TURTLE)
         return cls(triples)
 
     @property
