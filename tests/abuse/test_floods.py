@@ -26,6 +26,8 @@ FLOODS: dict[str, tuple[str, Callable[[int], bytes], int]] = {
     "of receipts": (f"roco/{SYSTEM}/_/receipt/hi/co", lambda n: b"no receipt", MANY),
     "of pings": (f"roco/{SYSTEM}/_/ping/hi/co", lambda n: b"C2", MANY),
 }
+SLOW = ("taken before", "of other words under a number that was taken")
+"""Half of the processor's time of all floods."""
 
 
 @pytest.fixture
@@ -38,7 +40,9 @@ def peer(router: Fleet) -> Iterator[Peer]:
     one.close()
 
 
-@pytest.mark.parametrize("kind", FLOODS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.long if kind in SLOW else ()) for kind in FLOODS]
+)
 def test_a_flood_takes_little_memory_and_disk_and_holds_no_peer_up(router: Fleet, peer: Peer, kind: str) -> None:
     """The agent keeps its router and answers others; the log has the first of each kind, then sums."""
     key, said, many = FLOODS[kind]

@@ -1,6 +1,7 @@
 """Pages show the commands' output; a word of difference is found; no verb of `roco` is left out."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import shown
@@ -8,6 +9,8 @@ import verbs
 
 EVERY = [block for page in shown.PAGES for block in shown.blocks(page)]
 STATIC_PAGES = sorted({block.page for block in EVERY if block.order is None})
+MANY_COMMANDS = ("back-ends.md", "design/commands.md", "experiments.md", "faults.md", "roco.md", "traffic.md")
+"""Half of the processor's time of all pages: a long test each."""
 PAGE = """# A page
 
 <!-- output: static {words} -->
@@ -31,9 +34,15 @@ def found(path: Path, folder: Path) -> list[str]:
     return [one.words for one in shown.differences(block, *shown.run(block, folder))]
 
 
+def static_page(path: Path) -> Any:
+    """Return the case of a page."""
+    name = path.relative_to(shown.ROOT).as_posix()
+    return pytest.param(path, id=name, marks=pytest.mark.long if name.removeprefix("docs/") in MANY_COMMANDS else ())
+
+
 @pytest.mark.process
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("path", STATIC_PAGES, ids=lambda path: str(path.relative_to(shown.ROOT)))
+@pytest.mark.parametrize("path", list(map(static_page, STATIC_PAGES)))
 def test_a_page_shows_what_its_commands_print(path: Path, tmp_path: Path) -> None:
     """On a recorded run; `scripts/outputs` rewrites the pages."""
     shown.place(tmp_path, recorded=True)

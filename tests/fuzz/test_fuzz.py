@@ -12,7 +12,7 @@ from mutation import mutated
 from targets import TARGETS, Target, held
 
 CORPUS = Path(__file__).parents[1] / "fuzz_corpus"
-SEED, MOST = 16, 600
+SEED, MOST = 16, 300
 BY_NAME = {target.name: target for target in TARGETS}
 KEPT = sorted(path for path in CORPUS.glob("*/*") if path.is_file())
 each = pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)

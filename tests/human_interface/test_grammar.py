@@ -83,6 +83,7 @@ def _task(task):
 
 
 @cache
+@cache
 def rows(table):
     """Return rows (wanted result, actual result, sentence) of a table."""
     return list(_rows(table))

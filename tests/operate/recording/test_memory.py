@@ -79,7 +79,7 @@ def grown(recorder: Recorder, again: Again) -> list[int]:
 
 
 @pytest.mark.timeout(300)  # 24 s at a load of 13, and each gc.collect() looks through all that other tests left
-@pytest.mark.parametrize("channel", ["C4", "C3"])
+@pytest.mark.parametrize("channel", ["C4", pytest.param("C3", marks=pytest.mark.long)])  # large content: some ten s
 def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Judge, live lines and file, with what they remember filled soon."""
     for module, name in ((copies, "REMEMBERED"), (conversations, "OVER"), (live, "KNOWN"), (tools_live, "STORY")):

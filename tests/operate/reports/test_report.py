@@ -67,7 +67,7 @@ def test_simulated_time_counts_acts_only(pouring: Run) -> None:
     assert told.sim_time_s == pytest.approx(pouring.sim, abs=0.05 * len(plans.acts(past)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.data())
 def test_copies_count_once_and_order_on_the_wire_does_not_matter(pouring: Run, data: st.DataObject) -> None:
     """Re-sent communicates change nothing but the number of copies."""
