@@ -11,17 +11,27 @@ Array = NDArray[np.float64]
 
 
 def poses(view: View, marker: Marker, pixels: Array) -> list[tuple[Array, Array]]:
-    """Return both poses (rotation, position) in the world of the body whose marker is at pixels (4, 2), the more
-    upright one first."""
+    """Return the poses (rotation, position) in the world of the body whose marker is at pixels (4, 2): both, the more
+    upright one first, or the one that there is where it is seen from straight ahead."""
     middle, axes, side = _frame(marker.corners)
     flat = side / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
     matrix = view.lens.matrix()
-    _, turns, shifts, _ = cv2.solvePnPGeneric(flat, pixels, matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
     found = []
-    for turn, shift in zip(turns, shifts, strict=True):
+    for turn, shift in _solved(flat, pixels, matrix):
         rotation = view.rotation @ np.asarray(cv2.Rodrigues(turn)[0]) @ axes.T
         found.append((rotation, view.rotation @ shift.ravel() + view.position - rotation @ middle))
     return sorted(found, key=lambda pose: -pose[0][2, 2])
+
+
+def _solved(flat: Array, pixels: Array, matrix: Array) -> list[tuple[Array, Array]]:
+    """Return the poses (rotation vector, shift) of a square before the camera."""
+    for method in (cv2.SOLVEPNP_IPPE_SQUARE, cv2.SOLVEPNP_ITERATIVE):
+        _, turns, shifts, _ = cv2.solvePnPGeneric(flat, pixels, matrix, None, flags=method)
+        # The first one gives NaN where both poses are one (OpenCV 5.0).
+        found = [pose for pose in zip(turns, shifts, strict=True) if np.isfinite(pose).all()]
+        if found:
+            break
+    return found
 
 
 def largest(found: dict[int, Array]) -> int:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from velma.eyes import beginning
@@ -75,6 +75,7 @@ def test_a_standing_body_is_found_from_a_start_that_is_off(
     assert found.rotation[2, 2] == 1.0
 
 
+@example(position=np.array((1.125, 0.0, 1.1875)), yaw=0.0, turn=(0.0, 0.375))  # almost from straight ahead
 @given(position=places, yaw=yaws, turn=st.tuples(tilts, tilts))
 def test_a_tipped_body_is_found_from_its_largest_marker(
     position: np.ndarray, yaw: float, turn: tuple[float, float]
@@ -86,8 +87,8 @@ def test_a_tipped_body_is_found_from_its_largest_marker(
     number = beginning.largest(found)
     marker = next(one for one in SEEN if one.number == number)
     starts = beginning.poses(view, marker, found[number])
-    assert len(starts) == 2
-    assert starts[0][0][2, 2] >= starts[1][0][2, 2]
+    assert len(starts) in (1, 2)
+    assert starts[0][0][2, 2] >= starts[-1][0][2, 2]
     fits = [one for start in starts if (one := fit(view, CORNERS, at, start, upright=False))]
     best = min(fits, key=lambda one: one.rms_px)
     assert best.position == pytest.approx(position, abs=1e-5)
