@@ -19,7 +19,7 @@ ENTRY = "services.executor.picture_process:serve"
 NICENESS = 19
 STILL = 0.002
 """A coordinate that changed less counts as at rest [rad, m]; estimate: less than a pixel."""
-AGAIN_S = 30.0
+AGAIN_S = 10.0
 """Between pictures at rest, for viewers that were opened meanwhile; estimate."""
 SHRINK = 2
 """The robot's picture is smaller by this for people; estimate: 15 kB, and grains in the jar can be told apart."""

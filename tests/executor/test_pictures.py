@@ -148,10 +148,10 @@ def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
     child = eye._child
     assert child is not None
     os.kill(child.pid, signal.SIGSTOP)
-    assert eye.offer(1.0, WORLD, now=140.0)
-    assert not eye.offer(2.0, WORLD + 1.0, now=140.0 + 0.9 * LATE_S)
+    assert eye.offer(1.0, WORLD, now=120.0)
+    assert not eye.offer(2.0, WORLD + 1.0, now=120.0 + 0.9 * LATE_S)
     assert child.alive
-    assert not eye.offer(2.0, WORLD + 1.0, now=140.0 + 1.1 * LATE_S)
+    assert not eye.offer(2.0, WORLD + 1.0, now=120.0 + 1.1 * LATE_S)
     assert not child.alive
     assert len(screen.found) == 1
 
