@@ -19,7 +19,7 @@ from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink
 from services.executor.loop.memory import MEMORY, Keeper, Restorable
 from services.executor.loop.process import LoopProcess, Speed
-from services.executor.loop.stillness import Stillness
+from services.executor.loop.stillness import Restable, Stillness
 from services.executor.loop.timing import Pacer, still_memory, take_priority
 from velma.errors import VelmaError
 from velma.model import scene
@@ -36,7 +36,7 @@ def build(slots: Path, backend: Backend, *, speed: Speed, realtime: bool) -> Loo
     truth = TruthReader(backend) if isinstance(backend, MujocoBackend) else None
     core, pacer = LoopCore(backend), Pacer(backend.period_s, realtime)
     keeper = Keeper(slots.with_name(MEMORY), core, backend) if isinstance(backend, Restorable) else None
-    still = Stillness(core, backend) if isinstance(backend, Restorable) else None
+    still = Stillness(core, backend) if isinstance(backend, Restable) else None
     return LoopProcess(core, LoopLink(slots), speed=speed, truth=truth, pacer=pacer, keeper=keeper, still=still)
 
 

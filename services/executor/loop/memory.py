@@ -41,7 +41,7 @@ _USUAL = 96 << 10
 
 @runtime_checkable
 class Restorable(Protocol):
-    """A back-end whose world is simulated: it ends with the process, is saved and restored exactly, and can rest."""
+    """A back-end whose world ends with the process, and can be saved and restored exactly."""
 
     @property
     def fingerprint(self) -> bytes:
@@ -54,10 +54,6 @@ class Restorable(Protocol):
 
     def restore(self, saved: bytes) -> None:
         """Take up a saved state; the next step has the same result as it would have had then."""
-        ...
-
-    def pass_time(self, periods: int) -> None:
-        """Let time pass in which nothing moves."""
         ...
 
 

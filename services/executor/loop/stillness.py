@@ -5,11 +5,12 @@ scene, measured 2026-11-27). Whenever the next command comes, such a world is wh
 has noise in its joints moves by far more, and is computed.
 """
 
+from typing import Protocol, runtime_checkable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from services.executor.loop.core import LoopCore
-from services.executor.loop.memory import Restorable
 
 Array = NDArray[np.float64]
 
@@ -17,10 +18,19 @@ WINDOW = 250  # cycles, 0.5 s
 STILL = 1e-7  # rad or m, by which nothing moves in a window; estimate: 200 times what was measured
 
 
+@runtime_checkable
+class Restable(Protocol):
+    """A back-end whose time can pass without steps."""
+
+    def pass_time(self, periods: int) -> None:
+        """Let periods pass in which nothing moves; the caller knows that nothing would."""
+        ...
+
+
 class Stillness:
     """Watches the coordinates of a world over windows of cycles; `reached` tells whether it stands still."""
 
-    def __init__(self, core: LoopCore, world: Restorable) -> None:
+    def __init__(self, core: LoopCore, world: Restable) -> None:
         self._core, self._world = core, world
         self.restart()
 

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -14,7 +15,9 @@ from typer.testing import CliRunner
 from companion.tools.verbs.hi import Hi
 from operate.cli.__main__ import app
 from services.executor.loop.__main__ import build
+from services.executor.loop.backends import PARTS
 from services.executor.loop.link import AgentLink, StopLink
+from services.executor.loop.memory import MEMORY
 from services.executor.loop.process import Speed
 from services.executor.loop.program import Cancel, Mode, Phase, motion
 from services.executor.loop.timing import Histogram, Pacer
@@ -382,6 +385,16 @@ def test_a_robot_whose_joints_are_measured_with_noise_is_computed(tmp_path, cloc
     noisy = msgspec.structs.replace(world, noise=msgspec.structs.replace(world.noise, joint=1e-4))
     loop, _, _ = still(tmp_path, world=noisy)
     assert turned(loop)[0] == 0.002
+
+
+def test_a_world_is_saved_whether_or_not_it_can_rest(tmp_path, clock):
+    """A back-end of others may have the one without the other."""
+    backend = MujocoBackend(scene.load())
+    parts = {name: getattr(backend, name) for name in (*PARTS, "fingerprint", "save", "restore", "data")}
+    loop = build(tmp_path / "loop.slots", SimpleNamespace(**parts), speed=Speed.REAL, realtime=False)
+    for _ in range(2000):
+        assert turned(loop)[0] == 0.002
+    assert (tmp_path / MEMORY).exists()
 
 
 def test_a_robot_that_is_not_simulated_has_a_cycle_every_2_ms(tmp_path, clock):
