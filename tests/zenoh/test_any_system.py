@@ -41,8 +41,6 @@ class Row(NamedTuple):
     has: tuple[str, ...] = ()
 
 
-SLOW = ("chaos", "experiment run")
-"""They bring up fleets of their own."""
 CALLS: dict[str, Row] = {
     "status": Row(has=("router", "monitor", *AGENTS, "ready")),
     "agents": Row(has=("router", "monitor", *AGENTS, "MiB")),
@@ -184,7 +182,10 @@ def test_every_verb_has_a_row() -> None:
     assert verbs == {*CALLS, *STARTED}
 
 
-@pytest.mark.parametrize("verb", [pytest.param(one, marks=pytest.mark.long if one in SLOW else ()) for one in CALLS])
+@pytest.mark.parametrize(
+    "verb",
+    CALLS,
+)
 def test_a_verb_tells_of_the_system_that_runs(depot: Project, verb: str) -> None:
     """Its agents and channels, and nothing of the robot."""
     row = CALLS[verb]
