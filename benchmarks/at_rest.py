@@ -15,24 +15,10 @@ from typing import Annotated
 
 import tables
 import typer
+from fleets import ticks, tree
 
 SETTLE_S, MEASURED_S = 20.0, 30.0
-TICKS = os.sysconf("SC_CLK_TCK")
 OUT = Path(__file__).parent / "results" / "at_rest.jsonl"
-
-
-def family(root: int) -> dict[int, str]:
-    """Return this process and all below it: process id -> the module it runs, or its program."""
-    parents = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            parents[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-        except OSError:  # it has ended
-            continue
-    found = [root]
-    for pid in found:
-        found += [child for child, parent in parents.items() if parent == pid]
-    return {pid: module(pid) for pid in found}
 
 
 def module(pid: int) -> str:
@@ -42,12 +28,6 @@ def module(pid: int) -> str:
         return Path(words[0]).name
     name = words[words.index("-m") + 1]
     return words[words.index("-m") + 2].partition(":")[0] if name.endswith(".worker") else name
-
-
-def busy_s(pid: int) -> float:
-    """Return the processor's time of a process so far [s]."""
-    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(words[11]) + int(words[12])) / TICKS
 
 
 def pss_mb(pid: int) -> float:
@@ -64,22 +44,16 @@ def measure(checkout: Path) -> dict[str, object]:
         subprocess.run([roco, "up", "--out", run], cwd=folder, check=True, capture_output=True, timeout=180.0)
         try:
             time.sleep(SETTLE_S)
-            load, names = os.getloadavg()[0], family(int((run / "supervisor.pid").read_text()))
-            before = {pid: busy_s(pid) for pid in names}
+            load, pids = os.getloadavg()[0], tree(int((run / "supervisor.pid").read_text()))
+            before = {pid: ticks(pid) for pid in pids}
             time.sleep(MEASURED_S)
-            spent = {pid: 100 * (busy_s(pid) - before[pid]) / MEASURED_S for pid in names}
-            memory = {pid: pss_mb(pid) for pid in names}
+            spent = {pid: (ticks(pid) - before[pid]) / MEASURED_S for pid in pids}  # a tick a second is 1 %
+            memory, names = {pid: pss_mb(pid) for pid in pids}, {pid: module(pid) for pid in pids}
         finally:
             subprocess.run([roco, "down", "--run-dir", run], cwd=folder, check=True, capture_output=True, timeout=60.0)
-    parts = {names[pid]: (round(spent[pid], 1), round(memory[pid])) for pid in names}
+    parts = {names[pid]: (round(spent[pid], 1), round(memory[pid])) for pid in pids}
     whole = {"percent": round(sum(spent.values()), 1), "pss_mb": round(sum(memory.values()))}
     return {"load": round(load, 1), **whole, "parts": parts}
-
-
-def described(checkout: Path) -> str:
-    """Return the commit of a checkout."""
-    words = ["git", "-C", str(checkout), "describe", "--always", "--dirty=+", "--abbrev=7"]
-    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def main(
@@ -90,7 +64,12 @@ def main(
     places = [place.resolve() for place in checkouts or [Path(__file__).parents[1]]]
     for turn in range(turns):
         for place in places:
-            row = {"commit": described(place), "turn": turn, "at": time.strftime("%Y-%m-%d %H:%M"), **measure(place)}
+            row = {
+                "commit": tables.commit(place),
+                "turn": turn,
+                "at": time.strftime("%Y-%m-%d %H:%M"),
+                **measure(place),
+            }
             tables.append(OUT, row)
             print(f"{row['commit']}: {row['percent']} % of a core, {row['pss_mb']} MB; load {row['load']}", flush=True)
 

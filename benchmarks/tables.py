@@ -17,10 +17,10 @@ def seeds(text: str) -> range:
         raise typer.BadParameter(f"seeds are first-last, as 1-20, or one, as 7; not {text!r}") from None
 
 
-def commit() -> str:
+def commit(checkout: Path = Path(__file__).parent) -> str:
     """Return the short hash of what is measured, with a + where files differ from it."""
     words = ["git", "describe", "--always", "--dirty=+", "--abbrev=7"]
-    found = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+    found = subprocess.run(words, cwd=checkout, capture_output=True, text=True, check=False)
     return found.stdout.strip() or "unknown"
 
 

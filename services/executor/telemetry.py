@@ -19,8 +19,7 @@ from services.executor.pictures import Pictures
 from velma.errors import SlotError
 
 STILL_S = 0.5
-"""Between two looks of a robot of which nothing has changed but the time, for viewers that were opened meanwhile;
-estimate: less than the second after which a simulated time is no longer known (companion/tools/report/clock.py)."""
+"""Seconds between two messages while nothing changes. Estimate; below LOOSE_S of companion/tools/report/clock.py."""
 
 
 class News:

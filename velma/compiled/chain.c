@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "cholesky.h"
+#include "rotation.h"
 
 enum { MOST = 16, ALL = 15 }; /* joints of a chain at most (velma.kinematics.chain looks); columns of a posture */
 
@@ -27,13 +28,6 @@ typedef struct {
 typedef struct {
     double turn[9], at[3];
 } Pose;
-
-static void product(const double *a, const double *b, double *out)
-{
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
-}
 
 static void cross(const double *a, const double *b, double *out)
 {
@@ -91,34 +85,12 @@ void chain_track(const Chain *chain, const double *q, int n, double *places)
     }
 }
 
-/* Rotation vector of a rotation by rows. */
-static void logarithm(const double *r, double *out)
-{
-    double v[3] = {0.5 * (r[7] - r[5]), 0.5 * (r[2] - r[6]), 0.5 * (r[3] - r[1])};
-    double s = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), c = 0.5 * (r[0] + r[4] + r[8] - 1.0);
-    double angle = atan2(s, c);
-    if (s > 1e-6 || c > 0.0) {
-        for (int i = 0; i < 3; i++)
-            out[i] = s > 1e-12 ? v[i] * angle / s : v[i];
-        return;
-    }
-    int k = r[0] > r[4] ? (r[0] > r[8] ? 0 : 2) : (r[4] > r[8] ? 1 : 2); /* half a turn: r = 2 u u' - 1 */
-    double length = sqrt(fmax(0.5 * (r[4 * k] + 1.0), 0.0));
-    for (int i = 0; i < 3; i++)
-        out[i] = angle * (i == k ? length : 0.25 * (r[3 * k + i] + r[3 * i + k]) / length);
-}
-
 /* What brings the end to the target: way [m] and rotation vector [rad]. */
 static int error_of(const Pose *here, const double *target, const Limits *limits, double *error)
 {
-    double back[9], turn[9], moved = 0.0, turned = 0.0;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            back[3 * i + j] = here->turn[3 * j + i];
-    product(target, back, turn);
-    logarithm(turn, error + 3);
+    double moved = 0.0, turned = 0.0;
+    difference(here->turn, here->at, target, target + 9, error);
     for (int i = 0; i < 3; i++) {
-        error[i] = target[9 + i] - here->at[i];
         moved = fmax(moved, fabs(error[i]));
         turned = fmax(turned, fabs(error[3 + i]));
     }

@@ -21,14 +21,20 @@ static inline int factor(double *a, int n)
     return 1;
 }
 
-/* Solve L L' x = b (n,) in place. */
-static inline void substitute(const double *l, int n, double *b)
+/* Solve L x = b (n,) in place. */
+static inline void forward(const double *l, int n, double *b)
 {
     for (int i = 0; i < n; i++) {
         for (int k = 0; k < i; k++)
             b[i] -= l[n * i + k] * b[k];
         b[i] /= l[n * i + i];
     }
+}
+
+/* Solve L L' x = b (n,) in place. */
+static inline void substitute(const double *l, int n, double *b)
+{
+    forward(l, n, b);
     for (int i = n - 1; i >= 0; i--) {
         for (int k = i + 1; k < n; k++)
             b[i] -= l[n * k + i] * b[k];

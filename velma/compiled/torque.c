@@ -4,7 +4,7 @@
 
 #include "cholesky.h"
 
-enum { JOINTS = 15, TASK = 12, HAND = 6, SWEEPS = 30 };
+enum { JOINTS = 15, TASK = 12, HAND = 6, SWEEPS = 30 }; /* sweeps at most: an estimate, so that it ends */
 
 typedef struct {
     /* read */
@@ -53,7 +53,7 @@ static void diagonal(double a[HAND][HAND], double v[HAND][HAND])
             for (int j = 0; j < i; j++)
                 off += a[i][j] * a[i][j];
         }
-        if (!(off > 1e-32 * on))
+        if (!(off > 1e-32 * on)) /* to rounding, squared */
             return;
         for (int p = 0; p < HAND; p++)
             for (int q = p + 1; q < HAND; q++) {
@@ -81,25 +81,22 @@ static void diagonal(double a[HAND][HAND], double v[HAND][HAND])
 /* Write the block of D that belongs to a hand: its own block of Lam is damped. 0 if that is not positive definite. */
 static int damp(Law *law, int at)
 {
-    double lower[HAND][HAND], inverse[HAND][HAND] = {{0.0}}, turned[HAND][HAND], modes[HAND][HAND] = {{0.0}}, q[HAND][HAND];
+    double lower[HAND][HAND], columns[HAND][HAND] = {{0.0}}, turned[HAND][HAND], modes[HAND][HAND] = {{0.0}}, q[HAND][HAND];
     for (int i = 0; i < HAND; i++)
         for (int j = 0; j < HAND; j++)
             lower[i][j] = j > i ? 0.0 : law->inertia[at + i][at + j];
     if (!factor(lower[0], HAND))
         return 0;
-    for (int j = 0; j < HAND; j++)
-        for (int i = j; i < HAND; i++) {
-            double sum = i == j ? 1.0 : 0.0;
-            for (int k = j; k < i; k++)
-                sum -= lower[i][k] * inverse[k][j];
-            inverse[i][j] = sum / lower[i][i];
-        }
+    for (int j = 0; j < HAND; j++) {
+        columns[j][j] = 1.0;
+        forward(lower[0], HAND, columns[j]); /* of the inverse of lower */
+    }
     for (int i = 0; i < HAND; i++) {
         modes[i][i] = 1.0;
         for (int j = 0; j <= i; j++) {
             double sum = 0.0;
             for (int k = 0; k <= j; k++)
-                sum += inverse[i][k] * law->stiffness[at + k] * inverse[j][k];
+                sum += columns[k][i] * law->stiffness[at + k] * columns[k][j];
             turned[i][j] = turned[j][i] = sum;
         }
     }

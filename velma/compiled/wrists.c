@@ -18,7 +18,7 @@ typedef struct {
 } Wrists;
 
 /* x: what is measured now of one hand, in world axes. */
-static void measure(Wrists *w, int hand, int cycle, double x[2][3])
+static void measure(Wrists *w, int hand, long long cycle, double x[2][3])
 {
     double point[3];
     for (int i = 0; i < 3; i++) {
@@ -45,7 +45,7 @@ static void measure(Wrists *w, int hand, int cycle, double x[2][3])
 /* Take the readings of a cycle; write force and apparent gravity in the axes of the grips. */
 void wrists_feel(Wrists *w)
 {
-    int cycle = (int)w->cycle;
+    long long cycle = (long long)w->cycle; /* years of them */
     double(*now)[2][3] = w->window[cycle % WINDOW];
     for (int hand = 0; hand < 2; hand++) {
         double x[2][3];
@@ -67,7 +67,7 @@ void wrists_feel(Wrists *w)
             }
         }
     }
-    for (int later = cycle + 1; later < WINDOW; later++)
+    for (long long later = cycle + 1; later < WINDOW; later++)
         memcpy(w->window[later], now, sizeof(Felt));
     const double *window = w->window[0][0][0];
     double *felt = w->felt[0][0];

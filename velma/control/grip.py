@@ -51,15 +51,24 @@ class Wrists:
 
     def __init__(self, period_s: float, record: Record | None = None) -> None:
         self._period_s, self.record = period_s, record or Record(_WRISTS)
-        self._part = part = self.record.part
-        part["sign"][:], part["up"][:], part["point"][:] = SENSOR_TO_GRIP, (0.0, 0.0, GRAVITY), POINT_M
-        part["rate"][:] = 1.0 / (period_s * period_s)
-        part["gain"][:] = 1.0 - math.exp(-2.0 * math.pi * CUTOFF_HZ * period_s)
+        self._part = self.record.part
+        self._set_constants()
         built = library()
         self._feel = None if built is None else built.wrists_feel
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Wrists, (self._period_s, self.record)
+
+    def _set_constants(self) -> None:
+        part = self._part
+        part["sign"][:], part["up"][:], part["point"][:] = SENSOR_TO_GRIP, (0.0, 0.0, GRAVITY), POINT_M
+        part["rate"][:] = 1.0 / (self._period_s * self._period_s)
+        part["gain"][:] = 1.0 - math.exp(-2.0 * math.pi * CUTOFF_HZ * self._period_s)
+
+    def take(self, saved: bytes) -> None:
+        """Take what was kept in the bytes of another record, not its constants."""
+        self.record.take(saved)
+        self._set_constants()
 
     def restart(self) -> None:
         """Forget the past: cycles were left out."""

@@ -71,7 +71,7 @@ class Error:
         return error, (self._record,)
 
     def __call__(self, terms: Terms, goal_rotation: Array, goal_position: Array) -> Array:
-        """Return e (12,)."""
+        """Return e (12,) [m, rad], for goals (2, 3, 3) and (2, 3) [m]."""
         part = self._part
         part["rotation"][:], part["position"][:] = terms.rotation, terms.position
         part["goal_rotation"][:], part["goal_position"][:] = goal_rotation, goal_position

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from velma.names import Array
+
 Shapes = Mapping[str, tuple[int, ...]]
 
 

@@ -36,7 +36,8 @@ def build(slots: Path, backend: Backend, *, speed: Speed, realtime: bool) -> Loo
     truth = TruthReader(backend) if isinstance(backend, MujocoBackend) else None
     core, pacer = LoopCore(backend), Pacer(backend.period_s, realtime)
     keeper = Keeper(slots.with_name(MEMORY), core, backend) if isinstance(backend, Restorable) else None
-    still = Stillness(core, backend) if isinstance(backend, Restable) else None
+    # At speed max no time passes between acts.
+    still = Stillness(core, backend) if speed is Speed.REAL and isinstance(backend, Restable) else None
     return LoopProcess(core, LoopLink(slots), speed=speed, truth=truth, pacer=pacer, keeper=keeper, still=still)
 
 

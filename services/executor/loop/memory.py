@@ -201,7 +201,7 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
         self.fingers.give(core.fingers)
         self.payloads.give(core.payloads)
         self.grips.give(core.grips)
-        core.grips.wrists.record.take(self.wrists)
+        core.grips.wrists.take(self.wrists)
         self.impedance.give(core.impedance)
         if self.act is None or motion is None:
             return

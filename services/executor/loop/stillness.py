@@ -8,13 +8,10 @@ has noise in its joints moves by far more, and is computed.
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from services.executor.loop.core import LoopCore
 
-Array = NDArray[np.float64]
-
-WINDOW = 250  # cycles, 0.5 s
+WINDOW = 250  # cycles, 0.5 s; estimate
 STILL = 1e-7  # rad or m, by which nothing moves in a window; estimate: 200 times what was measured
 
 
@@ -23,7 +20,7 @@ class Restable(Protocol):
     """A back-end whose time can pass without steps."""
 
     def pass_time(self, periods: int) -> None:
-        """Let periods pass in which nothing moves; the caller knows that nothing would."""
+        """Let as many periods of 2 ms pass in which nothing moves; the caller knows that nothing would."""
         ...
 
 

@@ -318,7 +318,7 @@ def test_a_world_that_stands_still_is_not_computed_but_its_time_passes_and_is_sh
 
 
 def test_a_world_that_stood_still_moves_from_the_next_turn_on_when_it_is_asked_to(tmp_path, clock):
-    """Every 2 ms, by the motion's path, to its end; then it comes to rest once more."""
+    """A cycle takes 2 ms until the motion ends. Later the world stands still again."""
     loop, agent, _ = still(tmp_path)
     agent.send(motion("up", rise(agent.state().setpoint)))
     for _ in range(100):
@@ -334,7 +334,7 @@ def test_a_world_that_stood_still_moves_from_the_next_turn_on_when_it_is_asked_t
 
 
 def test_a_motion_after_a_rest_is_the_motion_without_one(tmp_path, clock):
-    """Beside a loop whose every cycle was computed: the same way to a thousandth of a radian."""
+    """It ends where the motion of a loop ends that computed every cycle."""
     rested, agent, _ = still(tmp_path)
     for _ in range(200):
         rested.turn()
@@ -408,7 +408,7 @@ def test_a_robot_that_is_not_simulated_has_a_cycle_every_2_ms(tmp_path, clock):
 
 
 def test_a_pacer_waits_as_long_as_was_rested(clock):
-    """Then a period again; what was rested is no cycle."""
+    """The next wait takes one period. Rested periods are not counted as cycles."""
     pacer, began = Pacer(0.002), clock.now
     waits = []
     for rested in (0, 5, 0, 3, 0):

@@ -176,3 +176,14 @@ def test_a_reading_that_is_not_a_number_changes_nothing(grip_before):
     for _ in range(1000):
         known = watched(known, float("nan"), float("nan"), 0.2)
     assert known.grip is grip_before
+
+
+def test_what_another_period_kept_is_taken_without_its_constants():
+    """The filters go on from there, as fast as their own period asks."""
+    other, ours, fresh = Wrists(0.001), Wrists(PERIOD_S), Wrists(PERIOD_S)
+    other.feel(np.ones((2, 6)), np.array([np.eye(3)] * 2), np.zeros((2, 3)))
+    ours.take(other.record.values.tobytes())
+    for name, part in ours.record.part.items():
+        constant = name in ("sign", "up", "rate", "gain", "point")
+        np.testing.assert_array_equal(part, (fresh if constant else other).record.part[name], err_msg=name)
+    assert ours.record.part["gain"] != other.record.part["gain"]
