@@ -23,7 +23,6 @@ from services.planner.search.search import search
 from services.task.words import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat
-from velma.kinematics.timing import loaded
 from velma.model.scene import load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 
@@ -88,7 +87,6 @@ class Planning:
 
 def main(seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-20") -> None:
     """Print one line per plan, then medians and worst."""
-    loaded()
     costs: dict[int, list[list[float]]] = {1: [], 2: []}
     for seed in tables.seeds(seeds):
         one = Planning(seed)

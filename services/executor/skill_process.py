@@ -20,7 +20,6 @@ from services.executor.skills.situation import Held, Situation, beginning
 from services.executor.skills.skill import Sensed
 from services.executor.world import scene_of
 from velma import names
-from velma.kinematics import timing
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
 
@@ -120,7 +119,6 @@ def _act(link: Link, stage: Stage, word: Perform) -> Perform | Feel:
             motion = work.send(stage.sensed(reply.felt))
     except StopIteration as stop:
         link.send(Ended(word.number, stop.value, kept()))
-        timing.loaded()  # loaded now, while nobody waits: the first act is a look, which does not need it
     following: Perform | Feel = link.recv(ToSkill)
     return following
 

@@ -11,9 +11,7 @@ from services.planner.local import Answer, Ask, Begin, Found, NotFound, ToSearch
 def serve(link: Link) -> None:
     """Run one search after the other, until the agent is gone."""
     from services.planner.search.search import search
-    from velma.kinematics import timing
 
-    timing.loaded()
     while True:
         word = link.recv(ToSearch)
         if not isinstance(word, Begin):

@@ -1,7 +1,6 @@
 """Packages left out of an image's lock are not needed by its programs: nothing else can be imported in these tests."""
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -60,18 +59,10 @@ def run(image: str, code: str, *words: str, code_expected: int = 0) -> str:
 
 
 @pytest.mark.parametrize("image", ["planner", "executor"])
-def test_a_motion_is_timed_without_matplotlib(image: str) -> None:
-    """toppra names it; Pillow, fonttools and others come only with it."""
-    lock = (ROOT / f"requirements/{image}.txt").read_text()
-    assert not re.findall(r"^(matplotlib|pillow|fonttools|kiwisolver|contourpy)==", lock, re.MULTILINE)
+def test_a_motion_is_timed_by_what_is_locked(image: str) -> None:
+    """Without scipy, matplotlib or anything else that another image or a test brings."""
     module = {"planner": "planner.search.search", "executor": "executor.skills.motions"}[image]
     assert float(run(image, TIMED.format(module))) > 0.1
-
-
-def test_the_search_needs_scipy() -> None:
-    """toppra's splines are scipy's: an image without it could time nothing."""
-    without = "sys.modules['scipy'] = None\n" + TIMED.format("planner.search.search")
-    assert "ModuleNotFoundError: No module named 'scipy.interpolate'" in run("planner", without, code_expected=1)
 
 
 def test_a_recorder_without_pictures_makes_the_report(tmp_path: Path) -> None:

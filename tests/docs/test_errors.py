@@ -25,7 +25,7 @@ def test_errors_of_every_room_are_found() -> None:
     found = troubles.exceptions()
     rooms = {one.where.split("/")[1 if one.where.startswith("shared") else 0] for one in found.values()}
     assert rooms == {"fipa_codec", "agent_runtime", "topdown", "operate", "companion", "velma", "services"}
-    assert {"AclSyntaxError", "KeysError", "NoRunError", "NotTimed"} <= found.keys()
+    assert {"AclSyntaxError", "KeysError", "NoRunError"} <= found.keys()
     assert found["SlotError"].message == "slot file …: …, expected …"
 
 

@@ -15,7 +15,7 @@ from velma.kinematics.backing import drawn_back, out_of_touch
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.kinematics.shortening import STEP, clear, rounder, shortened
-from velma.kinematics.timing import JOINT_FRACTION, NotTimed, Trajectory, dense, timed
+from velma.kinematics.timing import JOINT_FRACTION, Trajectory, dense, timed
 from velma.kinematics.tree import grow
 from velma.names import Array
 
@@ -78,12 +78,9 @@ class _Task:
         turned = np.abs(np.diff(path, axis=0)) / (JOINT_FRACTION * self.robot.speed[self.columns])
         return np.asarray(np.maximum(moved, turned.max(axis=1)))
 
-    def timed(self, path: Array) -> Trajectory | None:
-        """Return the timed motion along a path (n, 8), None if it has none."""
-        try:
-            return timed(self.robot, [self.whole(v) for v in path], tool_speed=self.tool_speed)
-        except NotTimed:
-            return None
+    def timed(self, path: Array) -> Trajectory:
+        """Return the timed motion along a path (n, 8)."""
+        return timed(self.robot, [self.whole(v) for v in path], tool_speed=self.tool_speed)
 
     def free_in_time(self, trajectory: Trajectory) -> bool:
         """Whether all states of a motion are allowed, `CHECK_S` apart."""
@@ -123,8 +120,7 @@ def plan(
     out = dense([q[columns] for q in aside], STEP)[:-1]
     if len(out):
         way = np.concatenate((out, way))
-        through = task.timed(way)
-        duration = through.duration if through is not None else duration
+        duration = task.timed(way).duration
     return Motion([task.whole(v) for v in way], duration)
 
 
@@ -136,7 +132,7 @@ def _way(task: _Task, iterations: int, seed: int, attempts: int) -> tuple[Array,
     straight = dense([first[columns], last[columns]], STEP)
     if clear(task.allowed, straight[1:-1]):
         through = task.timed(straight)
-        if through is not None and task.free_in_time(through):
+        if task.free_in_time(through):
             return straight, through.duration
     return _quickest(task, iterations, seed, attempts, straight)
 
@@ -160,8 +156,7 @@ def _quickest(task: _Task, iterations: int, seed: int, attempts: int, straight: 
             if best is None:
                 continue
             if enough is None:
-                through = task.timed(straight)
-                enough = GOOD_ENOUGH * through.duration if through is not None else 0.0
+                enough = GOOD_ENOUGH * task.timed(straight).duration
             if best[1] <= enough or task.world.checks - begun > PATIENCE:
                 break
     finally:
@@ -175,7 +170,7 @@ def _in_time(task: _Task, way: Array) -> tuple[Array, float] | None:
         if not clear(task.allowed, path[1:-1]):
             continue
         trajectory = task.timed(path)
-        if trajectory is not None and task.free_in_time(trajectory):
+        if task.free_in_time(trajectory):
             return dense(path, STEP), trajectory.duration
     return None
 

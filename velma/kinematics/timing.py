@@ -1,23 +1,19 @@
 """Timing of a path: as fast as the limits of joints and tool allow, at rest at both ends.
 
-toppra finds the fastest motion along the path. Its accelerations jump, so a moving average in time smooths them. The
+TOPP-RA finds the fastest motion along the path. Its accelerations jump, so a moving average in time smooths them. The
 average keeps the limits of speed and acceleration, and leaves the path only where that bends. Knows no scene.
 """
 
-import sys
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
 from velma import names
-from velma.errors import VelmaError
+from velma.compiled import library
 from velma.kinematics.robot import Robot
+from velma.kinematics.spline import Spline
 from velma.names import Array
 
 PERIOD_S = 0.01  # between knots; the loop interpolates
@@ -27,17 +23,7 @@ ACCELERATION = np.array([0.4, *_ARM_ACCELERATION, *_ARM_ACCELERATION])  # rad/s^
 _AVERAGED = 8  # periods: 80 ms, trial runs
 _DENSE = 0.05  # rad between the points of the spline, so that it stays on the path
 _SAME = 1e-7  # rad: points nearer than this are one
-_STILL = 1e-9  # m or rad per unit of path: slower limits no speed
-
-
-class NotTimed(VelmaError):
-    """No speed profile was found for a path."""
-
-    def __init__(self, points: int, length: float) -> None:
-        self.points, self.length = points, length
-        super().__init__(
-            f"toppra found no speeds for a path of {points} points and {length:.3f} rad; are they in order?"
-        )
+_STILL = 1e-9  # m or rad per unit of path: slower limits no speed and no acceleration
 
 
 @dataclass(frozen=True)
@@ -64,34 +50,6 @@ class Trajectory:
         )
 
 
-@cache
-def loaded() -> ModuleType:
-    """Return toppra, imported at first use: with scipy it takes longer than all the rest (0.7 s of processor time).
-
-    May be called before it is needed.
-    """
-    with _without_pictures(), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # toppra 0.6.10: invalid escape sequences in docstrings
-        import toppra
-    toppra.setup_logging("ERROR")
-    return toppra  # type: ignore[no-any-return]
-
-
-@contextmanager
-def _without_pictures() -> Iterator[None]:
-    """Put an empty matplotlib in place for toppra, which imports it for drawing: the real one doubles its time."""
-    names_had = {name: sys.modules.get(name) for name in ("matplotlib", "matplotlib.pyplot")}
-    sys.modules.update({name: ModuleType(name) for name in names_had})
-    sys.modules["matplotlib"].__dict__["pyplot"] = sys.modules["matplotlib.pyplot"]
-    try:
-        yield
-    finally:
-        for name, had in names_had.items():
-            del sys.modules[name]
-            if had is not None:
-                sys.modules[name] = had
-
-
 def dense(path: Sequence[Array] | Array, step: float = _DENSE) -> Array:
     """Return the points (n, 15) of a joint path, with more between those over `step` [rad] apart, no repetitions."""
     points = np.asarray(path, dtype=np.float64)
@@ -108,7 +66,7 @@ def timed(
 ) -> Trajectory:
     """Return the timed path [(15,) each, rad]: both grips at most at `tool_speed` [m/s], joints within limits.
 
-    Limits are `joint_fraction` of the joints' speeds, and `ACCELERATION`. Raises `NotTimed`.
+    Limits are `joint_fraction` of the joints' speeds, and `ACCELERATION`.
     """
     points = dense(path)
     goal = np.asarray(path[-1], dtype=np.float64)
@@ -121,33 +79,58 @@ def timed(
 
 
 def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> tuple[Array, Array]:
-    """Return toppra's fastest motion along a spline through the points (n, 15), n > 1: q and v, `PERIOD_S` apart."""
-    toppra = loaded()
+    """Return the fastest motion along a spline through the points (n, 15), n > 1: q and v, `PERIOD_S` apart."""
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
-    spline = toppra.SplineInterpolator(along, points)
+    spline = Spline(along, points)
     grid = np.linspace(0.0, along[-1], max(4 * len(points), 50))
-    constraints = [
-        _path_speeds(_speeds(robot, spline, grid, tool_speed, speed)),
-        toppra.constraint.JointAccelerationConstraint(np.stack((-ACCELERATION, ACCELERATION), axis=1)),
-    ]
-    _, speeds, *_ = toppra.algorithm.TOPPRA(constraints, spline, gridpoints=grid).compute_parameterization(0.0, 0.0)
-    if speeds is None or not np.isfinite(speeds).all():
-        raise NotTimed(len(points), float(along[-1]))
-    s, ds = _in_time(grid, speeds)
-    return spline(s), spline(s, 1) * ds[:, None]
+    postures, first, second = spline.at(grid)
+    largest = _largest_speeds(robot, grid, postures, np.abs(first), tool_speed, speed)
+    squared = path_speeds(first, second, ACCELERATION, np.diff(grid), largest**2)
+    s, ds = _in_time(grid, np.sqrt(squared))
+    q, tangent, _ = spline.at(s)
+    return q, tangent * ds[:, None]
 
 
-def _path_speeds(largest: Array) -> Any:
-    """Return toppra's constraint for the largest path speeds at the grid (n,)."""
-    toppra = loaded()
+def path_speeds(first: Array, second: Array, limit: Array, length: Array, largest: Array) -> Array:
+    """Return the squared path speeds (n,) of the fastest motion along a path, at rest at both ends.
 
-    class PathSpeeds(toppra.constraint.LinearConstraint):  # type: ignore[misc,name-defined]
-        def compute_constraint_params(self, path: Any, gridpoints: Array) -> tuple[Array | None, ...]:
-            return *(None,) * 6, np.stack((np.zeros_like(largest), largest**2), axis=1)
+    `first`, `second` (n, joints): the path's derivatives at the grid points [rad per unit of path]; `limit` (joints,):
+    largest accelerations [rad/s^2]; `length` (n - 1,): between grid points; `largest` (n,): bounds of the result.
+    The algorithm is TOPP-RA (IEEE Transactions on Robotics 34(3), 2018); velma/compiled/speeds.c explains a, b, h, x.
+    """
+    built, x = library(), np.array(largest, dtype=np.float64)
+    if built is not None:
+        given = [np.ascontiguousarray(array, dtype=np.float64) for array in (first, second, limit, length)]
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*given, x)]
+        built.path_speeds(ctypes.c_int(len(x)), ctypes.c_int(len(limit)), *pointers)
+        return x
+    twice = 2.0 * length
+    a = np.concatenate((first[:-1], first[1:] + twice[:, None] * second[1:]), axis=1)
+    b = np.concatenate((second[:-1], second[1:]), axis=1) * np.where(a < 0.0, -1.0, 1.0)
+    a, h = np.abs(a), np.tile(limit, 2)
+    with np.errstate(divide="ignore", invalid="ignore"):  # what bounds nothing is inf, or nan, which fmin passes over
+        _backward_pass(a, b, h, twice, x)
+        _forward_pass(a, b, h, twice, x)
+    return x
 
-    constraint = PathSpeeds()
-    constraint.dof = len(names.BODY)
-    return constraint
+
+def _backward_pass(a: Array, b: Array, h: Array, twice: Array, x: Array) -> None:
+    """Lower x (n,), from the last grid point to the first, to what can still brake to the next point's x."""
+    x[-1] = 0.0
+    slope = a - twice[:, None] * b
+    for i in range(len(x) - 2, -1, -1):
+        room = twice[i] * h + np.where(slope[i] > 0.0, x[i + 1] * a[i], 0.0)
+        pairs = (h[:, None] * a[i] + h * a[i][:, None]) / np.abs(b[i][:, None] * a[i] - b[i] * a[i][:, None])
+        x[i] = min(x[i], np.fmin.reduce(room / np.abs(slope[i])), np.fmin.reduce(pairs, axis=None))
+
+
+def _forward_pass(a: Array, b: Array, h: Array, twice: Array, x: Array) -> None:
+    """Lower x (n,), from the first grid point to the last, to what the largest acceleration reaches."""
+    x[0] = 0.0
+    for i in range(len(x) - 1):
+        moves = a[i] > _STILL
+        reached = x[i] + twice[i] * ((h[moves] - b[i, moves] * x[i]) / a[i, moves])
+        x[i + 1] = max(min(x[i + 1], reached.min(initial=np.inf)), 0.0)
 
 
 def _in_time(grid: Array, speeds: Array) -> tuple[Array, Array]:
@@ -161,9 +144,10 @@ def _in_time(grid: Array, speeds: Array) -> tuple[Array, Array]:
     return grid[k] + t * speeds[k] + 0.5 * t**2 * changes[k], speeds[k] + t * changes[k]
 
 
-def _speeds(robot: Robot, spline: Any, grid: Array, tool_speed: float, speed: Array) -> Array:
+def _largest_speeds(
+    robot: Robot, grid: Array, postures: Array, tangents: Array, tool_speed: float, speed: Array
+) -> Array:
     """Return the largest path speeds (n,) at the grid: no joint and no grip is faster than allowed."""
-    postures, tangents = spline(grid), np.abs(spline(grid, 1))
     reach = np.zeros(len(grid))  # metres of the faster grip per unit of path
     for side in names.SIDES:
         per_unit = np.linalg.norm(np.diff(robot.track(postures, side), axis=0), axis=1) / np.diff(grid)

@@ -6,10 +6,11 @@ score, their difference Newcombe's hybrid score (Statistics in Medicine 17, 1998
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
+from statistics import NormalDist
 
 import msgspec
 import numpy as np
-from scipy import stats
 
 LEVEL = 0.95
 LEAST = 3
@@ -44,10 +45,26 @@ def mean(values: Sequence[float]) -> Interval | None:
     return Interval(middle, middle - half, middle + half, len(values))
 
 
+@cache
+def student(freedom: float) -> float:
+    """Student's factor: with `freedom` (>= 1) degrees of freedom, t is within it on both sides with LEVEL.
+
+    With t = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle)^(freedom - 1).
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    scale = math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) * 2 / math.sqrt(math.pi)
+    low, high = 0.0, math.atan(13.0 / math.sqrt(freedom))  # the factor is 12.71 for one degree, and less for more
+    for _ in range(60):  # halvings: to rounding
+        middle = (low + high) / 2
+        within = scale * middle / 2 * weights @ np.cos(middle / 2 * (nodes + 1)) ** (freedom - 1)
+        low, high = (middle, high) if within < LEVEL else (low, middle)
+    return math.sqrt(freedom) * math.tan(low)
+
+
 def half_width(values: Sequence[float]) -> float | None:
     """Half the width of Student's interval of the mean; None for fewer than LEAST runs."""
     n = len(values)
-    return None if n < LEAST else float(stats.t.ppf((1 + LEVEL) / 2, n - 1) * np.std(values, ddof=1) / math.sqrt(n))
+    return None if n < LEAST else float(student(n - 1) * np.std(values, ddof=1) / math.sqrt(n))
 
 
 def band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -56,15 +73,18 @@ def band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     middle = values.mean(axis=0)
     if n < LEAST:
         return middle, np.zeros_like(middle)
-    return middle, stats.t.ppf((1 + LEVEL) / 2, n - 1) * values.std(axis=0, ddof=1) / math.sqrt(n)
+    return middle, student(n - 1) * values.std(axis=0, ddof=1) / math.sqrt(n)
 
 
 def share(yes: int, n: int) -> Interval | None:
     """The share of runs in which something was so, with Wilson's interval; None without runs."""
     if n == 0:
         return None
-    found = stats.binomtest(yes, n).proportion_ci(LEVEL, method="wilson")
-    return Interval(yes / n, max(0.0, float(found.low)), min(1.0, float(found.high)), n)
+    z = NormalDist().inv_cdf((1 + LEVEL) / 2)
+    middle = (yes + z**2 / 2) / (n + z**2)
+    half = z / (n + z**2) * math.sqrt(yes * (n - yes) / n + z**2 / 4)
+    low, high = (0.0 if yes == 0 else middle - half), (1.0 if yes == n else middle + half)  # exactly, not to rounding
+    return Interval(yes / n, low, high, n)
 
 
 def difference(a: Mapping[int, float], b: Mapping[int, float], *, seeded: bool = True) -> Difference | None:
@@ -112,5 +132,5 @@ def _welch(a: Sequence[float], b: Sequence[float]) -> Difference:
     if total == 0.0:
         return Difference(apart, apart, apart, "Welch's t")
     freedom = total**2 / sum(s**2 / (len(one) - 1) for s, one in zip(spread, (a, b), strict=True))
-    half = float(stats.t.ppf((1 + LEVEL) / 2, freedom)) * math.sqrt(total)
+    half = student(freedom) * math.sqrt(total)
     return Difference(apart, apart - half, apart + half, "Welch's t")

@@ -23,6 +23,16 @@ def test_students_interval_covers_the_true_mean_in_95_of_100_sets(n: int) -> Non
     assert covered / TRIALS == pytest.approx(0.95, abs=0.016)
 
 
+@pytest.mark.parametrize(
+    ("freedom", "printed"),
+    [(1, 12.706), (2, 4.303), (3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (60, 2.000), (120, 1.980)],
+)
+def test_students_factor_is_that_of_printed_tables(freedom: int, printed: float) -> None:
+    """The column for 0.975; NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.6.7.2."""
+    assert intervals.student(freedom) == pytest.approx(printed, abs=5e-4)
+    assert intervals.student(freedom + 0.5) < intervals.student(freedom)
+
+
 @pytest.mark.parametrize(("n", "p"), [(30, 0.97), (30, 0.5), (10, 0.9)])
 def test_wilsons_interval_covers_the_true_share(n: int, p: float) -> None:
     """On the whole nominal; a discrete count makes it somewhat more or less (Wilson's: at least 0.92 here)."""

@@ -16,11 +16,12 @@ from velma.control import cartesian, grip, law
 from velma.control.cartesian import CartesianImpedance, task_damping
 from velma.control.dynamics import Dynamics
 from velma.control.grip import Wrists
-from velma.kinematics import chain, ik, near
+from velma.kinematics import chain, ik, near, timing
 from velma.kinematics.collision import World
 from velma.kinematics.frames import standing
 from velma.kinematics.robot import ROBOT_XML, Robot
 from velma.kinematics.shapes import Box, Cylinder, Sphere
+from velma.kinematics.spline import Spline
 
 pytestmark = pytest.mark.skipif(compiled.library() is None, reason="velma.compiled is not built: no C compiler")
 MANY = settings(max_examples=60, deadline=None, phases=(Phase.explicit, Phase.generate))
@@ -77,6 +78,23 @@ def test_tracks_are_the_same(seed, side):
     """To rounding."""
     q = postures(seed, 20)
     np.testing.assert_allclose(ROBOT.track(q, side), PLAIN.track(q, side), atol=1e-12)
+
+
+@MANY
+@given(seeds, st.integers(1, 4), st.sampled_from([1e-4, 0.02, 0.5]))
+def test_path_speeds_are_the_same(seed, corners, size):
+    """To the last bit, for paths that stand still in some joints and turn back in others."""
+    rng = np.random.default_rng(seed)
+    ways = rng.normal(0.0, size, (corners, 15)) * (rng.random(15) < 0.7) + 1e-9 * (rng.random() < 0.5)
+    points = timing.dense(np.cumsum(np.concatenate((np.zeros((1, 15)), ways, -ways[-1:])), axis=0))
+    if len(points) < 2:
+        return
+    along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+    grid = np.linspace(0.0, along[-1], 4 * len(points))
+    _, first, second = Spline(along, points).at(grid)
+    given_all = first, second, timing.ACCELERATION, np.diff(grid), rng.uniform(0.0025, 4.0, len(grid))
+    expected = without(timing, lambda: timing.path_speeds(*given_all))
+    np.testing.assert_array_equal(timing.path_speeds(*given_all), expected)
 
 
 @MANY

@@ -1,4 +1,7 @@
-"""Timed paths: limits held, path followed, ends exact and at rest, nothing lost between the knots."""
+"""Timed paths: limits held, none faster, path followed, ends exact and at rest, nothing lost between the knots."""
+
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,14 +11,27 @@ from hypothesis import strategies as st
 from velma import names
 from velma.kinematics import timing
 from velma.kinematics.robot import Robot
+from velma.kinematics.spline import Spline
 
 TOOL_SPEED = 0.35
+# Rows of seed of `_varied`, tool speed [m/s] and duration [s] that toppra 0.6.10 found, before the moving average.
+TOPPRA = json.loads((Path(__file__).parent / "toppra_durations.json").read_text())
 
 
 def _path(seed: int, corners: int) -> list[np.ndarray]:
     rng = np.random.default_rng(seed)
     ways = np.cumsum(rng.normal(0.0, 0.3, (corners, 15)), axis=0)
     return [np.array(names.START), *np.clip(names.START + ways, names.LOWER + 0.05, names.UPPER - 0.05)]
+
+
+def _varied(seed: int) -> list[np.ndarray]:
+    """A path of one of three kinds: straight or with 3 to 5 corners for the left arm, with corners for all joints."""
+    rng, kind = np.random.RandomState(seed), ("straight", "corners", "body")[seed % 3]
+    ways = rng.normal(0.0, 0.5, (1 if kind == "straight" else int(rng.randint(3, 6)), 15))
+    if kind != "body":
+        ways[:, np.setdiff1d(np.arange(15), names.ARM["left"])] = 0.0
+    points = names.START + np.cumsum(ways, axis=0)
+    return [np.array(names.START), *np.clip(points, names.LOWER + 0.05, names.UPPER - 0.05)]
 
 
 def _grip_speed(robot: Robot, trajectory: timing.Trajectory) -> float:
@@ -47,6 +63,41 @@ def test_the_path_is_followed(seed: int, corners: int) -> None:
     apart = np.abs(found.q[:, None] - on_path).max(axis=2)
     assert apart.min(axis=1).max() < 0.02
     assert apart.min(axis=0).max() < 0.02
+
+
+@pytest.mark.parametrize("plain", [False, True], ids=["in C", "plain"])
+def test_durations_are_those_of_toppra(plain: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 60 recorded paths: the average adds its own width, and the last period is a whole one."""
+    if plain:
+        monkeypatch.setattr(timing, "library", lambda: None)
+    elif timing.library() is None:
+        pytest.skip("needs velma.compiled (Debian: apt install gcc libc6-dev)")
+    robot, averaged = Robot(), 0.09
+    for seed, tool_speed, duration in TOPPRA:
+        found = timing.timed(robot, _varied(seed), tool_speed=tool_speed).duration - averaged
+        assert abs(found - duration) <= timing.PERIOD_S, (seed, found, duration)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), corners=st.integers(1, 4), size=st.sampled_from([1e-3, 0.1, 1.0]))
+def test_no_motion_along_the_path_is_faster(seed: int, corners: int, size: float) -> None:
+    """At every grid point the squared speed is within all limits, and one of them forbids a larger one."""
+    rng = np.random.default_rng(seed)
+    points = timing.dense(size * np.cumsum(rng.normal(0.0, 0.3, (corners + 1, 15)), axis=0))
+    along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+    grid = np.linspace(0.0, along[-1], max(4 * len(points), 50))
+    _, first, second = Spline(along, points).at(grid)
+    largest = rng.uniform(0.05, 2.0, len(grid)) ** 2
+    x = timing.path_speeds(first, second, timing.ACCELERATION, np.diff(grid), largest)
+    assert x[0] == x[-1] == 0.0
+    u = np.diff(x)[:, None] / (2.0 * np.diff(grid)[:, None])
+    begins = np.abs(first[:-1] * u + second[:-1] * x[:-1, None]) / timing.ACCELERATION
+    ends = np.abs(first[1:] * u + second[1:] * x[1:, None]) / timing.ACCELERATION
+    used = np.maximum(begins, ends).max(axis=1)  # of each interval
+    assert (x <= largest * (1 + 1e-9)).all()
+    assert used.max() <= 1 + 1e-6
+    at_a_limit = np.maximum(x[1:-1] / largest[1:-1], np.maximum(used[:-1], used[1:]))
+    assert at_a_limit.min() >= 1 - 1e-6
 
 
 def test_ends_are_exact_and_at_rest(robot: Robot) -> None:
