@@ -1,7 +1,10 @@
 # Shared by the scripts of this folder (bash, sourced): go to the project's root, make .venv, install what is locked.
 #
-# The first run takes a minute or so and says what it does; a later one only compares a stamp. Needs nothing but Python
-# 3.11 or newer with venv, and bash. Everything else comes from the package index, versions and hashes as locked.
+# The first run takes a minute or so and says what it does; a later one only compares a stamp. Needs nothing but bash and a
+# Python with venv. Everything else comes from the package index, versions and hashes as locked.
+
+# Python versions for which each locked package has a wheel, on x86_64 and aarch64 (tests/test_setup.py compares).
+SUPPORTED=(3.11 3.12 3.13)
 
 cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.."
 
@@ -18,28 +21,50 @@ if ! [ -t 2 ]; then
     }
 fi
 
-# Print the first Python that is new enough; ROCO_PYTHON names one explicitly.
+# Print the version of an interpreter as 3.11; nothing if it does not run.
+version_of() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null; }
+
+supported() { [[ -n $1 && " ${SUPPORTED[*]} " == *" $1 "* ]]; }
+
+# Print the first supported Python that can make an environment; fail without one. ROCO_PYTHON names one explicitly.
 find_python() {
     local candidate
-    for candidate in ${ROCO_PYTHON:+"$ROCO_PYTHON"} python3.11 python3.12 python3.13 python3 python; do
-        if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    if [ -n "${ROCO_PYTHON:-}" ]; then
+        supported "$(version_of "$ROCO_PYTHON")" ||
+            die "ROCO_PYTHON=$ROCO_PYTHON is $("$ROCO_PYTHON" --version 2>&1 | tail -n 1), expected one of Python ${SUPPORTED[*]}"
+        echo "$ROCO_PYTHON"
+        return
+    fi
+    for candidate in "${SUPPORTED[@]/#/python}" python3 python; do
+        if supported "$(version_of "$candidate")" && "$candidate" -c 'import venv, ensurepip' 2>/dev/null; then
             echo "$candidate"
             return
         fi
     done
-    die "no Python 3.11 or newer found (Debian: apt install python3 python3-venv); ROCO_PYTHON=<path> names one"
+    return 1
 }
 
-# Make .venv with an interpreter and uv in it, where it is missing.
+# Whether .venv is whole: of a supported version, the one it was made with, and that of ROCO_PYTHON if this is set.
+venv_fits() {
+    local version
+    version=$(version_of .venv/bin/python)
+    supported "$version" && [ -d ".venv/lib/python$version" ] &&
+        { [ -z "${ROCO_PYTHON:-}" ] || [ "$(version_of "$ROCO_PYTHON")" = "$version" ]; }
+}
+
+# Make .venv with an interpreter and uv in it, where it is missing or does not fit.
 setup_venv() {
-    local python
-    if ! .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
-        python=$(find_python)
-        say "making .venv with $("$python" --version)"
-        "$python" -c 'import venv, ensurepip' 2>/dev/null ||
-            die "$python has no venv (Debian: apt install python3-venv, then call this again)"
-        "$python" -m venv --clear .venv ||
-            die "$python -m venv failed (Debian: apt install python3-venv, then call this again)"
+    local python uv
+    if ! venv_fits; then
+        if python=$(find_python); then
+            say "making .venv with $("$python" --version)"
+            "$python" -m venv --clear .venv ||
+                die "$python -m venv failed (Debian: apt install python3-venv, then call this again)"
+        elif [ -n "${ROCO_PYTHON:-}" ]; then
+            exit 2 # find_python said why
+        else
+            venv_by_uv
+        fi
     fi
     if ! .venv/bin/uv --version >/dev/null 2>&1; then
         say "getting uv into .venv"
@@ -48,16 +73,36 @@ setup_venv() {
     fi
 }
 
+# Make .venv by uv, which installs a supported Python if the machine has none. uv itself is got by any Python.
+venv_by_uv() {
+    local python tools uv oldest=${SUPPORTED[0]} newest=${SUPPORTED[-1]}
+    uv=$(command -v uv) || {
+        for python in python3 python none; do
+            "$python" -c 'import venv, ensurepip' 2>/dev/null && break
+        done
+        [ "$python" != none ] ||
+            die "no Python with venv found, expected one of ${SUPPORTED[*]} (Debian: apt install python3 python3-venv); ROCO_PYTHON=<path> names one"
+        tools=$(mktemp -d)
+        uv=$tools/bin/uv
+        { "$python" -m venv "$tools" && "$tools/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r requirements/uv.txt; } ||
+            die "$("$python" --version) could not get uv (see above); is the package index reachable?"
+    }
+    say "no Python ${SUPPORTED[*]} that can make .venv is on the path (python3 is $(version_of python3)); uv installs Python $newest for this project"
+    "$uv" venv --quiet --clear --python ">=$oldest,<=$newest.999" .venv && "$uv" pip install --quiet --python .venv/bin/python --require-hashes -r requirements/uv.txt ||
+        die "uv could not make .venv (see above); install one of Python ${SUPPORTED[*]}, ROCO_PYTHON=<path> names it"
+    [ -z "${tools:-}" ] || rm -rf "$tools"
+}
+
 # Make .venv hold what is locked, and the project itself, editable. Quick when nothing changed since the last time.
 setup() {
     local stamp=.venv/.locked want
     want=$(cksum requirements/all.txt pyproject.toml scripts/setup.sh velma/compiled/*.[ch] && pwd)
-    if [ -x .venv/bin/python ] && [ "$(cat "$stamp" 2>/dev/null)" = "$want" ]; then
+    if [ "$(cat "$stamp" 2>/dev/null)" = "$want" ] && venv_fits; then
         return
     fi
     setup_venv
     say "installing what requirements/all.txt locks (about 550 MB the first time)"
-    .venv/bin/uv pip install --python .venv/bin/python --require-hashes -r requirements/all.txt || die "uv could not install (see above)"
+    .venv/bin/uv pip sync --python .venv/bin/python --require-hashes requirements/all.txt || die "uv could not install (see above)"
     say "installing the project itself, editable"
     .venv/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable . ||
         die "uv could not install the project (see above)"

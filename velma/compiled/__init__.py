@@ -1,11 +1,13 @@
 """Parts of hot loops in C, for machines with a compiler: `python -m velma.compiled` builds them.
 
 Without the library everything runs by the plain code, slower and with the same results, which tests compare. Its file
-name carries a checksum of the sources, so that a library of other sources is never loaded. ROCO_PLAIN=1 leaves it out.
+name carries a checksum of the sources and the architecture, so that no other library is loaded. ROCO_PLAIN=1 leaves it
+out.
 """
 
 import ctypes
 import os
+import platform
 import zlib
 from functools import cache
 from pathlib import Path
@@ -16,7 +18,8 @@ SOURCES = tuple(sorted(FOLDER.glob("*.[ch]")))
 
 def built() -> Path:
     """Return where the library of these sources is, or would be."""
-    return FOLDER / f"velma-{zlib.crc32(b''.join(source.read_bytes() for source in SOURCES)):08x}.so"
+    checksum = zlib.crc32(b"".join(source.read_bytes() for source in SOURCES))
+    return FOLDER / f"velma-{checksum:08x}-{platform.machine()}.so"
 
 
 @cache
