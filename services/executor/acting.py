@@ -47,8 +47,8 @@ def follow(memory: Memory, turn: Turn) -> Memory:
             return replace(memory, act=replace(act, outcome=outcome), remembered=kept)
         case Local(content=Lost(number=number, reason=reason)) if number == memory.number:
             return lost(memory, reason)
-        case Local(content=Crashed(code=code)):
-            return _without_skill(memory, turn, f"the skill's process ended (exit status {code})")
+        case Local(content=Crashed(reason=reason)):
+            return _without_skill(memory, turn, f"the skill's process ended: {reason}")
         case Woken(name=name) if name == PATIENCE:
             return _without_skill(memory, turn, "the loop or the skill gives no answer")
         case _:

@@ -6,20 +6,22 @@ loop dies during an act, the outcome is `unknown`, the robot is brought to rest,
 Must not know: plans, the geometry of skills.
 """
 
+from functools import partial
+
 import numpy as np
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Local, Received, Started, Woken
 from agent_runtime.core.turn import Turn
-from companion.binding import bind
+from companion.binding import Transition, bind
 from companion.design import AgentName
 from companion.languages import rc
 from companion.languages.rc import NotDoneKind
 from fipa_codec.performatives import Performative
 from services.executor import local, words
 from services.executor.acting import PATIENCE, follow, lost, start
-from services.executor.local import Brake, Crashed, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
+from services.executor.local import Brake, ByRays, Crashed, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
 from services.executor.memory import CONDITIONS, Act, Memory, Soft
 from services.executor.remembered import Remembered
 
@@ -29,20 +31,25 @@ SKILL_WITHIN_S = 60.0  # estimate: the longest computation of a skill, a planned
 
 def agent() -> Agent[Memory]:
     """Return the agent ex."""
-    return bind(
-        AgentName.EX,
-        Memory(),
-        {
-            "recover_act": recover_act,
-            "await_act": await_act,
-            "prepare_act": prepare_act,
-            "act": carry_out,
-            "stop_act": stop_act,
-            "report_act": report_act,
-        },
-        CONDITIONS,
-        local=local.Local,
-    )
+    behaviours = {
+        "recover_act": recover_act,
+        "await_act": await_act,
+        "prepare_act": prepare_act,
+        "act": carry_out,
+        "stop_act": stop_act,
+        "report_act": report_act,
+    }
+    in_any = {name: partial(_told_of_eyes, behave) for name, behave in behaviours.items()}
+    return bind(AgentName.EX, Memory(), in_any, CONDITIONS, local=local.Local)
+
+
+def _told_of_eyes(behave: Transition[Memory], memory: Memory, turn: Turn) -> Memory:
+    """Any state: say that ex sees by rays from now on; nothing else changes by that."""
+    match turn.event:
+        case Local(content=ByRays(reason=reason)):
+            turn.log("sees by rays", level="warning", reason=reason)
+            return memory
+    return behave(memory, turn)
 
 
 # --- recovering, idle -------------------------------------------------------------------------------------------------
@@ -109,8 +116,8 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
             return replace(memory, act=replace(act, outcome=outcome), remembered=kept)
         case Local(content=Lost(number=number, reason=reason)) if number == memory.number:
             return _given_up(memory, turn, NotDoneKind.INTERRUPTED, reason)
-        case Local(content=Crashed(code=code)):
-            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, f"the skill's process ended (exit status {code})")
+        case Local(content=Crashed(reason=reason)):
+            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, f"the skill's process ended: {reason}")
         case Woken(name=name) if name == PATIENCE:
             return _given_up(
                 memory, turn, NotDoneKind.INTERRUPTED, f"the skill found no motion in {SKILL_WITHIN_S:g} s"

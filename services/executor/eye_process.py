@@ -3,14 +3,10 @@
 The true state is used for the picture alone: poses are from the picture and the measured pose of the camera.
 """
 
-import sys
-
 import numpy as np
 
 from agent_runtime.io.worker import Link
 from services.executor.looks import Saw, See, Thing, uncertainty
-from services.executor.pictures import NO_GL
-from velma.errors import GlError
 from velma.eyes.fit import View
 from velma.eyes.lens import lens
 from velma.eyes.seeing import Seen, eyes_of
@@ -19,14 +15,9 @@ from velma.sim.photographs import Photographs
 
 
 def serve(link: Link) -> None:
-    """Look until the other side is gone. Exit with NO_GL without OpenGL."""
+    """Look until the other side is gone. Raises GlError without OpenGL."""
     scene = link.recv(Scene)
-    try:
-        camera = Photographs(scene)
-    except GlError as error:
-        sys.stderr.write(f"eyes by pixels: {error}\n")
-        sys.exit(NO_GL)
-    eyes = eyes_of(scene)
+    camera, eyes = Photographs(scene), eyes_of(scene)
     while True:
         see = link.recv(See)
         pixels = camera.take(np.frombuffer(see.world), see.number)

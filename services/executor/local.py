@@ -135,13 +135,19 @@ class Ended(Message, frozen=True):
     remembered: Remembered
 
 
-class Crashed(msgspec.Struct, frozen=True, tag=True):
-    """The skill process ended by itself with this exit status."""
+class ByRays(msgspec.Struct, frozen=True, tag=True):
+    """Eyes by pixels cannot go on, and why: ex sees by rays from now on."""
 
-    code: int
+    reason: str
+
+
+class Crashed(msgspec.Struct, frozen=True, tag=True):
+    """The skill process ended by itself, and why."""
+
+    reason: str
 
 
 ToLoop = Where | Halt | Do | Brake
 ToSkill = Perform | Feel
-FromSkill = Move | Ended
-Local = Stands | Moved | Lost | Move | Ended | Crashed
+FromSkill = Move | Ended | ByRays
+Local = Stands | Moved | Lost | Move | Ended | ByRays | Crashed

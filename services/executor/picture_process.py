@@ -4,7 +4,6 @@ From the room, and by the head camera with what the eyes by pixels would find in
 the same camera and detector.
 """
 
-import sys
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,23 +11,17 @@ import numpy as np
 from agent_runtime.io.worker import Link
 from companion.telemetry import Found, Picture
 from services.executor.local import Array, Setup
-from services.executor.pictures import NO_GL, SHRINK, Show
+from services.executor.pictures import SHRINK, Show
 from services.executor.world import scene_of
-from velma.errors import GlError
 from velma.eyes.seeing import Eyes, eyes_of
 from velma.eyes.shown import jpeg, smaller
 from velma.sim.photographs import Photographs
 
 
 def serve(link: Link) -> None:
-    """Make pictures until the agent is gone. Exit with NO_GL without OpenGL."""
+    """Make pictures until the agent is gone. Raises GlError without OpenGL."""
     scene = scene_of(link.recv(Setup))
-    try:
-        camera = Photographs(scene)
-    except GlError as error:
-        sys.stderr.write(f"no pictures of the robot: {error}\n")
-        sys.exit(NO_GL)
-    eyes, number = eyes_of(scene), 0
+    camera, eyes, number = Photographs(scene), eyes_of(scene), 0
     while True:
         show, number = link.recv(Show), number + 1
         clean, taken = camera.both(np.frombuffer(show.world), number)

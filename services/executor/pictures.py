@@ -2,9 +2,11 @@
 or a thing has moved.
 
 The child has the lowest priority, so it uses only idle time. One picture is made at a time, at most one in PICTURE_S;
-states that come meanwhile are skipped. Nobody waits for a picture.
+states that come meanwhile are skipped. Nobody waits for a picture. After a child that ends without a first one, as it
+does without OpenGL, there are none.
 """
 
+import sys
 import time
 
 import msgspec
@@ -23,8 +25,6 @@ AGAIN_S = 10.0
 """Between pictures at rest, for viewers that were opened meanwhile; estimate."""
 SHRINK = 2
 """The robot's picture is smaller by this for people; estimate: 15 kB, and grains in the jar can be told apart."""
-NO_GL = 3
-"""Exit status of a child that has no OpenGL: no other one is started."""
 LATE_S, PAUSE_S = 60.0, 30.0
 """After LATE_S without an answer the child is killed; the next one starts after PAUSE_S; estimates."""
 
@@ -39,12 +39,14 @@ class Show(msgspec.Struct, frozen=True, tag=True):
 class Pictures:
     """Publishes pictures as telemetry. Call `offer` and `close` from one thread at a time."""
 
-    def __init__(self, post: Post, setup: Setup) -> None:
+    def __init__(self, post: Post, setup: Setup, *, blind: bool = False) -> None:
+        """`blind`: nothing can be drawn here, so no child is started."""
         self._post, self._setup = post, setup
         self._child: Worker | None = None
         self._begin = 0.0  # no child before
         self._asked = -AGAIN_S  # when, by the monotonic clock
-        self._drawing = self._blind = False
+        self._drawing = self._proved = False
+        self._blind = blind
         self._shown: Array = np.zeros(0)
 
     def offer(self, sim_time_s: float, world: Array, now: float | None = None) -> bool:
@@ -80,13 +82,16 @@ class Pictures:
             self.close()
             self._begin = now + PAUSE_S
         if self._child is None and now >= self._begin:
+            self._proved = False
             self._child = Worker(ENTRY, answers=Picture, on_message=self._made, on_end=self._ended, nice=NICENESS)
             self._child.tell(self._setup)
         return self._child is not None
 
     def _made(self, made: Picture) -> None:
-        self._drawing = False
+        self._drawing, self._proved = False, True
         self._post.publish("telemetry", msgspec.msgpack.encode(made))
 
-    def _ended(self, code: int) -> None:
-        self._drawing, self._blind = False, code == NO_GL
+    def _ended(self, reason: str) -> None:
+        self._drawing, self._blind = False, not self._proved
+        if self._blind:
+            sys.stderr.write(f"no pictures of the robot: {reason}\n")

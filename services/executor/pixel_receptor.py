@@ -10,12 +10,10 @@ from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.worker import Worker
 from services.executor.local import Array
 from services.executor.looks import Saw, See, Thing
-from services.executor.pictures import NO_GL
 from services.executor.sight import Neck, Sight
 from velma.kinematics.frames import pose_of
 from velma.kinematics.robot import Robot
 from velma.model.scene import Scene
-from velma.sim.gl import missing
 
 ENTRY = "services.executor.eye_process:serve"
 WITHIN_S, TRIES = 60.0, 2
@@ -27,45 +25,45 @@ class PixelReceptor:
 
     def __init__(self, scene: Scene, robot: Robot | None = None) -> None:
         self._scene, self._robot, self._looks = scene, robot or Robot(), 0
-        self._answers = OneReaderQueue[Saw | int]()
+        self._answers = OneReaderQueue[Saw | str]()
         self._child = self._new()
 
     def look(self, world: Array, neck: Neck) -> list[Sight]:
-        """Return what the picture of the state `world` (nq,) shows. Raises GlError, WorkerError if no child sees."""
+        """Return what the picture of the state `world` (nq,) shows. Raises WorkerError where no child sees, and why."""
+        reason = ""
         self._looks += 1
         eye = self._robot.camera(*neck)
         place = tuple(eye.rotation.ravel().tolist()), tuple(eye.translation.tolist())
         for _ in range(TRIES):
             self._child.tell(See(self._looks, world.tobytes(), *place))
             saw = self._answer()
-            if saw is not None:
+            if isinstance(saw, Saw):
                 return [_sight(one) for one in saw.things]
+            reason = saw
             self._child.kill()
             self._child = self._new()
-        raise WorkerError(ENTRY, "does not see", "look at ex's log; start with --eyes rays")
+        raise WorkerError(ENTRY, f"does not see: {reason}", "start with --eyes rays")
 
     def close(self) -> None:
         """End the child."""
         self._child.kill()
 
-    def _answer(self) -> Saw | None:
-        """Return what this look showed; None where the child died or gave no answer in time."""
+    def _answer(self) -> Saw | str:
+        """Return what this look showed, or why the child gives no answer."""
         try:
             while True:
                 match self._answers.get(WITHIN_S):
                     case Saw(number=number) as saw if number == self._looks:
                         return saw
-                    case Saw():
-                        continue  # of a look that was given up
-                    case code:
-                        if code == NO_GL:
-                            raise missing()
-                        return None
+                    case str() as reason:
+                        return reason
+                    case _:  # of a look that was given up
+                        continue
         except Empty:
-            return None
+            return f"no answer within {WITHIN_S:g} s"
 
     def _new(self) -> Worker:
-        self._answers = answers = OneReaderQueue[Saw | int]()
+        self._answers = answers = OneReaderQueue[Saw | str]()
         child = Worker(ENTRY, answers=Saw, on_message=answers.put, on_end=answers.put)
         child.tell(self._scene)
         return child

@@ -1,8 +1,11 @@
 """The skill process as a device of ex. Drop kills it; a new one is started at once, to be loaded when needed."""
 
+from msgspec.structs import replace
+
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
-from services.executor.local import Crashed, Drop, Feel, FromSkill, Perform, Setup
+from companion.eyes import Eyes
+from services.executor.local import ByRays, Crashed, Drop, Feel, FromSkill, Perform, Setup
 
 ENTRY = "services.executor.skill_process:serve"
 
@@ -39,10 +42,14 @@ class SkillDevice:
         return child
 
     def _heard(self, word: FromSkill) -> None:
+        if isinstance(word, ByRays):  # the act goes on; a child that follows does not try again
+            self._setup = replace(self._setup, eyes=Eyes.RAYS)
+            self._post(word)
+            return
         self._acting = not hasattr(word, "outcome")
         self._post(word)
         self._busy = False
 
-    def _over(self, code: int) -> None:
-        self._post(Crashed(code))
+    def _over(self, reason: str) -> None:
+        self._post(Crashed(reason))
         self._busy = False

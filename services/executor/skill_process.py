@@ -4,17 +4,20 @@ Between acts it keeps only what is slow to make (robot model, copy of the world)
 remembers, so a new process goes on where the old one died.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
+from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.worker import Link
 from companion.languages import rc, rs
 from companion.languages.values import Pose, Side
 from services.executor import simulation
 from services.executor.acting import duration
-from services.executor.local import Ended, Feel, Felt, Move, Perform, Setup, ToSkill
+from services.executor.local import Array, ByRays, Ended, Feel, Felt, Move, Perform, Setup, ToSkill
 from services.executor.loop.program import Motion
 from services.executor.remembered import Holding, Remembered
-from services.executor.sight import Eye, Neck
+from services.executor.sight import Eye, Neck, Sight
 from services.executor.skills.performing import perform
 from services.executor.skills.situation import Held, Situation, beginning
 from services.executor.skills.skill import Sensed
@@ -30,10 +33,12 @@ REST_S = {rc.Grasp: 12.0, rc.Release: 20.0, rc.Pour: 30.0, rc.OpenDoor: 20.0, rc
 class Stage:
     """Objects kept between acts: the robot model, the receptor, the model of each marked thing."""
 
-    def __init__(self, setup: Setup) -> None:
-        asked = scene_of(setup)
-        self.robot, self.things, self.markers = Robot(), simulation.things(asked), simulation.markers(asked)
-        self.eye: Eye = simulation.receptor(asked, setup.eyes)
+    def __init__(self, setup: Setup, tell: Callable[[ByRays], None]) -> None:
+        """`tell` takes the word that its eyes are others now."""
+        self._scene, self._tell = scene_of(setup), tell
+        self.robot = Robot()
+        self.things, self.markers = simulation.things(self._scene), simulation.markers(self._scene)
+        self.eye: Eye = simulation.receptor(self._scene, setup.eyes)
 
     def situation(self, kept: Remembered, felt: Felt) -> Situation:
         """Return what ex knows at the start of an act."""
@@ -65,9 +70,19 @@ class Stage:
             fingers=dict(felt.fingers),
             grips=dict(felt.grips),
             head=felt.head,
-            sights=self.eye.look(np.frombuffer(felt.world), neck) if felt.world else [],
+            sights=self._seen(np.frombuffer(felt.world), neck) if felt.world else [],
             time=felt.time,
         )
+
+    def _seen(self, world: Array, neck: Neck) -> list[Sight]:
+        """Look; where eyes by pixels cannot, by rays from now on."""
+        try:
+            return self.eye.look(world, neck)
+        except WorkerError as error:
+            self.eye.close()
+            self.eye = simulation.receptor(self._scene)
+            self._tell(ByRays(error.what))
+            return self.eye.look(world, neck)
 
 
 def remembered(here: Situation, epoch: str) -> Remembered:
@@ -95,7 +110,7 @@ def remembered(here: Situation, epoch: str) -> Remembered:
 
 def serve(link: Link) -> None:
     """Run one act after the other until the agent is gone."""
-    stage = Stage(link.recv(Setup))
+    stage = Stage(link.recv(Setup), link.send)
     word = link.recv(ToSkill)
     while True:
         word = _act(link, stage, word) if isinstance(word, Perform) else link.recv(ToSkill)

@@ -145,8 +145,8 @@ def search_plan(memory: Memory, turn: Turn) -> Memory:
             return replace(memory, result=plan)
         case Local(content=NotFound(attempt=attempt, reason=reason) as ended) if attempt == memory.attempt:
             return _no_plan(memory, reason, rejected=ended.rejected)
-        case Local(content=Died(code=code)):
-            return _no_plan(memory, f"the search ended unexpectedly (exit status {code})")
+        case Local(content=Died(reason=reason)):
+            return _no_plan(memory, f"the search ended unexpectedly: {reason}")
         case Started():
             return replace(memory, soft=Soft(lost=True))
         case _:

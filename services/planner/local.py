@@ -51,9 +51,9 @@ class NotFound(Message, frozen=True, omit_defaults=True):
 
 
 class Died(msgspec.Struct, frozen=True, tag=True):
-    """The child ended by itself with this exit status."""
+    """The child ended by itself, and why."""
 
-    code: int
+    reason: str
 
 
 ToSearch = Begin | Answer

@@ -45,6 +45,6 @@ class SearchDevice:
         self._post(word)
         self._busy = False
 
-    def _over(self, code: int) -> None:
-        self._post(Died(code))
+    def _over(self, reason: str) -> None:
+        self._post(Died(reason))
         self._busy = False

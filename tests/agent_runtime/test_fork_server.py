@@ -186,11 +186,11 @@ def test_a_worker_is_forked_where_there_is_a_server(forks: Forks, monkeypatch: p
     for name, value in forks.environment.items():
         monkeypatch.setenv(name, value)
     heard: queue.Queue[Any] = queue.Queue()
-    ends: queue.Queue[int] = queue.Queue()
+    ends: queue.Queue[str] = queue.Queue()
     worker = Worker("worker_entries:count", answers=At, on_message=heard.put, on_end=ends.put)
     for _ in counting(worker, heard, Count(2, b"x" * 100_000)):
         assert f"\nPPid:\t{forks.server.pid}\n" in Path(f"/proc/{worker.pid}/status").read_text()
-    assert ends.get(timeout=20) == 0
+    assert ends.get(timeout=20) == "exit status 0"
     worker.kill()
 
 

@@ -13,7 +13,7 @@ import pytest
 from worker_entries import At, Count, counting
 
 from agent_runtime.core.errors import WorkerError
-from agent_runtime.io.worker import Worker
+from agent_runtime.io.worker import REASON_CHARS, Worker
 
 pytestmark = pytest.mark.process
 
@@ -42,13 +42,13 @@ def runs(pid: int) -> bool:
 
 
 def test_talks_and_ends() -> None:
-    """Question and answer in order, long ones too; the end by itself is told with its code."""
+    """Question and answer in order, long ones too; the end by itself is told."""
     heard: queue.Queue[Any] = queue.Queue()
-    ends: queue.Queue[int] = queue.Queue()
+    ends: queue.Queue[str] = queue.Queue()
     worker = Worker("worker_entries:count", answers=At, on_message=heard.put, on_end=ends.put)
     for _ in counting(worker, heard, Count(3, b"x" * 1_000_000)):
         pass
-    assert ends.get(timeout=20) == 0
+    assert ends.get(timeout=20) == "exit status 0"
     worker.kill()
 
 
@@ -65,13 +65,28 @@ def test_tell_never_blocks() -> None:
     assert not worker.alive
 
 
-def test_end_with_code_and_unknown_entry() -> None:
-    """A child that fails, or cannot be found, is told by its exit code; a malformed entry is our own error."""
-    for entry, code in (("worker_entries:crash", 3), ("worker_entries:nobody", 1)):
-        ends: queue.Queue[int] = queue.Queue()
-        worker = Worker(entry, answers=At, on_message=lambda _: None, on_end=ends.put)
-        assert ends.get(timeout=20) == code
-        worker.kill()
+@pytest.mark.parametrize(
+    ("entry", "reason"),
+    [
+        ("raises", "ValueError: no way from here to there"),
+        ("nobody", "AttributeError: module 'worker_entries' has no attribute 'nobody'"),
+        ("crash", "exit status 3"),
+        ("shoot", "killed by SIGKILL"),
+        ("babble", "it said what is none of its answers: "),
+    ],
+)
+def test_why_a_child_ended_is_told(entry: str, reason: str) -> None:
+    """By its exception in a line of bounded length, else by how the process ended."""
+    ends: queue.Queue[str] = queue.Queue()
+    worker = Worker(f"worker_entries:{entry}", answers=At, on_message=lambda _: None, on_end=ends.put)
+    told = ends.get(timeout=20)
+    assert told.startswith(reason)
+    assert len(told) <= REASON_CHARS
+    worker.kill()
+
+
+def test_a_malformed_entry_is_our_own_error() -> None:
+    """Nothing is started."""
     with pytest.raises(WorkerError, match="names no function"):
         Worker("worker_entries", answers=At, on_message=lambda _: None)
 

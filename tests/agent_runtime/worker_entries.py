@@ -1,6 +1,7 @@
 """Functions that the workers of the tests run in their child process, and what a parent says to them."""
 
 import os
+import signal
 import time
 from collections.abc import Iterator
 from queue import Queue
@@ -56,3 +57,19 @@ def spin(link: Link) -> None:
 def crash(link: Link) -> None:
     """Die of an error."""
     raise SystemExit(3)
+
+
+def raises(link: Link) -> None:
+    """Die of an exception whose message has several long lines."""
+    raise ValueError("no way\n  from here to there " + "and back " * 100)
+
+
+def shoot(link: Link) -> None:
+    """Be killed."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def babble(link: Link) -> None:
+    """Say what is no answer."""
+    link.send(7)
+    link.recv(Go)

@@ -93,7 +93,7 @@ class Dying(Script):
     def tell(self, content: object) -> None:
         """Die at once."""
         if isinstance(content, Begin | Answer):
-            self._post(Died(9))
+            self._post(Died("MemoryError: too large"))
 
 
 def test_the_search_dies() -> None:
@@ -101,5 +101,5 @@ def test_the_search_dies() -> None:
     fleet = Fleet(search=lambda post: Dying(post, []))
     fleet.say("pour the jar into the bowl")
     assert fleet.finish() == ["failed"]
-    assert "exit status 9" in text(fleet)
+    assert "MemoryError: too large" in text(fleet)
     fleet.close()

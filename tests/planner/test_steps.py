@@ -111,7 +111,7 @@ def test_a_fact_goes_from_km_to_the_search() -> None:
 
 @pytest.mark.parametrize(
     ("event", "reason"),
-    [(NotFound(1, "no room"), "no room"), (Died(3), "exit status 3")],
+    [(NotFound(1, "no room"), "no room"), (Died("exit status 3"), "ended unexpectedly: exit status 3")],
 )
 def test_a_search_without_a_plan_fails_the_problem(event: Any, reason: str) -> None:
     """co is told why, the search is stopped, km forgets; pl is free for the next."""

@@ -1,7 +1,8 @@
 """A killable child process that talks msgspec Structs over a socket pair: the planner's search, the executor's skills.
 
 Parent: `Worker("package.module:function", answers=Union, on_message=post)`; `tell` never blocks (a thread writes),
-messages come by `on_message` on a thread that may only enqueue, `on_end(code)` says that the child ended. `kill` is at
+messages come by `on_message` on a thread that may only enqueue, `on_end(reason)` says that the child ended by itself,
+and why: its exception, the signal that killed it, or its exit status. `kill` is at
 once. Child: `function(link)` with the plain blocking `link.send(struct)` and `link.recv(Union)`. A child whose parent
 dies, however it dies, ends at once: it watches a second pipe that only the parent holds. Frames: <length u32 little
 endian><msgpack>. The child's environment and interpreter are the parent's; nothing is pickled and no module of the
@@ -11,6 +12,7 @@ parent's main is imported.
 import contextlib
 import importlib
 import os
+import signal
 import socket
 import struct
 import subprocess
@@ -27,6 +29,7 @@ from agent_runtime.io.one_reader import OneReaderQueue
 
 MODULE = "agent_runtime.io.worker"
 HEAD = struct.Struct("<I")
+REASON_CHARS = 300  # of an exception; the communicates that carry a reason have some hundred bytes
 T = TypeVar("T")
 
 
@@ -73,17 +76,17 @@ class Worker:
         *,
         answers: Any,
         on_message: Callable[[Any], None],
-        on_end: Callable[[int], None] | None = None,
+        on_end: Callable[[str], None] | None = None,
         nice: int = 0,
     ) -> None:
         """Start `entry` ("package.module:function"); `answers` is the union of Structs the child sends.
 
-        Raises WorkerError where `entry` is not of that form; a function that is not there shows as `on_end(1)`.
+        Raises WorkerError where `entry` is not of that form; a function that is not there shows by `on_end`.
         """
         if entry.count(":") != 1:
             raise WorkerError(entry, "names no function", "write package.module:function")
         self.entry = entry
-        self._decoder = msgspec.msgpack.Decoder(answers)
+        self._decoder = msgspec.msgpack.Decoder(answers | str)  # a str: the exception that ends it
         self._on_message, self._on_end = on_message, on_end
         ours, theirs = socket.socketpair()
         watched, self._lifeline = os.pipe()
@@ -134,21 +137,26 @@ class Worker:
                 return
 
     def _read(self) -> None:
+        reason = ""
         try:
             while True:
                 message = self._decoder.decode(self._link.recv_bytes())
                 if self._muted.is_set():
                     return
-                self._on_message(message)
+                if isinstance(message, str):
+                    reason = message
+                else:
+                    self._on_message(message)
         except (EOFError, OSError):
             pass
         except msgspec.DecodeError as error:
-            sys.stderr.write(f"worker {self.entry!r} said what is none of its answers: {error}; it is stopped\n")
+            reason = f"it said what is none of its answers: {error}"
+            sys.stderr.write(f"worker {self.entry!r}: {reason}; it is stopped\n")
             self._process.kill()
         code = self._process.wait()
         self._outgoing.put(None)
         if self._on_end is not None and not self._muted.is_set():
-            self._on_end(code)
+            self._on_end(reason or _ended(code))
 
 
 def _started(entry: str, end: int, lifeline: int, nice: int) -> "subprocess.Popen[bytes] | Forked":
@@ -159,6 +167,11 @@ def _started(entry: str, end: int, lifeline: int, nice: int) -> "subprocess.Pope
         return forked
     command = [sys.executable, "-m", MODULE, *words]
     return subprocess.Popen(command, pass_fds=(end, lifeline), stdin=subprocess.DEVNULL)
+
+
+def _ended(code: int) -> str:
+    """Return how a process ended that said nothing of it."""
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
 
 
 def _end_with_parent(lifeline: int) -> None:
@@ -175,8 +188,14 @@ def main(arguments: list[str]) -> None:
         os.nice(nice)
     module, function = entry.split(":")
     link = Link(socket.socket(fileno=end))
-    with contextlib.suppress(EOFError, BrokenPipeError):  # the parent has no more questions
+    try:
         getattr(importlib.import_module(module), function)(link)
+    except (EOFError, BrokenPipeError):  # the parent has no more questions
+        pass
+    except Exception as error:  # any child, any reason
+        with contextlib.suppress(OSError):
+            link.send(f"{type(error).__name__}: {' '.join(str(error).split())}"[:REASON_CHARS])
+        raise
 
 
 if __name__ == "__main__":

@@ -167,7 +167,7 @@ def test_a_subscription_is_refused_at_rest() -> None:
     ("event", "reason"),
     [
         (Local(Lost(1, "no loop")), "no loop"),
-        (Local(Crashed(3)), "exit status 3"),
+        (Local(Crashed("OSError: no room")), "process ended: OSError: no room"),
         (Tick(), f"no motion in {SKILL_WITHIN_S:g} s"),
     ],
 )
