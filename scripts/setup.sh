@@ -138,7 +138,7 @@ check_libraries() {
 import importlib
 import sys
 
-packages = {"libgomp.so": "libgomp1", "libstdc++.so": "libstdc++6", "libGL.so": "libgl1", "libEGL.so": "libegl1"}
+packages = {"libgomp.so": "libgomp1", "libstdc++.so": "libstdc++6"}
 failed = False
 for module in ("numpy", "zenoh", "pinocchio", "coal", "ompl", "mujoco", "cv2", "rerun"):
     try:
@@ -149,16 +149,11 @@ for module in ("numpy", "zenoh", "pinocchio", "coal", "ompl", "mujoco", "cv2", "
         print(f"{module} cannot be imported: {error}", file=sys.stderr)
         if debian:
             print(f"  Debian: apt install {debian}", file=sys.stderr)
-try:
-    from velma.sim import gl
+from velma.sim import gl
 
-    seen = gl.found()
-except (AttributeError, ImportError, OSError) as error:
-    seen = ""
-    print(f"OpenGL cannot be looked for: {error}", file=sys.stderr)
-if not seen:  # only pictures of the head camera, and seeing by them, need it
-    print("no OpenGL without a display: there are no pictures of the head camera, and the robot sees by rays (docs/eyes.md)", file=sys.stderr)
-    print("  Debian: apt install libegl1 libegl-mesa0 libgl1-mesa-dri, or apt install libosmesa6", file=sys.stderr)
+if why := gl.lost():  # only pictures of the head camera, and seeing by them, need it
+    print("no pictures of the head camera, and the robot sees by rays (docs/eyes.md):", file=sys.stderr)
+    print(f"  {why}", file=sys.stderr)
 sys.exit(failed)
 PYTHON
 }

@@ -5,7 +5,7 @@ VelmaError
     MotionError     a motion that the loop must not start
     SlotError       the shared file is not of this version
     BackendError    there is no back-end of this name
-    GlError         no OpenGL library can draw without a display
+    GlError         OpenGL does not draw without a display
 """
 
 
@@ -46,10 +46,12 @@ class BackendError(VelmaError):
 
 
 class GlError(VelmaError):
-    """No OpenGL library that draws without a display works here."""
+    """OpenGL does not draw without a display here, and `why`."""
 
-    REMEDY = "Debian: apt install libegl1 libegl-mesa0 libgl1-mesa-dri, or apt install libosmesa6"
+    PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
+    """All that is needed on Debian 12 and 13, both tried from scratch. Who names them elsewhere names all (a test)."""
+    REMEDY = f"Debian (Ubuntu has the same names, not tried): apt install {PACKAGES}"
 
-    def __init__(self, tried: str) -> None:
-        self.tried = tried
-        super().__init__(f"OpenGL: none of {tried} works here, the head camera needs one; {self.REMEDY}")
+    def __init__(self, why: str) -> None:
+        self.why = why
+        super().__init__(f"OpenGL does not draw here: {why}; {self.REMEDY}")

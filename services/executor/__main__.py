@@ -9,16 +9,15 @@ from agent_runtime.io.devices import Post
 from agent_runtime.io.options import USAGE_ERROR, Options
 from companion.binding import wiring
 from companion.design import AgentName
-from companion.eyes import VARIABLE, Eyes, eyes
+from companion.eyes import VARIABLE, eyes
 from companion.run_files import SLOTS_FILE
 from services.executor.behaviours import agent
 from services.executor.device import RobotDevice
-from services.executor.local import Setup
+from services.executor.local import ByRays, Setup
 from services.executor.loop_device import LoopDevice
 from services.executor.pictures import Pictures
 from services.executor.skill_device import SkillDevice
 from services.executor.telemetry import Telemetry
-from velma.errors import GlError
 from velma.sim import gl
 
 
@@ -27,17 +26,16 @@ def serve(options: Options) -> int:
     ROCO_EYES the eyes."""
     slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS_FILE)
     try:
-        asked = os.environ.get(VARIABLE, "")
-        seeing = eyes(asked, gl.found)
-        if asked and seeing is Eyes.PIXELS:
-            gl.required()
-    except (ValueError, GlError) as error:
+        seeing, why = eyes(os.environ.get(VARIABLE, ""), gl.lost)
+    except ValueError as error:
         sys.stderr.write(f"executor: {error}\n")
         return USAGE_ERROR
     setup = Setup(scene=str(options.scene or ""), seed=options.seed, eyes=seeing)
 
     def device(post: Post) -> RobotDevice:
-        telemetry = Telemetry(post, slots, Pictures(post, setup))
+        if why:
+            post(ByRays(why))
+        telemetry = Telemetry(post, slots, Pictures(post, setup, blind=bool(why)))
         return RobotDevice(SkillDevice(post, setup), LoopDevice(post, slots), telemetry)
 
     return shell.run(agent(), wiring(AgentName.EX, options.system), options, device)

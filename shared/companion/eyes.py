@@ -14,13 +14,17 @@ class Eyes(StrEnum):
     PIXELS = "pixels"
 
 
-def eyes(asked: str, opengl: Callable[[], object]) -> Eyes:
-    """Return the eyes of this name; for "" pixels where `opengl` returns true, else rays. Raise ValueError for another.
+def eyes(asked: str, lost: Callable[[], str]) -> tuple[Eyes, str]:
+    """Return the eyes of this name, for "" pixels where they can be had; and why not, where they are rays for that.
 
-    Eyes that were asked for are returned whether OpenGL is there or not.
+    `lost` tells why nothing can be drawn, "" where something can. Raise ValueError where pixels were asked for that
+    cannot be had, and for another name.
     """
     if asked and asked not in list(Eyes):
         raise ValueError(f"{VARIABLE}={asked}: there are eyes {', '.join(Eyes)}")
-    if asked:
-        return Eyes(asked)
-    return Eyes.PIXELS if opengl() else Eyes.RAYS
+    if asked == Eyes.RAYS:
+        return Eyes.RAYS, ""
+    why = lost()
+    if asked and why:
+        raise ValueError(why)
+    return (Eyes.RAYS if why else Eyes.PIXELS), why

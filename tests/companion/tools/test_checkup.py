@@ -4,15 +4,22 @@ import pytest
 
 from companion.tools.verbs.checkup import CHECKS
 from operate.cli.fleet.checkup import Level
+from velma.errors import GlError
 from velma.sim import gl
 
 
-def test_opengl_is_named_or_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its library where it draws here; without it a note, since all but the camera works."""
+@pytest.mark.needs_opengl
+def test_the_library_that_draws_is_named() -> None:
+    """It drew."""
     (there,) = CHECKS.machine["OpenGL"]()
     assert there.level is Level.FINE
-    assert gl.found() in there.what
-    monkeypatch.setenv("MUJOCO_GL", "off")
+    assert there.what.startswith((gl.EGL, gl.OSMESA))
+
+
+@pytest.mark.usefixtures("no_opengl")
+def test_what_is_in_the_way_of_drawing_is_a_note() -> None:
+    """With what to install, and no more than a note, since all but the camera works."""
     (gone,) = CHECKS.machine["OpenGL"]()
     assert gone.level is Level.NOTE
-    assert "libosmesa6" in gone.remedy
+    assert "libEGL.so.1: file too short" in gone.what
+    assert GlError.PACKAGES in gone.remedy

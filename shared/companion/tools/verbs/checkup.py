@@ -67,11 +67,11 @@ def _paced(measured: pace.Pace | None, remedy: str) -> Iterator[Check]:
 
 def opengl() -> Iterator[Check]:
     """Whether the head camera's pictures can be drawn here."""
-    if name := gl.found():
-        yield Check("OpenGL", Level.FINE, f"{name} draws without a display")
-    else:
-        lost = "none without a display: no pictures of the head camera, no eyes by pixels"
-        yield Check("OpenGL", Level.NOTE, lost, GlError.REMEDY)
+    try:
+        yield Check("OpenGL", Level.FINE, f"{gl.required()} draws without a display")
+    except GlError as error:
+        lost = f"{error.why}: no pictures of the head camera, no eyes by pixels"
+        yield Check("OpenGL", Level.NOTE, lost, error.REMEDY)
 
 
 def library() -> Iterator[Check]:

@@ -22,7 +22,6 @@ from operate.cli.output import Form, Format, problems, waiting
 from operate.cli.seeds import Seed
 from operate.cli.terminal.watch import Watch
 from operate.system import here
-from velma.errors import GlError
 from velma.sim import gl
 
 DemoRate = Annotated[
@@ -92,13 +91,11 @@ def _see(asked: Eyes | None, form: Form) -> None:
         os.environ[VARIABLE] = asked
     words = os.environ.get(VARIABLE, "")
     try:
-        seeing = named(words, gl.found)
-        if words and seeing is Eyes.PIXELS:
-            gl.required()
-    except (ValueError, GlError) as error:
+        _, why = named(words, gl.lost)
+    except ValueError as error:
         raise UsageError(str(error)) from None
-    if not words and seeing is Eyes.RAYS and form is Format.TEXT:
-        typer.echo(f"eyes by rays: {gl.missing()}", err=True)
+    if why and form is Format.TEXT:
+        typer.echo(f"eyes by rays: {why}", err=True)
 
 
 def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:
