@@ -14,10 +14,14 @@ why it failed at first is printed, whatever became of it.
 import os
 import signal
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from velma.errors import GlError
+from velma.sim import gl
 
 settings.register_profile(
     "any machine",
@@ -49,6 +53,28 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for item in items:
             if item.get_closest_marker("zenoh") or item.get_closest_marker("process"):
                 item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+@cache
+def opengl_lost() -> str:
+    """Return why nothing can be drawn here; asked once in each process of the tests."""
+    return gl.lost()
+
+
+@pytest.fixture
+def no_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that are started now cannot load what draws: files of those names come first."""
+    for library in gl.LIBRARIES.values():
+        (tmp_path / library).touch()
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Tests that draw are skipped where the product says that it cannot draw."""
+    if item.get_closest_marker("needs_opengl") and opengl_lost():
+        pytest.skip(f"needs OpenGL without a display (Debian: apt install {GlError.PACKAGES})")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -69,6 +69,7 @@ def test_rays_show_how_far_each_leaf_is_open(rays: Eye, open_by: tuple[float, fl
     assert [angle(seen, name) for name in OPENS] == pytest.approx(open_by, abs=math.radians(0.5))
 
 
+@pytest.mark.needs_opengl
 @pytest.mark.process
 @pytest.mark.timeout(180)
 @pytest.mark.parametrize("open_by", [(0.0, 0.0), (0.0, 1.5), (1.5, 0.0), (1.5, 1.5)])

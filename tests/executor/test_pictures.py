@@ -73,6 +73,7 @@ def eye(screen: Screen) -> Iterator[Pictures]:
     made.close()
 
 
+@pytest.mark.needs_opengl
 def test_a_picture_is_what_the_camera_sees_in_the_least_of_priorities(screen: Screen, eye: Pictures) -> None:
     """Of that very state; some kilobytes; and while one is under way no other is begun."""
     assert eye.offer(7.5, WORLD, now=100.0)
@@ -89,6 +90,7 @@ def test_a_picture_is_what_the_camera_sees_in_the_least_of_priorities(screen: Sc
     assert os.getpriority(os.PRIO_PROCESS, child.pid) == 19
 
 
+@pytest.mark.needs_opengl
 def test_markers_that_are_found_in_it_are_told(screen: Screen, eye: Pictures) -> None:
     """Looking into the cabinet those of jar, bowl and cabinet, each where its thing is in the smaller picture."""
     jar = load().find("jar_1")
@@ -105,6 +107,7 @@ def test_markers_that_are_found_in_it_are_told(screen: Screen, eye: Pictures) ->
     assert np.ptp(corners[:4], axis=0).max() == pytest.approx(0.026 / 0.8 * 693 / SHRINK, rel=0.4)
 
 
+@pytest.mark.needs_opengl
 def test_only_what_moved_is_looked_at_again(screen: Screen, eye: Pictures) -> None:
     """Not twice within PICTURE_S; at rest after AGAIN_S only."""
     moved = WORLD.copy()
@@ -125,6 +128,7 @@ def test_a_back_end_without_a_world_gets_no_child(eye: Pictures) -> None:
     assert eye._child is None
 
 
+@pytest.mark.needs_opengl
 def test_a_child_that_died_is_replaced_after_a_pause(screen: Screen, eye: Pictures) -> None:
     """However it died; not at once, lest one that always dies keeps the machine busy."""
     assert eye.offer(0.0, WORLD, now=100.0)
@@ -141,6 +145,7 @@ def test_a_child_that_died_is_replaced_after_a_pause(screen: Screen, eye: Pictur
     assert screen.next().sim_time_s == 1.0
 
 
+@pytest.mark.needs_opengl
 def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
     """Nobody waits for it meanwhile."""
     assert eye.offer(0.0, WORLD, now=100.0)
@@ -156,9 +161,9 @@ def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
     assert len(screen.found) == 1
 
 
-def test_without_opengl_no_child_is_started_again(eye: Pictures, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It says so and ends; another one would find as little."""
-    monkeypatch.setenv("MUJOCO_GL", "off")
+@pytest.mark.usefixtures("no_opengl")
+def test_without_opengl_no_child_is_started_again(eye: Pictures, capsys: pytest.CaptureFixture[str]) -> None:
+    """It ends without a picture, and another one would: that is said once, with its exception."""
     assert eye.offer(0.0, WORLD, now=100.0)
     child = eye._child
     assert child is not None
@@ -167,6 +172,16 @@ def test_without_opengl_no_child_is_started_again(eye: Pictures, monkeypatch: py
         threading.Event().wait(0.01)
     assert not child.alive
     assert not eye.offer(1.0, WORLD + 1.0, now=100.0 + 10 * PAUSE_S)
+    said = capsys.readouterr().err
+    assert said.startswith("no pictures of the robot: GlError: OpenGL does not draw here: ")
+    assert "libEGL.so.1: file too short" in said
+
+
+def test_where_nothing_can_be_drawn_no_child_is_started(screen: Screen) -> None:
+    """ex knows it from its start."""
+    made = Pictures(screen, Setup(), blind=True)
+    assert not made.offer(0.0, WORLD, now=100.0)
+    assert made._child is None
 
 
 def test_the_agent_does_not_load_the_simulator_for_it() -> None:

@@ -1,12 +1,15 @@
 """Gate (b): all six agents in memory, with the true search, the true skills, the true loop and simulated physics."""
 
+import os
 import re
+import signal
 from pathlib import Path
 
 import pytest
 from called_loop import CalledLoop
 from pretended_fleet import Fleet
 
+from agent_runtime.core.effects import Effects
 from agent_runtime.io.devices import Post
 from companion.eyes import Eyes
 from companion.languages import SW, sw
@@ -40,7 +43,7 @@ class TrueFleet(Fleet):
 
 @pytest.mark.long
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("eyes", list(Eyes))
+@pytest.mark.parametrize("eyes", [Eyes.RAYS, pytest.param(Eyes.PIXELS, marks=pytest.mark.needs_opengl)])
 def test_six_agents_pour(eyes: Eyes) -> None:
     """Plan #1, Replan, plan #2: the content is in the bowl, the jar in the left hand, the bowl upright."""
     fleet = TrueFleet(SEED, eyes)
@@ -57,6 +60,7 @@ def test_six_agents_pour(eyes: Eyes) -> None:
         fleet.close()
 
 
+@pytest.mark.needs_opengl
 @pytest.mark.long
 @pytest.mark.timeout(600)
 def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path) -> None:
@@ -74,6 +78,45 @@ def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path)
         assert "the rest is not there" in words(fleet)
     finally:
         fleet.close()
+
+
+@pytest.mark.process
+@pytest.mark.needs_opengl
+@pytest.mark.timeout(200)
+def test_when_drawing_is_lost_the_robot_goes_on_by_rays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The libraries break and the eye's process dies: no task fails, and it is said once, whoever dies later."""
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    fleet, said = TrueFleet(SEED, Eyes.PIXELS), list[str]()
+
+    def hear(agent: str, effects: Effects) -> None:
+        said.extend(line.fields["reason"] for line in effects.logs if line.event == "sees by rays")
+
+    fleet.wires.on_step = hear
+    try:
+        fleet.say("look around")
+        assert fleet.finish() == ["done"], fleet.tasks
+        assert said == []
+        for library in ("libEGL.so.1", "libOSMesa.so.8"):
+            (tmp_path / library).touch()
+        skills = fleet.wires.nodes["ex"].device.skills
+        for count, victim in ((2, children(skills._child.pid)[0]), (3, skills._child.pid)):
+            os.kill(victim, signal.SIGKILL)
+            fleet.say("look around")
+            assert fleet.finish(count) == ["done"] * count, fleet.tasks
+            assert len(said) == 1
+        assert "GlError" in said[0]
+        assert "libEGL.so.1: file too short" in said[0]
+        assert children(skills._child.pid) == []
+    finally:
+        fleet.close()
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    return [
+        int(word) for task in Path(f"/proc/{pid}/task").iterdir() for word in (task / "children").read_text().split()
+    ]
 
 
 def words(fleet: TrueFleet) -> str:

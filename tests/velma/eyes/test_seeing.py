@@ -20,6 +20,8 @@ from velma.sim.head_camera import HeadCamera
 from velma.sim.markings import marked
 from velma.sim.mujoco_backend import MujocoBackend
 
+pytestmark = pytest.mark.needs_opengl
+
 NOISE = 5.0
 
 

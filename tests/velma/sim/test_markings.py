@@ -93,6 +93,7 @@ def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
     made.camera.close()
 
 
+@pytest.mark.needs_opengl
 def test_each_marker_is_read_where_it_is_and_upright(stand: Stand) -> None:
     """Number and order of corners: no plate is mirrored, turned, or below the surface it lies on."""
     away = AWAY_M if (stand.markers[0].corners - AT).max() > 0.15 else NEAR_M
