@@ -11,7 +11,7 @@ from agent_runtime.core.control import KIND, Command, SetParameter
 from agent_runtime.io import message_size
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.sessions import open_client
+from agent_runtime.io.sessions import close, open_client
 from companion.autonomy import STEP, Verb, Word
 from companion.design import DESIGN, AgentName
 from services.page.robot_eye import IDENTITY
@@ -36,5 +36,5 @@ class RobotWord:
             return False
         order = SetParameter(STEP, str(Word(Verb.GO, at)))
         message_size.put(session, self._key, msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)))
-        session.close()  # type: ignore[no-untyped-call]
+        close(session)
         return True

@@ -1,4 +1,4 @@
-"""The queue of one reader: nothing lost, nothing out of order, no wait without an end, safe in signal handlers."""
+"""The queue and the event of one reader: nothing lost, nothing out of order, waits end, safe in signal handlers."""
 
 import itertools
 import signal
@@ -7,12 +7,13 @@ import threading
 import time
 from contextlib import suppress
 from queue import Empty
+from types import FrameType
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.one_reader import OneReaderEvent, OneReaderQueue
 
 ROUNDS = 50_000  # SimpleQueue of CPython 3.11 hangs in this loop after 0 to 10,026 of them
 
@@ -126,3 +127,39 @@ def test_a_signal_handler_puts_amid_put_and_get() -> None:
     while len(queue):
         heard += queue.get() == "signal"
     assert heard == len(put) > 100
+
+
+def lines_of_a_wait(event: OneReaderEvent, interrupted_at: int) -> int:
+    """Wait for an event that a signal's handler sets; the signal comes at this line of the wait. Return its lines."""
+    count = 0
+
+    def trace(frame: FrameType, what: str, _: object) -> object:
+        nonlocal count
+        if what == "line":
+            count += 1
+            if count == interrupted_at:
+                signal.raise_signal(signal.SIGUSR1)
+        return trace
+
+    before = signal.signal(signal.SIGUSR1, lambda *_: event.set())
+    sys.settrace(trace)
+    try:
+        event.wait(0.01)
+    finally:
+        sys.settrace(None)
+        signal.signal(signal.SIGUSR1, before)
+    return count
+
+
+@pytest.mark.timeout(20)
+def test_a_signal_handler_sets_an_event_at_any_line_of_its_wait() -> None:
+    """threading.Event waits for itself for ever at some of them."""
+    event = OneReaderEvent()
+    lines = lines_of_a_wait(event, 0)
+    assert lines > 5
+    assert not event.is_set()
+    for line in range(1, lines + 1):
+        event = OneReaderEvent()
+        lines_of_a_wait(event, line)
+        assert event.is_set()
+        assert event.wait(60.0)

@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import re
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from guarded import SYSTEM, Guarded
 from agent_runtime.io import sessions, tap
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.sessions import client_config, open_client, router_config
+from agent_runtime.io.sessions import client_config, close, open_client, router_config
 from agent_runtime.testing import stand_in
 from companion.binding import wiring
 
@@ -125,3 +126,25 @@ def test_whoever_opens_a_session_is_a_client(guarded: Guarded, tmp_path: Path, m
         assert json.loads(config.get_json("connect/endpoints")) == [guarded.endpoint]
     for one in opened:
         one.close()
+
+
+class Stuck:
+    """A session that does not close before it is let go."""
+
+    def __init__(self) -> None:
+        self.let_go = threading.Event()
+
+    def close(self) -> None:
+        """As Zenoh's, without a limit."""
+        self.let_go.wait()
+
+
+def test_a_session_that_does_not_close_holds_nobody_up(capfd: pytest.CaptureFixture[str]) -> None:
+    """It is left, and that is said."""
+    stuck = Stuck()
+    try:
+        assert not close(stuck, 0.05)  # type: ignore[arg-type]
+        assert "the Zenoh session has not closed within 0.05 s" in capfd.readouterr().err
+    finally:
+        stuck.let_go.set()
+    assert close(stuck)  # type: ignore[arg-type]

@@ -1,7 +1,6 @@
 """Serving as the fleet's router: the body of services.router, here because only this package speaks Zenoh."""
 
 import signal
-import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -10,11 +9,12 @@ from typing import Any
 import zenoh
 
 from agent_runtime.io.logs import Log
+from agent_runtime.io.one_reader import OneReaderEvent
 from agent_runtime.io.options import Options
 from agent_runtime.io.pulse import PERIOD_S, Pulse
 from agent_runtime.io.run_files import make_run
 from agent_runtime.io.secured import REVOKED, KeysError, granted, key_file, revoked, rights_of, router_tls
-from agent_runtime.io.sessions import open_router
+from agent_runtime.io.sessions import close, open_router
 
 KEYS_S = 10.0
 """Keys take a tenth of a second to make; some seconds on a machine that is busy with much else (measured)."""
@@ -29,7 +29,7 @@ def serve(options: Options) -> int:
     run = options.run_dir
     make_run(run)
     log = Log(options.name, options.log_level, run / "logs" / f"{options.name}.jsonl")
-    ended = threading.Event()
+    ended = OneReaderEvent()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
     ready, pulse = run / f"{options.name}.ready", Pulse(run, options.name)
@@ -46,7 +46,7 @@ def serve(options: Options) -> int:
     return 0
 
 
-def _listen(options: Options, log: Log, ready: Path, pulse: Pulse, ended: threading.Event) -> None:
+def _listen(options: Options, log: Log, ready: Path, pulse: Pulse, ended: OneReaderEvent) -> None:
     """Be the router until the end is asked for, or other keys are there. Raises zenoh.ZError, KeysError."""
     keys = _awaited(options, pulse, ended)
     if ended.is_set():
@@ -63,7 +63,7 @@ def _listen(options: Options, log: Log, ready: Path, pulse: Pulse, ended: thread
     if not ended.is_set():
         log.write("the keys were renewed, or one was revoked")
     told.undeclare()
-    session.close()  # type: ignore[no-untyped-call]
+    close(session)
 
 
 def _tell_ready(ready: Path, options: Options) -> None:
@@ -73,7 +73,7 @@ def _tell_ready(ready: Path, options: Options) -> None:
             ready.write_text(options.listen)
 
 
-def _awaited(options: Options, pulse: Pulse, ended: threading.Event) -> tuple[int, int] | None:
+def _awaited(options: Options, pulse: Pulse, ended: OneReaderEvent) -> tuple[int, int] | None:
     """The age of the keys, which may be in the making."""
     until = time.monotonic() + KEYS_S
     while options.keys is not None and _age(options) is None and time.monotonic() < until and not ended.wait(0.01):

@@ -9,6 +9,8 @@ All measured with eclipse-zenoh 1.10.2.
 import ctypes
 import json
 import socket
+import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -32,6 +34,8 @@ The router must lose its patience well before a client does: while it waits for 
 the sender either. With 500 ms at both the sender's session was closed, and a healthy receiver got 45, 88, 150 of 150
 messages of 852 kB; so all 150, three times (measured).
 """
+CLOSE_S = 3.0
+"""For a session to close; estimate: it takes some ms, and the supervisor kills an agent that needs more than 5 s."""
 OPEN_MS = LEASE_MS
 """Longest try of one of two routers. One that hangs still takes connections, and Zenoh's 10 s would be waited for
 before the other is tried: 4 instead of 12 s of silence where the first one of the list hangs (measured).
@@ -157,6 +161,21 @@ def open_client(
             tries.failed()
             time.sleep(every_s)  # a try without a router ends after 6 ms
     return None
+
+
+def close(session: zenoh.Session, within_s: float = CLOSE_S) -> bool:
+    """Close a session; return False, and say so on standard error, where that has not ended in time.
+
+    Zenoh waits without a limit for its tasks and callbacks; the process goes on, to its journal and its reports.
+    """
+    closing = threading.Thread(target=session.close, name="close", daemon=True)
+    closing.start()
+    closing.join(within_s)
+    if closing.is_alive():
+        print(
+            f"the Zenoh session has not closed within {within_s:g} s; it is left as it is", file=sys.stderr, flush=True
+        )
+    return not closing.is_alive()
 
 
 def free_endpoint() -> str:

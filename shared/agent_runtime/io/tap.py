@@ -13,7 +13,7 @@ import zenoh
 from agent_runtime.core.wiring import HOUSE, service_key
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
-from agent_runtime.io.sessions import open_client
+from agent_runtime.io.sessions import close, open_client
 
 RECORDER = "monitor"
 """The identity that hears everything, where there are keys."""
@@ -102,7 +102,7 @@ class Tap:
 
     def close(self) -> None:
         """Hear no more."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        close(self._session)
 
 
 class Ear:
@@ -115,7 +115,7 @@ class Ear:
 
     def close(self) -> None:
         """Hear no more."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        close(self._session)
 
 
 def open_ear(

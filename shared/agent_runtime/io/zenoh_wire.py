@@ -18,6 +18,7 @@ from agent_runtime.core.wiring import Delivery, Wiring, life, parse_life, servic
 from agent_runtime.io.inbox import Class
 from agent_runtime.io.incoming import NAMELESS, Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token
 from agent_runtime.io.message_size import put
+from agent_runtime.io.sessions import close
 from fipa_codec.communicate import Communicate, encode
 
 BULK_BYTES = 16 * 1024
@@ -132,7 +133,7 @@ class ZenohWire:
 
     def close(self) -> None:
         """Close the session; the token vanishes at once."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        close(self._session)
         self._declared.clear()
 
     def _put(self, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None) -> None:

@@ -67,13 +67,16 @@ class Shell:
 
     def serve(self) -> None:
         """Run the fleet until SIGTERM or SIGINT, and to the end of the last process."""
+        caught_signals: list[int] = []  # a handler that sets the event could wait for ever: one_reader.py
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: self.end_asked.set())
+            signal.signal(number, lambda caught, _: caught_signals.append(caught))
         folder.pid_file(self.run, NAME).write_text(f"{os.getpid()}\n")
         pulse, ready = Pulse(self.run, NAME), folder.ready_file(self.run, NAME)
         ready.touch()
         while not self.fleet.ended:
             pulse.beat()
+            if caught_signals:
+                self.end_asked.set()
             self.step(time.monotonic())
             self.end_asked.wait(core.PERIOD_S) if not self.fleet.stopping else time.sleep(core.PERIOD_S)
         for file in (ready, pulse.file, folder.pid_file(self.run, NAME)):

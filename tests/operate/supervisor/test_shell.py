@@ -5,9 +5,11 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FrameType
 
 import msgspec
 import pytest
@@ -198,3 +200,34 @@ def test_what_a_process_prints_takes_bounded_space(tmp_path: Path, monkeypatch: 
         printed.write(b"after")
     assert file.read_bytes() == b"after"
     assert (tmp_path / "co.log.1").read_bytes() == b"x" * 1000 + b"y"
+
+
+LINES = 40  # of two waits
+
+
+@pytest.mark.timeout(30)
+def test_a_signal_ends_it_at_any_line_of_its_wait(start: Callable[..., Shell]) -> None:
+    """The handler runs in the thread that waits, which may hold a lock."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        for line in range(1, LINES + 1):
+            left = line
+
+            def trace(frame: FrameType, what: str, _: object) -> object:
+                nonlocal left
+                if what == "line" and frame.f_code.co_filename == threading.__file__:
+                    left -= 1
+                    if left == 0:
+                        signal.raise_signal(signal.SIGTERM)
+                return trace
+
+            shell = start()
+            sys.settrace(trace)
+            try:
+                shell.serve()
+            finally:
+                sys.settrace(None)
+            assert shell.fleet.ended
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
