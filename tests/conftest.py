@@ -8,14 +8,26 @@ Every module is compiled once for all processes that tests start, also where the
 A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
 has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.
 A test of real processes that fails is tried once more, no other; its name is added to the file ROCO_SECOND_TRIES, and
-why it failed at first is printed, whatever became of it.
+why it failed at first is printed, whatever became of it. Of the processes that it had then, the stacks and the run
+folders are kept below KEPT: of those that it started, by the variable TESTS_STACKS, which they inherit.
+Why a test is skipped is told in one form (NEEDS); the file ROCO_SKIPPED gets the name of each, a tab, and the reason.
 """
 
+import faulthandler
 import os
+import re
+import shutil
 import signal
+import subprocess
 import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -37,6 +49,17 @@ os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = BYTECODE
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 os.environ["DOCKER_HOST"] = "unix:///nowhere"
+STACKS = f"{tempfile.gettempdir()}/roco-tests-{os.getpid()}.stacks"
+os.environ["TESTS_STACKS"] = STACKS
+AT_START = str(Path(__file__).with_name("at_start"))
+if AT_START not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
+    os.environ["PYTHONPATH"] = AT_START + (os.pathsep + os.environ["PYTHONPATH"] if "PYTHONPATH" in os.environ else "")
+KEPT = Path(__file__).parents[1] / ".venv/failed-tests"
+"""A folder for each test that failed while processes of it ran: its last failure."""
+NEEDS = re.compile(r"needs .+ \((Debian: apt install|as root|git clone).*\)")
+"""What is missing, and the package, the right or the command by which it is there."""
+STACKS_S = 1.0
+"""Longest wait for the stacks of a process; estimate: they are written by a signal handler, within milliseconds."""
 LINES = 30
 """Of a first failure that are printed; estimate: the assertion and where it stands."""
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -47,12 +70,138 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     Files with such tests begin first: at the end, workers wait for each other only as long as a short file takes.
     """
-    real = {item.path for item in items if item.get_closest_marker("zenoh") or item.get_closest_marker("process")}
+    real = {item.path for item in items if is_real(item)}
     items.sort(key=lambda item: item.path not in real)
     if config.pluginmanager.hasplugin("rerunfailures"):
-        for item in items:
-            if item.get_closest_marker("zenoh") or item.get_closest_marker("process"):
-                item.add_marker(pytest.mark.flaky(reruns=1))
+        for item in filter(is_real, items):
+            item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+def is_real(item: pytest.Item) -> bool:
+    """Whether a test starts processes."""
+    return any(item.get_closest_marker(name) is not None for name in ("zenoh", "process"))
+
+
+class Failing:
+    """The test that runs now; of one whose time is over, or that failed, what its processes do is kept."""
+
+    item: pytest.Item | None = None
+    told = ""
+
+    @classmethod
+    def keep(cls) -> None:
+        """Keep the stacks and run folders of all processes of the test, once for each try."""
+        if cls.item is None or cls.told or not is_real(cls.item) or not (processes := started()):
+            return
+        folder = KEPT / re.sub(r"[^\w.-]+", "-", cls.item.nodeid)[-150:]
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        with Path(STACKS).open("a", encoding="utf-8") as out:
+            for process in processes:
+                write_stacks(process, out)
+            faulthandler.dump_traceback(out)
+        shutil.move(STACKS, folder / "stacks.txt")
+        places = {run for process in processes if (run := variable(process, "ROCO_RUN_DIR"))}
+        for number, run in enumerate(sorted(places)):
+            with suppress(OSError, shutil.Error):  # files come and go, and sockets cannot be copied
+                shutil.copytree(run, folder / f"run-{number}", symlinks=True)
+        cls.told = f"stacks of {len(processes)} processes and {len(places)} run folders as they were: {folder}"
+
+
+def started() -> list[Path]:
+    """Return the folders in /proc of all processes that this one's tests started."""
+    found = [place for place in Path("/proc").glob("[0-9]*") if variable(place, "TESTS_STACKS") == STACKS]
+    return sorted(found, key=lambda place: int(place.name))
+
+
+def variable(process: Path, name: str) -> str:
+    """Return a variable with which a process was started; "" without it."""
+    with suppress(OSError):
+        for one in (process / "environ").read_bytes().split(b"\0"):
+            if one.startswith(f"{name}=".encode()):
+                return one.partition(b"=")[2].decode(errors="replace")
+    return ""
+
+
+def write_stacks(process: Path, out: Any) -> None:
+    """Write what a process is, where its threads wait in the kernel, and have it add its stacks of Python."""
+    with suppress(OSError):
+        words = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        status = (process / "status").read_text()
+        tasks = (process / "task").iterdir()
+        waits = [f"{(task / 'comm').read_text().strip()}: {(task / 'wchan').read_text()}" for task in tasks]
+        state = re.search(r"^State:\s+(.*)", status, re.MULTILINE)
+        out.write(f"\n=== {process.name} {words}\n{state and state[1]}; {', '.join(waits)}\n")
+        out.flush()
+        caught = re.search(r"^SigCgt:\s+(\w+)", status, re.MULTILINE)
+        if caught is None or not int(caught[1], 16) >> (signal.SIGUSR2 - 1) & 1:
+            return
+        size, until = os.path.getsize(STACKS), time.monotonic() + STACKS_S
+        os.kill(int(process.name), signal.SIGUSR2)
+        while (now := os.path.getsize(STACKS)) == size and time.monotonic() < until:
+            time.sleep(0.01)
+        while now != size and time.monotonic() < until:
+            time.sleep(0.01)
+            size, now = now, os.path.getsize(STACKS)
+
+
+def communicate(process: "subprocess.Popen[Any]", *arguments: Any, **options: Any) -> Any:
+    """Popen.communicate; where the time is over, who calls it kills the process next."""
+    try:
+        return plainly(process, *arguments, **options)
+    except subprocess.TimeoutExpired:
+        Failing.keep()
+        raise
+
+
+plainly = subprocess.Popen.communicate
+subprocess.Popen.communicate = communicate  # type: ignore[method-assign]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Each try has its own failure; tests that draw are skipped where the product says that it cannot draw."""
+    Failing.item, Failing.told = item, ""
+    if item.get_closest_marker("needs_opengl") and opengl_lost():
+        pytest.skip(f"needs OpenGL without a display (Debian: apt install {GlError.PACKAGES})")
+
+
+@pytest.hookimpl(hookwrapper=True, optionalhook=True)
+def pytest_timeout_set_timer() -> Iterator[None]:
+    """Keep what the processes do before pytest-timeout ends the test, and with it them."""
+    yield
+    ends = signal.getsignal(signal.SIGALRM)
+
+    def over(number: int, frame: FrameType | None) -> None:
+        Failing.keep()
+        if callable(ends):
+            ends(number, frame)
+
+    if callable(ends):
+        signal.signal(signal.SIGALRM, over)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Say where it is kept, and have no reason of a skip in another form."""
+    report: pytest.TestReport = (yield).get_result()  # type: ignore[misc]
+    if report.failed:
+        Failing.keep()
+    if report.failed and Failing.told:
+        report.sections.append(("kept", Failing.told))
+    if report.skipped and not hasattr(report, "wasxfail") and not NEEDS.search(reason(report)):
+        report.outcome = "failed"
+        report.longrepr = f"skipped for {reason(report)!r}; write what it needs and how to get it: {NEEDS.pattern}"
+
+
+def reason(report: Any) -> str:
+    """Return why a test was skipped."""
+    return str(report.longrepr[2]).removeprefix("Skipped: ") if isinstance(report.longrepr, tuple) else ""
+
+
+def pytest_unconfigure() -> None:
+    """Nobody asks for stacks any more."""
+    Path(STACKS).unlink(missing_ok=True)
 
 
 @cache
@@ -70,23 +219,20 @@ def no_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MUJOCO_GL", raising=False)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Tests that draw are skipped where the product says that it cannot draw."""
-    if item.get_closest_marker("needs_opengl") and opengl_lost():
-        pytest.skip(f"needs OpenGL without a display (Debian: apt install {GlError.PACKAGES})")
-
-
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Name what was tried twice, and why; of the workers and the process that started them, only that one does."""
+    """Name what was tried twice or skipped, and why: in the process that started the workers, not in them."""
     if "PYTEST_XDIST_WORKER" in os.environ:
         return
     failed = {report.nodeid for kind in ("failed", "error") for report in terminalreporter.stats.get(kind, ())}
-    twice: dict[str, str] = {one.nodeid: one.longreprtext for one in terminalreporter.stats.get("rerun", ())}
+    twice = {one.nodeid: one for one in terminalreporter.stats.get("rerun", ())}
     again = [name for name in twice if name not in failed]
-    for name, why in twice.items():
+    for name, first in twice.items():
         terminalreporter.section(f"{'passed' if name in again else 'failed'} at its second try: {name}")
-        terminalreporter.write_line("\n".join(why.splitlines()[-LINES:]))
+        terminalreporter.write_line("\n".join(first.longreprtext.splitlines()[-LINES:]))
+        terminalreporter.write_line(dict(first.sections).get("kept", ""))
     if again and (file := os.environ.get("ROCO_SECOND_TRIES")):
         with Path(file).open("a", encoding="utf-8") as names:
             names.writelines(f"{name}\n" for name in again)
+    if file := os.environ.get("ROCO_SKIPPED"):
+        skipped = terminalreporter.stats.get("skipped", ())
+        Path(file).write_text("".join(f"{one.nodeid}\t{reason(one)}\n" for one in skipped), encoding="utf-8")

@@ -114,7 +114,7 @@ def test_every_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.zenoh
 @pytest.mark.timeout(900)
-@pytest.mark.skipif(not has_gomp(), reason="pinocchio needs libgomp.so.1 (Debian: apt install libgomp1)")
+@pytest.mark.skipif(not has_gomp(), reason="needs libgomp.so.1 (Debian: apt install libgomp1)")
 def test_the_whole_product(tmp_path: Path) -> None:
     """`robot-companion[all]`: a new project is made and checked, the depot runs, and Velma pours."""
     place = Place(tmp_path)

@@ -11,7 +11,12 @@ import pytest
 
 from operate.wires import clocks
 
-pytestmark = [pytest.mark.process, pytest.mark.skipif(shutil.which(clocks.COMPILER) is None, reason="no C compiler")]
+pytestmark = [
+    pytest.mark.process,
+    pytest.mark.skipif(
+        shutil.which(clocks.COMPILER) is None, reason="needs a C compiler (Debian: apt install gcc libc6-dev)"
+    ),
+]
 TELLS = """
 import sys, time, threading
 for line in sys.stdin:

@@ -53,7 +53,7 @@ def test_a_folder_that_is_there_keeps_its_mode(open_place: Path) -> None:
 
 
 @pytest.mark.process
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can be somebody else")
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root (as root: scripts/test)")
 def test_another_user_is_refused(open_place: Path) -> None:
     """Neither the folder is listed nor the recording read, in it or beside it; the folder above is open."""
     run = open_place / "runs" / "one"

@@ -40,7 +40,7 @@ def page(house, connect):
 def browser():
     """Debian's Chromium; its driver has a loop of asyncio in this thread, which no other module's tests may meet."""
     if CHROMIUM is None:
-        pytest.skip("NO BROWSER: the page is not tested as people see it; apt-get install chromium")
+        pytest.skip("needs Chromium (Debian: apt install chromium)")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:

@@ -92,7 +92,10 @@ def verified(text, folder):
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not (shutil.which("spin") and shutil.which("gcc")), reason="spin and gcc give the second opinion")
+@pytest.mark.skipif(
+    not (shutil.which("spin") and shutil.which("gcc")),
+    reason="needs spin and gcc (Debian: apt install spin gcc libc6-dev)",
+)
 @pytest.mark.parametrize("name", MODELS)
 def test_spin_agrees(name, tmp_path):
     """States and verdict; in nets with faults a deadlock is an assertion as well."""

@@ -243,7 +243,10 @@ def test_a_flood_that_nobody_may_say_is_told(depot: Depot, words: tuple[str, ...
     assert depot.faults()[-1].began == 0.0
 
 
-@pytest.mark.skipif(shutil.which(clocks.COMPILER) is None, reason="no C compiler")
+@pytest.mark.skipif(
+    shutil.which(clocks.COMPILER) is None,
+    reason="needs a C compiler (Debian: apt install gcc libc6-dev)",
+)
 def test_the_clock_of_one_agent_is_stepped(depot: Depot) -> None:
     """A life goes on with even time, hears and is heard; one that begins meanwhile has the other time."""
 

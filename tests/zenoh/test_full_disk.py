@@ -76,7 +76,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(folder)]
     if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("needs a root who may mount: here RLIMIT_FSIZE alone is tried")
+        pytest.skip("needs the right to mount (as root, in a container with CAP_SYS_ADMIN: scripts/test)")
     yield folder
     subprocess.run(["umount", "-l", str(folder)], check=True)
 

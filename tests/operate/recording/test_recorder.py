@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+import zenoh
 from synthetic import Run
 
 from agent_runtime.io.sessions import client_config, free_endpoint
@@ -20,7 +21,6 @@ from operate.recording.recorder import NICENESS
 from operate.recording.records import Garbage, Resumed, Spoken
 from operate.run_folder import VIEW_FILE
 
-zenoh = pytest.importorskip("zenoh")
 pytestmark = pytest.mark.zenoh
 DEADLINE_S = 30.0
 

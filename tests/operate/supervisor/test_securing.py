@@ -164,7 +164,7 @@ def test_keys_that_were_given_are_left_alone(tmp_path: Path, monkeypatch: pytest
 def test_git_takes_no_key(tmp_path: Path) -> None:
     """Git ignores keys anywhere in the project; a copy without git has nothing to take."""
     if not (ROOT / ".git").exists():
-        pytest.skip("no git here")
+        pytest.skip("needs a clone (git clone; this is a copy without .git)")
     made = [f"some/where/{one.name}" for one in (keys(tmp_path).folder or tmp_path).iterdir() if one.suffix != ".json"]
     command = ["git", "check-ignore", "--no-index", *made]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=30.0, check=False)

@@ -35,7 +35,7 @@ def libraries(copy: Path) -> list[str]:
     return sorted(path.name for path in (copy / "velma/compiled").glob("*.so"))
 
 
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.skipif(COMPILER is None, reason="needs a C compiler (Debian: apt install gcc libc6-dev)")
 def test_changed_sources_are_built_again_and_the_old_library_goes(copy: Path) -> None:
     """Once for the same sources; the name is another one for others."""
     assert build(copy).returncode == 0

@@ -23,7 +23,10 @@ from velma.kinematics.robot import ROBOT_XML, Robot
 from velma.kinematics.shapes import Box, Cylinder, Sphere
 from velma.kinematics.spline import Spline
 
-pytestmark = pytest.mark.skipif(compiled.library() is None, reason="velma.compiled is not built: no C compiler")
+pytestmark = pytest.mark.skipif(
+    compiled.library() is None,
+    reason="needs velma.compiled (Debian: apt install gcc libc6-dev, then .venv/bin/python -m velma.compiled)",
+)
 MANY = settings(max_examples=60, deadline=None, phases=(Phase.explicit, Phase.generate))
 
 seeds = st.integers(0, 2**32 - 1)
