@@ -60,7 +60,7 @@ def test_in_the_dark():
 @pytest.mark.process
 @pytest.mark.parametrize("workers", [[], ["-n", "2"]], ids=["one process", "workers"])
 def test_of_a_failing_test_stacks_and_run_folder_are_kept(tmp_path: Path, workers: list[str]) -> None:
-    """Where its time is over, before anything of it is ended; and skips are counted by what they need."""
+    """Where its time is over, before anything of it is ended; and skips are told with what they need."""
     (tmp_path / "test_cases.py").write_text(CASES)
     skipped = tmp_path / "skipped"
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "TESTS_"))}
@@ -76,5 +76,7 @@ def test_of_a_failing_test_stacks_and_run_folder_are_kept(tmp_path: Path, worker
         assert "in stands_here" in stacks
         assert ("in is_waited_for" in stacks) is (name == "test_waits_in_vain")
         assert (folder / "run-0" / "fleet.json").exists()
-    assert skipped.read_text() == "      3 needs a moon (Debian: apt install moon)\n"
+    told = sorted(line.split("\t") for line in skipped.read_text().splitlines())
+    assert [name.rpartition("::")[2] for name, _ in told] == [f"test_of_the_moon[{night}]" for night in range(3)]
+    assert {why for _, why in told} == {"needs a moon (Debian: apt install moon)"}
     assert "skipped for 'no moon'; write what it needs and how to get it" in done.stdout
