@@ -1,16 +1,19 @@
 """Every verb of `roco` on systems that are not the robot: the depot, from `roco up` to `roco down`, and a new project.
 
 A copy outside the clone, so that only its pyproject.toml says which system it is. The table below has a row for every
-verb that serves any system.
+verb that serves any system. One fleet serves all rows in their order; each row can be called alone, and a second time.
 """
 
 import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,13 +23,15 @@ from toy_fleet import wait_for
 from operate.cli.verbs import GROUP, VERBS
 from operate.run_folder import LATEST, VERDICTS_FILE
 
-pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(300)]
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
 RUN = f"runs/{LATEST}"
 AGENTS = ("desk", "dispatcher", "traffic", "mule", "ox")
 CHANNELS = ("C2", "C4", "C5", "C6", "C7")
 FOREIGN = re.compile(r"\b(hi|co|pl|km|ta|ex|loop|velma|jar|bowl)\b", re.IGNORECASE)
 """Names of the robot's agents and things: where they are told of another system, a tool knows the robot."""
+CALL_S, END_S = 150.0, 30.0
+"""For a call, and for its end once it is interrupted. The supervisor ends a monitor that hangs after 120 s."""
 DELIVERED = 3
 """Orders that were carried out before anything is asked."""
 ORDER = '{"type":"Carry","item":"crate","source":"store","target":"press"}'
@@ -34,11 +39,20 @@ ACL = "(inform :sender (agent-identifier :name ox) :content full)"
 
 
 class Row(NamedTuple):
-    """A call of a verb: its words after the verb, the exit code, and what its output has."""
+    """A call of a verb: its words after the verb, the exit code, and what its output has.
+
+    `up`: whether a fleet runs then, or one has run; None: whichever. `before`: calls without which there is nothing to
+    tell of. FRESH stands for the number of the try: each writes elsewhere.
+    """
 
     words: tuple[str, ...] = ()
     code: int = 0
     has: tuple[str, ...] = ()
+    up: bool | None = True
+    before: tuple[str, ...] = ()
+
+
+FRESH = "_try_"
 
 
 CALLS: dict[str, Row] = {
@@ -47,13 +61,13 @@ CALLS: dict[str, Row] = {
     "agent info": Row(("dispatcher",), has=("ox on C5", "rounds = 20", "last steps", "says", "log level")),
     "agent restart": Row(("ox",), has=("ox: ready, pid",)),
     "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
-    "agent start": Row(("traffic",), has=("traffic: ready, pid",)),
+    "agent start": Row(("traffic",), has=("traffic: ready, pid",), before=("agent stop traffic",)),
     "agent repair": Row(("traffic",), code=1, has=("another process holds it; stop that agent first",)),
     "directory": Row(
         ("--long",), has=("ox  up (", "cfp job(JOB.Call) -> JOB.Offer or JOB.Carried", "asks traffic: way_ox")
     ),
     "agent pause": Row(("mule",), has=("mule: paused; `roco agent resume mule` lets it go on",)),
-    "agent resume": Row(("mule",), has=("mule: goes on",)),
+    "agent resume": Row(("mule",), has=("mule: goes on",), before=("agent pause mule",)),
     "agent log-level": Row(("mule", "debug"), has=("mule: shows debug and above",)),
     "param list": Row(has=("dispatcher", "rounds", "an integer from 1 to 1000")),
     "param get": Row(("dispatcher", "rounds"), has=("20",)),
@@ -71,7 +85,10 @@ CALLS: dict[str, Row] = {
     "fault flood": Row(("mule", "--for", "1"), has=("flood mule by 500: healed after 1 s",)),
     "fault clock": Row(("ox", "-60"), code=1, has=("ox of ", "has no clock of its own; `roco up --faults`")),
     "fault run": Row(("faults.toml", "--seed", "3"), has=("pause dispatcher at", "restart traffic at", ": back, ")),
-    "fault list": Row(has=("kill ox", "hang traffic", "pause mule at 0.2 s", "restart traffic", "back")),
+    "fault list": Row(
+        has=("kill ox", "pause mule at 0.2 s", "restart traffic", "back"),
+        before=("fault kill ox", "fault pause mule --for 0.5 --at 0.2", "fault restart traffic"),
+    ),
     "fault heal": Row(has=("no fault goes on",)),
     "logs": Row(("-n", "0"), has=("dispatcher", "ox", "received", "performative=propose")),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
@@ -91,7 +108,7 @@ CALLS: dict[str, Row] = {
     "traffic stats": Row(("--run", RUN), has=(*CHANNELS, "propose")),
     "traffic dead": Row(("--run", RUN, "--agent", "ox"), has=("dead letter",)),
     "traffic judge": Row((RUN,), has=(*CHANNELS, "legal")),
-    "record": Row(("--for", "0.5", "--out", "empty.mcap"), has=("communicates", "records", "empty.mcap")),
+    "record": Row(("--for", "0.5", "--out", f"part{FRESH}.mcap"), has=("communicates", "records", f"part{FRESH}.mcap")),
     "record info": Row(("--keys",), has=("C5/dispatcher/ox/", "house/state", "system depot, design ", "not closed in")),
     "conversation list": Row(("--channel", "C2"), has=("desk > dispatcher", "request")),
     "conversation show": Row(("desk-1-1",), has=("desk-1-1  ", " on C2  ", "dispatcher", "agree")),
@@ -101,34 +118,41 @@ CALLS: dict[str, Row] = {
     "runs remove": Row(("--keep", "0", "--dry-run"), has=("no run is removed",)),  # it is up
     "down": Row(has=("ended forks, router, monitor, desk, dispatcher, traffic, mule, ox",)),
     # What is asked of a run that has ended.
-    "replay": Row((RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",)),
-    "report": Row((RUN,), has=(*AGENTS, "report.json")),
-    "export": Row((RUN, "--to", "csv", "--out", "tables"), has=("communicates.csv",)),
-    "compare": Row((RUN, RUN), has=("no regression",)),
+    "replay": Row((RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",), up=False),
+    "report": Row((RUN,), has=(*AGENTS, "report.json"), up=False),
+    "export": Row((RUN, "--to", "csv", "--out", f"tables{FRESH}"), has=("communicates.csv",), up=False),
+    "compare": Row((RUN, RUN), has=("no regression",), up=False),
     "experiment run": Row(
-        ("--for", "3", "--runs", "1", "--out", "one"),
-        has=("1 of 1 runs succeeded", "communicates: ", "one/report.html"),
+        ("--for", "3", "--runs", "1", "--out", f"one{FRESH}"),
+        has=("1 of 1 runs succeeded", "communicates: ", f"one{FRESH}/report.html"),
+        up=False,
     ),
     "chaos": Row(
-        ("--runs", "1", "--seed", "8", "--kind", "restart", "--on", "ox", "--out", "disturbed"),
-        has=("run 1 of 1, seed 8: restart ox at ", "1 of 1 held", "disturbed/chaos.jsonl"),
+        ("--runs", "1", "--seed", "8", "--kind", "restart", "--on", "ox", "--out", f"disturbed{FRESH}"),
+        has=("run 1 of 1, seed 8: restart ox at ", "1 of 1 held", f"disturbed{FRESH}/chaos.jsonl"),
+        up=False,
     ),
-    "design check": Row(has=("depot/design.toml: no findings", "5 agents")),
-    "design diff": Row(("depot/design.toml", "depot/design.toml"), has=("the designs are the same",)),
-    "design estimate": Row(has=CHANNELS),
-    "design export": Row(("--promela", "models"), has=("models",)),
-    "design follow": Row((RUN,), has=("each a move of the model",)),
-    "design new": Row(("shop",), has=("shop/asker/behaviours.py",)),
-    "design show": Row(("--what", "system"), has=("desk", "dispatcher")),
-    "design trace": Row(code=1, has=("R3", "delivered")),  # its tests are in the clone
-    "design verify": Row(("--layer", "2"), has=("holds",)),
-    "protocol list": Row(has=("cfp", "fipa-contract-net", "fipa-request")),
-    "protocol show": Row(("cfp", "--svg", "cfp.svg"), has=("wrote cfp.svg",)),
-    "keys make": Row(("keys",), has=(*AGENTS, "monitor", "console", "operator", "'depot'")),
-    "keys revoke": Row(("traffic", "--keys", "keys"), has=("revoked are traffic",)),
+    "design check": Row(has=("depot/design.toml: no findings", "5 agents"), up=None),
+    "design diff": Row(("depot/design.toml", "depot/design.toml"), has=("the designs are the same",), up=None),
+    "design estimate": Row(has=CHANNELS, up=None),
+    "design export": Row(("--promela", f"models{FRESH}"), has=(f"models{FRESH}",), up=None),
+    "design follow": Row((RUN,), has=("each a move of the model",), up=False),
+    "design new": Row((f"shop{FRESH}",), has=(f"shop{FRESH}/asker/behaviours.py",), up=None),
+    "design show": Row(("--what", "system"), has=("desk", "dispatcher"), up=None),
+    "design trace": Row(code=1, has=("R3", "delivered"), up=None),  # its tests are in the clone
+    "design verify": Row(("--layer", "2"), has=("holds",), up=None),
+    "protocol list": Row(has=("cfp", "fipa-contract-net", "fipa-request"), up=None),
+    "protocol show": Row(("cfp", "--svg", "cfp.svg"), has=("wrote cfp.svg",), up=None),
+    "keys make": Row((f"keys{FRESH}",), has=(*AGENTS, "monitor", "console", "operator", "'depot'"), up=None),
+    "keys revoke": Row(
+        ("traffic", "--keys", f"keys{FRESH}"),
+        has=("revoked are traffic",),
+        up=None,
+        before=(f"keys make keys{FRESH}",),
+    ),
 }
 STARTED = ("up",)
-"""Verbs that the fixture calls."""
+"""Verbs by which there is a fleet."""
 HELPS = """
 import json, sys
 from typer.testing import CliRunner
@@ -148,11 +172,21 @@ class Project:
         self.environment = kept | {"COLUMNS": "200"}
 
     def roco(self, *words: str) -> "subprocess.CompletedProcess[str]":
-        """Call a verb here, as a shell does; wide enough that nothing is cut."""
+        """Call a verb here, as a shell does, wide enough that nothing is cut; interrupt it where it takes too long."""
         command = [sys.executable, "-P", "-m", "operate.cli", *words]
-        return subprocess.run(
-            command, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=110
-        )
+        pipe = subprocess.PIPE
+        with subprocess.Popen(
+            command, cwd=self.folder, env=self.environment, stdout=pipe, stderr=pipe, text=True
+        ) as process:
+            try:
+                said = process.communicate(timeout=CALL_S)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGINT)  # it ends the fleet that it started, or the next try meets it
+                with suppress(subprocess.TimeoutExpired):
+                    process.communicate(timeout=END_S)
+                process.kill()
+                raise
+        return subprocess.CompletedProcess(command, process.returncode, *said)
 
     def told(self, text: str) -> int:
         """Return the number of the monitor's verdicts with a text."""
@@ -160,20 +194,57 @@ class Project:
         return file.read_text().count(text) if file.exists() else 0
 
 
+class Depot(Project):
+    """The depot, with a fleet when one is wanted."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.up: bool | None = None  # none has run yet
+        self.called = set[str]()  # since it is up
+        self.tries = Counter[str]()
+
+    def wants(self, up: bool) -> None:
+        """Have a fleet in the background, with some orders carried out; or have one ended."""
+        if self.up is None or (up and not self.up):
+            self.called.clear()
+            done = self.roco("up")
+            assert done.returncode == 0, done.stderr
+            self.up = True
+            assert f"ready; everything is written to {self.folder}/runs" in done.stdout
+        if self.up:
+            wait_for(lambda: self.told('"delivered ') >= DELIVERED, "orders are delivered", 60.0)
+        if self.up and not up:
+            self.end()
+
+    def end(self) -> None:
+        """Bring the fleet down, if there is one."""
+        self.roco("down")
+        self.up = False
+
+    def call(self, verb: str) -> "tuple[Row, subprocess.CompletedProcess[str]]":
+        """Call a verb as its row says; return the row of this try, and what came of it."""
+        row, self.tries[verb] = CALLS[verb], self.tries[verb] + 1
+        fresh, again = f"_{self.tries[verb]}", self.tries[verb] > 1
+        if row.up is not None:
+            self.wants(row.up)
+        for before in (one.replace(FRESH, fresh) for one in row.before):
+            if again or before not in self.called:
+                self.roco(*before.split())
+        words, has = (tuple(one.replace(FRESH, fresh) for one in some) for some in (row.words, row.has))
+        done = self.roco(*verb.split(), *words)
+        self.called.add(" ".join((verb, *words)))
+        self.up = self.up and verb != "down"
+        return row._replace(words=words, has=has), done
+
+
 @pytest.fixture(scope="module")
-def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Project]:
-    """The depot, brought up in the background, with some orders carried out."""
+def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Depot]:
+    """A copy of the depot."""
     folder = tmp_path_factory.mktemp("any") / "depot"
     shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
-    project = Project(folder)
-    done = project.roco("up")
-    try:
-        assert done.returncode == 0, done.stderr
-        assert f"ready; everything is written to {folder}/runs" in done.stdout
-        wait_for(lambda: project.told('"delivered ') >= DELIVERED, "orders are delivered", 60.0)
-        yield project
-    finally:
-        project.roco("down")
+    project = Depot(folder)
+    yield project
+    project.end()
 
 
 def test_every_verb_has_a_row() -> None:
@@ -182,28 +253,26 @@ def test_every_verb_has_a_row() -> None:
     assert verbs == {*CALLS, *STARTED}
 
 
-@pytest.mark.parametrize(
-    "verb",
-    CALLS,
-)
-def test_a_verb_tells_of_the_system_that_runs(depot: Project, verb: str) -> None:
+@pytest.mark.parametrize("verb", CALLS)
+def test_a_verb_tells_of_the_system_that_runs(depot: Depot, verb: str) -> None:
     """Its agents and channels, and nothing of the robot."""
-    row = CALLS[verb]
-    done = depot.roco(*verb.split(), *row.words)
+    row, done = depot.call(verb)
     said = done.stdout + done.stderr
     assert done.returncode == row.code, said
     assert [words for words in row.has if words not in said] == [], said
     assert FOREIGN.findall(said.replace(str(depot.folder), "")) == []
 
 
-def test_other_users_read_nothing_of_a_run(depot: Project) -> None:
+def test_other_users_read_nothing_of_a_run(depot: Depot) -> None:
     """Keys, journals, recording: what TLS hides on the network is not open on the disk."""
+    depot.wants(up=False)
     assert (depot.folder / RUN).stat().st_mode & 0o077 == 0
     assert (depot.folder / RUN / "traffic.mcap").stat().st_mode & 0o077 == 0
 
 
-def test_every_agent_of_the_run_is_run_again_to_the_same_bytes(depot: Project) -> None:
+def test_every_agent_of_the_run_is_run_again_to_the_same_bytes(depot: Depot) -> None:
     """Also those that were restarted, stopped, paused and set by the calls above."""
+    depot.wants(up=False)
     done = depot.roco("replay", RUN, "--verify")
     assert done.returncode == 0, done.stdout + done.stderr
     assert [agent for agent in AGENTS if not re.search(rf"^{agent} +[1-9]", done.stdout, re.MULTILINE)] == []
@@ -240,8 +309,9 @@ def test_help_has_examples_of_that_system(helps: dict[str, str], depot: Project,
     assert not re.search("AGENT|PEER|CHANNEL", said.partition("Examples:")[2])
 
 
-def test_a_filter_knows_the_names_of_that_design(depot: Project) -> None:
+def test_a_filter_knows_the_names_of_that_design(depot: Depot) -> None:
     """Of a recording by its folder's fleet.json, so that it can be asked anywhere."""
+    depot.wants(up=False)
     run = str(depot.folder / RUN)
     away = Project(depot.folder.parent)
     done = away.roco("traffic", "echo", "--run", run, "--agent", "km")
