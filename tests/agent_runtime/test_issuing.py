@@ -2,14 +2,16 @@
 
 import datetime as dt
 import shutil
+import ssl
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cryptography import x509
 
-from agent_runtime.io.issuing import issue
-from agent_runtime.io.secured import rights_of
+from agent_runtime.io.issuing import Seat, issue, seats
+from agent_runtime.io.secured import AUTHORITY, ROUTERS, certificate_file, key_file, rights_of
 from companion.design import DESIGN
 from topdown.model.rights import identities
 
@@ -87,3 +89,67 @@ def test_what_is_for_another_use_is_made_anew(tmp_path: Path, change: dict[str, 
     issue(tmp_path, DESIGN, ("roco",))
     asked = {"systems": ("roco",), "hosts": ("localhost",)} | change
     assert issue(tmp_path, DESIGN, asked["systems"], hosts=asked["hosts"], keep_days=1.0).made_now
+
+
+def context(seat: Seat, way: int) -> ssl.SSLContext:
+    """Of one side, with its certificate; it verifies the other's strictly, which is the default since Python 3.13."""
+    found = ssl.SSLContext(way)
+    found.verify_mode = ssl.CERT_REQUIRED
+    found.verify_flags |= ssl.VERIFY_X509_STRICT
+    found.load_verify_locations(seat.folder / AUTHORITY)
+    found.load_cert_chain(certificate_file(seat.folder, seat.identity), key_file(seat.folder, seat.identity))
+    return found
+
+
+def shake_hands(listens: Seat, connects: Seat) -> None:
+    """A handshake in memory. Raises ssl.SSLError where either does not take the other's certificate."""
+    there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
+    client = context(connects, ssl.PROTOCOL_TLS_CLIENT).wrap_bio(back, there, server_hostname="localhost")
+    server = context(listens, ssl.PROTOCOL_TLS_SERVER).wrap_bio(there, back, server_side=True)
+    open_sides = [client, server]
+    while open_sides:
+        side = open_sides.pop(0)
+        try:
+            side.do_handshake()
+        except ssl.SSLWantReadError:
+            open_sides.append(side)
+
+
+WAYS: dict[str, dict[str, Any]] = {
+    "one system": {"systems": ("roco",)},
+    "two systems": {"systems": ("velma1", "velma2")},
+    "a router each": {"systems": ("velma1", "velma2"), "linked": True},
+    "two routers": {"systems": ("roco",), "routers": 2},
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_both_sides_take_each_certificate_strictly(tmp_path: Path, way: str) -> None:
+    """Each router with each client of it, on any Python version; a router with another, where they join."""
+    issue(tmp_path, DESIGN, **WAYS[way])
+    every = seats(tmp_path, DESIGN, **WAYS[way])
+    routers = [seat for seat in every if seat.identity in ROUTERS]
+    joining = routers if way == "a router each" else routers[1:]
+    for router in routers:
+        for other in (*joining, *(seat for seat in every if seat not in routers)):
+            shake_hands(router, other)
+
+
+@pytest.mark.parametrize("lacks", [x509.AuthorityKeyIdentifier, x509.SubjectKeyIdentifier])
+def test_those_of_older_versions_are_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacks: type[x509.ExtensionType]
+) -> None:
+    """They lacked the identifiers of keys, without which they are not taken strictly."""
+    add = x509.CertificateBuilder.add_extension
+    with monkeypatch.context() as older:
+        older.setattr(
+            x509.CertificateBuilder,
+            "add_extension",
+            lambda self, one, critical: self if isinstance(one, lacks) else add(self, one, critical),
+        )
+        issue(tmp_path, DESIGN, ("roco",))
+    co, router = (seat for seat in seats(tmp_path, DESIGN, ("roco",)) if seat.identity in ("co", "router"))
+    with pytest.raises(ssl.SSLError, match=r"(?i)missing .* key identifier"):
+        shake_hands(router, co)
+    assert issue(tmp_path, DESIGN, ("roco",), keep_days=1.0).made_now
+    shake_hands(router, co)

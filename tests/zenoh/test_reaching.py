@@ -8,11 +8,13 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
+from cryptography import x509
 from guarded import SYSTEM
 from toy_fleet import Fleet, wait_for
 
@@ -45,6 +47,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     keys.issue(where, issuer, ROUTER, now, now + WEEK, keys.HOSTS)
     for identity in ("co", "console"):
         keys.issue(where, issuer, identity, now, now + WEEK)
+    (where / "older").mkdir()
+    with pytest.MonkeyPatch.context() as older:  # versions that gave certificates no key identifiers
+        add, lacks = x509.CertificateBuilder.add_extension, (x509.AuthorityKeyIdentifier, x509.SubjectKeyIdentifier)
+        older.setattr(
+            x509.CertificateBuilder,
+            "add_extension",
+            lambda self, one, critical: self if isinstance(one, lacks) else add(self, one, critical),
+        )
+        one = keys.authority("authority", now, now + WEEK)
+        keys.publish(where / "older", one, RIGHTS)
+        keys.issue(where / "older", one, ROUTER, now, now + WEEK, keys.HOSTS)
+        keys.issue(where / "older", one, "co", now, now + WEEK)
     for name, begin, by, trusted in (
         ("expired", now - 2 * WEEK, issuer, issuer),
         ("early", now + WEEK, issuer, issuer),
@@ -60,7 +74,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def routers(folder: Path) -> Iterator[tuple[str, str]]:
-    """A router with those keys, as a process: its address, and one that its certificate does not name."""
+    """A router with those keys: its address, and one that its certificate does not name."""
+    with router(folder) as addresses:
+        yield addresses
+
+
+@contextmanager
+def router(folder: Path) -> Iterator[tuple[str, str]]:
+    """A process, with the keys of a folder, at two addresses."""
     first = free_endpoint().replace("tcp/", "tls/")
     second = free_endpoint().replace("tcp/127.0.0.1", "tls/127.0.0.2")
     told = {"ROCO_LISTEN": f"{first},{second}", "ROCO_RUN_DIR": str(folder), "ROCO_TLS_DIR": str(folder)}
@@ -93,6 +114,13 @@ def test_a_certificate_that_is_not_taken_is_named(
 ) -> None:
     """One's own or the router's, and what is wrong with it."""
     assert_matches(words, why_not(routers[0], client_tls(folder / place, "co")))
+
+
+def test_a_router_with_keys_of_an_older_version_is_named(folder: Path) -> None:
+    """What its certificate lacks, and what to do."""
+    with router(folder / "older") as (address, _):
+        said = why_not(address, client_tls(folder / "older", "co"))
+    assert_matches("names no key of its authority, as older versions made it; `roco keys make`", said)
 
 
 @pytest.mark.parametrize("place", ["expired", "early"])

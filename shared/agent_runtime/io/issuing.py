@@ -145,7 +145,9 @@ def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
 
 
 def holding(places: Sequence[Seat], rights: Rights, hosts: Sequence[str]) -> dt.datetime | None:
-    """Until when all that is there holds; None where something lacks, or is of another authority, system or design."""
+    """Until when all that is there holds; None where something lacks, or is of another authority, system or design, or
+    where key identifiers lack, as in certificates of older versions, which Python 3.13 refuses.
+    """
     try:
         authorities = {(seat.folder / AUTHORITY).read_bytes() for seat in places}
         found = [(seat, _certificate(certificate_file(seat.folder, seat.identity))) for seat in places]
@@ -155,10 +157,11 @@ def holding(places: Sequence[Seat], rights: Rights, hosts: Sequence[str]) -> dt.
         same = all(rights_of(where, *rights.systems) == wanted for where in routers)
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
         signed = all(_signed(one, issuer) and _named(one) == seat.name for seat, one in found)
+        identified = all(_identified(one) for one in (issuer, *(certificate for _, certificate in found)))
         listens = all(_listens(one, hosts) for seat, one in found if seat.identity in ROUTERS)
     except (OSError, ValueError, KeysError):
         return None
-    if not (there and same and signed and listens):
+    if not (there and same and signed and identified and listens):
         return None
     return min(one.not_valid_after_utc for one in (issuer, *(certificate for _, certificate in found)))
 
@@ -184,6 +187,11 @@ def _signed(certificate: x509.Certificate, issuer: x509.Certificate) -> bool:
     except Exception:  # cryptography raises InvalidSignature, ValueError or TypeError: it is not of this authority
         return False
     return True
+
+
+def _identified(certificate: x509.Certificate) -> bool:
+    there = {type(extension.value) for extension in certificate.extensions}
+    return there >= {x509.SubjectKeyIdentifier, x509.AuthorityKeyIdentifier}
 
 
 def _named(certificate: x509.Certificate) -> object:

@@ -49,7 +49,7 @@ def authority(name: str, begin: dt.datetime, end: dt.datetime) -> Issuer:
     """A new authority that may sign certificates of identities, and no other authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     usage = _usage(certificates=True)
-    builder = _builder(name, name, key.public_key(), begin, end)
+    builder = _builder(name, name, key.public_key(), key.public_key(), begin, end)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
     return Issuer(name, key, builder.add_extension(usage, critical=True).sign(key, hashes.SHA256()))
 
@@ -71,7 +71,7 @@ def issue(
     """
     key = ec.generate_private_key(ec.SECP256R1())
     uses = ([_SERVER, _CLIENT] if joins else [_SERVER]) if hosts else [_CLIENT]
-    builder = _builder(name or identity, issuer.name, key.public_key(), begin, end)
+    builder = _builder(name or identity, issuer.name, key.public_key(), issuer.key.public_key(), begin, end)
     builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
     builder = builder.add_extension(_usage(certificates=False), critical=True)
     builder = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
@@ -85,7 +85,10 @@ def issue(
     write_private(key_file(folder, identity), private)
 
 
-def _builder(subject: str, issuer: str, key: Any, begin: dt.datetime, end: dt.datetime) -> x509.CertificateBuilder:
+def _builder(
+    subject: str, issuer: str, key: Any, issuers_key: Any, begin: dt.datetime, end: dt.datetime
+) -> x509.CertificateBuilder:
+    own, signer = x509.SubjectKeyIdentifier, x509.AuthorityKeyIdentifier  # wanted by RFC 5280, 4.2.1.1 and 4.2.1.2
     return (
         x509.CertificateBuilder()
         .subject_name(_named(subject))
@@ -94,6 +97,8 @@ def _builder(subject: str, issuer: str, key: Any, begin: dt.datetime, end: dt.da
         .serial_number(x509.random_serial_number())
         .not_valid_before(begin - BACK)
         .not_valid_after(end)
+        .add_extension(own.from_public_key(key), critical=False)
+        .add_extension(signer.from_issuer_public_key(issuers_key), critical=False)
     )
 
 

@@ -33,14 +33,16 @@ _OWN = {
     "ACCESS_DENIED": "is not taken",
 }
 """Alerts of the router about one's own certificate (RFC 8446, 6.2), by the end of OpenSSL's word for them."""
+_MAKE, _START = "`roco keys make` makes new keys, `roco up` at each start", "they may be of another start"
 _THEIRS = {
     9: "does not hold yet by the clock of this machine: is the clock behind?",
     10: "has ended, by the clock of this machine: it listens with old keys, or the clock is wrong",
     62: "is not for this host: `roco keys make --host` names one more",
     64: "is not for this address: `roco keys make --host` names one more",
+    **dict.fromkeys((85, 86), f"names no key of its authority, as older versions made it; {_MAKE}"),
+    **dict.fromkeys((7, 18, 19, 20, 21), f"is of another authority than the own keys: {_MAKE}; {_START}"),
 }
-"""Codes of OpenSSL's verification of the router's certificate (x509_vfy.h); any other: another authority."""
-_MAKE = "`roco keys make` makes new keys, `roco up` at each start"
+"""Codes of OpenSSL's verification of the router's certificate (x509_vfy.h)."""
 
 
 class Tries:
@@ -100,6 +102,7 @@ def _why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
 def _handshake(connection: socket.socket, host: str, tls: dict[str, Any]) -> str:
     try:
         context = ssl.create_default_context(cafile=tls["root_ca_certificate"])
+        context.verify_flags |= ssl.VERIFY_X509_STRICT  # the default since Python 3.13: the same answer in each version
         own = Path(tls.get("connect_certificate", ""))
         if own.name:
             context.load_cert_chain(own, tls["connect_private_key"])
@@ -111,7 +114,7 @@ def _handshake(connection: socket.socket, host: str, tls: dict[str, Any]) -> str
         with context.wrap_socket(connection, server_hostname=host) as secured:
             return _answer(secured)
     except ssl.SSLCertVerificationError as error:
-        other = f"is of another authority than the own keys: {_MAKE}; they may be of another start"
+        other = f"is not taken ({error.verify_message}); {_MAKE}"
         return f"the router's certificate {_THEIRS.get(error.verify_code, other)}"
     except ssl.SSLError as error:
         return _refused(error, own)
