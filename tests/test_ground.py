@@ -64,6 +64,27 @@ def test_a_forbidden_import_is_found_and_named(room: str, tmp_path: Path) -> Non
     assert "import json" not in found.stdout
 
 
+def test_a_sum_of_floats_is_found_and_named(tmp_path: Path) -> None:
+    """By types, however it is written; sums of integers are taken, also where a float is wanted."""
+    wrong = [
+        "sum(floats)",
+        "sum((1.0, 2))",
+        "sum(part / 2 for part in whole)",
+        "sum(whole, 0.5)",
+        "sum(map(float, whole))",
+    ]
+    right = ["sum(whole)", "sum(one > 0.5 for one in floats)", "sum(map(len, words))", "math.fsum(floats)"]
+    lines = [f"found{number}: float = {value}" for number, value in enumerate(wrong + right)]
+    given = ["import math", "floats: list[float]", "whole: list[int]", "words: list[str]"]
+    (tmp_path / "sums.py").write_text("\n".join(given + lines))
+    options = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(tmp_path), str(tmp_path / "sums.py")]
+    mypy = [sys.executable, "-m", "mypy", "--no-error-summary", *options]
+    found = subprocess.run(mypy, cwd=ROOT, capture_output=True, text=True, timeout=50, check=False)
+    named = re.findall(r"sums.py:(\d+): error: sum\(\) of floats .* write math.fsum", found.stdout)
+    first = len(given) + 1
+    assert [int(line) for line in named] == [*range(first, first + len(wrong))], found.stdout + found.stderr
+
+
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
 def test_a_lock_has_a_hash_for_each_package_and_no_address(lock: Path) -> None:
     """The installed packages are those locked, from whatever index the machine uses."""

@@ -134,5 +134,8 @@ def _by_urgency(running: Offer | None, waiting: tuple[Offer, ...]) -> Decision |
 
 def _cost_first(first: Offer, offers: Iterable[Offer], now: float) -> float:
     """The cost of all where this one is done first and each other one right after it."""
-    others = sum(one.cost(now, now + first.rest + one.rest) for one in offers if one.task != first.task)
+    others = 0.0
+    for one in offers:
+        if one.task != first.task:
+            others += one.cost(now, now + first.rest + one.rest)
     return first.cost(now, now + first.rest) + others

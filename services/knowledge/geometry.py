@@ -62,7 +62,7 @@ def bounds(shape: Shape, pose: Pose) -> Bounds:
         rotate(at.quat_wxyz, (0, half[1], 0)),
         rotate(at.quat_wxyz, (0, 0, half[2])),
     ]
-    reach = [sum(abs(axis[i]) for axis in axes) for i in range(3)]
+    reach = [abs(axes[0][i]) + abs(axes[1][i]) + abs(axes[2][i]) for i in range(3)]
     x, y, z = at.xyz
     return (x - reach[0], y - reach[1], z - reach[2]), (x + reach[0], y + reach[1], z + reach[2])
 

@@ -42,7 +42,7 @@ def _deviation(before: Pose, sure: Uncertainty, now: Pose, unsure: Uncertainty, 
         return math.inf
     off = _less(now.xyz, before.xyz)
     unlikely = _times(_inverse(_plus(sure.xyz, unsure.xyz)), off)
-    return sum(a * b for a, b in zip(off, unlikely, strict=True)) + about**2 / turn
+    return off[0] * unlikely[0] + off[1] * unlikely[1] + off[2] * unlikely[2] + about**2 / turn
 
 
 def _about_vertical(before: Pose, now: Pose) -> float | None:

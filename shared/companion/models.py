@@ -235,10 +235,9 @@ def _half(angle: float) -> tuple[float, float]:
 
 def _step(row: tuple[float, ...], deeper: float) -> wm.GraspStep:
     """x y z w x y z finger -> a step, `deeper` towards the palm (the grip frame's z points away from it)."""
-    x, y, z, *quat, fingers = row
-    norm = math.sqrt(sum(part * part for part in quat))
-    w, i, j, k = (part / norm for part in quat)
-    return wm.GraspStep(Pose((x, y, z - deeper), (w, i, j, k)), fingers)
+    x, y, z, w, i, j, k, fingers = row
+    norm = math.sqrt(w * w + i * i + j * j + k * k)
+    return wm.GraspStep(Pose((x, y, z - deeper), (w / norm, i / norm, j / norm, k / norm)), fingers)
 
 
 def _grasps(closing: Closing, entry: _GraspSet) -> tuple[wm.GraspDef, ...]:

@@ -36,7 +36,10 @@ def way(start: Point, goal: str) -> tuple[Point, ...]:
 
 def length(points: tuple[Point, ...]) -> float:
     """Length of a way [m]."""
-    return sum(math.dist(a, b) for a, b in zip(points, points[1:], strict=False))
+    whole = 0.0
+    for a, b in zip(points, points[1:], strict=False):
+        whole += math.dist(a, b)
+    return whole
 
 
 def duration(start: Point, goals: tuple[str, ...], speed: float) -> float:

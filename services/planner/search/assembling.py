@@ -1,6 +1,9 @@
 """From the steps of the search to the HFSM that ta runs: one machine per step, and how to make it safe if cancelled."""
 
+from collections.abc import Iterable
+from functools import reduce
 from itertools import pairwise
+from operator import add
 from typing import NamedTuple
 
 import msgspec
@@ -56,7 +59,7 @@ def plan(request: str, task: str, found: Found, queries: int, held: dict[Side, r
         id=request,
         task=task,
         root=root,
-        duration=sum(s.duration for s in steps),
+        duration=_added(step.duration for step in steps),
         queries=queries,
         schedule=schedule(names, steps, in_hand, again=bool(sought)),
         holds={side: release.object for side, release in holding.items()},
@@ -84,9 +87,14 @@ def schedule(
     found, rest = [], AGAIN_S if again else 0.0
     for name, step, held in zip(reversed(names), reversed(steps), reversed(in_hand), strict=True):
         rest += step.duration
-        resume = sum(taking.get(thing, TAKE_S) for thing in held.values())
+        resume = _added(taking.get(thing, TAKE_S) for thing in held.values())
         found.append(hfsm.ScheduleParameters(name, rest, STOP_S + hfsm.PUT_DOWN_S * len(held), resume))
     return tuple(reversed(found))
+
+
+def _added(durations: Iterable[float]) -> float:
+    """Return the sum [s]; of none the integer 0, as plans that were recorded have it."""
+    return reduce(add, durations, 0)
 
 
 def _then(state: hfsm.State, following: str, on: tuple[hfsm.Outcome, ...] = (hfsm.Outcome.SUCCEEDED,)) -> hfsm.State:

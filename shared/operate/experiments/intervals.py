@@ -128,9 +128,9 @@ def _welch(a: Sequence[float], b: Sequence[float]) -> Difference:
     if min(len(a), len(b)) < LEAST:
         return Difference(apart, None, None, "too few runs")
     spread = [float(np.var(one, ddof=1)) / len(one) for one in (a, b)]
-    total = sum(spread)
+    total = math.fsum(spread)
     if total == 0.0:
         return Difference(apart, apart, apart, "Welch's t")
-    freedom = total**2 / sum(s**2 / (len(one) - 1) for s, one in zip(spread, (a, b), strict=True))
+    freedom = total**2 / math.fsum(s**2 / (len(one) - 1) for s, one in zip(spread, (a, b), strict=True))
     half = student(freedom) * math.sqrt(total)
     return Difference(apart, apart - half, apart + half, "Welch's t")

@@ -1,6 +1,7 @@
 """The summary of an experiment: every figure with its interval, published ones beside. Pure."""
 
 from collections.abc import Callable, Iterable
+from math import fsum
 from typing import Any
 
 import msgspec
@@ -79,7 +80,7 @@ def summed(runs: Runs) -> Summary:
         events=tuple(_events(results, own.published)),
         matrix=_matrix(results, own),
         load=(min(loads), max(loads)) if loads else None,
-        took_s=sum(took) if took else None,
+        took_s=fsum(took) if took else None,
     )
 
 

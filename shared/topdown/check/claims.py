@@ -6,6 +6,7 @@ A statement is an interval or a word or a set of words; figures agree if their i
 import math
 from collections.abc import Iterator
 
+from topdown.check.estimate import total
 from topdown.model.design import Design
 from topdown.model.findings import Finding, Kind
 from topdown.model.statements import Claim, Statement
@@ -37,7 +38,7 @@ def bounds(one: Statement) -> tuple[float, float] | None:
     if one.says is not None:
         return None
     if one.sum:
-        return sum(one.sum), sum(one.sum)
+        return total(one.sum), total(one.sum)
     if one.product:
         value = math.prod(one.product) / math.prod(one.over)
         return value, value

@@ -10,6 +10,9 @@ faults and what is said again because of them.
 """
 
 from collections import Counter
+from collections.abc import Iterable
+from functools import reduce
+from operator import add
 
 import msgspec
 
@@ -86,7 +89,7 @@ class _Model:
         self.opened = {name: self._conversations(name, ()) for name in self.uses}
         self.took = {name: self._seconds(name, ()) for name in self.uses}
         roots = [use for use in self.uses.values() if not use.within and not use.alongside]
-        self.seconds = sum(self.opened[use.name] * self.took[use.name] for use in roots)
+        self.seconds = total(self.opened[use.name] * self.took[use.name] for use in roots)
 
     def estimate(self) -> Estimate:
         uses = tuple(self._use(use) for use in self.uses.values())
@@ -104,7 +107,8 @@ class _Model:
         if name in above:
             return 0.0
         children = [use for use in self.uses.values() if use.within == name and not use.alongside]
-        return self.uses[name].typical_s + sum(_per(use) * self._seconds(use.name, (*above, name)) for use in children)
+        within = total(_per(use) * self._seconds(use.name, (*above, name)) for use in children)
+        return self.uses[name].typical_s + within
 
     def _said(self, use: elements.Protocol) -> list[tuple[elements.Message, float]]:
         """Each message and how often it is said in all."""
@@ -122,9 +126,9 @@ class _Model:
 
     def _use(self, use: elements.Protocol) -> UseEstimate:
         said = self._said(use)
-        count = sum(times for _, times in said)
-        size = sum(times * (message.typical_bytes or message.bytes) for message, times in said)
-        most = sum(times * message.bytes for message, times in said)
+        count = total(times for _, times in said)
+        size = total(times * (message.typical_bytes or message.bytes) for message, times in said)
+        most = total(times * message.bytes for message, times in said)
         return UseEstimate(
             use=use.name,
             channel=use.channel,
@@ -150,14 +154,19 @@ class _Model:
 
     def _channel(self, name: str, uses: tuple[UseEstimate, ...]) -> Load:
         loads = [one.load for one in uses if one.channel == name]
-        size = sum(load.bytes for load in loads)
+        size = total(load.bytes for load in loads)
         return Load(
-            communicates=sum(load.communicates for load in loads),
+            communicates=total(load.communicates for load in loads),
             bytes=size,
-            most_bytes=sum(load.most_bytes for load in loads),
+            most_bytes=total(load.most_bytes for load in loads),
             mean_bit_s=_rate(size, self.seconds),
             busy_bit_s=max((load.busy_bit_s for load in loads), default=0.0),
         )
+
+
+def total(some: Iterable[float]) -> float:
+    """Return the sum; what is too large is infinite, where math.fsum would raise."""
+    return reduce(add, some, 0.0)
 
 
 def _per(use: elements.Protocol) -> float:

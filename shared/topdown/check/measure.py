@@ -6,7 +6,7 @@ from statistics import median
 
 import msgspec
 
-from topdown.check.estimate import Estimate, Load, UseEstimate
+from topdown.check.estimate import Estimate, Load, UseEstimate, total
 from topdown.check.observe import Observation, Observed, answers, use_of
 from topdown.model.design import Design
 
@@ -55,13 +55,13 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
             heard[use.name].append(one)
     spans = {name: _spans(some) for name, some in heard.items()}
     roots = [use.name for use in design.file.protocol if not use.within and not use.alongside and use.name in spans]
-    seconds = sum(sum(spans[name]) for name in roots)
+    seconds = total(total(spans[name]) for name in roots)
     answered = answers(design, run.communicates)
     uses = []
     for use in design.file.protocol:
         some = heard.get(use.name, [])
         took = [one.latency_s for one in answered.get(use.name, ()) if one.latency_s is not None]
-        around = sum(spans.get(use.within, [])) if use.within else seconds
+        around = total(spans.get(use.within, [])) if use.within else seconds
         uses.append(
             UseEstimate(
                 use=use.name,
@@ -95,12 +95,12 @@ def _load(some: list[Observation], seconds: float, around: float) -> Load:
 
 def _sum(channel: str, uses: list[UseEstimate], seconds: float) -> Load:
     loads = [one.load for one in uses if one.channel == channel]
-    size = sum(load.bytes for load in loads)
+    size = total(load.bytes for load in loads)
     mean = 8 * size / seconds if seconds > 0 else 0.0
     busy = max((load.busy_bit_s for load in loads), default=0.0)
-    return Load(sum(load.communicates for load in loads), size, 0.0, mean, busy)
+    return Load(total(load.communicates for load in loads), size, 0.0, mean, busy)
 
 
 def _mean(some: Iterable[float]) -> float:
     values = list(some)
-    return sum(values) / len(values) if values else 0.0
+    return total(values) / len(values) if values else 0.0

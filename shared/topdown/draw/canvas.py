@@ -6,7 +6,7 @@ polygons and nothing has an id, so that any number of drawings can stand in one 
 
 from collections.abc import Sequence
 from html import escape
-from math import hypot
+from math import fsum, hypot
 from typing import NamedTuple
 
 from topdown.draw import style
@@ -59,7 +59,7 @@ def size_of(css: str) -> float:
 
 def width_of(words: str, css: str = "") -> float:
     """Return the width of words, rather too wide than too narrow [px]."""
-    ems = sum(0.34 if c in _NARROW else 0.92 if c in _WIDE else 0.7 if c.isupper() else 0.57 for c in words)
+    ems = fsum(0.34 if c in _NARROW else 0.92 if c in _WIDE else 0.7 if c.isupper() else 0.57 for c in words)
     return ems * size_of(css) * (1.07 if "strong" in css else 1.0)
 
 

@@ -132,7 +132,7 @@ class _Drawing:
             self._leaf(node)
             return self.boxes[node.name].middle[0]
         middles = [self._node(half, depth + 1) for half in node.halves]
-        x, y = sum(middles) / 2, depth * LEVEL
+        x, y = (middles[0] + middles[1]) / 2, depth * LEVEL
         width = max(76.0, width_of(node.name, "strong") + 24)
         for half, middle in zip(node.halves, middles, strict=True):
             top = (depth + 1) * LEVEL if half.halves else self.base

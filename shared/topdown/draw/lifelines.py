@@ -55,7 +55,7 @@ def _row(canvas: Canvas, one: Arrow, at: dict[str, float], y: float) -> float:
     y += ROW
     between = one.sender in at and one.receiver in at and one.sender != one.receiver
     ends = (at[one.sender], at[one.receiver]) if between else (min(at.values(), default=TIME),) * 2
-    middle = sum(ends) / 2
+    middle = (ends[0] + ends[1]) / 2
     canvas.words((TIME - 12, y), f"+{one.at:.2f} s", "small quiet", "end")
     label = one.label if between else f"{one.sender} > {one.receiver} {one.label}"
     canvas.patched((middle, y - 6), label, "strong", "middle" if between else "start")

@@ -113,8 +113,9 @@ def pose(frame: Array) -> Pose:
 
 def matrix(quat_wxyz: Four) -> Array:
     """The rotation (3, 3) of a quaternion."""
-    length = math.sqrt(sum(part * part for part in quat_wxyz))
-    w, x, y, z = (part / length for part in quat_wxyz)
+    w, x, y, z = quat_wxyz
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    w, x, y, z = w / length, x / length, y / length, z / length
     return np.array(
         (
             (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),

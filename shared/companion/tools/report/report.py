@@ -4,6 +4,8 @@ A figure that was not recorded is null, and `missing` says why; nothing is guess
 communicate [s of wall time].
 """
 
+from math import fsum
+
 import msgspec
 
 from companion.design import DESIGN
@@ -167,7 +169,7 @@ def _plans(history: History) -> tuple[Plan, ...]:
             task=made.task,
             t=made.start - history.begin,
             queries=made.queries,
-            km_s=sum(end - start for start, end in made.waits),
+            km_s=fsum(end - start for start, end in made.waits),
             km_longest_s=max((end - start for start, end in made.waits), default=0.0),
             communicates=made.communicates,
             bytes=made.bytes,

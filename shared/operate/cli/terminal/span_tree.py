@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
+from math import fsum
 
 import msgspec
 from rich.table import Table
@@ -127,7 +128,7 @@ def _line(span: Span, branch: str) -> Line:
 
 def _many(alike: tuple[Span, ...], branch: str) -> Line:
     first, last = alike[0], alike[-1]
-    busy = sum(one.end - one.start for one in alike)
+    busy = fsum(one.end - one.start for one in alike)
     what = f"{len(alike)} x {first.protocol}, {seconds(busy)} in all"
     who, guessed = f"{first.initiator} > {first.participant}", any(one.known == Known.TIME for one in alike)
     return Line(branch, what, who, first.start, last.end, style_of(first), guessed, result(first) if first.bad else "")

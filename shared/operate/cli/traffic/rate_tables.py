@@ -4,6 +4,7 @@ Pure: a tally in, rows out.
 """
 
 from collections.abc import Callable
+from math import fsum
 from statistics import fmean, pstdev
 from typing import Any, NamedTuple
 
@@ -49,7 +50,7 @@ def speed(value: float) -> str:
 
 
 def _hertz(flow: Flow, _: float) -> Value:
-    whole = sum(flow.gaps)
+    whole = fsum(flow.gaps)
     return len(flow.gaps) / whole if whole > 0 else None
 
 
