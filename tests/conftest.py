@@ -4,6 +4,7 @@ In CI it draws the same examples each time, so that a commit is refused for what
 
 Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make everything slower.
 Their robots see by rays (ROCO_EYES), which is faster, except where a pour as shipped is tested.
+Output is buffered as it is for people, also where the environment says otherwise.
 Every module is compiled once for all processes that tests start, also where the environment says otherwise (BYTECODE).
 A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
 has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.
@@ -47,6 +48,7 @@ os.environ.setdefault("ROCO_EYES", "rays")
 BYTECODE = str(Path(__file__).parents[1] / ".venv/bytecode")
 os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = BYTECODE
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+os.environ.pop("PYTHONUNBUFFERED", None)
 sys.dont_write_bytecode = False
 os.environ["DOCKER_HOST"] = "unix:///nowhere"
 STACKS = f"{tempfile.gettempdir()}/roco-tests-{os.getpid()}.stacks"

@@ -3,6 +3,8 @@
 The verbs are in operate.cli.verbs; docs/roco.md has the exit codes, which are the same for all.
 """
 
+import sys
+from io import TextIOWrapper
 from typing import Annotated
 
 import typer
@@ -37,7 +39,9 @@ def roco(
 
 
 def main() -> None:
-    """Entry point of `roco`."""
+    """Entry point of `roco`. Who reads its output by a pipe gets each line at once."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)
     app()
 
 

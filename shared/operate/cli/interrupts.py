@@ -57,6 +57,26 @@ def held() -> Iterator[Callable[[], None]]:
 
 
 @contextlib.contextmanager
+def put_off() -> Iterator[None]:
+    """A signal that raises waits until this is over. One that comes more than AGAIN_S later does not: nobody may read
+    what is written.
+    """
+    waiting: list[tuple[float, int]] = []
+    before = {number: handler for number in SIGNALS if callable(handler := signal.getsignal(number))}
+
+    def later(number: int, frame: FrameType | None) -> None:
+        waiting.append((time.monotonic(), number))
+        if waiting[-1][0] - waiting[0][0] > AGAIN_S:
+            waiting.clear()
+            before[signal.Signals(number)](number, frame)
+
+    with _handled(later, list(before)):
+        yield
+    if waiting:
+        signal.raise_signal(waiting[0][1])
+
+
+@contextlib.contextmanager
 def _handled(handler: Callable[[int, FrameType | None], None], numbers: list[signal.Signals]) -> Iterator[None]:
     before = {number: signal.signal(number, handler) for number in numbers}
     try:

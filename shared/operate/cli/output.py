@@ -13,7 +13,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from operate.cli import completion
+from operate.cli import completion, interrupts
 from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError
 from operate.system import NoSystemError
 from topdown.model.errors import TopdownError
@@ -51,8 +51,10 @@ def tell(what: Reply, form: Format) -> None:
 
 
 def tell_json(what: object) -> None:
-    """Print anything made of Structs, in a line."""
-    print(msgspec.json.encode(what).decode())
+    """Print anything made of Structs, in a line; an interrupt does not cut it."""
+    line = msgspec.json.encode(what).decode()
+    with interrupts.put_off():
+        print(line)
 
 
 def tell_problem(problem: object, form: Format) -> None:

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -31,6 +32,26 @@ from operate.cli import interrupts
 from operate.cli.fleet import view
 with interrupts.heard(), open("words", "wb") as words:
     view.shown((sys.executable, "-c", sys.argv[1]), words)
+"""
+
+PRINTING = """
+import signal
+from operate.cli import __main__ as roco
+def app():
+    print("line")
+    signal.pause()
+roco.app = app
+roco.main()
+"""
+TELLING = """
+import sys
+from operate.cli import interrupts
+from operate.cli.output import tell_json
+try:
+    while True:
+        tell_json("x" * int(sys.argv[1]))
+except KeyboardInterrupt:
+    tell_json("end")
 """
 
 
@@ -67,6 +88,18 @@ def roco(tmp_path: Path) -> Iterator[Roco]:
         told = folders.fleet(file.parent)
         if told is not None and folders.is_service(told.supervisor, *folders.SUPERVISORS):
             os.kill(told.supervisor, signal.SIGKILL)
+
+
+@contextlib.contextmanager
+def running(code: str, *words: str) -> Iterator[tuple["subprocess.Popen[bytes]", IO[bytes]]]:
+    """A process with that code, and what it prints."""
+    command, pipe = [sys.executable, "-c", code, *words], subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout
+        finally:
+            process.kill()
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -177,6 +210,36 @@ def test_a_signal_waits_for_what_must_not_be_cut() -> None:
         let_go()
         reached.append("never")
     assert reached == ["started"]
+
+
+def test_a_line_is_there_at_once_for_a_program_that_reads() -> None:
+    """Also in a pipe, while the verb goes on."""
+    with running(PRINTING) as (_, said):
+        assert said.readline() == b"line\n"
+
+
+@pytest.mark.parametrize("size", [100, 10_000, 1_000_000])
+def test_an_interrupt_cuts_no_line_for_programs(size: int) -> None:
+    """Wherever it comes, and although the reader is slower; the last line stands by itself."""
+    with running(TELLING, str(size)) as (process, said):
+        said.readline()
+        process.send_signal(signal.SIGINT)
+        *lines, last = said
+        assert process.wait(PATIENCE_S) == 0
+    assert {len(line) for line in lines} <= {size + len('""\n')}
+    assert last == b'"end"\n'
+
+
+def test_a_second_ctrl_c_ends_a_line_that_nobody_reads() -> None:
+    """The command stands in a full pipe."""
+    with running(TELLING, "1000000") as (process, said):
+        said.read(1)
+
+        def interrupted() -> bool:
+            process.send_signal(signal.SIGINT)
+            return process.poll() is not None
+
+        until(interrupted)
 
 
 def test_handlers_are_as_before() -> None:

@@ -19,7 +19,7 @@ from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults.kinds import VERBS
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.up import Rate, Speed
-from operate.cli.output import Form, Format, problems, tell_problem
+from operate.cli.output import Form, Format, problems, tell_json, tell_problem
 from operate.cli.runs import trials
 from operate.cli.runs.experiment import span
 from operate.cli.seeds import FirstSeed
@@ -130,7 +130,7 @@ def _torn(file: Path) -> bool:
 
 def _line(number: int, of: int, result: Result, form: Format) -> None:
     if form is Format.JSON:
-        print(msgspec.json.encode(result).decode(), flush=True)
+        tell_json(result)
         return
     said = "done" if result.success else f"not done: {result.why or 'without a reason'}"
     begun = "" if result.began else f" (no fault: {result.text})"

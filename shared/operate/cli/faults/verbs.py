@@ -241,7 +241,7 @@ def heal_left(fleet: targets.Target, form: Format) -> None:
 
 def _tell_begun(form: Format, words: str) -> None:
     if form is Format.TEXT:
-        print(words, flush=True)
+        print(words)
 
 
 def list_(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:

@@ -99,9 +99,8 @@ def chosen(heard: Source, which: Filter, *, count: int, seconds: float, wrong: b
 
 
 def tell_line(one: Judged, communicate: Communicate | None) -> None:
-    """Print a communicate for programs, at once."""
+    """Print a communicate for programs."""
     tell_json(fields(one, communicate))
-    sys.stdout.flush()
 
 
 def tell_lost(heard: Source) -> None:
