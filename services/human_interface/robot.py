@@ -6,7 +6,8 @@ flag is out of reach; that is said, and what is next best is done.
 
 from pathlib import Path
 
-from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, set_stop
+from agent_runtime.io.fleet_processes import set_stop
+from agent_runtime.io.run_files import STOP_FILE, STOP_HELD
 from companion.run_files import SLOTS_FILE
 
 OUT_OF_REACH = (

@@ -5,7 +5,8 @@ In containers and across hosts the loop has another run folder; then hi is asked
 
 from pathlib import Path
 
-from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, set_stop
+from agent_runtime.io.fleet_processes import set_stop
+from agent_runtime.io.run_files import STOP_FILE, STOP_HELD
 from companion.run_files import SLOTS_FILE
 
 

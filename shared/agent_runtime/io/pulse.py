@@ -7,11 +7,12 @@ heartbeat says more, and others hear it (shell.py); a router, a recorder and a c
 import os
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 
-from agent_runtime.io.run_files import heartbeat_file
+from agent_runtime.io.run_files import heartbeat_file, make_run
 
 PERIOD_S = 1.0
 """As an agent's."""
@@ -28,15 +29,20 @@ class Pulse:
         self._write()
 
     def beat(self) -> None:
-        """Say that the process gets on: a change of the file's time, no more. Raises OSError."""
+        """Say that the process gets on: a change of the file's time, no more. A run folder that is gone is made again.
+
+        A beat that cannot be written is missed.
+        """
         now = time.monotonic()
         if now < self._next:
             return
         self._next = now + PERIOD_S
         try:
             os.utime(self.file)
-        except FileNotFoundError:
-            self._write()
+        except OSError:
+            with suppress(OSError):
+                make_run(self.file.parent)
+                self._write()
 
     def _write(self) -> None:
         beside = self.file.with_name(f".{self.file.name}.new")

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 RUN_FOLDER_VARIABLE = "ROCO_RUN_DIR"
+FLEET_VARIABLE = "ROCO_FLEET"  # id of the fleet that a supervisor started a process for
 KEYS_VARIABLE = "ROCO_TLS_DIR"  # a folder of keys; none: nothing is encrypted
 KEYS_FOLDER = "keys"  # certificates and private keys of this run, mode 0700 (docs/security.md)
 # The stop flag: one byte, written in place (a process may hold the file mapped; a rename would cut it off).
@@ -16,15 +17,6 @@ LOOPBACK = ("127.0.0.1", 0)  # a free port
 def heartbeat_file(run: Path, name: str) -> Path:
     """Return the file that a process writes or touches each second."""
     return run / f"{name}.heartbeat.json"
-
-
-def set_stop(run: Path, held: bool) -> None:
-    """Have the robot held, as by a person's stop, or released; the byte is written in place. Raise OSError."""
-    flag = os.open(run / STOP_FILE, os.O_WRONLY | os.O_CREAT, 0o600)
-    try:
-        os.pwrite(flag, STOP_HELD if held else STOP_RELEASED, 0)
-    finally:
-        os.close(flag)
 
 
 def make_run(run: Path) -> None:

@@ -26,15 +26,23 @@ OFF = "stopped by hand"
 """Note of what shall not run until somebody says so."""
 LEFT = "left by a supervisor that died"
 
-_AS_IF_NEW = {"state": ProcessState.WAITING, "failures": 0, "killed": False, "note": "", "deaths": ()}
+_AS_IF_NEW = {
+    "state": ProcessState.WAITING,
+    "failures": 0,
+    "attempts": 0,
+    "killed": False,
+    "note": "",
+    "deaths": (),
+}
 RUNNING = (ProcessState.STARTING, ProcessState.READY, ProcessState.STOPPING)
 
 
 class Known(msgspec.Struct, frozen=True):
     """State of a process; `since`: when it entered its state [s]; `due`: when it is started again [s].
 
-    `beaten`: whether it had a heartbeat since it was started; `silent`: looks since the last one. `deaths`: when it
-    died within WINDOW_S, after it had been ready [s].
+    `failures`: ends in a row, which lengthen the pause; `attempts`: of these, since it was ready last. `served`:
+    whether it was ever ready. `beaten`: whether it had a heartbeat since it was started; `silent`: looks since then.
+    `deaths`: when it died within WINDOW_S, after it had been ready [s].
     """
 
     process: Process
@@ -43,6 +51,8 @@ class Known(msgspec.Struct, frozen=True):
     pid: int = 0
     restarts: int = 0
     failures: int = 0
+    attempts: int = 0
+    served: bool = False
     due: float = 0.0
     killed: bool = False
     note: str = ""
@@ -82,12 +92,12 @@ class Fleet(msgspec.Struct, frozen=True):
 
     @property
     def failing(self) -> tuple[str, ...]:
-        """Processes that were ready and died so often that they were given up: without them the robot is to be held.
+        """Processes that were ready once and were given up: without them the robot is to be held.
 
         Nobody waits for an optional one, and the robot need not either.
         """
-        given_up = (name for name, known in self.known.items() if len(known.deaths) >= MOST_DEATHS)
-        return tuple(name for name in given_up if not self.known[name].process.optional)
+        given_up = ((name, known) for name, known in self.known.items() if known.state is ProcessState.GIVEN_UP)
+        return tuple(name for name, known in given_up if known.served and not known.process.optional)
 
     @property
     def ended(self) -> bool:
@@ -131,6 +141,12 @@ class Found(Event, frozen=True):
 
 class Refused(Event, frozen=True):
     """It could not be started, and why; trying again cannot help."""
+
+    reason: str
+
+
+class NotStarted(Event, frozen=True):
+    """The machine could not start it now, and why: it may later, so it is tried without end."""
 
     reason: str
 
@@ -184,11 +200,17 @@ def take(fleet: Fleet, event: Event, now: float) -> Fleet:
         case Started(pid=pid):
             changed = msgspec.structs.replace(known, state=ProcessState.STARTING, pid=pid, since=now, note="")
         case Found(pid=pid):
-            changed = msgspec.structs.replace(known, state=ProcessState.READY, pid=pid, since=now, note=LEFT)
+            changed = msgspec.structs.replace(
+                known, state=ProcessState.READY, pid=pid, since=now, note=LEFT, served=True
+            )
         case Refused(reason=reason):
             changed = msgspec.structs.replace(known, state=ProcessState.GIVEN_UP, since=now, note=reason)
+        case NotStarted(reason=reason):
+            failures = known.failures + 1
+            later = {"failures": failures, "due": now + _pause(failures)}
+            changed = msgspec.structs.replace(known, state=ProcessState.BACKING_OFF, since=now, note=reason, **later)
         case Ready() if known.state is ProcessState.STARTING:
-            changed = msgspec.structs.replace(known, state=ProcessState.READY, since=now)
+            changed = msgspec.structs.replace(known, state=ProcessState.READY, since=now, attempts=0, served=True)
         case Exited(code=code, last=last):
             changed = _exited(known, code, last, now, fleet.stopping, event.name in fleet.off)
         case _:
@@ -310,15 +332,18 @@ def _exited(known: Known, code: int, last: str, now: float, stopping: bool, off:
     was_ready = known.state is ProcessState.READY
     settled = was_ready and now - known.since > SETTLED_S
     failures = 1 if settled else known.failures + 1
+    attempts = 0 if was_ready else known.attempts + 1
     how = f"killed by signal {-code}" if code < 0 else f"ended with code {code}"
     note = known.note if known.killed else f"{how}: {last}" if last else how
     deaths = tuple(at for at in known.deaths if now - at < WINDOW_S) + ((now,) if was_ready else ())
     if len(deaths) >= MOST_DEATHS:
         note = f"died {len(deaths)} times within {WINDOW_S:g} s: {note}"
-    if code == USAGE_ERROR or (not was_ready and failures >= ATTEMPTS) or len(deaths) >= MOST_DEATHS:
-        given_up = {"state": ProcessState.GIVEN_UP, "failures": failures, "note": note, "deaths": deaths}
-        return msgspec.structs.replace(known, since=now, **given_up)
-    pause = min(FIRST_PAUSE_S * 2.0 ** min(failures - 1, 10), LONGEST_PAUSE_S)
-    return msgspec.structs.replace(
-        known, state=ProcessState.BACKING_OFF, since=now, failures=failures, due=now + pause, note=note, deaths=deaths
-    )
+    changed = {"since": now, "failures": failures, "attempts": attempts, "note": note, "deaths": deaths}
+    if code == USAGE_ERROR or attempts >= ATTEMPTS or len(deaths) >= MOST_DEATHS:
+        return msgspec.structs.replace(known, state=ProcessState.GIVEN_UP, **changed)
+    return msgspec.structs.replace(known, state=ProcessState.BACKING_OFF, due=now + _pause(failures), **changed)
+
+
+def _pause(failures: int) -> float:
+    """Return the pause before the next start [s]."""
+    return min(FIRST_PAUSE_S * 2.0 ** min(failures - 1, 10), LONGEST_PAUSE_S)

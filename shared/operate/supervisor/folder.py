@@ -1,9 +1,14 @@
-"""The run folder as the supervisor keeps it: made, pointed at, and told the state of the fleet (docs/run-folder.md)."""
+"""The run folder as the supervisor keeps it: made, pointed at, and told the state of the fleet (docs/run-folder.md).
+
+The supervisor has all that it writes in memory. A disk that is full, or a folder that was deleted, does not end it:
+what could not be written is written once that is possible.
+"""
 
 import os
 import shutil
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 import msgspec
 
@@ -33,11 +38,71 @@ def make(run: Path, *, latest: bool = True) -> None:
         beside.replace(link)
 
 
-def tell(run: Path, fleet: Fleet) -> None:
-    """Rewrite fleet.json; a reader sees the old one or the new one."""
-    beside = run / f".{FLEET_FILE}"
-    beside.write_bytes(msgspec.json.format(msgspec.json.encode(fleet), indent=2) + b"\n")
-    beside.replace(run / FLEET_FILE)
+class Files:
+    """Files of the supervisor in its run folder, as they are wanted. No OSError leaves it."""
+
+    def __init__(self, run: Path) -> None:
+        self._run = run
+        self._owed: dict[Path, bytes | None] = {}
+        self._off: frozenset[str] = frozenset()
+        self.why = ""
+        """Why something could not be written; "" where nothing is owed."""
+
+    def put(self, file: Path, data: bytes) -> None:
+        """Have this in a file of the folder; a reader sees the old one or the new one."""
+        self._want(file, data)
+
+    def remove(self, file: Path) -> None:
+        """Have no such file."""
+        self._want(file, None)
+
+    def tell(self, fleet: Fleet) -> None:
+        """Have the fleet in fleet.json."""
+        self.put(self._run / FLEET_FILE, msgspec.json.format(msgspec.json.encode(fleet), indent=2) + b"\n")
+
+    def settle(self) -> None:
+        """Write what is owed, as far as that is possible now."""
+        before, self.why = self.why, ""
+        for file, data in list(self._owed.items()):
+            try:
+                _write(file, data)
+                del self._owed[file]
+            except OSError as error:
+                self.why = f"{file} cannot be written: {error.strerror}"
+        if self.why != before:
+            words = f"{self.why}; the fleet goes on, and it is tried again" if self.why else "all is written again"
+            with suppress(OSError):  # the words go to the same disk
+                print(words, flush=True)
+
+    def off(self) -> frozenset[str]:
+        """Return the processes that shall not run; as last seen, where the folder cannot be read."""
+        with suppress(OSError):
+            self._off = off(self._run)
+        return self._off
+
+    def log(self, name: str) -> IO[bytes]:
+        """Return the open log of a process; where there can be none, what it writes is lost."""
+        try:
+            make_run(self._run)
+            return log_file(self._run, name).open("ab")
+        except OSError:
+            return open(os.devnull, "ab")
+
+    def _want(self, file: Path, data: bytes | None) -> None:
+        self._owed[file] = data
+        self.settle()
+
+
+def _write(file: Path, data: bytes | None) -> None:
+    """Write a file, or remove it. Raise OSError."""
+    if data is None:
+        with suppress(FileNotFoundError):
+            file.unlink()
+        return
+    make_run(file.parent)
+    beside = file.with_name(f".{file.name}")
+    beside.write_bytes(data)
+    beside.replace(file)
 
 
 def ready_file(run: Path, name: str) -> Path:

@@ -12,11 +12,12 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from agent_runtime.io.fleet_processes import started_in
 from agent_runtime.io.forked import Other
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, make_run
 from operate.run_folder import LOCK_FILE
 from operate.supervisor import folder
-from operate.supervisor.processes import Process
+from operate.supervisor.processes import ORDERLY_STOP_S, Process
 
 TAKE_S = 1.0  # estimate: who only looks whether the lock is held has it for some microseconds
 
@@ -71,6 +72,25 @@ def left(run: Path, processes: tuple[Process, ...]) -> dict[str, Left]:
         except (OSError, ValueError):
             continue
     return found
+
+
+def end_others(run: Path) -> None:
+    """End what else fleets of this folder left: all that was started for one, but this process."""
+    others = [Left(pid) for pid in started_in(run) if pid != os.getpid() and _lives(pid)]
+    for one in others:
+        one.terminate()
+    until = time.monotonic() + ORDERLY_STOP_S
+    for one in others:
+        if not one.ended(max(0.0, until - time.monotonic())):
+            one.kill()
+
+
+def _lives(pid: int) -> bool:
+    """Whether there is more of it than what its parent has not looked at."""
+    try:
+        return bool((Path("/proc") / str(pid) / "cmdline").read_bytes())
+    except OSError:
+        return False
 
 
 def _runs(pid: int, module: str, run: Path) -> bool:

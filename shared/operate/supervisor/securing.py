@@ -60,7 +60,8 @@ class Keys:
         `connect`: the addresses asked for, "" for free ports here; `given`: a folder of keys that are there; `here`:
         the routers that are started here; `linked`: there are two. ValueError where addresses and keys do not fit.
         """
-        self._design, self._system, self._days, self._due = design, system, days, float("inf")
+        self._design, self._system, self._days = design, system, days
+        self._from, self._due = -float("inf"), float("inf")
         self._routers = len(ROUTERS) if linked else 1
         mine = bool(here) and not given and not insecure
         self.folder = run / KEYS_FOLDER if mine else Path(given).resolve() if given and not insecure else None
@@ -71,6 +72,7 @@ class Keys:
         self.own, self.routers = self._met(here)
         self._making = threading.Thread(target=self._begin, name="keys", daemon=True)
         self._failed: Exception | None = None
+        self._tried: float | None = None
         if self.folder and mine:
             for name in ROUTERS:  # of the last start: a router waits for a new one
                 key_file(self.folder, name).unlink(missing_ok=True)
@@ -120,28 +122,39 @@ class Keys:
         self.tend()
 
     def tend(self) -> None:
-        """Renew them in their last days: the router sees it, and all come back to it with the new ones.
+        """Renew them in their last days, where the clock was set back to before they hold, and where they were deleted.
 
-        Raises OSError where the first ones could not be written; later ones are tried again.
+        The router sees it, and all come back to it with the new ones. Raises OSError where the first ones could not be
+        written; later ones are tried again.
         """
         if self._failed is not None:
             raise self._failed
-        if time.time() < self._due:
+        if self._from <= (now := time.time()) < self._due and self._there():
+            return
+        if self._tried is not None and 0.0 <= now - self._tried < AGAIN_S:
             return
         try:
-            print(f"the keys are renewed; they hold until {self._make():%Y-%m-%d %H:%M} UTC", flush=True)
+            words = f"the keys are renewed; they hold until {self._make():%Y-%m-%d %H:%M} UTC"
+            self._tried = None
         except OSError as error:
-            print(f"the keys cannot be renewed: {error}; tried again in {AGAIN_S:g} s", flush=True)
-            self._due = time.time() + AGAIN_S
+            words = f"the keys cannot be renewed: {error}; tried again in {AGAIN_S:g} s"
+            self._tried = now
+        with suppress(OSError):  # a full disk takes no words either
+            print(words, flush=True)
+
+    def _there(self) -> bool:
+        """Whether keys that were made here are still there; none were made where none shall be."""
+        return self._due == float("inf") or any(key_file(self.folder or Path(), name).exists() for name in ROUTERS)
 
     def _make(self) -> dt.datetime:
         from agent_runtime.io import issuing, keys
 
         assert self.folder is not None
         hosts = tuple(dict.fromkeys((*keys.HOSTS, *(place(one)[0] for one in self.addresses))))
-        systems, count = (self._system,), self._routers
-        made = issuing.issue(self.folder, self._design, systems, days=self._days, hosts=hosts, routers=count)
+        systems, count, now = (self._system,), self._routers, dt.datetime.fromtimestamp(time.time(), dt.UTC)
+        made = issuing.issue(self.folder, self._design, systems, days=self._days, hosts=hosts, routers=count, now=now)
         until = made.until
+        self._from = until.timestamp() - self._days * 86400.0 - keys.BACK.total_seconds() / 2
         self._due = until.timestamp() - LAST * self._days * 86400.0
         return until
 

@@ -13,18 +13,20 @@ import subprocess
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
+from agent_runtime.io.fleet_processes import set_stop
 from agent_runtime.io.forked import Forked, Handed, fork
 from agent_runtime.io.pulse import Pulse
-from agent_runtime.io.run_files import set_stop
+from agent_runtime.io.run_files import FLEET_VARIABLE
 from operate.run_folder import Fleet as FleetFile
 from operate.run_folder import ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.forking import FORKS, program
-from operate.supervisor.keeping import Left, left
+from operate.supervisor.keeping import Left, end_others, left
 from operate.supervisor.processes import Process
 from operate.system import System
 
@@ -53,7 +55,7 @@ class Shell:
         self.run = run
         self.system = system
         self.connect = connect
-        self.environment = dict(environment)
+        self.environment = {**environment, FLEET_VARIABLE: os.environ.get(FLEET_VARIABLE) or uuid.uuid4().hex}
         self.apart = apart or {}
         self.command = command or python_module
         self.tend = tend or (lambda: None)
@@ -62,6 +64,7 @@ class Shell:
         self.started = time.time()
         self.children: dict[str, subprocess.Popen[bytes] | Forked | Left] = {}
         self.beats: dict[str, int] = {}
+        self.files = folder.Files(run)
         self.held = False
         self.end_asked = threading.Event()
 
@@ -70,17 +73,18 @@ class Shell:
         caught_signals: list[int] = []  # a handler that sets the event could wait for ever: one_reader.py
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda caught, _: caught_signals.append(caught))
-        folder.pid_file(self.run, NAME).write_text(f"{os.getpid()}\n")
-        pulse, ready = Pulse(self.run, NAME), folder.ready_file(self.run, NAME)
-        ready.touch()
+        pid, ready = folder.pid_file(self.run, NAME), folder.ready_file(self.run, NAME)
+        self.files.put(pid, f"{os.getpid()}\n".encode())
+        self.files.put(ready, b"")
+        pulse = Pulse(self.run, NAME)
         while not self.fleet.ended:
             pulse.beat()
             if caught_signals:
                 self.end_asked.set()
             self.step(time.monotonic())
             self.end_asked.wait(core.PERIOD_S) if not self.fleet.stopping else time.sleep(core.PERIOD_S)
-        for file in (ready, pulse.file, folder.pid_file(self.run, NAME)):
-            file.unlink(missing_ok=True)
+        for file in (ready, pulse.file, pid):
+            self.files.remove(file)
 
     def end(self, left: Mapping[str, Left]) -> None:
         """End in order what a supervisor that died left running; each has its time, then it is killed."""
@@ -96,15 +100,19 @@ class Shell:
         """Look, decide, act, tell; hold the robot where a process that was ready cannot be kept alive."""
         before = self.fleet.status
         self.tend()
+        self.files.settle()
         if self.end_asked.is_set():
             self.fleet = core.stop(self.fleet)
-        self.fleet = core.switch(self.fleet, folder.off(self.run), now)
+        self.fleet = core.switch(self.fleet, self.files.off(), now)
         for event in self._look():
             self.fleet = core.take(self.fleet, event, now)
         self.fleet = core.look(self.fleet, self._beats())
         if self.fleet.failing and not self.held:
-            self.held = True
-            set_stop(self.run, held=True)
+            try:
+                set_stop(self.run, held=True)
+                self.held = True
+            except OSError:  # tried again at the next look
+                pass
         self.fleet, actions = core.decide(self.fleet, now)
         for action in actions:
             outcome = self._act(action)
@@ -112,7 +120,7 @@ class Shell:
                 self.fleet = core.take(self.fleet, outcome, now)
         if self.fleet.status != before or actions or not (self.run / "fleet.json").exists():
             told = (self.system, self.connect, os.getpid(), self.started, self.fleet.status)
-            folder.tell(self.run, FleetFile(*told, entry=self.entry, project=self.project))
+            self.files.tell(FleetFile(*told, entry=self.entry, project=self.project))
 
     def _look(self) -> list[core.Event]:
         """See which children ended, and which became ready."""
@@ -121,7 +129,7 @@ class Shell:
             code = child.poll()
             if code is not None:
                 del self.children[name]
-                folder.pid_file(self.run, name).unlink(missing_ok=True)
+                self.files.remove(folder.pid_file(self.run, name))
                 seen.append(core.Exited(name, code, folder.last_line(folder.log_file(self.run, name))))
             elif self.fleet.known[name].state is ProcessState.STARTING and folder.ready_file(self.run, name).exists():
                 seen.append(core.Ready(name))
@@ -151,12 +159,12 @@ class Shell:
 
     def _start(self, process: Process) -> core.Event:
         """Start a process; where that cannot work, say why."""
-        folder.ready_file(self.run, process.name).unlink(missing_ok=True)
+        self.files.remove(folder.ready_file(self.run, process.name))
         self.beats[process.name] = folder.beat(self.run, process.name)  # of the one before: no beat of this one
         environment = {**self.environment, **self.apart.get(process.name, {})}
         try:
             command = self.command(process)
-            with folder.log_file(self.run, process.name).open("ab") as log:
+            with self.files.log(process.name) as log:
                 child = self._forked(process, environment, log) or subprocess.Popen(
                     command,
                     env=environment,
@@ -165,10 +173,12 @@ class Shell:
                     stderr=subprocess.STDOUT,
                     start_new_session=True,
                 )
-        except (OSError, NotBuiltError) as error:
+        except NotBuiltError as error:
             return core.Refused(process.name, str(error))
+        except OSError as error:
+            return core.NotStarted(process.name, str(error))
         self.children[process.name] = child
-        folder.pid_file(self.run, process.name).write_text(f"{child.pid}\n")
+        self.files.put(folder.pid_file(self.run, process.name), f"{child.pid}\n".encode())
         return core.Started(process.name, child.pid)
 
     def _forked(self, process: Process, environment: Mapping[str, str], log: IO[bytes]) -> Forked | None:
@@ -186,6 +196,7 @@ def end_left(run: Path, processes: tuple[Process, ...], system: str) -> None:
     if found:
         print(f"ending what a supervisor that died left: {', '.join(found)}", flush=True)
         Shell(run, processes, system, "", {}).end(found)
+    end_others(run)  # such as its fork server, and workers
 
 
 class NotBuiltError(Exception):

@@ -147,6 +147,34 @@ def test_a_process_that_never_gets_ready_is_given_up() -> None:
     assert world.tick(100.0) == []
 
 
+def test_deaths_after_it_was_ready_are_no_failed_attempts() -> None:
+    """Only ends in a row without being ready count; one that served and is given up has the robot held."""
+    world = World((THREE[0],))
+    for _ in range(core.ATTEMPTS - 1):
+        world.tick(6.0)
+        world.tell(core.Ready("router"))
+        world.tell(core.Exited("router", -9))
+    for attempt in range(core.ATTEMPTS):
+        assert world.state("router") is ProcessState.BACKING_OFF, attempt
+        assert world.fleet.failing == ()
+        world.tick(6.0)
+        world.tell(core.Exited("router", 1, "Address already in use"))
+    assert world.state("router") is ProcessState.GIVEN_UP
+    assert world.fleet.failing == ("router",)
+
+
+def test_what_the_machine_cannot_start_now_is_tried_without_end() -> None:
+    """No memory or no disk: it may be there later, and nothing of the program is at fault."""
+    world = World()
+    for _ in range(3 * core.ATTEMPTS):
+        assert core.Start("router") in world.tick(6.0)
+        world.tell(core.NotStarted("router", "[Errno 11] Resource temporarily unavailable"))
+        assert world.tick(0.0) == []
+    world.tick(6.0)
+    world.tell(core.Ready("router"))
+    assert world.state("router") is ProcessState.READY
+
+
 def test_a_wrong_option_is_not_tried_again() -> None:
     """Exit code 2 is a usage error."""
     world = World()

@@ -1,6 +1,7 @@
 """One supervisor keeps a run folder; the next one ends what a dead one left. With real supervisors and routers."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 
 from operate.cli.runs import folders
 from operate.run_folder import LOCK_FILE, ProcessState
+from operate.supervisor.forking import FORKS
 from operate.supervisor.keeping import KeptError, kept
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
@@ -117,6 +119,49 @@ def test_the_next_supervisor_ends_what_a_dead_one_left(run: Path, start: Start, 
     said, _ = second.communicate(timeout=PATIENCE_S)
     assert "ending what a supervisor that died left: router" in said
     assert of_run(run) == []
+
+
+def test_the_fork_server_of_a_dead_supervisor_is_ended_too(run: Path, start: Start) -> None:
+    """It is in no table of the system; the next supervisor finds it by its variables."""
+    words = ("services.supervisor", "--only", "router,co,ta", "--insecure")
+
+    def forks(supervisor: "subprocess.Popen[str]") -> bool:
+        told = folders.fleet(run)
+        states = {one.name: one.state for one in told.processes} if told else {}
+        return folders.keeper(run) == supervisor.pid and states.get(FORKS.name) is ProcessState.READY
+
+    first = start(*words)
+    until(lambda: forks(first))
+    old = of_run(run, FORKS.module)
+    first.kill()
+    first.wait()
+    assert old == of_run(run, FORKS.module) != []
+    second = start(*words)
+    until(lambda: forks(second))
+    assert not set(old) & set(of_run(run, ""))
+    second.terminate()
+    second.communicate(timeout=PATIENCE_S)
+    assert of_run(run, "") == []
+
+
+@pytest.mark.parametrize("keeper_dies", [False, True])
+def test_a_fleet_whose_run_folder_was_deleted_is_ended(run: Path, start: Start, keeper_dies: bool) -> None:
+    """It is not started a second time meanwhile; with its supervisor dead, too, it is found by its variables."""
+    words = ("up", "--only", "router", "--insecure", "--out", str(run))
+    assert roco(start, *words)[0] == 0
+    (supervisor,) = of_run(run, "operate.supervisor")
+    shutil.rmtree(run)
+    if keeper_dies:
+        os.kill(supervisor, signal.SIGKILL)
+        until(lambda: not of_run(run, "operate.supervisor"))
+        shutil.rmtree(run, ignore_errors=True)
+    else:
+        until((run / "fleet.json").exists)
+        code, said = roco(start, *words)
+        assert (code, f"runs already (supervisor {supervisor})" in said) == (1, True), said
+    assert of_run(run)
+    assert roco(start, "down", "--run-dir", str(run))[0] == 0
+    assert of_run(run, "") == []
 
 
 def test_of_two_supervisors_one_is_refused_in_words(run: Path, start: Start) -> None:

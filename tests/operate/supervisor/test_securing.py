@@ -1,5 +1,6 @@
 """The process that starts the router makes the keys and renews them in time; nothing is plain by accident."""
 
+import shutil
 import socket
 import subprocess
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 from cryptography import x509
 
 import agent_runtime.io.keys
+from agent_runtime.io import issuing
 from agent_runtime.io.secured import ROUTERS, rights_of, router_tls
 from companion.tools.system import SYSTEM
 from operate.supervisor import securing
@@ -181,6 +183,31 @@ def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
 def test_the_time_they_hold_is_said_once() -> None:
     """The supervisor names it before the module is loaded that makes keys."""
     assert agent_runtime.io.keys.DAYS == DAYS
+
+
+@pytest.mark.parametrize("hours", [-1, -30, 24 * 6.5, 24 * 400])
+def test_keys_are_renewed_for_a_clock_that_was_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hours: float
+) -> None:
+    """Back or forward: the new ones hold at the time that the clock shows now; a second look renews nothing."""
+    made, now = keys(tmp_path), securing.time.time() + 3600.0 * hours
+    monkeypatch.setattr(securing.time, "time", lambda: now)
+    before = (tmp_path / "keys/router.pem").read_bytes()
+    made.tend()
+    after = (tmp_path / "keys/router.pem").read_bytes()
+    assert after != before
+    begin, end = issuing.lifetime(tmp_path / "keys/router.pem")
+    assert begin.timestamp() < now < end.timestamp()
+    made.tend()
+    assert (tmp_path / "keys/router.pem").read_bytes() == after
+
+
+def test_deleted_keys_are_made_again(tmp_path: Path) -> None:
+    """A run folder that somebody deleted is filled again while the fleet runs."""
+    made = keys(tmp_path)
+    shutil.rmtree(tmp_path / "keys")
+    made.tend()
+    assert (tmp_path / "keys/router.pem").exists()
 
 
 def test_a_renewal_that_fails_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -74,6 +75,51 @@ def test_a_fleet_comes_up_and_goes_down_in_order(start: Callable[..., Shell]) ->
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A run folder on a disk of its own that can be filled."""
+    place = tmp_path / "run"
+    place.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", place], capture_output=True).returncode:
+        pytest.skip("needs mount (as root)")
+    yield place
+    subprocess.run(["umount", "--lazy", place], check=True)
+
+
+def test_a_full_disk_ends_neither_the_supervisor_nor_what_it_starts(
+    small_disk: Path, start: Callable[..., Shell], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was killed meanwhile is started again; what could not be written is written once there is room."""
+    shell = start(Process("ta", WAIT))
+    until(shell, lambda: shell.fleet.ready)
+    first = shell.children["ta"].pid
+    filled = subprocess.run(["dd", "if=/dev/zero", f"of={small_disk}/filler", "bs=4096"], capture_output=True)
+    assert b"No space left" in filled.stderr
+    os.kill(first, signal.SIGKILL)
+    until(shell, lambda: shell.fleet.known["ta"].restarts == 1 and shell.fleet.ready)
+    assert shell.files.why
+    (small_disk / "filler").unlink()
+    until(shell, lambda: shell.fleet.ready and not shell.files.why)
+    assert read(shell).processes[0].pid == shell.children["ta"].pid != first
+    told = capsys.readouterr().out
+    assert "No space left on device; the fleet goes on, and it is tried again" in told
+    assert told.endswith("all is written again\n")
+
+
+def test_a_deleted_run_folder_is_made_again(start: Callable[..., Shell]) -> None:
+    """The supervisor goes on with what it knows, and ends its fleet in order."""
+    shell = start(*TABLE)
+    until(shell, lambda: shell.fleet.ready)
+    shutil.rmtree(shell.run)
+    os.kill(shell.children["ta"].pid, signal.SIGKILL)
+    until(shell, lambda: shell.fleet.known["ta"].restarts == 1 and shell.fleet.ready)
+    assert [status.state for status in read(shell).processes] == [ProcessState.READY] * 2
+    assert shell.run.stat().st_mode & 0o777 == 0o700
+    shutil.rmtree(shell.run)
+    shell.end_asked.set()
+    until(shell, lambda: shell.fleet.ended)
 
 
 def test_a_killed_process_comes_back_with_a_fresh_ready_file(start: Callable[..., Shell]) -> None:

@@ -11,6 +11,8 @@ from typing import Annotated
 import typer
 from msgspec.structs import replace
 
+from agent_runtime.io import fleet_processes
+from agent_runtime.io.run_files import STOP_FILE
 from companion.languages.cmd import TaskState
 from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
 from companion.stop_words import stop_words
@@ -150,7 +152,11 @@ def _stopped(text: str, target: str, run_dir: Path | None) -> TaskLine:
 
 def _loop_here(fleet: Target) -> bool:
     """Whether a control loop has had the stop flag of this fleet mapped, on this machine or in its containers."""
-    return not isinstance(fleet, Local) or (fleet.run / SLOTS_FILE).exists()
+    return (
+        not isinstance(fleet, Local)
+        or (fleet.run / SLOTS_FILE).exists()
+        or bool(fleet_processes.deleted_files(fleet.run, STOP_FILE))
+    )
 
 
 def _said_when_started(wish: Say, target: str, run_dir: Path | None, form: Format) -> TaskLine:

@@ -8,7 +8,8 @@ from contextlib import AbstractContextManager, suppress
 from functools import cached_property
 from pathlib import Path
 
-from agent_runtime.io.run_files import heartbeat_file, set_stop
+from agent_runtime.io.fleet_processes import set_stop
+from agent_runtime.io.run_files import heartbeat_file
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import process_status, starting
 from operate.cli.fleet.identity import OPERATOR

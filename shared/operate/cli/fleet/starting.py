@@ -6,10 +6,12 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from agent_runtime.io.run_files import make_run
+from agent_runtime.io.fleet_processes import started_in
+from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, make_run
 from operate.cli.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
 from operate.cli.runs import folders
 from operate.run_folder import Fleet, ProcessState, ProcessStatus
@@ -39,7 +41,7 @@ def check(arguments: list[str]) -> None:
 def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
     """Start the supervisor of a run of the system here in the background; its words go to <run>/supervisor.log."""
     _refuse_second(run, 0)
-    shared = os.environ | here().environment(run)
+    shared = os.environ | here().environment(run) | {RUN_FOLDER_VARIABLE: str(run), FLEET_VARIABLE: uuid.uuid4().hex}
     make_run(run)
     with (run / "supervisor.log").open("ab") as log:
         return subprocess.Popen(
@@ -160,11 +162,14 @@ def describe(status: ProcessStatus) -> str:
 
 
 def _orphans(run: Path, modules: dict[str, str]) -> list[int]:
-    """The pids in the pid files of a run that live still: a supervisor, or the process of `modules` of that name."""
+    """The pids of what lives still of a run: by its pid files, a supervisor or the process of `modules` of that name;
+    by their variables, all that was started for it.
+    """
     texts = {path.stem: path.read_text().strip() for path in run.glob("*.pid")}
     pids = {name: int(text) for name, text in texts.items() if text.isdigit()}
     own = {name: (modules[name],) if name in modules else folders.SUPERVISORS for name in pids}
-    return [pid for name, pid in pids.items() if folders.is_service(pid, *own[name])]
+    told = [pid for name, pid in pids.items() if folders.is_service(pid, *own[name])]
+    return list(dict.fromkeys([*told, *(pid for pid in started_in(run) if pid != os.getpid())]))
 
 
 def _signal(pid: int, number: signal.Signals) -> None:

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import msgspec
 
+from agent_runtime.io.fleet_processes import started_in
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD
 from operate.cli.errors import NoRunError
@@ -35,7 +36,7 @@ def find(run: Path | None) -> Path:
     """The folder named, else the one of the environment, else the latest. NoRunError where it is not there."""
     named = run or (Path(os.environ[RUN_FOLDER_VARIABLE]) if os.environ.get(RUN_FOLDER_VARIABLE) else None)
     folder = named or RUNS / LATEST
-    if not folder.is_dir():
+    if not folder.is_dir() and not started_in(folder.resolve()):
         raise NoRunError(str(folder))
     return folder.resolve()
 
@@ -61,6 +62,8 @@ def keeper(run: Path) -> int:
     except BlockingIOError:
         text = (run / LOCK_FILE).read_text().strip()
         return int(text) if text.isdigit() else 0
+    except FileNotFoundError:  # the folder was deleted: its supervisor goes on
+        return next((pid for pid in started_in(run) if is_service(pid, *SUPERVISORS)), 0)
     except OSError:
         pass
     told = fleet(run)

@@ -1,0 +1,73 @@
+"""Processes of a fleet that live, found by the variables they were started with, whatever became of their run folder.
+
+A supervisor gives each process the id of its fleet (FLEET_VARIABLE) besides the run folder. A person's shell may name a
+run folder, too, but no fleet.
+"""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD, STOP_RELEASED
+
+PROC = Path("/proc")
+
+
+def variables(pid: int) -> dict[str, str]:
+    """Return the variables that a process was started with; none where it is gone or another user's."""
+    try:
+        words = (PROC / str(pid) / "environ").read_bytes().decode(errors="surrogateescape").split("\0")
+    except OSError:
+        return {}
+    return dict(word.split("=", 1) for word in words if "=" in word)
+
+
+def started_in(run: Path) -> tuple[int, ...]:
+    """Return the pids of this user's processes that a supervisor started for a run folder, oldest first."""
+    found = []
+    for place in PROC.glob("[0-9]*"):
+        with suppress(OSError):
+            if place.stat().st_uid != os.geteuid():
+                continue
+            had = variables(int(place.name))
+            if had.get(FLEET_VARIABLE) and had.get(RUN_FOLDER_VARIABLE) == str(run):
+                found.append(int(place.name))
+    return tuple(sorted(found))
+
+
+def set_stop(run: Path, held: bool) -> None:
+    """Have the robot held, as by a person's stop, or released. The byte is written in place. Raise OSError.
+
+    Where the run folder was deleted, a control loop still has the old file open: that one is written, too.
+    """
+    byte, failed = STOP_HELD if held else STOP_RELEASED, None
+    try:
+        _write(run / STOP_FILE, os.O_CREAT, byte)
+    except OSError as error:
+        failed = error
+    deleted = deleted_files(run, STOP_FILE)
+    for file in deleted:
+        with suppress(OSError):
+            _write(file, 0, byte)
+    if failed is not None and not deleted:
+        raise failed
+
+
+def deleted_files(run: Path, name: str) -> list[Path]:
+    """Return files in /proc: a file that was deleted from a run folder, where processes of the fleet have it open."""
+    found, target = [], f"{run / name} (deleted)"
+    for pid in started_in(run):
+        with suppress(OSError):
+            for file in (PROC / str(pid) / "fd").iterdir():
+                with suppress(OSError):
+                    if os.readlink(file) == target:
+                        found.append(file)
+    return found
+
+
+def _write(file: Path, flags: int, byte: bytes) -> None:
+    flag = os.open(file, os.O_WRONLY | os.O_CLOEXEC | flags, 0o600)
+    try:
+        os.pwrite(flag, byte, 0)
+    finally:
+        os.close(flag)
