@@ -1,5 +1,6 @@
 """One supervisor keeps a run folder; the next one ends what a dead one left. With real supervisors and routers."""
 
+import datetime as dt
 import os
 import shutil
 import signal
@@ -11,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from agent_runtime.io.issuing import issue
+from companion.design import DESIGN
 from operate.cli.runs import folders
 from operate.run_folder import LOCK_FILE, ProcessState
 from operate.supervisor.forking import FORKS
@@ -142,6 +145,22 @@ def test_the_fork_server_of_a_dead_supervisor_is_ended_too(run: Path, start: Sta
     second.terminate()
     second.communicate(timeout=PATIENCE_S)
     assert of_run(run, "") == []
+
+
+@pytest.mark.parametrize("hours", [-24 * 8, 24])
+def test_status_names_a_certificate_that_does_not_hold(run: Path, start: Start, tmp_path: Path, hours: int) -> None:
+    """One that has ended, or begins only later; doctor names it, too."""
+    made = dt.datetime.now(dt.UTC) + dt.timedelta(hours=hours)
+    issue(tmp_path / "keys", DESIGN, ("roco",), now=made)
+    supervisor = start("services.supervisor", "--only", "router,ta", "--keys", str(tmp_path / "keys"))
+    until(lambda: supervisor.poll() is None and (run / "ta.heartbeat.json").exists())
+    for verb in ("status", "doctor"):
+        code, said = roco(start, verb, "--run-dir", str(run), "--format", "json")
+        assert code == 1, said
+        assert f"the certificate {tmp_path}/keys/" in said
+        assert ("ended at" if hours < 0 else "holds only from") in said
+    supervisor.terminate()
+    supervisor.communicate(timeout=PATIENCE_S)
 
 
 @pytest.mark.parametrize("keeper_dies", [False, True])

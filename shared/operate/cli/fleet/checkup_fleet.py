@@ -4,12 +4,13 @@ import datetime as dt
 import time
 from collections.abc import Callable, Iterator
 
-from agent_runtime.io.run_files import KEYS_FOLDER
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.checkup_reach import refusals, router
+from operate.cli.fleet.key_times import key_folder, key_times
 from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Look, Seen, stuck, trouble
+from operate.cli.fleet.process_status import Look, Seen, stuck
+from operate.cli.fleet.process_status import trouble as trouble_of
 from operate.cli.fleet.targets import Target
 from operate.run_folder import ProcessState
 
@@ -52,7 +53,7 @@ def _process(one: Seen) -> Check | None:
         level = Level.NOTE if status.optional else Level.WRONG
         words = f"{status.state}{': ' + status.note if status.note else ''}"
         return Check(name, level, words, remedies[status.state])
-    words = trouble(one)
+    words = trouble_of(one)
     if words and one.beat is not None and words == one.beat.trouble:
         return Check(name, Level.WRONG, words, "make room (`df -h`, `roco runs remove`); it goes on by itself")
     return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}") if words else None
@@ -77,22 +78,18 @@ def held(fleet: Target, now: Look) -> Iterator[Check]:
 
 def certificates(fleet: Target, now: Look) -> Iterator[Check]:
     """Yield a check of how long the keys are still valid."""
-    if not isinstance(fleet, Local) or not (folder := fleet.run / KEYS_FOLDER).is_dir():
+    folder = key_folder(fleet)
+    if folder is None:
         return
-    from agent_runtime.io import issuing
-
-    ends = min((issuing.ends(file) for file in folder.glob("*.pem")), default=None)
-    if ends is None:
-        yield Check("keys", Level.WRONG, f"no certificate in {folder}", "`roco down`, then `roco up` makes them anew")
-        return
-    left = ends - dt.datetime.now(dt.UTC)
-    words = f"hold until {ends:%Y-%m-%d %H:%M} UTC"
-    if left < dt.timedelta():
-        yield Check(
-            "keys", Level.WRONG, f"ended {ends:%Y-%m-%d %H:%M} UTC", "`roco down`, then `roco up` makes new ones"
-        )
+    times, at = key_times(folder), dt.datetime.now(dt.UTC)
+    anew = "`roco down`, then `roco up` makes them anew; keys of `--keys`: `roco keys make`"
+    if times is None:
+        yield Check("keys", Level.WRONG, f"no certificate in {folder}", anew)
+    elif trouble := times.trouble(at):
+        yield Check("keys", Level.WRONG, trouble, anew)
     else:
-        soon = left < SOON
+        soon = times.end - at < SOON
+        words = f"hold until {times.end:%Y-%m-%d %H:%M} UTC"
         yield Check("keys", Level.NOTE if soon else Level.FINE, words, "restart the fleet before then" if soon else "")
 
 

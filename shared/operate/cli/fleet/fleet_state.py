@@ -1,22 +1,25 @@
 """The state of a fleet as `roco status` tells it: processes, tasks, and what is wrong."""
 
+import datetime as dt
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 import msgspec
 
 from operate.cli.fleet import tasks
+from operate.cli.fleet.key_times import key_folder, key_times
 from operate.cli.fleet.process_status import Look, stuck, trouble
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import Task
-from operate.run_folder import Fleet
+from operate.run_folder import Fleet, ProcessState
 
 
 class Status(msgspec.Struct, frozen=True):
     """The fleet, the tasks, whether the robot is held; `problem`: why no task is known; `troubles`: by process.
 
     `unheard`: who is not heard by whom, a sentence each; `paused`: agents that take no step. `stuck`: processes that
-    are frozen or hang; `unkept`: why nobody looks after the fleet.
+    are frozen or hang; `unkept`: why nobody looks after the fleet. `keys`: the certificate that does not hold.
     """
 
     run: str
@@ -29,6 +32,7 @@ class Status(msgspec.Struct, frozen=True):
     paused: tuple[str, ...] = ()
     stuck: tuple[str, ...] = ()
     unkept: str = ""
+    keys: str = ""
 
 
 def state_of(fleet: Target) -> Status:
@@ -38,9 +42,18 @@ def state_of(fleet: Target) -> Status:
     troubles = {one.name: words for one in now.seen if one.status.pid and (words := trouble(one))}
     paused = tuple(one.name for one in now.seen if one.status.pid and one.beat is not None and one.beat.paused)
     late = tuple(one.name for one in now.seen if one.status.pid and stuck(one))
-    return Status(
-        fleet.where, now.fleet, told, now.stop_held, problem, troubles, tuple(unheard(now)), paused, late, now.unkept
-    )
+    who = tuple(unheard(now))
+    starting = any(one.status.pid and one.status.state is not ProcessState.READY for one in now.seen)
+    keys = _keys(fleet) if troubles or who or starting else ""
+    return Status(fleet.where, now.fleet, told, now.stop_held, problem, troubles, who, paused, late, now.unkept, keys)
+
+
+def _keys(fleet: Target) -> str:
+    """Return which certificate of a fleet in trouble does not hold."""
+    with suppress(OSError, ValueError):  # doctor tells what is wrong with a file that is no certificate
+        if (folder := key_folder(fleet)) and (times := key_times(folder)):
+            return times.trouble(dt.datetime.now(dt.UTC))
+    return ""
 
 
 def unheard(now: Look) -> Iterator[str]:

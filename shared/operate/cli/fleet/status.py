@@ -11,7 +11,7 @@ from operate.run_folder import ProcessState
 
 def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
     """Show the fleet's processes and the tasks. Exits with 1 where not all that must be ready are, where a process is
-    frozen or hangs, or no supervisor looks after them, with 3 where nothing runs.
+    frozen or hangs, no supervisor looks after them, or a certificate does not hold, with 3 where nothing runs.
 
     Examples:
       roco status
@@ -36,4 +36,4 @@ def verdict(now: Status) -> int:
     if not any(process.pid for process in processes):
         return NOTHING_RUNS
     missing = any(p.state is not ProcessState.READY and not p.optional for p in processes)
-    return NO if missing or now.stuck or now.unkept else AS_WANTED
+    return NO if missing or now.stuck or now.unkept or now.keys else AS_WANTED

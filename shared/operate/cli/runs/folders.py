@@ -62,12 +62,14 @@ def keeper(run: Path) -> int:
     except BlockingIOError:
         text = (run / LOCK_FILE).read_text().strip()
         return int(text) if text.isdigit() else 0
-    except FileNotFoundError:  # the folder was deleted: its supervisor goes on
-        return next((pid for pid in started_in(run) if is_service(pid, *SUPERVISORS)), 0)
     except OSError:
         pass
     told = fleet(run)
-    return told.supervisor if told is not None and is_service(told.supervisor, *SUPERVISORS) else 0
+    if told is not None and is_service(told.supervisor, *SUPERVISORS):
+        return told.supervisor
+    if (run / LOCK_FILE).exists():
+        return 0
+    return next((pid for pid in started_in(run) if is_service(pid, *SUPERVISORS)), 0)  # its folder was deleted
 
 
 def living(run: Path) -> Fleet | None:

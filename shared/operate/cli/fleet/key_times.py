@@ -1,0 +1,54 @@
+"""From when until when the keys of a fleet hold."""
+
+import datetime as dt
+from pathlib import Path
+
+import msgspec
+
+from agent_runtime.io.run_files import KEYS_FOLDER, KEYS_VARIABLE
+from operate.cli.fleet.local import Local
+from operate.cli.fleet.targets import Target
+
+
+class KeyTimes(msgspec.Struct, frozen=True):
+    """The time (UTC) in which all certificates of a folder hold.
+
+    `late`: the file of the one that begins last, at `begin`; `early`: of the one that ends first, at `end`.
+    """
+
+    folder: Path
+    begin: dt.datetime
+    late: str
+    end: dt.datetime
+    early: str
+
+    def trouble(self, now: dt.datetime) -> str:
+        """Return why a certificate does not hold now, "" if all do."""
+        if now >= self.end:
+            return f"the certificate {self.folder / self.early} ended at {self.end:%Y-%m-%d %H:%M} UTC"
+        if now < self.begin:
+            return f"the certificate {self.folder / self.late} holds only from {self.begin:%Y-%m-%d %H:%M} UTC"
+        return ""
+
+
+def key_folder(fleet: Target) -> Path | None:
+    """Return the folder of keys that a fleet on this machine uses; None without one."""
+    if not isinstance(fleet, Local):
+        return None
+    told = fleet.look().fleet
+    living = next((one.name for one in told.processes if one.pid), "") if told else ""
+    given = fleet.variable(living, KEYS_VARIABLE) if living else ""
+    folder = Path(given) if given else fleet.run / KEYS_FOLDER
+    return folder if folder.is_dir() else None
+
+
+def key_times(folder: Path) -> KeyTimes | None:
+    """Return when the certificates of a folder hold; None where it has none. Raise OSError, ValueError."""
+    from agent_runtime.io import issuing  # most verbs look at no certificate
+
+    found = [(issuing.lifetime(file), file.name) for file in folder.glob("*.pem")]
+    if not found:
+        return None
+    begin, late = max((begin, name) for (begin, _), name in found)
+    end, early = min((end, name) for (_, end), name in found)
+    return KeyTimes(folder, begin, late, end, early)
