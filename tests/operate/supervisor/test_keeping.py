@@ -131,7 +131,8 @@ def test_the_fork_server_of_a_dead_supervisor_is_ended_too(run: Path, start: Sta
     def forks(supervisor: "subprocess.Popen[str]") -> bool:
         told = folders.fleet(run)
         states = {one.name: one.state for one in told.processes} if told else {}
-        return folders.keeper(run) == supervisor.pid and states.get(FORKS.name) is ProcessState.READY
+        keeps = told is not None and told.supervisor == supervisor.pid == folders.keeper(run)
+        return keeps and states.get(FORKS.name) is ProcessState.READY
 
     first = start(*words)
     until(lambda: forks(first))
