@@ -4,13 +4,13 @@ Must not know: how sentences are parsed, HTTP, tasks.
 """
 
 import re
-import unicodedata
 from importlib import resources
 
 import msgspec
 
+from companion.letters import fold
+
 LANGUAGES = ("en", "pl")
-_LETTERS = str.maketrans("łŁ", "lL")
 
 
 class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -62,15 +62,9 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     say: dict[str, dict[str, str]]
 
 
-def bare(text: str) -> str:
-    """Return the text in small letters, without accents."""
-    letters = unicodedata.normalize("NFKD", text.translate(_LETTERS).lower())
-    return "".join(one for one in letters if not unicodedata.combining(one))
-
-
 def phrases(text: str) -> tuple[tuple[str, ...], ...]:
     """Return the phrases of a list with bars between them, each as its words, the longest first."""
-    found = {tuple(re.findall(r"[a-z]+", one)) for one in bare(text).split("|")}
+    found = {tuple(re.findall(r"[a-z]+", one)) for one in fold(text).split("|")}
     return tuple(sorted(found - {()}, key=lambda one: (-len(one), one)))
 
 

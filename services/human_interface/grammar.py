@@ -16,8 +16,9 @@ from lark.exceptions import LarkError
 from lark.lexer import Lexer
 from msgspec.structs import replace
 
+from companion.letters import fold
 from services.human_interface import times
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, bare, phrases
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES, phrases
 from services.human_interface.meaning import Clause, Meaning, Thing
 
 MOST_CHARACTERS = 200
@@ -67,7 +68,7 @@ class _Groups:
 def _symbol(part: str, language: str) -> str:
     if part in "()[]|" or part == "TASK":
         return part
-    return f"{part.lower()}_{language}" if part.isupper() else _terminal(bare(part))
+    return f"{part.lower()}_{language}" if part.isupper() else _terminal(fold(part))
 
 
 def _terminal(word: str) -> str:
@@ -204,7 +205,7 @@ def _strange(meaning: Meaning) -> bool:
 
 def _split(sentence: str) -> tuple[str, ...]:
     """The words, and a comma for every mark that parts them."""
-    return tuple("," if one in ",.;:!?" else one for one in _WORDS.findall(bare(sentence)))
+    return tuple("," if one in ",.;:!?" else one for one in _WORDS.findall(fold(sentence)))
 
 
 def _commas(words: tuple[str, ...]) -> Iterator[str]:
