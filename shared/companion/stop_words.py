@@ -1,78 +1,263 @@
 """The words that stop the robot, in English and Polish: looked for before any grammar, in whatever else is said.
 
-They err towards stopping: a robot that stood still for nothing is let go by `roco release`, one that went on is not
-made good. Rows, not rules: a further word is a further row. Letters are compared without case, accents and
-repetition, so that "STOOOP!" and "stój" are found. Must not know: the robot, HTTP, which tasks there are.
+stop_words.toml has the rows and their reasons. They err towards stopping: a robot that stood still for nothing is let
+go by `roco release`, one that went on is not made good. Must not know: the robot, HTTP, which tasks there are.
 """
 
 import re
 import string
-import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import cache
+from importlib import resources
+from typing import Literal, NamedTuple
 
+import msgspec
+
+from companion.letters import fold
+
+LANGUAGES = ("en", "pl")
 LONGEST = 10_000  # characters that are looked through (estimate: hi takes bodies of 4096 bytes)
 
-WORDS = """
-stop halt freeze whoa woah emergency estop abort
-danger dangerous unsafe careful enough wait pause ouch hurts hurting spilling
-falling cease quit beware fire
-stój zatrzymaj zatrzymać zatrzymajcie przestań przerwij czekaj poczekaj zaczekaj uważaj uwaga dość dosyć wystarczy
-chwileczkę awaria alarm niebezpiecznie boli ratunku zostaw aua
-"""
-"""Anywhere in a sentence."""
 
-PHRASES = """
-do not|must not|should not|not there|not that|not so fast|no more|no no|no wait|no not|never do that
-hang on|hold on|hold still|hold up|hold your|hold everything|watch out|watch it|look out|mind my|mind the
-slow down|back off|hands off|get off|let me go|let go of me|let go of my|leave me alone|leave it alone|leave that alone
-keep still|stand still|stay still|stay there|stay where|stay put|shut down|switch off|turn off|power off|cut it out
-knock it off|just a second|just a moment|just a minute|one second|one moment|one minute|a second|help help
-that is wrong|wrong one|wrong hand|wrong way|wrong thing|you are dropping|you are hurting|e stop|s t o p|red button
-kill switch|do nothing
-nie nie|nie rób|nie ruszaj|nie dotykaj|ani kroku|ręce precz|za szybko|czerwony przycisk|to boli
-"""
-"""Anywhere, as words that follow one another."""
+class Harmless(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A group of rows that are no stop."""
 
-OPENINGS = """
-hold it|easy|steady|mind|stay|never|nie|chwila|moment|ostrożnie|spokojnie|pomocy
-"""
-"""At the beginning of a sentence."""
-
-HARMLESS = """
-i do not|we do not|they do not|why do not|never mind|nie wiem|nie rozumiem|nie widzę|nie trzeba|nie dziękuję
-"""
-"""No stop: taken out before the others are looked for."""
-
-NEARLY = ("stop", "halt", "freeze", "stoj")
-"""Found with a letter wrong, too, where a sentence has no more than two words."""
-OTHER_WORDS = frozenset({"step", "shop", "slop", "salt", "half", "hal", "hat", "malt", "stol", "sto"})
-"""Words of their own that are a letter away from one of NEARLY."""
-
-_SHORT = ((r"\b(can|won|do|did|does|must|should)n?['’]?t\b", r"\1 not"), (r"['’]re\b", " are"), (r"['’]s\b", " is"))
-_PLAIN = str.maketrans("łø", "lo")
+    reason: str
+    en: str
+    pl: str
 
 
-def stop_words(sentence: str) -> str:
-    """Return the words of a sentence that stop the robot; "" where it has none. Never raises."""
+class Group(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A group of rows that stop the robot. `where` they count; `helps`: what can be said is shown, too."""
+
+    reason: str
+    en: str
+    pl: str
+    where: Literal["anywhere", "opening", "alone", "answer"] = "anywhere"
+    helps: bool = False
+
+
+class Time(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Regular expressions of the parts of a span of time."""
+
+    before: str
+    number: str
+    unit: str
+    behind: str
+
+
+class Rows(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The whole file."""
+
+    fillers: str
+    near: str
+    not_near: str
+    harmless: tuple[Harmless, ...]
+    time: Time
+    stop: tuple[Group, ...]
+
+
+ROWS = msgspec.toml.decode(resources.files(__package__).joinpath("stop_words.toml").read_bytes(), type=Rows)
+_NOT = (
+    "do",
+    "does",
+    "did",
+    "is",
+    "are",
+    "was",
+    "were",
+    "could",
+    "would",
+    "should",
+    "must",
+    "have",
+    "has",
+    "had",
+    "need",
+)
+_IS = ("it", "that", "there", "here", "what", "who", "he", "she", "somebody", "someone", "something")
+_SHORT = (
+    {"can't": "can not", "cannot": "can not", "won't": "will not", "ain't": "is not", "i'm": "i am"}
+    | {f"{one}n't": f"{one} not" for one in _NOT}
+    | {f"{one}'ve": f"{one} have" for one in ("i", "you", "we", "they")}
+    | {f"{one}'re": f"{one} are" for one in ("you", "we", "they")}
+    | {f"{one}'ll": f"{one} will" for one in ("i", "you", "we", "they", "it", "that", "he", "she")}
+    | {f"{one}'s": f"{one} is" for one in _IS}
+)
+"""Short forms, written with an apostrophe; a blank may stand in its place, or nothing."""
+_OTHERWISE = frozenset({"ill", "well", "hell", "shell", "were"})
+"""Words of their own that short forms without an apostrophe would be."""
+
+
+def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
+    """Return the words of a sentence that stop the robot; "" where it has none, or is one of the answers to a question.
+
+    Never raises.
+    """
     words = _words(sentence)
-    if not words:
+    if any(words == _words(one) for one in answers):
         return ""
-    text = f" {' '.join(words)} "
-    for harmless in _HARMLESS:
-        text = text.replace(f" {harmless} ", " ")
-    anywhere = (one for one in (*_PHRASES, *_WORDS) if f" {one} " in text)
-    opening = (one for one in _OPENINGS if text.startswith(f" {one} "))
-    near = (word for word in words if len(words) <= 2 and word in _NEAR)
-    return next(anywhere, "") or next(opening, "") or next(near, "")
+    table, text = _table(), _without_harmless(words)
+    inner = table.leading.sub(" ", text)
+    anywhere = (row for row in table.anywhere if row in text)
+    opening = (row for row in table.opening if inner.startswith(row))
+    alone = (row for row in table.alone if row in (text, inner, table.trailing.sub(" ", inner)))
+    near = (word for word in words if len(words) <= 2 and word in table.near)
+    return next((row.strip() for rows in (anywhere, opening, alone, near) for row in rows), "")
+
+
+def may_answer(sentence: str) -> bool:
+    """Whether a sentence that stops the robot can be the answer to a question; then it stops unless one was asked."""
+    return f" {' '.join(_words(sentence))} " in _table().answer
+
+
+def calls_for_help(sentence: str) -> str:
+    """Return the language in which a sentence calls for help; "" where it does not."""
+    text = _without_harmless(_words(sentence))
+    return next((language for row, language in _table().helps.items() if row in text), "")
+
+
+def forms(rows: str) -> Iterator[str]:
+    """Yield what rows stand for: each choice, and what may be left out with and without it."""
+    for row in re.split(r"[,\n]", rows):
+        yield from _forms(row) if row.strip() else ()
+
+
+def _forms(row: str) -> Iterator[str]:
+    group = re.search(r"[(\[]([^()\[\]]*)[)\]]", row)
+    if group is None:
+        yield " ".join(row.split())
+        return
+    for choice in (*group[1].split("|"), *([""] if group[0].startswith("[") else ())):
+        yield from _forms(row[: group.start()] + choice + row[group.end() :])
+
+
+# --- words ------------------------------------------------------------------------------------------------------------
 
 
 def _words(sentence: str) -> list[str]:
-    """The words in small letters without accents; a letter that is repeated counts once."""
-    text = sentence[:LONGEST].lower()
-    for form, whole in _SHORT:
-        text = re.sub(form, whole, text)
-    bare = "".join(one for one in unicodedata.normalize("NFKD", text) if not unicodedata.combining(one))
-    return [re.sub(r"(.)\1+", r"\1", word) for word in re.findall(r"[^\W_]+", bare.lower().translate(_PLAIN))]
+    """The words as rows have them; loose letters, and words with digits, as the word of a row that they look like."""
+    text = _LOOSE.sub(lambda letters: _joined(letters[0]), _plain(sentence))
+    return [_known(word) for word in _at_length(text).split()]
+
+
+def _plain(text: str) -> str:
+    """The words without case, accents and marks; a letter that is repeated counts once."""
+    return _once(" ".join(_WORD.findall(fold(text[:LONGEST])[:LONGEST])))
+
+
+def _once(text: str) -> str:
+    """The text with repeated letters once; "off" and "too" stay, beside "of" and "to"."""
+    return re.sub(r"\b(o+ff+)\b|\b(t+oo+)\b|([^\W\d])\3+", lambda at: at[3] or ("off" if at[1] else "too"), text)
+
+
+def _at_length(text: str) -> str:
+    """The words with short forms at length."""
+    return _LONG_FORM.sub(lambda short: _LONG[short[0]], text)
+
+
+def _joined(letters: str) -> str:
+    """Loose letters as the word that they are, such as h e l p; as they stand where they are none."""
+    return _table().shapes.get(_shape(letters.replace(" ", "")), letters)
+
+
+def _known(word: str) -> str:
+    """The word of a row that a word with digits in it looks like, such as st0p."""
+    if word.isalpha() or word.isdecimal():
+        return word
+    shape = _shape(word)
+    stem = max((one for looks, one in _table().stems.items() if shape.startswith(looks)), key=len, default=word)
+    return _table().shapes.get(shape, stem)
+
+
+def _shape(word: str) -> str:
+    """The word with one sign for letters and digits that look alike."""
+    return _once(word.translate(_ALIKE))
+
+
+def _without_harmless(words: list[str]) -> str:
+    """The words with a blank before and behind each, without times and what else is no stop."""
+    text = _table().time.sub("", f" {' '.join(words)} ")
+    for row in _table().harmless:
+        text = text.replace(row, " ")
+    return text
+
+
+_EMOJI = "".join(sorted({sign for group in ROWS.stop for sign in group.en if not sign.isascii()}))
+_WORD = re.compile(rf"[^\W_]+|[{_EMOJI}]")
+_LOOSE = re.compile(r"(?<!\S)\w(?: \w){2,}(?!\S)")
+_ALIKE = str.maketrans("01i", "oll")
+_LONG = {
+    _once(one.replace("'", gap)): long
+    for one, long in _SHORT.items()
+    for gap in ("", " ")
+    if gap or one.replace("'", "") not in _OTHERWISE
+}
+_LONG_FORM = re.compile(rf"(?<!\S)(?:{'|'.join(_LONG)})(?!\S)")
+
+
+# --- the rows as they are looked for ----------------------------------------------------------------------------------
+
+
+class _Table(NamedTuple):
+    """Rows with a blank before them, and one behind them where they do not end otherwise.
+
+    `shapes`, `stems`: the words of rows, and those that may end otherwise, by what they look like.
+    """
+
+    anywhere: tuple[str, ...]
+    opening: tuple[str, ...]
+    alone: tuple[str, ...]
+    answer: frozenset[str]
+    helps: dict[str, str]
+    harmless: tuple[str, ...]
+    shapes: dict[str, str]
+    stems: dict[str, str]
+    near: frozenset[str]
+    time: re.Pattern[str]
+    leading: re.Pattern[str]
+    trailing: re.Pattern[str]
+
+
+@cache
+def _table() -> _Table:
+    """The rows, made when they are first needed."""
+    at = {where: _rows(*(one for one in ROWS.stop if one.where == where)) for where in _WHERE}
+    stops = [row for where in _WHERE for row in at[where]]
+    helps = [one for one in ROWS.stop if one.helps]
+    fillers = "|".join(sorted((row.strip() for row in _bounded(ROWS.fillers)), key=len, reverse=True))
+    part = {name: _once(fold(getattr(ROWS.time, name).replace("\n", ""))) for name in Time.__struct_fields__}
+    span = rf"(?:(?:{part['number']}|\d+) )?(?:{part['unit']})"
+    time = rf" (?:(?:{part['before']}) {span}(?: (?:{part['behind']}))?|{span} (?:{part['behind']}))(?= )"
+    near = {slip for row in _bounded(ROWS.near) for slip in _slips(row.strip())}
+    return _Table(
+        anywhere=at["anywhere"],
+        opening=at["opening"],
+        alone=(*at["alone"], *at["answer"]),
+        answer=frozenset(at["answer"]),
+        helps={row: language for one in helps for language in LANGUAGES for row in _bounded(getattr(one, language))},
+        harmless=_rows(*ROWS.harmless),
+        shapes={_shape(word): word for row in stops for word in row.split()},
+        stems={_shape(row.split()[-1]): row.split()[-1] for row in stops if not row.endswith(" ")},
+        near=frozenset(near) - {row.strip() for row in _bounded(ROWS.not_near)},
+        time=re.compile(time),
+        leading=re.compile(rf"^ (?:(?:{fillers}) )+"),
+        trailing=re.compile(rf" (?:(?:{fillers}) )+$"),
+    )
+
+
+_WHERE = ("anywhere", "opening", "alone", "answer")
+
+
+def _rows(*groups: Harmless | Group) -> tuple[str, ...]:
+    """What the rows of groups stand for, the longest first."""
+    found = {row for one in groups for language in LANGUAGES for row in _bounded(getattr(one, language))}
+    return tuple(sorted(found, key=len, reverse=True))
+
+
+def _bounded(rows: str) -> Iterator[str]:
+    for form in forms(rows):
+        yield f" {_at_length(_plain(form))}{'' if form.endswith('*') else ' '}"
 
 
 def _slips(word: str) -> Iterator[str]:
@@ -83,12 +268,3 @@ def _slips(word: str) -> Iterator[str]:
         for letter in string.ascii_lowercase:
             yield word[:at] + letter + word[at:]
             yield word[:at] + letter + word[at + 1 :]
-
-
-def _rows(text: str, split: str) -> tuple[str, ...]:
-    return tuple(" ".join(_words(one)) for one in re.split(split, text) if one.strip())
-
-
-_WORDS, _PHRASES = _rows(WORDS, r"\s"), _rows(PHRASES, r"[|\n]")
-_OPENINGS, _HARMLESS = _rows(OPENINGS, r"[|\n]"), _rows(HARMLESS, r"[|\n]")
-_NEAR = {" ".join(_words(slip)) for one in NEARLY for slip in _slips(one)} - OTHER_WORDS

@@ -1,0 +1,92 @@
+"""Stop words and the catalogue: no wish or question stops the robot, whenever it is meant, however it is written."""
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.stop_words import stop_words
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES
+from services.human_interface.grammar import VOCABULARY
+
+TABLES = Path(__file__).parent / "sentences"
+STOPS = {"help", "pomoc", "pomoz", "quit", "stop", "zostaw"}
+"""Words of the catalogue that stop the robot wherever they stand: their sentences are never read."""
+PATTERNS = [
+    (language, one)
+    for row in CATALOGUE.wish
+    if row.does not in ("no", "help")
+    for language in LANGUAGES
+    for one in getattr(row, language)
+]
+
+
+@st.composite
+def sentences(draw):
+    """A sentence by the patterns of the catalogue, and its language."""
+    language, pattern = draw(st.sampled_from(PATTERNS))
+    return language, " ".join(_filled(draw, pattern, language).split())
+
+
+def _filled(draw, pattern, language):
+    """The pattern with each choice made, and the rules that it names in place of their names."""
+    while group := re.search(r"[(\[]([^()\[\]]*)[)\]]", pattern):
+        choices = group[1].split("|") + ([""] if group[0][0] == "[" else [])
+        pattern = pattern[: group.start()] + draw(st.sampled_from(choices)) + pattern[group.end() :]
+    pattern = draw(st.sampled_from(pattern.split("|")))
+    pattern = pattern.replace("TASK", "hi-1-3")
+    return re.sub(r"\b[A-Z_]{2,}\b", lambda name: _rule(draw, name[0], language), pattern)
+
+
+def _rule(draw, name, language):
+    if name in ("THING", "NOUN"):
+        forms = [form for thing in CATALOGUE.thing for form in getattr(thing, language)]
+        this = draw(st.sampled_from(["", "DET ", "DET QUALITY "])) if name == "THING" else ""
+        return _filled(draw, this, language) + draw(st.sampled_from(forms))
+    if name == "SIDE":
+        return draw(st.sampled_from([side[language].split("|")[0] for side in CATALOGUE.side.values()]))
+    return _filled(draw, CATALOGUE.rule[language][name].replace("\n", ""), language)
+
+
+@st.composite
+def times(draw, language):
+    """Words that say when, by the expressions of the catalogue."""
+    row = draw(st.sampled_from(["within", "by", "later", "at"]))
+    text = getattr(CATALOGUE.time[language], row)
+    text = re.sub(r"\(\?<?[!=][^)]*\)|\?P<one>", "", text)
+    while group := re.search(r"\((\?:)?([^()]*)\)(\??)", text):
+        choices = group[2].split("|") + ([""] if group[3] else [])
+        text = text[: group.start()] + draw(st.sampled_from(choices)) + text[group.end() :]
+    text = draw(st.sampled_from(text.split("|")))
+    number = draw(st.sampled_from([*CATALOGUE.number[language], "1", "10"]))
+    text = re.sub(r"\bN\b", number, text).replace("UNIT", draw(st.sampled_from([*CATALOGUE.unit[language]])))
+    clock = draw(st.sampled_from([*CATALOGUE.clock[language], "15:30", "3 pm", "half past one", "one o'clock"]))
+    return text.replace("CLOCK", clock)
+
+
+@settings(max_examples=600, deadline=None)
+@given(sentence=sentences(), data=st.data())
+def test_no_wish_or_question_stops_whenever_it_is_meant(sentence, data):
+    """Each pattern of the catalogue, with each form of time before or behind it, and in capitals."""
+    language, text = sentence
+    if set(text.split()) & STOPS or "let go of my" in text or "let go of our" in text:  # a hand, as likely
+        return
+    when = data.draw(st.one_of(st.just(""), times(language)))
+    text = data.draw(
+        st.sampled_from([f"{when} {text}", f"{text} {when}", f"{text}, {when}!", f"{text} {when}".upper()])
+    )
+    assert stop_words(text) == "", text
+
+
+def test_the_words_of_the_catalogue_that_stop_are_known():
+    """Another one would make a row of the catalogue that cannot be said."""
+    assert {word for word in VOCABULARY if stop_words(f"x {word} x")} == STOPS
+
+
+@pytest.mark.parametrize("table", ["tuned.tsv", "held_out.tsv"])
+def test_sentences_of_the_tables_stop_where_a_person_would_want_it(table):
+    """And no others."""
+    rows = [line.split("\t") for line in (TABLES / table).read_text().splitlines() if not line.startswith("#")]
+    assert [(want, text) for want, _, text in rows if (want == "stop") != bool(stop_words(text))] == []
