@@ -27,7 +27,7 @@ oh no please|you've spilled it|ała|auć|ściskasz mi palce|parzy mnie|puść mn
 proszę nie bierz tego|proszę, nie|cant breathe|youve spilled it|can t breathe|its burning|ur hurting me
 my hair is caught|fire!|call an ambulance|I'm stuck|you dropped it|there's a child|get your hands off|I don't want that
 rozlałeś mleko|pali się!|dzwoń po karetkę|krew mi leci|nie mogę oddychać|odsuń się ode mnie|upuściłaś słoik|boję się
-st0p|ha1t|bleed1ng|HE1P|fa11ing|h e l p|s t 0 p|stop_it|ѕтор|ＳＴＯＰ|s\u200btop|ﬁre|🛑|✋🏽|🖐️ velma|🆘
+st0p|ha1t|b1eeding|HE1P|fa11ing|h e l p|s t 0 p|stop_it|ѕтор|ＳＴＯＰ|s\u200btop|ﬁre|🛑|✋🏽|🖐️ velma|🆘
 """
 NO_STOPS = """
 take the jar|pour the content of the jar into the bowl|put down the jar|put the jar on the table|look around|cancel
