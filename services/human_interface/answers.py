@@ -35,9 +35,19 @@ def _help(memory: Memory, language: str) -> str:
     return say(language, "understood", say(language, "can"))
 
 
+def _stopping(memory: Memory, language: str) -> str:
+    return say(language, "stopping")
+
+
 def _greet(memory: Memory, language: str) -> str:
     return say(language, "greet", say(language, "can"))
 
 
-ANSWERS: dict[str, Callable[[Memory, str], str]] = {"see": _see, "why": _why, "help": _help, "greet": _greet}
+ANSWERS: dict[str, Callable[[Memory, str], str]] = {
+    "see": _see,
+    "why": _why,
+    "help": _help,
+    "stopping": _stopping,
+    "greet": _greet,
+}
 """The rows of the catalogue that are answered from memory."""

@@ -23,10 +23,11 @@ import msgspec
 from agent_runtime.io.devices import Post
 from agent_runtime.io.run_files import LOOPBACK, write_secret
 from companion.run_files import HELD, HI_FILE, LET_GO, RELEASED, STOPPED, Cancel, HiAddress, Problem, Say, TaskLine
-from companion.stop_words import stop_words
+from companion.stop_words import calls_for_help, stop_words
 from fipa_codec.communicate import number_of
 from services.human_interface import doorstep, times
 from services.human_interface.board import Board
+from services.human_interface.catalogue import say
 from services.human_interface.grammar import prepare, understand
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, StopRobot
 from services.human_interface.robot import NOT_HELD_HERE, OUT_OF_REACH, Robot
@@ -167,7 +168,11 @@ class _Request(http.server.BaseHTTPRequestHandler):
         said = self._body(Say)
         text = said.text
         if stop_words(text):
-            return self.server.hold(True, text)
+            line = self.server.hold(True, text)
+            language = calls_for_help(text)
+            return (
+                msgspec.structs.replace(line, text=say(language, "helped", say(language, "can"))) if language else line
+            )
         with self._room():
             meaning = understand(text)
             ticket = self.server.board.ticket()

@@ -24,7 +24,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.routing import Route
 
 from companion.run_files import Pairing, Say, TaskLine
-from companion.stop_words import stop_words
+from companion.stop_words import calls_for_help, stop_words
 from companion.wording import plain
 from services.page import catalogue, speech, view
 from services.page.catalogue import LANGUAGES, say
@@ -140,8 +140,20 @@ class Page:
     async def _say(self, fields: dict[str, str], language: str) -> Response:
         text = fields.get("text", "").strip()
         if stop_words(text):
-            return await self._hold(True, fields, language)
+            return await self._stop_in_words(text, language)
         return _line(await self._ask(partial(self._hi.say, Say(text, int("first" in fields)))), language)
+
+    async def _stop_in_words(self, text: str, language: str) -> Response:
+        """Stop the robot; who calls for help is told what can be said, too, if hi answers."""
+        if not calls_for_help(text):
+            return await self._hold(True, {}, language)
+        if self._stop.hold(True):
+            self.hear(held=True)
+        call = partial(anyio.to_thread.run_sync, partial(self._hi.say, Say(text)), limiter=self._stopping)
+        try:
+            return _line(await _of_hi(call), language)
+        except Refused:
+            return await self._hold(True, {}, language)
 
     async def _first(self, fields: dict[str, str], language: str) -> Response:
         """Ask for a task again, before all others, in place of the one that waits."""

@@ -440,7 +440,7 @@ def test_a_question_back_is_answered_by_yes_or_by_a_name(scene):
     """Nothing moves before; after any other sentence the question is forgotten."""
     for text, answer, wanted in (("take the red jar", "yes", "jar"), ("take the spoon", "the bowl", "bowl")):
         assert scene.say(text).line.state == "question"
-        assert scene.say("help").line.state == "answered"
+        assert scene.say("what can you do?").line.state == "answered"
         assert scene.say(answer).line.state != "waiting"
         scene.say(text)
         assert scene.say(answer).line.state == "waiting"
@@ -455,6 +455,13 @@ def test_no_to_a_question_moves_nothing_and_a_no_out_of_nothing_stops(scene):
     scene.settle()
     assert StopRobot("n", "no") in scene.shown
     assert scene.heard == []
+
+
+@pytest.mark.parametrize(("text", "told"), [("how do I stop you?", "`roco stop`"), ("jak cię zatrzymać?", "Escape")])
+def test_who_asks_how_to_stop_is_told(scene, text, told):
+    """It is no stop (companion.stop_words), and a question like any other."""
+    line = scene.say(text).line
+    assert (line.state, told in line.text) == ("answered", True)
 
 
 def test_what_is_seen_is_what_the_last_look_told(scene):

@@ -7,9 +7,11 @@ import time
 
 import msgspec
 import pytest
+from typer.testing import CliRunner
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED, listen_at
 from companion.run_files import HI_FILE, SLOTS_FILE, Events, HiAddress, HiEvent, TaskLine, Tasks
+from operate.cli.__main__ import app
 from services.human_interface import server
 from services.human_interface.grammar import understand
 from services.human_interface.local import CancelWanted, Halted, Said, Shown, StopRobot, Told
@@ -218,6 +220,17 @@ def test_a_stop_needs_no_agent_and_no_room(robot, monkeypatch, path, body):
     assert "roco release" in line.text
     status, data = robot.ask("POST", "/release", b"{}")
     assert (status, msgspec.json.decode(data, type=TaskLine).state, flag(robot)) == (200, "released", STOP_RELEASED)
+
+
+@pytest.mark.parametrize(("words", "told"), [("help, I've fallen", "put down the X"), ("pomocy!", "odłóż X")])
+def test_a_call_for_help_stops_and_is_told_what_can_be_said(robot, words, told):
+    """By hi, and by `roco say`, which sets the flag itself; in the language of the call."""
+    status, data = robot.ask("POST", "/say", msgspec.json.encode({"text": words}))
+    line = msgspec.json.decode(data, type=TaskLine)
+    assert (status, line.state, told in line.text, flag(robot)) == (200, "stopped", True, STOP_HELD)
+    robot.ask("POST", "/release")
+    done = CliRunner().invoke(app, ["say", words, "--run-dir", str(robot.run_dir)])
+    assert (done.exit_code, told in done.stdout, flag(robot)) == (0, True, STOP_HELD), done.output
 
 
 def test_the_agent_hears_of_a_stop_and_of_its_end(robot):

@@ -162,6 +162,25 @@ def test_stop_and_release(house, opened, how):
         expect(one.locator("#now")).to_have_text("Velma has nothing to do.")
 
 
+def test_a_call_for_help_stops_and_is_told_what_can_be_said(house, opened):
+    """Where hi answers; the flag is set in any case. A question of what can be said stops nothing."""
+    one = opened(locale="pl-PL")
+    say(one, "co umiesz?")
+    expect(one.locator("#answer")).to_contain_text("weź X")
+    assert not house.held
+    say(one, "Pomocy!")
+    wait_for(lambda: house.held, "the robot is stopped")
+    expect(one.locator("#answer")).to_contain_text("Jestem zatrzymana; zwalnia mnie przycisk")
+    expect(one.locator("#answer")).to_contain_text("weź X")
+    one.locator("#release").click()
+    wait_for(lambda: not house.held, "it is released")
+    house.desk.close()
+    say(one, "help")
+    wait_for(lambda: house.held, "the robot is stopped")
+    expect(one.locator("#answer")).to_be_empty()
+    house.open()
+
+
 def test_stop_works_with_a_dead_hi(house, opened):
     """The flag is the robot's own: no agent is needed."""
     one = opened()

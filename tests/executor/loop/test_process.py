@@ -191,7 +191,9 @@ def test_a_person_stops_and_releases_without_any_agent(pair):
     assert agent.state().mode is Mode.MOTION
 
 
-@pytest.mark.parametrize("words", [["stop"], ["say", "STOP!!!"], ["say", "no, don't touch that"], ["say", "stój"]])
+@pytest.mark.parametrize(
+    "words", [["stop"], ["say", "STOP!!!"], ["say", "no, don't touch that"], ["say", "stój"], ["say", "help"]]
+)
 def test_a_stop_in_words_is_obeyed_within_two_cycles_by_a_loop_alone(pair, words):
     """There is no fleet, no agent, no router, no key, no supervisor: a folder with the files of the loop."""
     loop, agent, path = pair

@@ -15,7 +15,7 @@ from agent_runtime.io import fleet_processes
 from agent_runtime.io.run_files import STOP_FILE
 from companion.languages.cmd import TaskState
 from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
-from companion.stop_words import stop_words
+from companion.stop_words import calls_for_help, stop_words
 from companion.tools.verbs.hi import Hi, HiError, address
 from companion.tools.verbs.human_interface_start import starting
 from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
@@ -142,12 +142,20 @@ def _until(hi: Callable[[], Hi], name: str, wait: bool, form: Format) -> TaskLin
 
 
 def _stopped(text: str, target: str, run_dir: Path | None) -> TaskLine:
-    """Stop the robot as `roco stop` does, with nobody's help; a robot elsewhere is left to its human interface."""
+    """Stop the robot as `roco stop` does, with nobody's help; a robot elsewhere is left to its human interface.
+
+    Who calls for help is told what can be said, too, if the human interface answers.
+    """
     fleet = targets.find(target, run_dir)
     fleet.hold(EXECUTOR, True)
-    if _loop_here(fleet):
-        return TaskLine("", STOPPED, HELD, text, time.time())
-    return Hi(address(fleet)).say(text)
+    here = _loop_here(fleet)
+    if not here or calls_for_help(text):
+        try:
+            return Hi(address(fleet)).say(text)
+        except ConsoleError:
+            if not here:
+                raise
+    return TaskLine("", STOPPED, HELD, text, time.time())
 
 
 def _loop_here(fleet: Target) -> bool:
