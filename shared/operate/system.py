@@ -7,34 +7,52 @@ find it once, by `of_run` or `here`. A project names its own in pyproject.toml:
     system = "depot.system:SYSTEM"
 
 An installed one is named by an entry point of the group `roco.system`. docs/design-your-own-robot.md shows both.
+Code of a project is imported only where nobody but the caller and root can change it (operate.trust).
 """
 
 import os
+import stat
 import sys
 import tomllib
 from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
 from fipa_codec.languages import Languages
 from operate.run_folder import FLEET_FILE, Fleet
 from operate.supervisor.processes import Process
+from operate.trust import TRUST_VARIABLE, changeable
 from operate.wording import words
 from topdown.model import design as designs
 from topdown.model.errors import TopdownError
 
 ENTRY_VARIABLE, PROJECT_VARIABLE = "ROCO_ENTRY", "ROCO_PROJECT"
 """The processes of a fleet find their system by these: `module:NAME`, and the folder that Python imports it from."""
+COMPLETING_VARIABLE = "_ROCO_COMPLETE"
+"""The shell sets it where it asks for names to complete."""
 GROUP = "roco.system"
 """Entry points of installed systems."""
+PROJECT_FILE = "pyproject.toml"
 
 
 class NoSystemError(Exception):
     """A system cannot be told or read; the message says what to do."""
+
+
+class UntrustedError(NoSystemError):
+    """A file names a system whose code others can change. `by`: the file; `why`: who can change what."""
+
+    def __init__(self, named: "Named", why: str, trusting: tuple[Path, ...]) -> None:
+        self.by, self.why = named.by, why
+        where = f" in {named.project}" if named.project else ""
+        super().__init__(
+            f"{named.by} names the system {named.entry!r}{where}, whose code would run here as {_caller()}; but {why}."
+            f" Read that code; where you trust it, set {TRUST_VARIABLE}={os.pathsep.join(map(str, trusting))}"
+        )
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
@@ -136,6 +154,16 @@ def resolved(place: str) -> Any:
         raise NoSystemError(f"nothing is at {place!r} ({error}); write package.module:NAME") from error
 
 
+class Named(NamedTuple):
+    """A system as it is named, with nothing of it imported. `by`: the file that names it; None: the caller does, by
+    the environment, or an installed distribution.
+    """
+
+    entry: str
+    project: str = ""
+    by: Path | None = None
+
+
 def load(entry: str, project: str = "") -> System:
     """The system named `module:NAME`, imported from the folder `project` where one is given."""
     if project and project not in sys.path:
@@ -148,25 +176,39 @@ def load(entry: str, project: str = "") -> System:
 
 def here(folder: Path | None = None) -> System:
     """The system that is meant where no run tells: of the environment, else of the project that `folder` (the current
-    one) is in, else the installed one. Raise NoSystemError where there is none, or several are installed.
+    one) is in, else the installed one. Raise NoSystemError where there is none, or several are installed, and
+    UntrustedError where others can change the project.
     """
-    if entry := os.environ.get(ENTRY_VARIABLE, ""):
-        return load(entry, os.environ.get(PROJECT_VARIABLE, ""))
-    start = (folder or Path.cwd()).resolve()
-    for above in (start, *start.parents):
-        if entry := _of_project(above / "pyproject.toml"):
-            return load(entry, str(above))
-    return _installed()
+    return _imported(_named_here(folder))
 
 
 def of_run(run: Path) -> System:
     """The system of a run folder, or of a file in it, as its fleet.json names it; `here` where none does."""
-    folder = run if run.is_dir() else run.parent
-    try:
-        told = msgspec.json.decode((folder / FLEET_FILE).read_bytes(), type=Fleet)
-    except (OSError, msgspec.DecodeError):
-        return here()
-    return load(told.entry, told.project) if told.entry else here()
+    return _imported(_named_by(run))
+
+
+def design_shown(run: Path | None = None) -> designs.Design:
+    """The design of `here`, or of a run, for help and completion: nothing of a project is imported.
+
+    A project's is the file that `[tool.roco] design` names. Raise NoSystemError where there is none.
+    """
+    named = _named_here() if run is None else _named_by(run)
+    if _is_installed(named):
+        return load(named.entry).design
+    _refuse_strangers(named)
+    own = _table(Path(named.project) / PROJECT_FILE).get("design", "") if named.project else ""
+    if not own:
+        raise NoSystemError(
+            f"help and completion import nothing of a project, and {named.project or named.entry} names no design file"
+            f' that they could read; add to [tool.roco] in its {PROJECT_FILE}: design = "package/design.toml"'
+        )
+    return of_design(Path(named.project) / str(own)).design
+
+
+def installed_here() -> System | None:
+    """The system of `here` where an installed distribution has it; None where a project has, which is not imported."""
+    named = _named_here()
+    return load(named.entry) if _is_installed(named) else None
 
 
 def of_design(file: Path) -> System:
@@ -186,18 +228,77 @@ def languages_at(place: str) -> Languages:
     return found
 
 
-def _of_project(file: Path) -> str:
-    """The system that a pyproject.toml names, "" where it names none."""
+def _named_here(folder: Path | None = None) -> Named:
+    if entry := os.environ.get(ENTRY_VARIABLE, ""):
+        return Named(entry, os.environ.get(PROJECT_VARIABLE, ""))
+    start = (folder or Path.cwd()).resolve()
+    for above in (start, *start.parents):
+        if entry := str(_table(above / PROJECT_FILE).get("system", "")):
+            return Named(entry, str(above), above / PROJECT_FILE)
+    return _installed()
+
+
+def _named_by(run: Path) -> Named:
+    file = (run if run.is_dir() else run.parent) / FLEET_FILE
     try:
-        tool = tomllib.loads(file.read_text(encoding="utf-8")).get("tool", {})
-    except (OSError, tomllib.TOMLDecodeError):
-        return ""
-    return str(tool.get("roco", {}).get("system", ""))
+        told = msgspec.json.decode(_regular(file), type=Fleet)
+    except (OSError, msgspec.DecodeError):
+        return _named_here()
+    project = str(Path(told.project).resolve()) if told.project else ""
+    return Named(told.entry, project, file.resolve()) if told.entry else _named_here()
 
 
-def _installed() -> System:
-    found = {point.value for point in entry_points(group=GROUP)}
+def _imported(named: Named) -> System:
+    if not _is_installed(named):
+        if os.environ.get(COMPLETING_VARIABLE):
+            raise NoSystemError(f"completion imports nothing of {named.project or named.entry}; call the verb itself")
+        _refuse_strangers(named)
+    return load(named.entry, named.project)
+
+
+def _refuse_strangers(named: Named) -> None:
+    """Raise UntrustedError where others can change the file that names the system, or its project."""
+    if named.by is None:
+        return
+    places = [named.by, *([Path(named.project)] if named.project else [])]
+    found = [(place, why) for place in places if (why := changeable(place))]
+    if found:
+        trusting = {place if place.is_dir() else place.parent: None for place, _ in found}
+        raise UntrustedError(named, "; ".join(dict.fromkeys(why for _, why in found)), tuple(trusting))
+
+
+def _regular(file: Path) -> bytes:
+    """Read a file as it should be; one that another user put there may be a pipe, which would never end."""
+    with os.fdopen(os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as opened:
+        if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
+            raise OSError(f"{file} is no regular file")
+        return opened.read()
+
+
+def _table(file: Path) -> dict[str, Any]:
+    """[tool.roco] of a pyproject.toml; {} where it has none."""
+    try:
+        found = tomllib.loads(_regular(file).decode()).get("tool", {}).get("roco", {})
+    except (OSError, ValueError, AttributeError):  # not there, no text, no TOML; `tool` is no table
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _is_installed(named: Named) -> bool:
+    return not named.project and named.entry in _points()
+
+
+def _installed() -> Named:
+    found = _points()
     if len(found) == 1:
-        return load(found.pop())
+        return Named(found.pop())
     what = f"several systems are installed: {', '.join(sorted(found))}" if found else "no system is installed here"
     raise NoSystemError(f'{what}; name one in pyproject.toml: [tool.roco] system = "package.module:NAME"')
+
+
+def _points() -> set[str]:
+    return {point.value for point in entry_points(group=GROUP)}
+
+
+def _caller() -> str:
+    return "root" if os.geteuid() == 0 else "you"

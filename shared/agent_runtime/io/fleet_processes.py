@@ -8,7 +8,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD, STOP_RELEASED
+from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD, STOP_RELEASED, opened
 
 PROC = Path("/proc")
 
@@ -42,13 +42,13 @@ def set_stop(run: Path, held: bool) -> None:
     """
     byte, failed = STOP_HELD if held else STOP_RELEASED, None
     try:
-        _write(run / STOP_FILE, os.O_CREAT, byte)
+        _write(opened(run / STOP_FILE, os.O_WRONLY | os.O_CREAT, 0o600), byte)
     except OSError as error:
         failed = error
     deleted = deleted_files(run, STOP_FILE)
     for file in deleted:
         with suppress(OSError):
-            _write(file, 0, byte)
+            _write(os.open(file, os.O_WRONLY | os.O_CLOEXEC), byte)
     if failed is not None and not deleted:
         raise failed
 
@@ -65,8 +65,7 @@ def deleted_files(run: Path, name: str) -> list[Path]:
     return found
 
 
-def _write(file: Path, flags: int, byte: bytes) -> None:
-    flag = os.open(file, os.O_WRONLY | os.O_CLOEXEC | flags, 0o600)
+def _write(flag: int, byte: bytes) -> None:
     try:
         os.pwrite(flag, byte, 0)
     finally:

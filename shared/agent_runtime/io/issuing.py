@@ -18,6 +18,7 @@ from cryptography import x509
 from cryptography.x509.oid import NameOID
 
 from agent_runtime.io import keys
+from agent_runtime.io.run_files import write_secret
 from agent_runtime.io.secured import (
     AUTHORITY,
     REVOKED,
@@ -139,7 +140,7 @@ def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
     now: set[str] = set()
     for where in routers:
         denied = set(revoked(where)) - {name} if undo else {*revoked(where), name}
-        keys.write_private(where / REVOKED, msgspec.json.encode(sorted(denied)))
+        write_secret(where / REVOKED, msgspec.json.encode(sorted(denied)))
         now |= denied
     return tuple(sorted(now))
 

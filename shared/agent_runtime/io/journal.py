@@ -15,6 +15,7 @@ from pathlib import Path
 
 from agent_runtime.core.errors import JournalError
 from agent_runtime.io.journal_format import MAGIC, VERSION, Scan, frame, scan, version
+from agent_runtime.io.run_files import opened
 
 COMPACT_BYTES = (
     64 * 1024 * 1024
@@ -38,7 +39,7 @@ def locked(path: Path) -> int:
     Raise OSError where the lock cannot be made.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    lock = os.open(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    lock = opened(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT, 0o600)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
@@ -112,7 +113,7 @@ class Journal:
 def put(path: Path, record: bytes | None) -> tuple[int, int]:
     """Put a journal with at most one record in the place of a file; return its descriptor and size. Raise OSError."""
     fresh, data = path.with_name(path.name + ".new"), MAGIC + (frame(record) if record is not None else b"")
-    fd = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC, 0o600)
+    fd = opened(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
     try:
         _write(fd, data)
         os.fsync(fd)

@@ -8,7 +8,6 @@ keys (P-256, RFC 5480) because rustls, which Zenoh uses, takes them and a handsh
 import datetime as dt
 import ipaddress
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from agent_runtime.io.run_files import write_secret
 from agent_runtime.io.secured import AUTHORITY, RIGHTS, Rights, certificate_file, key_file
 
 DAYS = 7.0
@@ -40,9 +40,9 @@ class Issuer(msgspec.Struct, frozen=True):
 
 def publish(folder: Path, issuer: Issuer, rights: Rights | None) -> None:
     """Write the public parts: the authority's certificate and, where the router is, its rights."""
-    write_private(folder / AUTHORITY, issuer.certificate.public_bytes(serialization.Encoding.PEM))
+    write_secret(folder / AUTHORITY, issuer.certificate.public_bytes(serialization.Encoding.PEM))
     if rights is not None:
-        write_private(folder / RIGHTS, json.dumps(msgspec.to_builtins(rights), indent=1).encode())
+        write_secret(folder / RIGHTS, json.dumps(msgspec.to_builtins(rights), indent=1).encode())
 
 
 def authority(name: str, begin: dt.datetime, end: dt.datetime) -> Issuer:
@@ -78,11 +78,11 @@ def issue(
     if hosts:
         builder = builder.add_extension(x509.SubjectAlternativeName([host(name) for name in hosts]), critical=False)
     signed = builder.sign(issuer.key, hashes.SHA256())
-    write_private(certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM))
+    write_secret(certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM))
     private = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    write_private(key_file(folder, identity), private)
+    write_secret(key_file(folder, identity), private)
 
 
 def _builder(
@@ -126,12 +126,3 @@ def _usage(*, certificates: bool) -> x509.KeyUsage:
         encipher_only=False,
         decipher_only=False,
     )
-
-
-def write_private(path: Path, data: bytes) -> None:
-    """A file that only its owner reads, from its first byte on."""
-    beside = path.with_name(f".{path.name}.new")
-    beside.unlink(missing_ok=True)
-    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(data)
-    beside.replace(path)

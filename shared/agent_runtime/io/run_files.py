@@ -1,7 +1,11 @@
 """Names in a run folder, and the variables that name it (docs/run-folder.md); addresses at which people are heard."""
 
+import errno
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 RUN_FOLDER_VARIABLE = "ROCO_RUN_DIR"
 FLEET_VARIABLE = "ROCO_FLEET"  # id of the fleet that a supervisor started a process for
@@ -27,14 +31,60 @@ def make_run(run: Path) -> None:
     run.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 
-def write_secret(path: Path, data: bytes) -> None:
-    """Write a file that only its owner can read, atomically. Raise OSError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.new")
-    beside.unlink(missing_ok=True)
-    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+class LinkedError(OSError):
+    """A symbolic link stands where a file of a run is written in place."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path} is a symbolic link, and is not written through: remove it; a run's files are its own")
+
+
+def opened(path: Path, flags: int, mode: int = 0o666) -> int:
+    """Open a file of a run that is written in place. Raise OSError; LinkedError where a symbolic link stands there: the
+    run may be another user's, who would choose the file that is written.
+    """
+    try:
+        return os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, mode)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise LinkedError(path) from error
+        raise
+
+
+@contextmanager
+def replaced(path: Path, mode: int = 0o666) -> Iterator[BinaryIO]:
+    """A new file that takes the place of another by rename: a reader sees the old one or the new one, whole.
+
+    A symbolic link in its place is replaced, and never followed. Raise OSError.
+    """
+    beside = f".{path.name}.new"
+    folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        with suppress(FileNotFoundError):
+            os.unlink(beside, dir_fd=folder)  # left by one that was killed
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        try:
+            with os.fdopen(os.open(beside, flags, mode, dir_fd=folder), "w+b") as file:
+                yield file
+            os.replace(beside, path.name, src_dir_fd=folder, dst_dir_fd=folder)
+        except BaseException:
+            with suppress(FileNotFoundError):
+                os.unlink(beside, dir_fd=folder)
+            raise
+    finally:
+        os.close(folder)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file by `replaced`."""
+    with replaced(path) as file:
         file.write(data)
-    beside.replace(path)
+
+
+def write_secret(path: Path, data: bytes) -> None:
+    """Write a file that only its owner can read, by `replaced`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replaced(path, 0o600) as file:
+        file.write(data)
 
 
 def listen_at(text: str) -> tuple[str, int]:

@@ -1,6 +1,7 @@
 """Names for the shell to complete: runs, and what a design has. Imports are made only when a shell asks.
 
-Names that only a running fleet knows are in operate.cli.fleet.living_names. A completer gets the options that stand
+Nothing of a project is imported: its design is read as a file (operate.system.design_shown). Names that only a running
+fleet knows are in operate.cli.fleet.living_names. A completer gets the options that stand
 before the word, so that names are those of the design file or of the run that was named there.
 """
 
@@ -203,15 +204,13 @@ def path_given(ctx: typer.Context, name: str) -> Path | None:
 
 def _designs(ctx: typer.Context) -> "Iterable[Design]":
     """The design that the options name, else that of the system here; none where it cannot be read."""
-    from operate.system import NoSystemError, here, of_run
+    from operate.system import NoSystemError, design_shown
     from topdown.model.design import load
     from topdown.model.errors import TopdownError
 
     named = next((path for name in NAMING if (path := path_given(ctx, name)) is not None), None)
     try:
-        if named is None:
-            return (here().design,)
-        return (load(named) if named.suffix == ".toml" else of_run(named).design,)
+        return (load(named) if named is not None and named.suffix == ".toml" else design_shown(named),)
     except (NoSystemError, TopdownError, OSError):
         return ()
 

@@ -23,7 +23,8 @@ WrongUse = cast(type[typer.BadParameter], typer.BadParameter.__mro__[1])
 class Verbs(TyperGroup):
     """The verbs that begin with `words`. What it lists are summaries; whoever calls one gets the verb itself.
 
-    Those that a system adds are looked up where they are listed, or where the others have none of that name.
+    Those that an installed system adds are listed with them. A project's are not, since help and completion import
+    nothing of a project; they are looked up where one is called.
     """
 
     def __init__(self, *, words: str = "", commands: object = None, **settings: Any) -> None:
@@ -40,6 +41,12 @@ class Verbs(TyperGroup):
         if cmd_name not in self.commands:
             self.list_commands(ctx)
         return self.commands.get(cmd_name)
+
+    def called(self, ctx: Any, cmd_name: str) -> Any:
+        """The verb of this name, also one that a project adds; None where there is none."""
+        if self.get_command(ctx, cmd_name) is None:
+            self.commands.update(_listed(self.words, of_project()))
+        return self.get_command(ctx, cmd_name)
 
     def main(
         self,
@@ -65,8 +72,9 @@ class Verbs(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """As click does, and a summary becomes the verb. Where there is none it says what there is."""
-        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
-            ctx.fail(unknown(" ".join(filter(None, (self.words, args[0]))), self.list_commands(ctx)))
+        asked = args[:1] if not ctx.resilient_parsing else []  # a shell that completes is not told what is wrong
+        if asked and not args[0].startswith("-") and self.called(ctx, args[0]) is None:
+            ctx.fail(unknown(" ".join(filter(None, (self.words, args[0]))), list(self.commands)))
         name, command, rest = super().resolve_command(ctx, args)
         return name, command.load() if isinstance(command, Summary) else command, rest
 
@@ -124,11 +132,11 @@ class VerbWithVerbs(Verbs):
 
 def named(examples: str) -> str:
     """Return examples with a channel of the system here and its agents; as they are if no system is found."""
-    from operate.system import NoSystemError, here
+    from operate.system import NoSystemError, design_shown
     from topdown.model.errors import TopdownError
 
     try:
-        channel = next(iter(here().design.channels.values()), None)
+        channel = next(iter(design_shown().channels.values()), None)
     except (NoSystemError, TopdownError):
         return examples
     names = {"AGENT": channel.ends[0], "PEER": channel.ends[1], "CHANNEL": channel.id} if channel else {}
@@ -136,7 +144,19 @@ def named(examples: str) -> str:
 
 
 def added() -> Table:
-    """The verbs that the system here adds; none if it is not found or cannot be read."""
+    """The verbs that the system here adds, if it is installed; none if it is a project's, or cannot be read."""
+    from operate.system import NoSystemError, installed_here
+    from topdown.model.errors import TopdownError
+
+    try:
+        found = installed_here()
+        return (found.addition("verbs") if found is not None else None) or {}
+    except (NoSystemError, TopdownError):
+        return {}
+
+
+def of_project() -> Table:
+    """The verbs that the system here adds, imported also from a project; none if it is not found or cannot be read."""
     from operate.system import NoSystemError, here
     from topdown.model.errors import TopdownError
 

@@ -13,6 +13,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from agent_runtime.io.run_files import LinkedError
 from operate.cli import completion, interrupts
 from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError
 from operate.system import NoSystemError
@@ -71,7 +72,7 @@ def problems(form: Format) -> Iterator[None]:
     except ConsoleError as error:
         tell_problem(error, form)
         raise typer.Exit(error.code) from error
-    except (NoSystemError, TopdownError) as error:  # no system here, or its design cannot be read
+    except (NoSystemError, TopdownError, LinkedError) as error:  # no system here, or its design cannot be read
         tell_problem(error, form)
         raise typer.Exit(WRONG_USE) from error
     except KeyboardInterrupt as error:

@@ -7,6 +7,7 @@ import msgspec
 import pyarrow
 from pyarrow import parquet
 
+from agent_runtime.io.run_files import replaced, write_whole
 from operate.experiments import page, results, summary, tables
 from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import Runs
@@ -42,10 +43,11 @@ def everything(place: Path) -> Made:
         )
     told = summary.summed(runs)
     words = msgspec.json.format(msgspec.json.encode(told), indent=1) + b"\n"
-    (place / f"{REPORT}.json").write_bytes(words)
-    (place / f"{REPORT}.md").write_text(page.markdown(told, runs.measures) + "\n", encoding="utf-8")
-    (place / f"{REPORT}.html").write_text(page.rendered(runs, told), encoding="utf-8")
-    parquet.write_table(of_runs(runs), place / RUNS_FILE, compression="zstd")
+    write_whole(place / f"{REPORT}.json", words)
+    write_whole(place / f"{REPORT}.md", f"{page.markdown(told, runs.measures)}\n".encode())
+    write_whole(place / f"{REPORT}.html", page.rendered(runs, told).encode())
+    with replaced(place / RUNS_FILE) as file:
+        parquet.write_table(of_runs(runs), file, compression="zstd")
     return Made(
         str(place), told.runs, told.success.value, told.success.low, told.success.high, page.lines(told, runs.measures)
     )

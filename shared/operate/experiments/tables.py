@@ -11,6 +11,7 @@ import msgspec
 import pyarrow
 from pyarrow import csv, parquet
 
+from agent_runtime.io.run_files import replaced
 from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import of
 from operate.recording.history import History
@@ -68,7 +69,8 @@ def write_said(file: Path, by_seed: Mapping[int, Sequence[Said]]) -> None:
     rows = [(seed, row) for seed in sorted(by_seed) for row in by_seed[seed]]
     told = communicates(row for _, row in rows)
     numbered = told.add_column(0, SEED, pyarrow.array([seed for seed, _ in rows], pyarrow.int64()))
-    parquet.write_table(numbered, file, compression="zstd")
+    with replaced(file) as written:
+        parquet.write_table(numbered, written, compression="zstd")
 
 
 def said_in(file: Path) -> dict[int, tuple[Said, ...]]:

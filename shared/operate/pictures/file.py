@@ -5,6 +5,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
+from agent_runtime.io.run_files import replaced
 from operate.pictures.blueprint import blueprint
 from operate.pictures.happenings import of_history
 from operate.pictures.sheet import Sheet
@@ -17,11 +18,12 @@ NAME = "robot_companion"
 
 def write(path: Path, history: History, system: System) -> dict[str, int]:
     """Write the file, so that a reader sees the old one or the new one. How many rows each entity got."""
-    beside = path.with_name(f".{path.name}")
-    with rr.RecordingStream(NAME, recording_id=f"{NAME}-{history.begin:.3f}") as out:
+    name = f"{NAME}-{history.begin:.3f}"
+    with replaced(path) as file, rr.RecordingStream(NAME, recording_id=name) as out:
+        # The open file by its descriptor: Rerun takes names only, and would follow a link.
+        beside = f"/proc/self/fd/{file.fileno()}"
         rr.save(beside, default_blueprint=laid_out(system, end_s(history)), recording=out)
         sheet = drawn(out, history, system)
-    beside.replace(path)
     return sheet.rows
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.run_files import write_whole
 from operate.run_folder import VIEW_FILE, ViewAddress
 
 SWITCH, BIND, GRPC, WEB = "ROCO_VIEW", "ROCO_VIEW_BIND", "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
@@ -50,9 +51,7 @@ def wanted(environment: Mapping[str, str], number: int = 0) -> Place | None:
 
 def tell(run: Path, place: Place) -> None:
     """Write view.json, whole or not at all."""
-    beside = run / f".{VIEW_FILE}"
-    beside.write_bytes(msgspec.json.encode(ViewAddress(place.grpc, place.web)))
-    beside.replace(run / VIEW_FILE)
+    write_whole(run / VIEW_FILE, msgspec.json.encode(ViewAddress(place.grpc, place.web)))
 
 
 def free_port(bind: str) -> int:

@@ -8,10 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from agent_runtime.io.run_files import write_whole
 from operate.judging.judged import encoded
 from operate.recording import history
 from operate.reports import report
-from operate.run_folder import REPORT_FILE, RRD_FILE, VERDICTS_FILE, Judged
+from operate.run_folder import REPORT_FILE, RRD_FILE, VERDICTS_FILE
 from operate.system import System
 
 PAGE_FILE = "report.html"
@@ -31,19 +32,12 @@ def everything(run: Path, system: System, say: Say) -> bool:
         say("no report", level="error", why=traceback.format_exc())
         return False
     if past.whole and any(one.log for one in past.judged):
-        _rewrite(run / VERDICTS_FILE, past.judged)
+        write_whole(run / VERDICTS_FILE, b"".join(map(encoded, past.judged)))  # a recorder did not hear everything
     outcome = {name: getattr(figures, name) or "" for name in ("success", "failure") if hasattr(figures, name)}
     say("report", **outcome, file=str(run / REPORT_FILE))
     page = _try(PAGE_FILE, lambda: _page(run, system, past, figures), say)
     pictures = _try(RRD_FILE, lambda: _pictures(run, system, past), say)
     return page and pictures
-
-
-def _rewrite(file: Path, verdicts: tuple[Judged, ...]) -> None:
-    """Replace what a recorder wrote that did not hear everything; a reader sees the old file or the new one."""
-    beside = file.with_name(f".{file.name}")
-    beside.write_bytes(b"".join(map(encoded, verdicts)))
-    beside.replace(file)
 
 
 def _try(name: str, make: Callable[[], None], say: Say) -> bool:
@@ -65,7 +59,7 @@ def _page(run: Path, system: System, past: history.History, figures: Any) -> Non
 
     own = system.addition("page")
     text = own(past, figures, run.name) if own is not None else page.rendered(past, figures, run.name, system)
-    (run / PAGE_FILE).write_text(text, encoding="utf-8")
+    write_whole(run / PAGE_FILE, text.encode())
 
 
 def _pictures(run: Path, system: System, past: history.History) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from agent_runtime.io.run_files import write_whole
 from operate.recording.history import History
 from operate.reports import counts
 from operate.run_folder import REPORT_FILE
@@ -141,9 +142,7 @@ def failure(history: History) -> str | None:
 def write(run: Path, report: msgspec.Struct) -> Path:
     """Write report.json into the run folder, so that a reader sees the old one or the new one."""
     path = run / REPORT_FILE
-    beside = path.with_name(f".{path.name}")
-    beside.write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
-    beside.replace(path)
+    write_whole(path, msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
     return path
 
 

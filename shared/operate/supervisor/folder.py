@@ -12,7 +12,7 @@ from typing import IO
 
 import msgspec
 
-from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED, heartbeat_file, make_run
+from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED, heartbeat_file, make_run, write_whole
 from operate.run_folder import FLEET_FILE, LATEST, OFF_SUFFIX, Fleet
 
 MOST_BYTES = 32 * 1024 * 1024
@@ -100,9 +100,7 @@ def _write(file: Path, data: bytes | None) -> None:
             file.unlink()
         return
     make_run(file.parent)
-    beside = file.with_name(f".{file.name}")
-    beside.write_bytes(data)
-    beside.replace(file)
+    write_whole(file, data)
 
 
 def ready_file(run: Path, name: str) -> Path:

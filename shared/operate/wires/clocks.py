@@ -3,10 +3,13 @@
 wall_clock.c is compiled when a fleet starts with `--faults`; without a C compiler agents have the machine's clock.
 """
 
+import os
 import shutil
 import struct
 import subprocess
 from pathlib import Path
+
+from agent_runtime.io.run_files import opened
 
 SOURCE = Path(__file__).with_name("wall_clock.c")
 LIBRARY, SUFFIX = "wall_clock.so", ".clock"
@@ -38,7 +41,7 @@ def made(run: Path, names: tuple[str, ...]) -> dict[str, dict[str, str]]:
 def step(run: Path, name: str, seconds: float) -> None:
     """Set the clock of a process so far forward, in place: the file is mapped. Nothing where it has none."""
     if file(run, name).exists():
-        with file(run, name).open("r+b", buffering=0) as mapped:
+        with os.fdopen(opened(file(run, name), os.O_WRONLY), "wb", buffering=0) as mapped:
             mapped.write(OFFSET.pack(round(seconds * 1e9)))
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.run_files import write_whole
 from agent_runtime.io.secured import ROUTERS
 
 WIRES_FILE, SUFFIX = "wires.json", ".wire"
@@ -89,7 +90,7 @@ def tell(run: Path, wires: Wires) -> None:
     """Write wires.json; no condition of an earlier start is left."""
     for file in run.glob(f"*{SUFFIX}"):
         file.unlink(missing_ok=True)
-    (run / WIRES_FILE).write_bytes(msgspec.json.encode(wires) + b"\n")
+    write_whole(run / WIRES_FILE, msgspec.json.encode(wires) + b"\n")
 
 
 def put(run: Path, name: str, kind: str, amount: float | None) -> None:
@@ -98,9 +99,7 @@ def put(run: Path, name: str, kind: str, amount: float | None) -> None:
     if amount is None:
         file.unlink(missing_ok=True)
         return
-    beside = run / f".{file.name}"
-    beside.write_text(str(amount))
-    beside.replace(file)
+    write_whole(file, str(amount).encode())
 
 
 def conditions(run: Path) -> dict[str, Conditions]:

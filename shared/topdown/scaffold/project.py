@@ -52,6 +52,7 @@ dependencies = ["robot-companion"]
 
 [tool.roco]
 system = "{package}.system:SYSTEM"
+design = "{package}/design.toml"
 
 [tool.ruff]
 line-length = 120

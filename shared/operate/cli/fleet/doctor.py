@@ -16,7 +16,7 @@ from operate.cli.fleet.checkup_fleet import FLEET
 from operate.cli.fleet.checkup_machine import MACHINE
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
-from operate.system import NoSystemError, here
+from operate.system import NoSystemError, UntrustedError, here
 
 MARKS = {Level.FINE: ("✓", "green"), Level.NOTE: ("i", "yellow"), Level.WRONG: ("✗", "bold red")}
 
@@ -76,9 +76,13 @@ def examined(fleet: Target | None, reason: str, say: Callable[[str], None]) -> I
 
 
 def _own(fleet: Target | None) -> Checks:
-    """Return the checks added by the system of a fleet, or else of this folder; none if there is no system."""
+    """Return the checks added by the system of a fleet, or else of this folder; none if there is no system. Raise
+    UntrustedError where the system is there, and others can change its code.
+    """
     try:
         found: Checks | None = (fleet.system if fleet is not None else here()).addition("checks")
+    except UntrustedError:
+        raise
     except NoSystemError:
         return Checks()
     return found or Checks()

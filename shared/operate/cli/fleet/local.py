@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from agent_runtime.io.fleet_processes import set_stop
-from agent_runtime.io.run_files import heartbeat_file
+from agent_runtime.io.run_files import heartbeat_file, opened
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import process_status, starting
 from operate.cli.fleet.identity import OPERATOR
@@ -69,7 +69,7 @@ class Local:
         if on:
             off.unlink(missing_ok=True)
         else:
-            off.touch()
+            os.close(opened(off, os.O_WRONLY | os.O_CREAT))
 
     def signal(self, name: str, number: int) -> None:
         """Send a signal to a process. FleetError: it does not run."""
@@ -117,7 +117,8 @@ class Local:
 
     def add_fault(self, line: bytes) -> None:
         """Append a line to faults.jsonl."""
-        with (self.run / FAULTS_FILE).open("ab", buffering=0) as file:
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
+        with os.fdopen(opened(self.run / FAULTS_FILE, flags), "ab", buffering=0) as file:
             file.write(line)
 
     def down(self) -> tuple[str, ...]:

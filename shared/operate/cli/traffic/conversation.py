@@ -19,6 +19,7 @@ from operate.cli.traffic.filter_options import Agents, Channels, Performatives, 
 from operate.cli.traffic.listen import about
 from operate.cli.traffic.verdicts import judged, told
 from operate.run_folder import Judged
+from operate.system import NoSystemError
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
 
@@ -44,7 +45,7 @@ def names(ctx: typer.Context, incomplete: str) -> list[str]:
     recording, run_dir = (completion.path_given(ctx, name) for name in ("run", "run_dir"))
     try:
         lines = _lines(recording, run_dir, ctx.params.get("target") or "")
-    except ConsoleError:
+    except (ConsoleError, NoSystemError):
         return []
     return [name for name in dict.fromkeys(one.conversation for one in lines) if name.startswith(incomplete)]
 

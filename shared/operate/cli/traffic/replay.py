@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 
 from agent_runtime.core.errors import RuntimeFault
-from agent_runtime.io.run_files import make_run
+from agent_runtime.io.run_files import make_run, write_whole
 from agent_runtime.io.tap import Sample
 from agent_runtime.testing.scripted_peers import Stage
 from operate.cli import completion
@@ -225,7 +225,7 @@ def _told(stage: Stage, system: System) -> Iterator[None]:
     make_run(folder)
     now = datetime.now().timestamp()
     fleet = Fleet(stage.system, stage.endpoint, 0, now, (), entry=system.entry, project=system.project)
-    (folder / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
+    write_whole(folder / FLEET_FILE, msgspec.json.encode(fleet))
     try:
         yield
     finally:
