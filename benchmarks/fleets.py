@@ -85,12 +85,12 @@ class Fleet:
             self._wait(lambda: beat.exists() and b'"km":1' in beat.read_bytes(), "pl, which looks for km,")
 
     def _serve(self, module: str, ready: str) -> None:
-        self._start([sys.executable, "-m", module])
+        self._start([sys.executable, "-P", "-m", module])
         self._wait(lambda: (self._run / ready).exists(), module)
 
     def _role(self, name: str, out: int, folder: Path, **more: Any) -> subprocess.Popen[bytes]:
-        words = [str(HERE / self._script), name, self._address, str(folder), str(out)]
-        return self._start([sys.executable, *words], pass_fds=[out], **more)
+        words = [name, self._address, str(folder), str(out)]
+        return self._start([sys.executable, str(HERE / self._script), *words], pass_fds=[out], **more)
 
     def _start(self, command: list[str], **more: Any) -> subprocess.Popen[bytes]:
         with (self._run / "bench.log").open("ab") as log:

@@ -151,7 +151,7 @@ def measured(kind: str, rate: float, seconds: float) -> dict[str, Any]:
         try:
             for name, module in (("router", "router"), ("monitor", "monitor"), ("co", "coordinator")):
                 with (run / f"{name}.log").open("ab") as log:
-                    command = [sys.executable, "-m", f"services.{module}"]
+                    command = [sys.executable, "-P", "-m", f"services.{module}"]
                     processes[name] = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
                 _wait(lambda name=name: (run / f"{name}.ready").exists() or (run / f"{name}.heartbeat.json").exists())
             _wait(lambda: b'"up":true' in (run / "co.heartbeat.json").read_bytes())

@@ -40,6 +40,7 @@ PATIENCE_S = 3600.0  # for a row; an input that hangs in C is ended with its pro
 def row(target: Target, seed: int, count: int) -> dict[str, Any]:
     """Run one seed in a process of its own; its line of the results file."""
     load, began = os.getloadavg()[0], time.monotonic()
+    os.environ["PYTHONSAFEPATH"] = "1"  # or the child would look for its first libraries in the folder here
     ours, its = multiprocessing.Pipe()
     child = multiprocessing.get_context("spawn").Process(target=serve, args=(target.name, seed, count, its))
     child.start()

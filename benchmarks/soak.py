@@ -61,11 +61,12 @@ class Processes:
         told |= {"TLS_DIR": str(self.run / "keys")}
         module = {"router": "services.router", "wires": "operate.wires"}.get(name)
         address = f"tls/127.0.0.1:{self._ports.get(name)}"
-        agent = [str(HERE / "soak_agents.py"), name, address, str(self.run), str(self._exchanges)]
+        agent = [name, address, str(self.run), str(self._exchanges)]
         environment = os.environ | {f"ROCO_{key}": value for key, value in told.items()}
         (self.run / f"{name}.ready").unlink(missing_ok=True)
         with (self.run / "soak.log").open("ab") as log:
-            words = [sys.executable, *(["-m", module] if module else agent)]
+            script = [sys.executable, str(HERE / "soak_agents.py"), *agent]
+            words = [sys.executable, "-P", "-m", module] if module else script
             self._running[name] = subprocess.Popen(words, env=environment, stdout=log, stderr=log)
         if name not in self._ports:  # an agent is ready once its peer answers
             self.wait(lambda: (self.run / f"{name}.ready").exists(), f"{name} is ready")

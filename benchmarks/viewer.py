@@ -66,17 +66,13 @@ class Bench:
         words = {"ROCO_CONNECT": self.endpoint, "ROCO_LISTEN": self.endpoint, "ROCO_SYSTEM": SYSTEM}
         words |= {"ROCO_RUN_DIR": str(run), "ROCO_VIEW": "on", "ROCO_LOG_LEVEL": "warning"}
         self._environment = os.environ | words
-        self.start("-m", "services.router")
+        self.spawn([sys.executable, "-P", "-m", "services.router"])
         self._wait("router.ready")
-        self.monitor = self.start("-m", "services.monitor")
+        self.monitor = self.spawn([sys.executable, "-P", "-m", "services.monitor"])
         self._wait("view.json")
         for name in ("km", "robot", "pl"):
-            self.start(str(HERE / "viewer_load.py"), name, self.endpoint, str(run))
+            self.spawn([sys.executable, str(HERE / "viewer_load.py"), name, self.endpoint, str(run)])
         self._wait("trips")
-
-    def start(self, *words: str) -> int:
-        """A process of Python; its pid."""
-        return self.spawn([sys.executable, *words])
 
     def spawn(self, words: list[str]) -> int:
         """A process that ends with the measurement; its pid."""

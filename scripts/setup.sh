@@ -22,7 +22,7 @@ if ! [ -t 2 ]; then
 fi
 
 # Print the version of an interpreter as 3.11; nothing if it does not run.
-version_of() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null; }
+version_of() { "$1" -I -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null; }
 
 supported() { [[ -n $1 && " ${SUPPORTED[*]} " == *" $1 "* ]]; }
 
@@ -36,7 +36,7 @@ find_python() {
         return
     fi
     for candidate in "${SUPPORTED[@]/#/python}" python3 python; do
-        if supported "$(version_of "$candidate")" && "$candidate" -c 'import venv, ensurepip' 2>/dev/null; then
+        if supported "$(version_of "$candidate")" && "$candidate" -I -c 'import venv, ensurepip' 2>/dev/null; then
             echo "$candidate"
             return
         fi
@@ -58,8 +58,8 @@ setup_venv() {
     if ! venv_fits; then
         if python=$(find_python); then
             say "making .venv with $("$python" --version)"
-            "$python" -m venv --clear .venv ||
-                die "$python -m venv failed (Debian: apt install python3-venv, then call this again)"
+            "$python" -I -m venv --clear .venv ||
+                die "$python -I -m venv failed (Debian: apt install python3-venv, then call this again)"
         elif [ -n "${ROCO_PYTHON:-}" ]; then
             exit 2 # find_python said why
         else
@@ -68,7 +68,7 @@ setup_venv() {
     fi
     if ! .venv/bin/uv --version >/dev/null 2>&1; then
         say "getting uv into .venv"
-        .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/uv.txt ||
+        .venv/bin/python -P -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/uv.txt ||
             die "pip could not get uv (see above); is the package index reachable?"
     fi
 }
@@ -78,13 +78,13 @@ venv_by_uv() {
     local python tools uv oldest=${SUPPORTED[0]} newest=${SUPPORTED[-1]}
     uv=$(command -v uv) || {
         for python in python3 python none; do
-            "$python" -c 'import venv, ensurepip' 2>/dev/null && break
+            "$python" -I -c 'import venv, ensurepip' 2>/dev/null && break
         done
         [ "$python" != none ] ||
             die "no Python with venv found, expected one of ${SUPPORTED[*]} (Debian: apt install python3 python3-venv); ROCO_PYTHON=<path> names one"
         tools=$(mktemp -d)
         uv=$tools/bin/uv
-        { "$python" -m venv "$tools" && "$tools/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r requirements/uv.txt; } ||
+        { "$python" -I -m venv "$tools" && "$tools/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r requirements/uv.txt; } ||
             die "$("$python" --version) could not get uv (see above); is the package index reachable?"
     }
     say "no Python ${SUPPORTED[*]} that can make .venv is on the path (python3 is $(version_of python3)); uv installs Python $newest for this project"
@@ -107,7 +107,7 @@ setup() {
     .venv/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable . ||
         die "uv could not install the project (see above)"
     lend_libgomp
-    .venv/bin/python -m velma.compiled || say "without that library planning takes twice as long (see above)"
+    .venv/bin/python -P -m velma.compiled || say "without that library planning takes twice as long (see above)"
     check_libraries
     printf '%s\n' "$want" >"$stamp"
 }
@@ -115,11 +115,11 @@ setup() {
 # pinocchio's wheel wants the system's libgomp.so.1 (GNU's OpenMP), which a small machine may lack. Then take the copy that
 # another wheel carries and lay it where pinocchio's run path looks; nothing of the machine is touched.
 lend_libgomp() {
-    .venv/bin/python -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null && return
+    .venv/bin/python -P -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null && return
     say "libgomp.so.1 is not on this machine (Debian: libgomp1); taking the copy of a wheel"
     .venv/bin/uv pip install --quiet --python .venv/bin/python --target .venv/lend --no-deps --require-hashes \
         -r requirements/libgomp.txt || die "uv could not get it; instead (Debian): apt install libgomp1"
-    .venv/bin/python - <<'PYTHON' || die "no libgomp in that wheel; instead (Debian): apt install libgomp1"
+    .venv/bin/python -P - <<'PYTHON' || die "no libgomp in that wheel; instead (Debian): apt install libgomp1"
 import shutil
 from pathlib import Path
 
@@ -134,7 +134,7 @@ PYTHON
 # Import what needs system libraries, so that a missing one is named here and not in the middle of a run. Without OpenGL
 # all but the head camera works: that is said, too, and goes on.
 check_libraries() {
-    .venv/bin/python - <<'PYTHON' || die "a system library is missing (see above)"
+    .venv/bin/python -P - <<'PYTHON' || die "a system library is missing (see above)"
 import importlib
 import sys
 

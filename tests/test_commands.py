@@ -1,8 +1,15 @@
-"""Every service is started by `python -m services.<x>`, and its options have names in the environment."""
+"""Every service is started by `python -m services.<x>`, and its options have names in the environment.
 
+No process of ours takes a file of the folder that it is started in for a library.
+"""
+
+import ast
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -72,3 +79,131 @@ def test_a_wrong_value_in_the_environment_is_named(module: str, name: str, value
     assert done.returncode == 2
     assert f"--{name.lower().replace('_', '-')}" in done.stderr
     assert not (tmp_path / "run").exists()
+
+
+PLACES = ("shared", "services", "velma", "scripts", "benchmarks", "deploy", "examples")
+OWN_FOLDER = {
+    "examples/depot/tests/test_run.py": "a project's own test starts it as its README says, where its package is",
+}
+"""Files that may start Python so that it looks in the folder it is started in, and why."""
+PYTHON = re.compile(r"(.*/)?python3?")
+CALLED = re.compile(r"""(?:python3?|\$python|\$1|\$candidate)"? +(?:-m|-c|-)(?=\s)""")
+"""In a shell's words: a Python with a module or code right behind it."""
+SAFE_IMAGE = "PYTHONSAFEPATH=1"
+"""In an image's environment: all that is run in it is safe."""
+
+
+def programs() -> Iterator[tuple[str, str]]:
+    """Yield path and text of each file that may start a process."""
+    for place in PLACES:
+        for path in sorted((ROOT / place).rglob("*")):
+            if path.is_file() and (path.suffix in (".py", ".sh") or not path.suffix) and b"\0" not in path.read_bytes():
+                yield str(path.relative_to(ROOT)), path.read_text()
+
+
+def is_python(word: ast.expr) -> bool:
+    """Whether a word of a command is the interpreter."""
+    if isinstance(word, ast.Constant):
+        return isinstance(word.value, str) and PYTHON.fullmatch(word.value) is not None
+    return ast.unparse(word) in ("sys.executable", "str(ROOT / '.venv/bin/python')", "str(OWN)", "str(VENV)")
+
+
+def unsafe_words(text: str) -> Iterator[str]:
+    """Yield the commands in Python's code whose interpreter has neither -P nor a script right behind it."""
+    for node in ast.walk(ast.parse(text)):
+        words = node.args if isinstance(node, ast.Call) else getattr(node, "elts", [])
+        for word, after in pairwise(words):
+            is_option = isinstance(after, ast.Constant) and str(after.value).startswith("-")
+            is_script = not is_option and not isinstance(after, ast.Starred)
+            if is_python(word) and not is_script and ast.unparse(after) not in ("'-P'", "*sys.argv"):
+                yield ast.unparse(node)
+
+
+def unsafe(path: str, text: str) -> list[str]:
+    """Return the commands in a program that start Python so that it looks in the folder here first."""
+    if path.endswith(".py") or "python" in text.partition("\n")[0]:
+        return list(unsafe_words(text))
+    lines = [line for line in text.splitlines() if not line.lstrip().startswith("#")]
+    return [line.strip() for line in lines if CALLED.search(line) and SAFE_IMAGE not in text]
+
+
+def test_no_program_looks_in_the_folder_that_it_is_started_in() -> None:
+    """`touch random.py` there must not keep a fleet from coming up, and the file must not run."""
+    found = {path: commands for path, text in programs() if (commands := unsafe(path, text))}
+    assert {path: commands for path, commands in found.items() if path not in OWN_FOLDER} == {}
+    assert found.keys() == OWN_FOLDER.keys()
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("a.py", "run([sys.executable, '-m', 'x'])"),
+        ("a.py", "(sys.executable, '-c', code)"),
+        ("a.py", "run([sys.executable, *words])"),
+        ("a.py", "os.execvp('python3', ['python3', '-m', 'x'])"),
+        ("a.py", "docker('exec', name, 'python', '-m', 'x')"),
+        ("a", "#!/bin/sh\nif python -m x; then"),
+        ("a", '#!/bin/sh\n"$python" -c x'),
+        ("a", "#!/bin/sh\n.venv/bin/python - <<PYTHON"),
+    ],
+)
+def test_such_a_program_is_found(path: str, text: str) -> None:
+    """The test above can fail, and does not where -P stands there."""
+    assert len(unsafe(path, text)) == 1
+    for option in ("'-m'", "'-c'", "*words", " -m", " -c", " -"):
+        safe = option.replace(option.strip(), "'-P', " + option if option[0] != " " else "-P " + option.strip())
+        if option in text:
+            assert unsafe(path, text.replace(option, safe, 1)) == []
+            break
+
+
+TAKEN = (
+    "numpy",
+    "msgspec",
+    "zenoh",
+    "typer",
+    "rich",
+    "mcap",
+    "rerun",
+    "mujoco",
+    "jinja2",
+    "uvicorn",
+    "velma",
+    "services",
+)
+"""Names beside the standard library's that a file in the folder here may have."""
+MARKS = """
+import sys
+with open({mark!r}, "a") as mark:
+    mark.write(f"{{__name__}} in {{sys.argv}}\\n")
+raise ImportError("a file of the folder here")
+"""
+
+
+@pytest.mark.zenoh
+@pytest.mark.timeout(200)
+def test_a_file_of_the_folder_here_is_no_library(tmp_path: Path) -> None:
+    """A fleet with everything in it comes up, is asked and is ended beside random.py, json.py and all others."""
+    mark, run = tmp_path / "it-ran", tmp_path / "run"
+    for name in (*sys.stdlib_module_names, *TAKEN):
+        (tmp_path / f"{name}.py").write_text(MARKS.format(mark=str(mark)))
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+    called = (
+        ("up", "--out", run),
+        ("doctor", "--run-dir", run),
+        ("traffic", "judge", run),
+        ("why", "--run", run),
+        ("down", "--run-dir", run),
+        ("report", run),
+    )
+    said = {}
+    for verb, *words in called:
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "operate.cli", verb, *map(str, words)],
+            cwd=tmp_path, env=plain, capture_output=True, text=True, timeout=150, check=False,
+        )  # fmt: skip
+        said[verb] = (done.returncode, done.stdout + done.stderr)
+    assert not mark.exists(), mark.read_text()
+    assert said["up"][0] == 0, said["up"][1]
+    assert "a file of the folder here" not in str(said)
+    assert (said["down"][0], said["report"][0]) == (0, 1), said  # nothing was done, so it is no success

@@ -221,7 +221,11 @@ def of_design(file: Path) -> System:
 
 
 def languages_at(place: str) -> Languages:
-    """The Languages at "module:NAME". Raise NoSystemError where there are none."""
+    """The Languages at "module:NAME", which the caller named; the folder here is looked in behind all others, so that
+    no file of it is taken for a library. Raise NoSystemError where there are none.
+    """
+    if str(Path.cwd()) not in sys.path:
+        sys.path.append(str(Path.cwd()))
     found = resolved(place)
     if not isinstance(found, Languages):
         raise NoSystemError(f"{place} is {type(found).__name__}; give a fipa_codec.languages.Languages")

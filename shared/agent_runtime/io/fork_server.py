@@ -223,7 +223,7 @@ def rename(module: str, *arguments: str) -> None:
     start, end = int(numbers[45]), int(numbers[46])  # arg_start and arg_end of proc(5), the 48th and 49th of all
     if not 0 < start < end:
         return
-    words = b"\0".join(word.encode() for word in (sys.executable, "-m", module, *arguments)) + b"\0"
+    words = b"\0".join(word.encode() for word in (sys.executable, "-P", "-m", module, *arguments)) + b"\0"
     ctypes.memmove(start, words.ljust(end - start, b"\0")[: end - start - 1] + b"\0", end - start)
 
 

@@ -165,7 +165,7 @@ def _started(entry: str, end: int, lifeline: int, nice: int) -> "subprocess.Pope
     hand = [Handed(file, file) for file in (1, 2, end, lifeline)]
     if (forked := fork(MODULE, *words, environment=os.environ, hand=hand)) is not None:
         return forked
-    command = [sys.executable, "-m", MODULE, *words]
+    command = [sys.executable, "-P", "-m", MODULE, *words]
     return subprocess.Popen(command, pass_fds=(end, lifeline), stdin=subprocess.DEVNULL)
 
 

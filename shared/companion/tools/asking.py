@@ -65,7 +65,7 @@ def _recorded(file: Path) -> "tuple[list[Spoken], list[float]]":
 
 def answered(question: Question) -> Answer:
     """The answer. Raise AskError where there is none in time."""
-    command = [sys.executable, "-m", ANSWERER]
+    command = [sys.executable, "-P", "-m", ANSWERER]
     try:
         done = subprocess.run(
             command,

@@ -3,6 +3,7 @@
 The verbs are in operate.cli.verbs; docs/roco.md has the exit codes, which are the same for all.
 """
 
+import os
 import sys
 from io import TextIOWrapper
 from typing import Annotated
@@ -42,6 +43,7 @@ def main() -> None:
     """Entry point of `roco`. Who reads its output by a pipe gets each line at once."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)
+    os.environ["PYTHONSAFEPATH"] = "1"  # libraries start Python, too: glfw, of mujoco, to look for itself
     app()
 
 

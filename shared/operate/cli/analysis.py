@@ -25,7 +25,7 @@ class AnalysisError(ConsoleError):
 
 def command(*words: str) -> list[str]:
     """Return how the recorder's tool `words` is called."""
-    return [sys.executable, "-m", RECORDING, *words]
+    return [sys.executable, "-P", "-m", RECORDING, *words]
 
 
 def environment(system: System) -> dict[str, str]:

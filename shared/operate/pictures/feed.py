@@ -72,7 +72,7 @@ class Feed:
     def __init__(self, run: Path, place: Place, system: System, say: Say, *, command: tuple[str, ...] = ()) -> None:
         """`command`: another program than the child (tests)."""
         self._queue = Queue()
-        self._command = command or (sys.executable, "-m", "operate.pictures", str(run), *place.words)
+        self._command = command or (sys.executable, "-P", "-m", "operate.pictures", str(run), *place.words)
         self._run, self._say = run, say
         self._environment = _environment() | system.environment(run)
         self._over = threading.Event()

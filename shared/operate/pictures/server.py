@@ -76,7 +76,7 @@ class Server:
 def _command(place: Place) -> tuple[str, ...]:
     grpc, web = str(place.grpc), str(place.web)
     if place.bind == EVERY_INTERFACE:
-        return sys.executable, "-m", "operate.pictures.library_server", grpc, web, KEPT
+        return sys.executable, "-P", "-m", "operate.pictures.library_server", grpc, web, KEPT
     options = ("--serve-web", "--bind", place.bind, "--port", grpc)
     return str(PROGRAM), *options, "--web-viewer-port", web, "--server-memory-limit", KEPT
 

@@ -86,6 +86,7 @@ def _environment(system: System, run_dir: Path, connect: str, scene: str) -> dic
         "ROCO_LISTEN": connect,
         "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
         "PYTHONUNBUFFERED": "1",
+        "PYTHONSAFEPATH": "1",
         **system.environment(run_dir),
     }
 

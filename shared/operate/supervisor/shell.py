@@ -217,4 +217,4 @@ def python_module(process: Process) -> list[str]:
         found = None
     if found is None:
         raise NotBuiltError(process.module)
-    return [sys.executable, "-m", process.module, *process.arguments]
+    return [sys.executable, "-P", "-m", process.module, *process.arguments]

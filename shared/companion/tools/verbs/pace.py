@@ -36,7 +36,7 @@ def measure(slots: Path | None = None) -> Pace | None:
 
     None where it cannot be measured: the executor's libraries are not installed, or the loop keeps no real time.
     """
-    command = [sys.executable, "-m", LOOP, *([str(slots)] if slots else [])]
+    command = [sys.executable, "-P", "-m", LOOP, *([str(slots)] if slots else [])]
     with contextlib.suppress(OSError, subprocess.SubprocessError, msgspec.DecodeError):
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=WITHIN_S, check=True)
         found = msgspec.json.decode(done.stdout, type=Pace)

@@ -74,7 +74,8 @@ def imports(wanted: Collection[str] = IMPORTS) -> Iterator[Check]:
     code = "import importlib, sys\nfor name in sys.argv[1:]:\n  try: importlib.import_module(name)\n"
     code += "  except Exception as error: print(name, '-', error)"
     try:
-        done = subprocess.run([sys.executable, "-c", code, *wanted], capture_output=True, timeout=IMPORT_S, check=False)
+        command = [sys.executable, "-P", "-c", code, *wanted]
+        done = subprocess.run(command, capture_output=True, timeout=IMPORT_S, check=False)
     except subprocess.TimeoutExpired:
         yield Check("imports", Level.NOTE, f"not loaded within {IMPORT_S:.0f} s", "try again later")
         return

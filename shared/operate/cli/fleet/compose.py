@@ -101,7 +101,7 @@ class Compose:
         """The command that prints what goes by as samples, a JSON object a line, until its standard input ends."""
         monitor, name = self._running(MONITOR).id, self._name()
         module = next(process.module for process in self.system.processes if process.name == MONITOR)
-        return command("exec", "--interactive", monitor, "python", "-m", module, "hear", "--systems", name)
+        return command("exec", "--interactive", monitor, "python", "-P", "-m", module, "hear", "--systems", name)
 
     def beside(self, service: str, words: list[str]) -> list[str]:
         """The command that runs a module of ours beside a service: with its volumes, keys and network, as guarded."""

@@ -31,7 +31,7 @@ def check(arguments: list[str]) -> None:
     """
     if not {"--scene", "--only"} & set(arguments):
         return
-    command = [sys.executable, "-m", SUPERVISOR, "--run-dir", ".", *arguments, "--check"]
+    command = [sys.executable, "-P", "-m", SUPERVISOR, "--run-dir", ".", *arguments, "--check"]
     shared, quiet = os.environ | here().environment(Path()), subprocess.DEVNULL
     done = subprocess.run(command, env=shared, stdin=quiet, capture_output=True, timeout=CHECK_S, check=False)
     if done.returncode == WRONG_USE:
@@ -45,7 +45,7 @@ def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
     make_run(run)
     with (run / "supervisor.log").open("ab") as log:
         return subprocess.Popen(
-            [sys.executable, "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
+            [sys.executable, "-P", "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
             env=shared,
             stdin=subprocess.DEVNULL,
             stdout=log,

@@ -218,7 +218,7 @@ def _start(place: Path, setting: Setting, seed: int) -> subprocess.Popen[bytes]:
     words += ["--scene", setting.scene] if setting.scene else []
     with (place / LOG_FILE).open("ab") as log:
         return subprocess.Popen(
-            [sys.executable, "-m", "operate.cli", *words, "--format", "json"],
+            [sys.executable, "-P", "-m", "operate.cli", *words, "--format", "json"],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,

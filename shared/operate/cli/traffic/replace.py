@@ -213,7 +213,7 @@ def _started(system: System, agent: str, module: str, run: Path, endpoint: str, 
     }
     environment = os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
     with (run / f"{agent}.log").open("wb") as log:
-        process = subprocess.Popen([sys.executable, "-m", module], env=environment, stdout=log, stderr=log)
+        process = subprocess.Popen([sys.executable, "-P", "-m", module], env=environment, stdout=log, stderr=log)
     until = time.monotonic() + READY_S
     while not (run / f"{agent}.ready").exists():
         if process.poll() is not None or time.monotonic() > until:

@@ -105,7 +105,7 @@ def _again(system: System, agent: str, log: Path, environment: dict[str, str]) -
         raise UsageError(f"the system has no process {agent!r}; {', '.join(one.name for one in system.processes)} are")
     told = environment | {"ROCO_REPLAY": str(log.resolve())}
     try:
-        done = subprocess.run([sys.executable, "-m", module], env=told, capture_output=True, timeout=RERUN_S)
+        done = subprocess.run([sys.executable, "-P", "-m", module], env=told, capture_output=True, timeout=RERUN_S)
         return msgspec.msgpack.decode(done.stdout, type=Again)
     except subprocess.TimeoutExpired as error:
         raise ConsoleError(f"{agent} has not run its steps again in {RERUN_S:.0f} s; give a shorter run") from error
