@@ -30,7 +30,7 @@ def supported() -> list[str]:
 def interpreter(folder: Path, name: str, version: str, *, venv: bool = True) -> Path:
     """A program that answers setup.sh as a Python of this version does."""
     path, has = folder / name, "exit 0" if venv else "exit 1"
-    answers = f'case "$2" in *version_info*) echo {version};; *venv*) {has};; esac'
+    answers = f'case "$3" in *version_info*) echo {version};; *venv*) {has};; esac'
     path.write_text(f'#!/bin/sh\n{answers}\n[ "$1" != --version ] || echo Python {version}\n')
     path.chmod(0o755)
     return path

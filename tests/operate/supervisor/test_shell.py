@@ -156,7 +156,7 @@ def test_a_service_without_a_program_is_named() -> None:
     """The message says which file is missing."""
     with pytest.raises(NotBuiltError, match=r"services/nowhere/__main__\.py is missing"):
         python_module(Process("x", "services.nowhere"))
-    assert python_module(Process("supervisor", "services.supervisor"))[1:] == ["-m", "services.supervisor"]
+    assert python_module(Process("supervisor", "services.supervisor"))[1:] == ["-P", "-m", "services.supervisor"]
 
 
 def test_the_program_itself_beats_and_stops_in_order_on_sigterm(tmp_path: Path) -> None:
