@@ -9,6 +9,7 @@ from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
 from operate.run_folder import Judged
 from operate.system import System
+from operate.wording import one_line
 from topdown.judge.verdicts import Judgement, Verdict
 
 OF_KEYS = (Verdict.WRONG_CHANNEL, Verdict.NOT_ENTITLED)
@@ -24,7 +25,7 @@ def line(judgement: Judgement, system: System | None) -> Judged:
             verdict=judgement.verdict,
             bytes=heard.size,
             channel=judgement.channel,
-            why=judgement.why,
+            why=one_line(judgement.why),
             key=heard.key,
             violation=judgement.violation,
             log=heard.log,
@@ -44,7 +45,7 @@ def line(judgement: Judgement, system: System | None) -> Judged:
         text=_text(one, system),
         initiator=judgement.states[0],
         participant=judgement.states[1],
-        why=judgement.why,
+        why=one_line(judgement.why),
         key=heard.key if judgement.verdict in OF_KEYS else "",
         violation=judgement.violation,
         log=heard.log,
@@ -61,6 +62,6 @@ def outcome(verdicts: Mapping[str, int]) -> str:
 
 def _text(one: Communicate, system: System | None) -> str:
     try:
-        return system.words(system.languages.read(one)[0]) if system is not None and system.languages else ""
+        return one_line(system.words(system.languages.read(one)[0])) if system is not None and system.languages else ""
     except FipaError:
         return ""

@@ -1,10 +1,14 @@
-"""A content of any language in a few words, for people."""
+"""A content of any language in a few words, for people; text that others wrote, as a terminal may have it."""
 
 import re
 
 import msgspec
 
 LENGTH = 80
+OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u206f\ud800-\udfff]")
+"""What terminals obey in place of showing it (C0 and C1 controls but tab and newline), what turns the direction of text
+around, line ends of Unicode, and halves of characters, which cannot be written.
+"""
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
@@ -17,3 +21,16 @@ def words(content: object) -> str:
     told = [f"{one:g}" if isinstance(one, float) else str(one) for one in values if isinstance(one, str | int | float)]
     text = " ".join((_HUMP.sub(" ", type(content).__name__).lower(), *filter(None, told)))
     return text if len(text) <= LENGTH else text[: LENGTH - 1] + "…"
+
+
+def escaped(text: str) -> str:
+    """Return a text in which nothing is left that a terminal obeys: \\u001b in place of an escape character.
+
+    The form is that of JSON, so that a line of JSON stays one, and means the same.
+    """
+    return OBEYED.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def one_line(text: str) -> str:
+    """Return a text without line ends: who writes a name must not write a line of its own below it."""
+    return text.replace("\n", "\\u000a")

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from operate.wording import escaped, one_line
+
 if TYPE_CHECKING:
     from topdown.model.design import Design
 
@@ -24,12 +26,12 @@ KINDS = ("channel", "agent", "protocol", "performative")
 def runs(incomplete: str) -> list[str]:
     """The folders of runs, newest first."""
     found = sorted((path for path in RUNS.glob("*") if path.is_dir()), key=lambda path: path.name, reverse=True)
-    return [str(path) for path in found if str(path).startswith(incomplete)]
+    return among(map(str, found), incomplete)
 
 
 def run_names(incomplete: str) -> list[str]:
     """Return the names of runs in runs/, newest first."""
-    return _among([Path(path).name for path in runs("")], incomplete)
+    return among([Path(path).name for path in runs("")], incomplete)
 
 
 def agents(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -53,7 +55,7 @@ def every_protocol(ctx: typer.Context, incomplete: str) -> list[str]:
 
     own = [name for design in _designs(ctx) for name in design.own_tables]
     names = [name for protocol in known() for name in (protocol.name, *protocol.aliases)]
-    return _among(dict.fromkeys([*own, *names]), incomplete)
+    return among(dict.fromkeys([*own, *names]), incomplete)
 
 
 def uses(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -111,14 +113,14 @@ def performatives(incomplete: str) -> list[str]:
     """All performatives of FIPA."""
     from fipa_codec.performatives import Performative
 
-    return _among(Performative, incomplete)
+    return among(Performative, incomplete)
 
 
 def choices(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return KIND=NAME[,NAME] as `roco replay --only` takes it: first the kinds, then the names of one."""
     kind, given, names = incomplete.partition("=")
     if not given:
-        return _among([f"{one}=" for one in KINDS], incomplete)
+        return among([f"{one}=" for one in KINDS], incomplete)
     named = {"channel": channels, "agent": agents, "protocol": protocols}
     done, comma, last = names.rpartition(",")
     if kind not in KINDS:
@@ -142,34 +144,34 @@ def started(incomplete: str) -> list[str]:
 def behind_commas(names: Iterable[str], incomplete: str) -> list[str]:
     """Return the names that go on what is behind the last comma, behind all before it."""
     done, comma, last = incomplete.rpartition(",")
-    return [f"{done}{comma}{name}" for name in _among(names, last) if name not in done.split(",")]
+    return [f"{done}{comma}{name}" for name in among(names, last) if name not in done.split(",")]
 
 
 def targets(incomplete: str) -> list[str]:
     """Return the values of --target: its fixed words, running compose projects, run folders."""
     from operate.cli.fleet.compose import projects
 
-    return _among(("local", "compose", *projects()), incomplete) + runs(incomplete)
+    return among(("local", "compose", *projects()), incomplete) + runs(incomplete)
 
 
 def ages(incomplete: str) -> list[str]:
     """Return durations as one may write them."""
-    return _among(("12h", "1d", "7d", "4w"), incomplete)
+    return among(("12h", "1d", "7d", "4w"), incomplete)
 
 
 def times(incomplete: str) -> list[str]:
     """Return how long ago something was, as one may write it."""
-    return _among(("30s", "5m", "1h"), incomplete)
+    return among(("30s", "5m", "1h"), incomplete)
 
 
 def speeds(incomplete: str) -> list[str]:
     """Return speeds of a replay as one may write them."""
-    return _among(("1", "2", "10", "max"), incomplete)
+    return among(("1", "2", "10", "max"), incomplete)
 
 
 def thresholds(incomplete: str) -> list[str]:
     """Return what `roco compare` has a threshold for."""
-    return _among(("success=", "latency=", "energy=", "traffic="), incomplete)
+    return among(("success=", "latency=", "energy=", "traffic="), incomplete)
 
 
 def moments(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -183,12 +185,12 @@ def moments(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def faults(incomplete: str) -> list[str]:
     """Return how many faults a proof may allow."""
-    return _among(("any", "0", "1", "2", "3"), incomplete)
+    return among(("any", "0", "1", "2", "3"), incomplete)
 
 
 def layers(incomplete: str) -> list[str]:
     """Return the layers of a proof."""
-    return _among(("1", "2", "3"), incomplete)
+    return among(("1", "2", "3"), incomplete)
 
 
 def path_given(ctx: typer.Context, name: str) -> Path | None:
@@ -216,8 +218,9 @@ def _designs(ctx: typer.Context) -> "Iterable[Design]":
 
 
 def _begun(incomplete: str, found: Iterable[Iterable[str]]) -> list[str]:
-    return _among((name for names in found for name in names), incomplete)
+    return among((name for names in found for name in names), incomplete)
 
 
-def _among(names: Iterable[str], incomplete: str) -> list[str]:
-    return [str(name) for name in names if name.startswith(incomplete)]
+def among(names: Iterable[str], incomplete: str) -> list[str]:
+    """Return what begins so; not what a terminal would obey where the shell shows it."""
+    return [str(name) for name in names if name.startswith(incomplete) and one_line(escaped(name)) == name]

@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from operate.cli.verbs import VERBS, Table, merged
+from operate.wording import escaped
 
 ROOM = "operate.cli"
 EXAMPLES = "\nExamples:\n"
@@ -139,7 +140,8 @@ def named(examples: str) -> str:
         channel = next(iter(design_shown().channels.values()), None)
     except (NoSystemError, TopdownError):
         return examples
-    names = {"AGENT": channel.ends[0], "PEER": channel.ends[1], "CHANNEL": channel.id} if channel else {}
+    parts = (*channel.ends, channel.id) if channel else ()
+    names = dict(zip(("AGENT", "PEER", "CHANNEL"), map(escaped, parts), strict=False))
     return re.sub("|".join(names) or "$^", lambda found: names[found[0]], examples)
 
 
@@ -175,7 +177,7 @@ def unknown(words: str, there: list[str]) -> str:
         where = f"the system here, {here().name}, has no verb {words!r}"
     except (NoSystemError, TopdownError) as error:
         where = f"there is no verb {words!r}, and no system here that could add one ({error})"
-    return f"{where}; there are {', '.join(there)}"
+    return escaped(f"{where}; there are {', '.join(there)}")
 
 
 def wants_json(words: Sequence[str]) -> bool:
@@ -184,11 +186,17 @@ def wants_json(words: Sequence[str]) -> bool:
 
 
 def made(name: str, function: Callable[..., None]) -> TyperCommand:
-    """A function as a command; its docstring is the help, the examples at its end stand below the options."""
+    """A function as a command whose output is guarded; its docstring is the help, the examples at its end stand below
+    the options.
+    """
+    from operate.cli.output import guarded
+
     text, _, examples = (inspect.getdoc(function) or "").partition(EXAMPLES)
     only = typer.Typer(add_completion=False)
     only.command(name, cls=Verb, help=text.strip(), epilog=_paragraphs(examples))(function)
-    return cast(TyperCommand, typer.main.get_command(only))
+    command = cast(TyperCommand, typer.main.get_command(only))
+    command.callback = guarded(cast(Callable[..., None], command.callback))
+    return command
 
 
 def examples_of(function: Callable[..., None]) -> list[str]:

@@ -24,6 +24,7 @@ from operate.supervisor import folder
 from operate.supervisor.keeping import KeptError, kept
 from operate.supervisor.shell import Shell, end_left
 from operate.system import System, load
+from operate.wording import escaped, one_line
 
 PATIENCE_S = 30.0
 """Until all must be ready (estimate: an agent's start takes a second, more on a busy machine)."""
@@ -172,4 +173,4 @@ class _Watch(threading.Thread):
         return "" if content is None else repr(content)
 
     def _print(self, text: str, at: float | None = None) -> None:
-        print(f"{(at or time.time()) - self._began:7.2f} s  {text}", flush=True)
+        print(escaped(one_line(f"{(at or time.time()) - self._began:7.2f} s  {text}")), flush=True)

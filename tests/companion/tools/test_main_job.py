@@ -12,11 +12,11 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from rich.console import Console
 
 from agent_runtime.io.run_files import heartbeat_file
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import main_job
+from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
 from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 from operate.supervisor import keeping

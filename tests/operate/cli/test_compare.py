@@ -4,11 +4,11 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from rich.console import Console
 from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
 from operate.cli.runs import compare
+from operate.cli.terminal.console import Console
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 

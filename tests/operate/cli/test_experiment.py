@@ -9,7 +9,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from rich.console import Console
 from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
@@ -17,6 +16,7 @@ from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import starting
 from operate.cli.output import Format
 from operate.cli.runs import experiment, machine, trials
+from operate.cli.terminal.console import Console
 from operate.run_folder import REPORT_FILE
 
 pytestmark = pytest.mark.process

@@ -7,7 +7,6 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
 from companion.design import DESIGN
 from companion.run_files import TaskLine
@@ -16,6 +15,7 @@ from companion.tools.verbs import main_job
 from companion.wording import plain
 from operate.cli.fleet import state_words
 from operate.cli.terminal import draw, run_state
+from operate.cli.terminal.console import Console
 from operate.run_folder import (
     Against,
     AgentIn,

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from rich.console import Console
 from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
+from operate.cli.terminal.console import Console
 from operate.cli.traffic import judge
 from operate.run_folder import Judged
 from topdown.judge.verdicts import Verdict

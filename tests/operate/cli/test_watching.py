@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 from typer.testing import CliRunner, Result
 
 from companion.run_files import SLOTS_FILE
@@ -22,6 +21,7 @@ from operate.cli.fleet import checkup_machine
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.cli.terminal import top
+from operate.cli.terminal.console import Console
 
 pytestmark = pytest.mark.process
 

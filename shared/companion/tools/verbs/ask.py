@@ -100,9 +100,10 @@ def _value(term: Term | None) -> str:
 
 
 def _print_table(told: Rows, known: asking.Known) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
+
+    from operate.cli.terminal.console import Console
 
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in told.columns:

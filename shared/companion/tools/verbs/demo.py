@@ -8,7 +8,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 
 from companion.eyes import VARIABLE, Eyes
 from companion.eyes import eyes as named
@@ -20,6 +19,7 @@ from operate.cli.fleet import running_fleets, starting, up, view
 from operate.cli.fleet.up import Speed
 from operate.cli.output import Form, Format, problems, waiting
 from operate.cli.seeds import Seed
+from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
 from operate.system import here
 from velma.sim import gl

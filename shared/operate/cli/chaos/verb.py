@@ -10,7 +10,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 
 from operate.cli import completion, interrupts
 from operate.cli.chaos import cells, table
@@ -23,6 +22,7 @@ from operate.cli.output import Form, Format, problems, tell_json, tell_problem
 from operate.cli.runs import trials
 from operate.cli.runs.experiment import span
 from operate.cli.seeds import FirstSeed
+from operate.cli.terminal.console import Console
 from operate.system import here
 
 RESULTS_FILE = "chaos.jsonl"
@@ -137,7 +137,7 @@ def _line(number: int, of: int, result: Result, form: Format) -> None:
     broken = f"; BROKEN: {'; '.join(result.broken)}" if result.broken else ""
     lost = f"; {len(result.orphans)} processes left over" if result.orphans else ""
     words = f"run {number} of {of}, seed {result.cell.seed}: {result.cell.words}{begun}: {said}{broken}{lost}"
-    Console().print(f"{words}, {span(result.wall_s)}", style=table.colour(result), highlight=False, markup=False)
+    Console().print(f"{words}, {span(result.wall_s)}", style=table.colour(result), highlight=False)
 
 
 def _tell(place: Path, results: list[Result], form: Format) -> None:
@@ -148,5 +148,5 @@ def _tell(place: Path, results: list[Result], form: Format) -> None:
         console.print(drawn)
     console.print(table.legend())
     for line in table.lines(results):
-        console.print(line, highlight=False, markup=False)
-    console.print(f"{table.summary(results)}; {place / RESULTS_FILE}", highlight=False, markup=False)
+        console.print(line, highlight=False)
+    console.print(f"{table.summary(results)}; {place / RESULTS_FILE}", highlight=False)

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from operate.cli.design import files
 from operate.cli.output import Form, Format
+from operate.cli.terminal.console import Console
 from topdown.check.estimate import Estimate, UseEstimate, estimate
 from topdown.check.measure import Measured, measure
 from topdown.model.design import load

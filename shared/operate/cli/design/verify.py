@@ -8,11 +8,11 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 
 from operate.cli import completion
 from operate.cli.design import files
 from operate.cli.output import Form, Format
+from operate.cli.terminal.console import Console
 from topdown.model.design import load
 from topdown.prove import counterexample, durable, volatile
 from topdown.prove.abstractions import ABSTRACTIONS, NOT_PROVEN

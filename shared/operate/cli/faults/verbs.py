@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from operate.cli import completion, interrupts
@@ -20,6 +19,7 @@ from operate.cli.faults import inflict, moments
 from operate.cli.faults.kinds import KINDS, Amount
 from operate.cli.fleet import living_names, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
+from operate.cli.terminal.console import Console
 from operate.fault_lines import latest, read
 from operate.run_folder import Fault
 

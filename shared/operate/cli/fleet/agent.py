@@ -5,7 +5,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -15,6 +14,7 @@ from operate.cli.fleet.agents import measured
 from operate.cli.fleet.process_status import Beat, Row, Seen
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.terminal.console import Console
 from operate.run_folder import ProcessState
 from topdown.model.parameters import worded
 
@@ -168,7 +168,7 @@ def show(told: Info, console: Console) -> None:
     if told.log:
         console.print("last lines it wrote", style="dim")
     for line in told.log:
-        console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"  {line}", highlight=False, soft_wrap=True)
 
 
 def facts(row: Row, beat: Beat, channels: dict[str, str]) -> dict[str, str]:

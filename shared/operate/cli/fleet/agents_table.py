@@ -1,11 +1,11 @@
 """The processes of a fleet as a table for people: `roco agents` and `roco top`."""
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from operate.cli.fleet.process_status import LATE_S, Row
 from operate.cli.fleet.state_words import COLOURS
+from operate.cli.terminal.console import Console
 from operate.run_folder import ProcessState
 
 COLUMNS = ("agent", "state", "beat", "cpu", "memory", "pid", "life", "again", "waits")

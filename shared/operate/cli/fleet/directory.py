@@ -9,7 +9,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
@@ -19,6 +18,7 @@ from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.terminal.console import Console
 from operate.run_folder import ProcessState
 from topdown.model import elements
 from topdown.model.design import Design

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -16,6 +15,7 @@ from operate.cli.fleet.checkup_fleet import FLEET
 from operate.cli.fleet.checkup_machine import MACHINE
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.terminal.console import Console
 from operate.system import NoSystemError, UntrustedError, here
 
 MARKS = {Level.FINE: ("✓", "green"), Level.NOTE: ("i", "yellow"), Level.WRONG: ("✗", "bold red")}

@@ -17,14 +17,14 @@ def processes(ctx: typer.Context, incomplete: str) -> list[str]:
     fleet = meant(ctx)
     if fleet is None:
         return completion.agents(ctx, incomplete)
-    return [one.name for one in fleet.look().seen if one.name.startswith(incomplete)]
+    return completion.among([one.name for one in fleet.look().seen], incomplete)
 
 
 def open_tasks(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the tasks of the fleet that is meant that have not ended."""
     fleet = meant(ctx)
     found = tasks.of(fleet)[0] if fleet is not None else ()
-    return [one.task for one in found if one.state not in tasks.ENDED and one.task.startswith(incomplete)]
+    return completion.among([one.task for one in found if one.state not in tasks.ENDED], incomplete)
 
 
 def meant(ctx: typer.Context) -> Target | None:

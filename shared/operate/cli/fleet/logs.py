@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.text import Text
 
 from agent_runtime.io.cli import Level
@@ -17,6 +16,7 @@ from operate.cli.errors import UsageError
 from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.terminal.console import Console
 
 LAST = 40
 """Lines shown where nothing says how many: a screen."""

@@ -2,10 +2,10 @@
 
 import time
 
-from rich.console import Console
 from rich.table import Table
 
 from agent_runtime.core.inside import Did, Inside, Talk, Waits
+from operate.cli.terminal.console import Console
 
 
 def show(inside: Inside, console: Console) -> None:

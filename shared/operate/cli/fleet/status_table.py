@@ -1,18 +1,19 @@
 """Output of `roco status` for people: a table of the processes, then the tasks."""
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from operate.cli.fleet.fleet_state import Status
 from operate.cli.fleet.state_words import COLOURS
+from operate.cli.terminal.console import Console
 from operate.run_folder import ProcessState, ProcessStatus
 
 
 def show(now: Status) -> None:
     """Print a status for people."""
     console = Console()
-    console.print(f"run {now.run}" + ("  [bold red]STOPPED[/] (`roco release`)" if now.stop_held else ""))
+    held = (("  STOPPED", "bold red"), " (`roco release`)") if now.stop_held else ()
+    console.print(Text.assemble(f"run {now.run}", *held))
     if now.fleet is not None:
         console.print(table(now))
     if now.unkept:

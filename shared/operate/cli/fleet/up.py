@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
@@ -16,6 +15,7 @@ from operate.cli.fleet import running_fleets, starting, targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_problem, waiting
 from operate.cli.runs import folders
 from operate.cli.seeds import Seed
+from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
 from operate.system import here
 

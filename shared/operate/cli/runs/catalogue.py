@@ -14,7 +14,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -22,6 +21,7 @@ from operate.cli.errors import NoRunError
 from operate.cli.fleet import running_fleets
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
+from operate.cli.terminal.console import Console
 from operate.cli.traffic.rate_tables import size as bytes_in_words
 from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, TRAFFIC_FILE, Fleet, ProcessState
 

@@ -5,12 +5,12 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from operate.cli import completion
 from operate.cli.analysis import analysed
 from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.terminal.console import Console
 
 ABSENT = "-"
 STYLES = {"worse": "red", "better": "green", "shown": "dim"}

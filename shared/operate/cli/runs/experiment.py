@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from operate.cli import interrupts
@@ -23,6 +22,7 @@ from operate.cli.fleet.up import Rate, SceneFile, Speed
 from operate.cli.output import Form, Format, problems, tell_problem
 from operate.cli.runs import machine, trials
 from operate.cli.seeds import FirstSeed
+from operate.cli.terminal.console import Console
 
 FIRST_S = 75.0  # a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)
 DONE, GOOD = "done", "succeeded"

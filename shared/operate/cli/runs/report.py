@@ -5,12 +5,13 @@ from typing import Annotated, Any
 
 import msgspec
 import typer
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 
 from operate.cli import completion
 from operate.cli.analysis import analysed
 from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.terminal.console import Console
 
 ABSENT = "-"
 

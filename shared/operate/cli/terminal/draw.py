@@ -3,13 +3,14 @@
 import time
 
 import msgspec
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
 from operate.cli.fleet.state_words import COLOURS, doing, waited_for
 from operate.cli.fleet.tasks import Task
+from operate.cli.terminal.console import Console
 from operate.cli.terminal.run_state import Event, Plain, Plan, View, leaves
 from operate.run_folder import Fleet
 from operate.system import System

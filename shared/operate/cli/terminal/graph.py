@@ -7,7 +7,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.text import Text
 
 from operate.cli.errors import NoRunError
@@ -16,6 +15,7 @@ from operate.cli.fleet.process_status import Seen, trouble
 from operate.cli.fleet.state_words import COLOURS, said
 from operate.cli.output import Format, RunDir, problems, tell_json
 from operate.cli.terminal import arcs
+from operate.cli.terminal.console import Console
 from operate.cli.terminal.run_state import Follow
 from operate.run_folder import LiveLine, ProcessState, Sent
 from operate.system import System

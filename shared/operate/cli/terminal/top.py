@@ -6,7 +6,7 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -20,6 +20,7 @@ from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import ENDED, Task
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal import run_state
+from operate.cli.terminal.console import Console
 from operate.cli.terminal.draw import events
 from operate.cli.terminal.graph import WINDOW_S, Edge, edges, sized
 from operate.cli.terminal.keyboard import Keyboard

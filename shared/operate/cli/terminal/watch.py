@@ -6,13 +6,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.live import Live
 
 from operate.cli.fleet import starting
 from operate.cli.fleet.tasks import ENDED, Task
 from operate.cli.runs import folders
 from operate.cli.terminal import draw, run_state
+from operate.cli.terminal.console import Console
 from operate.run_folder import LIVE_FILE, Fleet, ProcessState
 from operate.system import System
 

@@ -9,7 +9,6 @@ from typing import Annotated
 import msgspec
 import typer
 from rich.cells import cell_len
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -17,6 +16,7 @@ from fipa_codec.acl_string import MAX_ACL_BYTES, AclMessage, AclSyntaxError, Aft
 from fipa_codec.acl_string.content import JSON
 from fipa_codec.acl_string.message import EPOCH
 from operate.cli.output import Form, Format
+from operate.cli.terminal.console import Console
 
 
 def show(

@@ -5,7 +5,6 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -15,6 +14,7 @@ from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal import sequence
+from operate.cli.terminal.console import Console
 from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, Recorded, wanted
 from operate.cli.traffic.listen import about
 from operate.cli.traffic.verdicts import judged, told
@@ -47,7 +47,7 @@ def names(ctx: typer.Context, incomplete: str) -> list[str]:
         lines = _lines(recording, run_dir, ctx.params.get("target") or "")
     except (ConsoleError, NoSystemError):
         return []
-    return [name for name in dict.fromkeys(one.conversation for one in lines) if name.startswith(incomplete)]
+    return completion.among(dict.fromkeys(one.conversation for one in lines), incomplete)
 
 
 def list_(

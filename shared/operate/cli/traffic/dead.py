@@ -4,7 +4,6 @@ from datetime import datetime
 from pathlib import Path
 
 import msgspec
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -13,6 +12,7 @@ from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.terminal.console import Console
 from operate.cli.traffic.filter_options import Agents, Recorded, wanted
 from operate.cli.traffic.listen import about
 from operate.run_folder import DeadLetter

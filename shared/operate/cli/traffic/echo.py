@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import msgspec
 import typer
 from rich.cells import cell_len, set_cell_size
-from rich.console import Console
 from rich.text import Text
 
 from agent_runtime.core.wiring import parse_life
@@ -18,6 +17,7 @@ from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import Communicate
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.terminal.console import Console
 from operate.cli.traffic import rate_tables
 from operate.cli.traffic.filter_options import (
     Agents,

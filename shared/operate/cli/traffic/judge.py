@@ -6,13 +6,13 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from operate import verdict_lines
 from operate.cli import completion
 from operate.cli.output import Form, Format, problems
+from operate.cli.terminal.console import Console
 from operate.cli.traffic.verdicts import JudgeError, judged
 from operate.run_folder import Judged
 from topdown.judge.verdicts import VIOLATIONS, Verdict

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.terminal.console import Console
 from operate.cli.traffic import rate_tables
 from operate.cli.traffic.filter_options import (
     Agents,

@@ -13,7 +13,6 @@ from typing import IO, TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 
 from agent_runtime.io.options import Options
 from operate.cli import interrupts
@@ -22,6 +21,7 @@ from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import in_container, targets
 from operate.cli.fleet.in_container import LostError
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.terminal.console import Console
 from operate.cli.traffic import rate_tables
 from operate.cli.traffic.filter_options import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
 from operate.cli.traffic.listen import NothingHeardError, about, meant, whose

@@ -6,13 +6,13 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from operate.cli import completion
 from operate.cli.analysis import analysed
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
+from operate.cli.terminal.console import Console
 from operate.cli.traffic import rate_tables
 
 LEAST_S = 1.0

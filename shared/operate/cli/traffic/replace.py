@@ -16,7 +16,6 @@ from pathlib import Path
 
 import msgspec
 import typer
-from rich.console import Console
 
 from agent_runtime.core.binding import wiring
 from agent_runtime.testing.scripted_peers import Cast, Stage
@@ -24,6 +23,7 @@ from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
+from operate.cli.terminal.console import Console
 from operate.cli.traffic.listen import HOUSE, recorded, said
 from operate.cli.traffic.play import moved
 from operate.cli.traffic.script import Difference, Part, Script, before, parts, plain, short

@@ -13,7 +13,6 @@ from typing import IO, Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.io.run_files import make_run, write_whole
@@ -24,6 +23,7 @@ from operate.cli.analysis import command, environment
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
+from operate.cli.terminal.console import Console
 from operate.cli.traffic import replace, verify
 from operate.cli.traffic.filter_options import Agents, Channels, Performatives, Protocols, wanted
 from operate.cli.traffic.listen import HOUSE, recorded, said

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from agent_runtime.core.errors import RuntimeFault
 from fipa_codec.communicate import Communicate, encode_strictly
@@ -22,6 +22,7 @@ from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, RunDir, problems, tell_problem
+from operate.cli.terminal.console import Console
 from operate.cli.traffic import speak
 from operate.cli.traffic.conversation import names as conversation_names
 from operate.system import System
@@ -211,14 +212,13 @@ def _hush(what: str, one: Communicate, size: int) -> None:
 
 def _print(what: str, one: Communicate, size: int) -> None:
     console = Console()
-    console.print(
-        f"[bold]{what}[/]  {one.sender} > {one.receiver}  {one.performative}  [dim]{size} B[/]", highlight=False
-    )
+    way = f"  {one.sender} > {one.receiver}  {one.performative}  "
+    console.print(Text.assemble((what, "bold"), way, (f"{size} B", "dim")))
     line = f"  conversation {one.conversation}  id {one.id}"
     console.print(line + (f"  in reply to {one.in_reply_to}" if one.in_reply_to else ""), style="dim", highlight=False)
     if one.content is not msgspec.UNSET:
         text = msgspec.json.encode(msgspec.msgpack.decode(one.content)).decode()
-        console.print(f"  {one.language} {text}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"  {one.language} {text}", highlight=False, soft_wrap=True)
 
 
 def _stop(text: str, form: Format, code: int) -> None:

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from operate.cli import interrupts
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems
+from operate.cli.terminal.console import Console
 from operate.cli.terminal.lifelines import Lifelines
 from operate.cli.terminal.sequence import mark
 from operate.cli.traffic import rate_tables

@@ -5,13 +5,13 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 
 from operate.cli.analysis import analysed
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.output import Format, RunDir, problems, tell_json
 from operate.cli.terminal import span_tree
+from operate.cli.terminal.console import Console
 from operate.cli.traffic.conversation import names
 from operate.cli.traffic.filter_options import Recorded
 from operate.cli.traffic.recordings import recording_of

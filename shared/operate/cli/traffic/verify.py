@@ -13,13 +13,13 @@ from pathlib import Path
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from agent_runtime.io.journal_format import records
 from agent_runtime.io.step_replay import Again, Parted, Word
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, tell_json
+from operate.cli.terminal.console import Console
 from operate.cli.traffic.evidence import Evidence
 from operate.cli.traffic.parting import Difference, Kept, first
 from operate.cli.traffic.script import short

@@ -4,12 +4,12 @@ from typing import Annotated
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.text import Text
 
 from operate.cli.analysis import analysed
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.terminal.console import Console
 from operate.cli.traffic.conversation import names
 from operate.cli.traffic.filter_options import Recorded
 from operate.cli.traffic.recordings import recording_of
