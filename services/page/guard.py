@@ -66,6 +66,8 @@ class Guard:
     def _refusal(self, scope: Scope) -> tuple[int, str] | None:
         """Status and sentence, where the request is not to be served."""
         headers, path = Headers(scope=scope), scope["path"]
+        if "websocket" in headers.get("upgrade", "").lower():
+            return 400, "the page has no WebSocket; what it tells comes at /events"
         host = headers.get("host", "")
         if headers.getlist("host") != [host] or host not in self._hosts:
             return 403, f"Host must be {' or '.join(self._hosts)}"

@@ -1,12 +1,15 @@
 """Bounds on connections that uvicorn has not: no head, no body and no reader keeps a place for long.
 
-uvicorn waits for ever for a head that does not end, and for a client that does not read; both are ended here. The
-figures are estimates for browsers of this machine, which take milliseconds.
+h11 bounds a head only while it is not whole: one that comes in one piece may be as long as the piece. uvicorn waits for
+ever for a head that does not end, and for a client that does not read. All of this is ended here. The figures are
+estimates for browsers of this machine, which take milliseconds.
 """
 
 import asyncio
+import re
 from typing import Any
 
+import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 LOOK_S = 3.0
@@ -16,7 +19,8 @@ READS_S = 5.0
 MOST = 128
 """Connections; beyond that the oldest without a request goes. 24 streams and a few requests of each browser."""
 HEAD_BYTES = 8192
-"""Of a request that is not whole; a browser's has 1000."""
+"""Of a request before its body, up to the blank line; a browser's has 1000."""
+_END = re.compile(rb"\n\r?\n")
 
 
 class BoundedProtocol(H11Protocol):
@@ -33,6 +37,19 @@ class BoundedProtocol(H11Protocol):
             idle = [one for one in self.connections if isinstance(one, BoundedProtocol) and one.idle]
             if idle:
                 min(idle, key=lambda one: one._since).transport.abort()
+
+    def handle_events(self) -> None:
+        """Serve what has come; a head that is too long is refused, also one behind another request."""
+        waiting, _ = self.conn.trailing_data
+        end = _END.search(waiting)
+        if self.conn.their_state is h11.IDLE and (end.end() if end else len(waiting)) > HEAD_BYTES:
+            self.send_400_response(f"the head of a request has at most {HEAD_BYTES} bytes")
+        else:
+            super().handle_events()
+
+    def _should_upgrade(self) -> bool:
+        """To nothing: a request for it is refused by services.page.guard, and not worth a warning in the log."""
+        return False
 
     @property
     def idle(self) -> bool:
@@ -71,4 +88,4 @@ class BoundedProtocol(H11Protocol):
 
 def settings() -> dict[str, Any]:
     """Return the arguments of uvicorn.Config that go with it."""
-    return {"http": BoundedProtocol, "h11_max_incomplete_event_size": HEAD_BYTES, "timeout_keep_alive": 5}
+    return {"http": BoundedProtocol, "ws": "none", "h11_max_incomplete_event_size": HEAD_BYTES, "timeout_keep_alive": 5}

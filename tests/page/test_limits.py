@@ -1,6 +1,7 @@
 """Nobody who can open a connection keeps people from the page: real sockets that say little, much, or read nothing."""
 
 import asyncio
+import contextlib
 import socket
 import threading
 import time
@@ -9,7 +10,7 @@ import pytest
 import uvicorn
 from page_house import WITHIN_S, wait_for
 
-from services.page.limits import MOST, READS_S, settings
+from services.page.limits import HEAD_BYTES, MOST, READS_S, settings
 from services.page.streams import MOST as MOST_STREAMS
 
 pytestmark = pytest.mark.process
@@ -90,6 +91,66 @@ def test_a_head_without_an_end_is_refused(page):
     with connected(page) as one:
         one.sendall(b"GET / HTTP/1.1\r\nHost: " + 20_000 * b"a")
         assert one.recv(12) == b"HTTP/1.1 400"
+
+
+def head_of(page, bytes_):
+    """A request for the door whose head has so many bytes, the blank line included."""
+    begin = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nX-Long: ".encode()
+    return begin + b"a" * (bytes_ - len(begin) - 4) + b"\r\n\r\n"
+
+
+@pytest.mark.parametrize(("more", "status"), [(0, b"200"), (1, b"400"), (1000, b"400"), (60_000, b"400")])
+@pytest.mark.parametrize("pieces", [1, 2])
+def test_a_head_has_eight_kilobytes_at_most(page, more, status, pieces):
+    """To the byte, and however it comes: in one piece, or its last byte apart."""
+    head = head_of(page, HEAD_BYTES + more)
+    with connected(page) as one:
+        one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for piece in [head] if pieces == 1 else [head[:-1], head[-1:]]:
+            with contextlib.suppress(ConnectionError):  # it was refused before its end
+                one.sendall(piece)
+        assert one.recv(12) == b"HTTP/1.1 " + status
+
+
+def test_a_head_behind_another_request_is_bounded(page):
+    """A connection that is kept, or a request that was sent before the answer, makes no difference."""
+    with connected(page) as one:
+        one.sendall(head_of(page, 200) + head_of(page, HEAD_BYTES + 1))
+        answers = b""
+        while got := one.recv(65536):
+            answers += got
+        assert answers.count(b"HTTP/1.1 200") == answers.count(b"HTTP/1.1 400") == 1
+
+
+def test_a_body_is_no_head(page):
+    """A form of 4 kB behind its head is served, and so is what comes with it: a head as long as one may be."""
+    cookie = page.paired()
+    head = (
+        f"POST /say HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nOrigin: {page.url}\r\nCookie: {cookie}\r\n"
+        "Expect: 100-continue\r\nContent-Length: 4000\r\n\r\n"
+    )
+    with connected(page) as one:
+        one.sendall(head.encode())
+        assert one.recv(65536).startswith(b"HTTP/1.1 100")
+        one.sendall(b"text=" + b"a" * 3995 + head_of(page, HEAD_BYTES))
+        answers = b""
+        while b"HTTP/1.1 200" not in answers and (got := one.recv(65536)):
+            answers += got
+        assert b"head of a request" not in answers
+        assert b"HTTP/1.1 200" in answers
+
+
+@pytest.mark.parametrize("path", ["/", "/events"])
+def test_a_web_socket_is_refused(page, path):
+    """With a sentence, paired or not: there is none."""
+    for cookie in ("", f"Cookie: {page.paired()}\r\n"):
+        with connected(page) as one:
+            asked = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\n{cookie}Connection: Upgrade\r\n"
+            key = "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+            one.sendall(f"{asked}Upgrade: websocket\r\n{key}".encode())
+            answer = one.recv(65536)
+            assert answer.startswith(b"HTTP/1.1 400")
+            assert b"no WebSocket" in answer or b"no WebSocket" in one.recv(65536)
 
 
 def test_a_body_that_is_too_large_or_never_whole_is_refused(page):

@@ -4,18 +4,16 @@ Must not know: what a content means, the network.
 """
 
 import hashlib
-import struct
 import sys
+from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import msgspec
-from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, Header, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Footer, Header, McapRecord, Message, Metadata, Schema
 
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.last_recording import RECORD_LIMIT
+from operate.recording.mcap_file import TORN, stored
 from operate.recording.samples import NoRecordingError
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
@@ -113,8 +111,8 @@ def contents(file: Path) -> Contents:
     told = Contents(str(path), path.stat().st_size, False, [], {}, {})
     with path.open("rb") as opened:
         try:
-            _count(StreamReader(opened, record_size_limit=RECORD_LIMIT), told)
-        except (McapError, struct.error, ValueError, MemoryError):  # a torn record shows as any of them
+            _count(stored(opened), told)
+        except TORN:
             told.whole = False
     if not told.versions:
         raise NoRecordingError(f"{path} is not a recording that can be read; give one of `roco record` or of a run")
@@ -122,10 +120,10 @@ def contents(file: Path) -> Contents:
     return told
 
 
-def _count(reader: StreamReader, told: Contents) -> None:
+def _count(records: Iterator[McapRecord], told: Contents) -> None:
     topics: dict[int, Topic] = {}
     schemas: dict[int, str] = {}
-    for found in reader.records:
+    for found in records:
         match found:
             case Header():
                 told.versions |= {"format": found.profile, "library": found.library}

@@ -5,18 +5,22 @@ log time = heard, publish time = sent. Records are not gathered in chunks: one t
 whole.
 """
 
+import dataclasses
 import os
 import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
+import lz4.frame
 import msgspec
-from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, Message, Schema
-from mcap.stream_reader import StreamReader
+import zstandard
+from mcap.exceptions import McapError, RecordLengthLimitExceeded, UnsupportedCompressionError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import IndexType, Writer
 
 from fipa_codec.communicate import UNREADABLE
@@ -27,6 +31,10 @@ from operate.system import System
 
 FILE = "traffic.mcap"
 PROFILE = "robot-companion"
+CHUNK_LIMIT = 16 * 1024 * 1024
+"""Bytes of an unpacked chunk: other tools gather 1 to 4 MiB in one, and the record that ends it may have 6."""
+TORN = (McapError, struct.error, ValueError, MemoryError)
+"""A damaged or unfinished file shows as any of them."""
 _NS = 1_000_000_000
 _encoder = msgspec.json.Encoder()
 _KINDS: dict[str, type] = {"communicates": Spoken, "house": House, "tokens": Token, "monitor": Resumed}
@@ -157,13 +165,13 @@ class Reading:
             return
         with self._path.open("rb") as file:
             try:
-                yield from self._records(StreamReader(file, record_size_limit=RECORD_LIMIT))
-            except (McapError, struct.error, ValueError, MemoryError):  # a torn record shows as any of them
+                yield from self._records(stored(file))
+            except TORN:
                 self.whole = False
 
-    def _records(self, reader: StreamReader) -> Iterator[Record]:
+    def _records(self, stored: Iterator[McapRecord]) -> Iterator[Record]:
         kinds: dict[int, type] = {}
-        for found in reader.records:
+        for found in stored:
             if isinstance(found, Channel):
                 kinds[found.id] = _kind(found.topic)
             elif isinstance(found, Message) and found.channel_id in kinds:
@@ -174,6 +182,33 @@ class Reading:
                     yield record
             elif isinstance(found, Footer):
                 self.whole = True
+
+
+def stored(file: IO[bytes]) -> Iterator[McapRecord]:
+    """The records of an MCAP file as they stand in it, those in chunks of other tools, too. Raise one of TORN."""
+    for found in StreamReader(file, emit_chunks=True, record_size_limit=RECORD_LIMIT).records:
+        if isinstance(found, Chunk):
+            yield from breakup_chunk(dataclasses.replace(found, compression="", data=_unpacked(found)))
+        else:
+            yield found
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """What is in a chunk. No more than CHUNK_LIMIT is ever unpacked: a few bytes can stand for gigabytes."""
+    data: bytes = chunk.data
+    most = CHUNK_LIMIT + 1
+    try:
+        if chunk.compression == "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
+        elif chunk.compression == "zstd":
+            data = zstandard.ZstdDecompressor(max_window_size=CHUNK_LIMIT).stream_reader(data).read(most)
+        elif chunk.compression:
+            raise UnsupportedCompressionError(chunk.compression)
+    except (RuntimeError, zstandard.ZstdError) as error:  # lz4 has no error of its own
+        raise McapError(str(error)) from error
+    if len(data) > CHUNK_LIMIT:
+        raise RecordLengthLimitExceeded(Opcode.CHUNK, len(data), CHUNK_LIMIT)
+    return data
 
 
 def read(path: Path, system: System | None = None) -> Read:
