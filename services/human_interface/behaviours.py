@@ -14,10 +14,10 @@ from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import cmd
 from companion.languages.cmd import TaskState
-from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, InWords, TaskLine
+from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, InWords, Question, TaskLine
 from fipa_codec.performatives import Performative as P
 from services.human_interface import answers, local, offers, words
-from services.human_interface.catalogue import say
+from services.human_interface.catalogue import LANGUAGES, say
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
 from services.human_interface.wishes import Act, Ask, Tell, in_words, outcome, things_of, with_mentioned
@@ -110,15 +110,18 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
         problem = _nothing_to_cancel(memory, word.task)
         turn.tell(Answer(word.ticket, line) if line else Answer(word.ticket, problem=problem, status=404))
         return memory
-    found = _timed(outcome(word.meaning, memory.context), word, turn.now)
-    memory = memory.with_context(options=found.options if isinstance(found, Ask) else ())
+    context = replace(memory.context, options=memory.options(word.asker, word.at))
+    found = _timed(outcome(word.meaning, context), word, turn.now)
+    options = found.options if isinstance(found, Ask) else ()
+    replies = tuple(text for language in LANGUAGES for text in offers.replies(options, language))
+    memory = memory.asking(word.asker, word.at, options, replies)
     match found:
         case Act(tasks=tasks):
             return _ask(memory, turn, word, tasks)
-        case Ask(text=text, options=options):
-            return _told(
-                memory, turn, word, QUESTION if options else REFUSED, text, offers.replies(found, word.meaning)
-            )
+        case Ask(text=text):
+            turn.tell(_shown(memory))  # before the answer: whoever reads it may reply at once
+            offered = offers.replies(options, word.meaning.language)
+            return _told(memory, turn, word, QUESTION if options else REFUSED, text, offered)
         case Tell(does="stop"):
             turn.tell(StopRobot(word.ticket, word.text))
             return memory
@@ -280,7 +283,8 @@ def tell(memory: Memory, turn: Turn) -> Memory:
 
 def _shown(memory: Memory) -> Shown:
     """All that people may see between two events."""
-    return Shown(memory.tasks, memory.told, offers.wishes(memory.context))
+    questions = tuple(Question(one.asker, one.until, one.replies) for one in memory.asked)
+    return Shown(memory.tasks, memory.told, offers.wishes(memory.context), questions)
 
 
 def _steps(line: TaskLine, news: News) -> tuple[str, ...]:

@@ -36,8 +36,9 @@ class Board:
                 case Told(event=event):
                     self._events.append(event)
                     self._told = event.n
-                case Shown(tasks=tasks, events=events, wishes=wishes):
-                    self._tasks, self._told = Tasks(tasks, wishes=wishes), max(self._told, events)
+                case Shown(tasks=tasks, events=events, wishes=wishes, questions=questions):
+                    self._tasks = Tasks(tasks, wishes=wishes, questions=questions)
+                    self._told = max(self._told, events)
             self._changed.notify_all()
 
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from companion.run_files import HiEvent, TaskLine, Wish
+from companion.run_files import HiEvent, Question, TaskLine, Wish
 from services.human_interface.meaning import Meaning
 
 
@@ -14,6 +14,7 @@ class Said(_Message, frozen=True, omit_defaults=True):
     """A person said a sentence, which was read already; the answer goes to `ticket`. `held`: the robot is stopped.
 
     `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none; `instead`: a task that they replace.
+    `asker`: who said it, `at`: when [unix s].
     """
 
     ticket: str
@@ -24,6 +25,8 @@ class Said(_Message, frozen=True, omit_defaults=True):
     within_s: float = 0.0
     later_s: float = 0.0
     instead: str = ""
+    asker: str = ""
+    at: float = 0.0
 
 
 class CancelWanted(_Message, frozen=True):
@@ -64,11 +67,12 @@ class Told(_Message, frozen=True):
 
 
 class Shown(_Message, frozen=True):
-    """All tasks as they are now, for /tasks, and what could be said; `events`: how many were told so far."""
+    """All tasks as they are now, for /tasks, what could be said and is asked; `events`: how many were told so far."""
 
     tasks: tuple[TaskLine, ...]
     events: int
     wishes: tuple[Wish, ...] = ()
+    questions: tuple[Question, ...] = ()
 
 
 Local = Said | CancelWanted | Halted

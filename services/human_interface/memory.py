@@ -10,9 +10,11 @@ import msgspec
 from companion.languages.cmd import TaskState
 from companion.run_files import TaskLine
 from services.human_interface.local import Local
-from services.human_interface.wishes import Context
+from services.human_interface.wishes import Context, Option
 
 KEPT_TASKS = 50  # tasks that are remembered after their end; each record of the journal has them all (estimate)
+ASKED_S = 30.0  # a question can be answered so long; later a "yes" may be meant for something else (estimate)
+MOST_ASKED = 32  # questions that are open, each to somebody else (the page pairs as many browsers)
 FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
 
 
@@ -31,11 +33,20 @@ class News(msgspec.Struct, frozen=True):
     asks: str = ""
 
 
+class Asked(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A question that was asked of somebody: until when it can be answered, its options, and the sentences for them."""
+
+    asker: str
+    until: float
+    options: tuple[Option, ...]
+    replies: tuple[str, ...]
+
+
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people know it.
 
-    `context`: what was talked of; `looks`: tasks that look around; `follows`: pairs of a task and the one said before
-    it, which it needs.
+    `context`: what was talked of; `asked`: questions that are open; `looks`: tasks that look around; `follows`: pairs
+    of a task and the one said before it, which it needs.
     """
 
     tasks: tuple[TaskLine, ...] = ()
@@ -44,6 +55,7 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     told: int = 0
     away: bool = False
     context: Context = Context()
+    asked: tuple[Asked, ...] = ()
     looks: tuple[str, ...] = ()
     follows: tuple[tuple[str, str], ...] = ()
 
@@ -67,6 +79,16 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     def with_context(self, **fields: Any) -> "Memory":
         """Return the memory with some of what was talked of replaced."""
         return msgspec.structs.replace(self, context=msgspec.structs.replace(self.context, **fields))
+
+    def options(self, asker: str, at: float) -> tuple[Option, ...]:
+        """Return the options of the question that is open to somebody."""
+        return next((one.options for one in self.asked if one.asker == asker and at < one.until), ())
+
+    def asking(self, asker: str, at: float, options: tuple[Option, ...], replies: tuple[str, ...]) -> "Memory":
+        """Return the memory after a sentence of somebody: an earlier question to them has ended, this one is open."""
+        others = tuple(one for one in self.asked if one.asker != asker and at < one.until)
+        new = (Asked(asker, at + ASKED_S, options, replies),) if options else ()
+        return msgspec.structs.replace(self, asked=(*others, *new)[-MOST_ASKED:])
 
     def following(self, task: str, before: str) -> "Memory":
         """Return the memory with a task that needs the one before it."""

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from companion.languages import cmd
 from companion.run_files import InWords, Wish
 from services.human_interface.catalogue import THINGS
-from services.human_interface.meaning import Meaning
-from services.human_interface.wishes import Ask, Context, called, in_words
+from services.human_interface.wishes import Context, Option, called, in_words
 
 YES, NO = {"en": "yes", "pl": "tak"}, {"en": "no", "pl": "nie"}
 MOST_THINGS = 6
@@ -37,10 +36,9 @@ def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, cmd.Task]]
             yield "pour", cmd.PourInto(name, into)
 
 
-def replies(asked: Ask, meaning: Meaning) -> tuple[str, ...]:
+def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
     """Return the sentences that answer a question: a name or "yes" for each option, and "no"; none where it is none."""
-    language = meaning.language
-    names = [called(one.thing, language) if len(asked.options) > 1 else YES[language] for one in asked.options]
+    names = [called(one.thing, language) if len(options) > 1 else YES[language] for one in options]
     return (*names, NO[language]) if names else ()
 
 

@@ -167,7 +167,8 @@ class _Request(http.server.BaseHTTPRequestHandler):
     def _say(self) -> msgspec.Struct:
         said = self._body(Say)
         text = said.text
-        if stop_words(text):
+        now = time.time()
+        if stop_words(text, self.server.board.tasks().answers(said.asker, now)):
             line = self.server.hold(True, text)
             language = calls_for_help(text)
             return (
@@ -180,7 +181,7 @@ class _Request(http.server.BaseHTTPRequestHandler):
             within_s = said.within_s or times.seconds_left(meaning.when, _minute_of_day())
             later_s = said.later_s or times.seconds_until(meaning.when, _minute_of_day())
             when = (urgency, within_s, later_s)
-            self.server.post(Said(ticket, text, meaning, self.server.robot.held, *when, said.instead))
+            self.server.post(Said(ticket, text, meaning, self.server.robot.held, *when, said.instead, said.asker, now))
             return self._answer(ticket)
 
     def _stop(self) -> msgspec.Struct:

@@ -30,7 +30,7 @@ class Option(msgspec.Struct, frozen=True):
 
 
 class Context(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Context of the talk: things mentioned, last one first; options of the last question; the last look around."""
+    """Context of the talk: things mentioned, last one first; options of the open question; the last look around."""
 
     mentioned: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()

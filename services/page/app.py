@@ -10,6 +10,7 @@ import hmac
 import json
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from functools import partial
 from importlib import resources
 from string import Template
@@ -24,12 +25,12 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.routing import Route
 
 from companion.run_files import Pairing, Say, TaskLine
-from companion.stop_words import calls_for_help, stop_words
+from companion.stop_words import calls_for_help, may_answer, stop_words
 from companion.wording import plain
 from services.page import catalogue, speech, view
 from services.page.catalogue import LANGUAGES, say
 from services.page.guard import cookie_name
-from services.page.hi_client import Hi, HiError
+from services.page.hi_client import AT_ONCE_S, Hi, HiError
 from services.page.pairing import CODE_S, KEPT_S, Pairs
 from services.page.robot_stop import RobotStop
 from services.page.robot_word import RobotWord
@@ -38,6 +39,8 @@ from services.page.streams import Streams
 LONGEST_BODY = 4096
 BODY_S = 5.0
 LANGUAGE_COOKIE = "velma-language"
+BROWSER = "browser"
+"""The field with the name of the browser that sent a form; the page itself fills it in."""
 HI_AT_ONCE = 6
 """Requests to hi at the same time, but for a stop's; estimate: hi answers in milliseconds, or hangs."""
 MOST_URGENT = 9
@@ -139,9 +142,18 @@ class Page:
 
     async def _say(self, fields: dict[str, str], language: str) -> Response:
         text = fields.get("text", "").strip()
-        if stop_words(text):
+        if stop_words(text, await self._answers(text, fields[BROWSER])):
             return await self._stop_in_words(text, language)
-        return _line(await self._ask(partial(self._hi.say, Say(text, int("first" in fields)))), language)
+        said = Say(text, int("first" in fields), asker=fields[BROWSER])
+        return _line(await self._ask(partial(self._hi.say, said)), language)
+
+    async def _answers(self, text: str, browser: str) -> tuple[str, ...]:
+        """The answers to what hi has asked in a browser, if the text may be one, and hi says so at once."""
+        if may_answer(text):
+            with anyio.move_on_after(AT_ONCE_S), suppress(HiError):
+                call = partial(self._hi.answers, browser)
+                return await anyio.to_thread.run_sync(call, abandon_on_cancel=True, limiter=self._stopping)
+        return ()
 
     async def _stop_in_words(self, text: str, language: str) -> Response:
         """Stop the robot; who calls for help is told what can be said, too, if hi answers."""
@@ -163,7 +175,8 @@ class Page:
             raise Refused(404, f"there is no open task {fields.get('task')!r}")
         urgency = min(MOST_URGENT, 1 + max(one.urgency for one in lines))
         wish = view.in_language(line.wish, language)
-        return _line(await self._ask(partial(self._hi.say, Say(wish, urgency, instead=line.task))), language)
+        said = Say(wish, urgency, instead=line.task, asker=fields[BROWSER])
+        return _line(await self._ask(partial(self._hi.say, said)), language)
 
     async def _step(self, fields: dict[str, str], language: str) -> Response:
         """Let the act begin that waits, if it is the one that this browser shows."""
@@ -231,7 +244,7 @@ def _answering(act: Callable[[dict[str, str], str], Awaitable[Response]]) -> Cal
     async def route(request: Request) -> Response:
         language = _language(request)
         try:
-            answer = await act(await _form(request), language)
+            answer = await act(await _form(request) | {BROWSER: request.scope["browser"]}, language)
         except Refused as refused:
             return JSONResponse({"error": str(refused)}, refused.status, refused.headers)
         if "application/json" in request.headers.get("accept", ""):

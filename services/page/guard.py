@@ -12,7 +12,7 @@ from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from services.page.pairing import Bucket, Pairs
+from services.page.pairing import Bucket, Pairs, digest_of
 
 OPEN_TO_ALL = ("/", "/pair", "/code", "/static/page.css", "/static/pair.js", "/static/icon.svg")
 """The door: it shows nothing of the robot. /code wants the token of page.json instead of a cookie."""
@@ -77,6 +77,7 @@ class Guard:
             return 403, "this is for the page alone, not for another site"
         cookie = cookie_of(headers, self._cookie)
         scope["paired"] = bool(cookie) and self._pairs.known(cookie, self._wall())
+        scope["browser"] = digest_of(cookie)[:16] if scope["paired"] else ""
         if path not in OPEN_TO_ALL and not scope["paired"]:
             return 401, "this browser is not paired; `roco page` prints an address that pairs it"
         return self._too_often(scope["method"], path, cookie if scope["paired"] else "")

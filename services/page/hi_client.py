@@ -1,6 +1,7 @@
 """hi as the page reaches it: docs/http.md, with the address and the token of hi.json. Blocks: for threads only."""
 
 import http.client
+import time
 from pathlib import Path
 from typing import TypeVar
 from urllib.parse import urlencode
@@ -12,6 +13,8 @@ from companion.run_files import HI_FILE, Cancel, Events, HiAddress, Problem, Say
 
 ANSWER_S = 6.0
 """hi answers within 5 s, be it that it is busy."""
+AT_ONCE_S = 1.0
+"""A "no" that may be an answer waits so long for hi to say so; then it is a stop (estimate: hi takes milliseconds)."""
 T = TypeVar("T")
 
 
@@ -33,6 +36,10 @@ class Hi:
         """Say a sentence; the task it became, or what was answered."""
         return self._ask("POST", "/say", TaskLine, said)
 
+    def answers(self, asker: str) -> tuple[str, ...]:
+        """Sentences that answer what hi has asked of somebody: none if it does not say so at once."""
+        return self._ask("GET", "/tasks", Tasks, patience_s=AT_ONCE_S).answers(asker, time.time())
+
     def cancel(self, task: str) -> TaskLine:
         """Cancel a task."""
         return self._ask("POST", "/cancel", TaskLine, Cancel(task))
@@ -47,12 +54,16 @@ class Hi:
 
     def events(self, since: int, wait_s: float) -> Events:
         """Events after a number; waits up to `wait_s` for one."""
-        return self._ask("GET", f"/events?{urlencode({'since': since, 'wait': wait_s})}", Events, more_s=wait_s)
+        return self._ask(
+            "GET", f"/events?{urlencode({'since': since, 'wait': wait_s})}", Events, patience_s=ANSWER_S + wait_s
+        )
 
-    def _ask(self, verb: str, path: str, kind: type[T], body: msgspec.Struct | None = None, more_s: float = 0.0) -> T:
+    def _ask(
+        self, verb: str, path: str, kind: type[T], body: msgspec.Struct | None = None, patience_s: float = ANSWER_S
+    ) -> T:
         try:
             address = msgspec.json.decode(self._file.read_bytes(), type=HiAddress)
-            status, data = answered(address, verb, path, body, host=self._host, patience_s=ANSWER_S + more_s)
+            status, data = answered(address, verb, path, body, host=self._host, patience_s=patience_s)
             if status == http.client.OK:
                 return msgspec.json.decode(data, type=kind)
             problem = msgspec.json.decode(data, type=Problem)

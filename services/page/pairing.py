@@ -63,13 +63,13 @@ class Pairs:
             self._code = left if left.tries else None
             return None
         cookie = secrets.token_urlsafe(32)
-        self._paired = (*self._paired, Paired(_digest(cookie), now + KEPT_S))[-MOST:]
+        self._paired = (*self._paired, Paired(digest_of(cookie), now + KEPT_S))[-MOST:]
         write_secret(self._file, msgspec.json.encode(self._paired))
         return cookie
 
     def known(self, cookie: str, now: float) -> bool:
         """Whether this cookie is of a paired browser."""
-        digest = _digest(cookie)
+        digest = digest_of(cookie)
         return any(hmac.compare_digest(one.digest, digest) and now < one.until for one in self._paired)
 
 
@@ -90,7 +90,8 @@ class Bucket:
         return True
 
 
-def _digest(cookie: str) -> str:
+def digest_of(cookie: str) -> str:
+    """Return what is kept of a cookie; it names the browser to hi, too."""
     return hashlib.sha256(cookie.encode(errors="replace")).hexdigest()
 
 

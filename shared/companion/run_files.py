@@ -48,6 +48,7 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     until it may begin, 0 for none.
 
     `instead`: a task that is cancelled as soon as the new one is asked for, such as the same one with less urgency.
+    `asker`: a name for whoever says it, such as a browser or a terminal: hi's question is answered by who was asked.
     """
 
     text: str
@@ -55,6 +56,7 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     within_s: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_WITHIN_S)] = 0.0
     later_s: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_WITHIN_S)] = 0.0
     instead: str = ""
+    asker: Annotated[str, msgspec.Meta(max_length=64)] = ""
 
 
 class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -102,15 +104,28 @@ class Wish(msgspec.Struct, frozen=True):
     says: InWords
 
 
+class Question(msgspec.Struct, frozen=True):
+    """A question of hi's: to whom, until when it can be answered [unix s], and by which sentences, in each language."""
+
+    asker: str
+    until: float
+    replies: tuple[str, ...]
+
+
 class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
     """GET /tasks: all tasks of this run, oldest first. `held`: the stop flag of hi's run folder is set.
 
-    `wishes`: what could be done with the things that were seen, or talked of.
+    `wishes`: what could be done with the things that were seen, or talked of. `questions`: that hi has asked.
     """
 
     tasks: tuple[TaskLine, ...]
     held: bool = False
     wishes: tuple[Wish, ...] = ()
+    questions: tuple[Question, ...] = ()
+
+    def answers(self, asker: str, now: float) -> tuple[str, ...]:
+        """Return the sentences that answer what was asked of somebody; none where nothing was, or it is too late."""
+        return next((one.replies for one in self.questions if one.asker == asker and now < one.until), ())
 
 
 class HiEvent(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -27,6 +27,8 @@ class Client:
         match content:
             case Said(ticket=ticket, text="status"):
                 self.desk.tell(Answer(ticket, problem="no coordinator yet", status=503))
+            case Said(ticket=ticket, text="nie"):
+                self.desk.tell(Answer(ticket, TaskLine("", "refused", "All right, then not.", "nie", 1.0)))
             case CancelWanted(ticket=ticket, task="hi-9-9"):
                 self.desk.tell(Answer(ticket, problem="there is no task 'hi-9-9'", status=404))
             case Said(text="silence"):

@@ -18,7 +18,7 @@ from fipa_codec.performatives import Performative as P
 from services.human_interface.behaviours import ANSWER_WITHIN_S, agent
 from services.human_interface.grammar import understand
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
-from services.human_interface.memory import CONDITIONS, KEPT_TASKS
+from services.human_interface.memory import ASKED_S, CONDITIONS, KEPT_TASKS
 
 read = cache(understand)
 
@@ -54,9 +54,9 @@ class Scene:
         """Let messages arrive."""
         self.wires.run_for(seconds)
 
-    def say(self, text):
+    def say(self, text, asker="me"):
         """A person says it; the answer."""
-        return self.ask(Said(f"t{len(self.shown)}", text, read(text)))
+        return self.ask(Said(f"t{len(self.shown)}", text, read(text), asker=asker, at=self.wires.now))
 
     def cancel(self, task=""):
         """A person cancels; the answer."""
@@ -353,7 +353,8 @@ def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
 
 def test_what_was_urgent_is_urgent_when_a_question_was_answered(scene):
     """The options of the question keep it, and the answer of hi says it."""
-    asked = scene.ask(Said("t", "take the container", read("take the container"), False, 1, 600.0))
+    words = "take the container"
+    asked = scene.ask(Said("t", words, read(words), False, 1, 600.0, asker="me", at=scene.wires.now))
     assert asked.line.state == "question"
     line = scene.say("the jar").line
     assert line.text == "I will take the jar, before anything else, within 10 min."
@@ -447,11 +448,56 @@ def test_a_question_back_is_answered_by_yes_or_by_a_name(scene):
         assert scene.heard[-1].content == cmd.Take(wanted)
 
 
+@pytest.mark.parametrize(("question", "answer"), [("take the red jar", "yes"), ("take the spoon", "the jar")])
+def test_a_question_is_answered_by_who_was_asked(scene, question, answer):
+    """What another one says neither answers it nor ends it; each may be asked something."""
+    assert scene.say(question, "kitchen").line.state == "question"
+    assert scene.say(answer, "hall").line.state != "waiting"
+    assert scene.say("take the red bowl", "hall").line.state == "question"
+    assert scene.heard == []
+    assert scene.say(answer, "kitchen").line.state == "waiting"
+    assert scene.say("tak", "hall").line.state == "waiting"
+    assert [one.content for one in scene.heard] == [cmd.Take("jar"), cmd.Take("bowl")]
+
+
+def test_a_question_is_open_for_so_long(scene):
+    """Later a yes may be meant for something else."""
+    scene.say("take the red jar")
+    scene.settle(ASKED_S - 1.0)
+    assert scene.say("yes").line.state == "waiting"
+    scene.say("take the red bowl")
+    scene.settle(ASKED_S)
+    assert scene.say("yes").line.state == "refused"
+    assert len(scene.heard) == 1
+
+
+def test_open_questions_are_shown_to_who_must_tell_an_answer_from_a_stop(scene):
+    """Before the answer is there, in both languages, also after hi was killed; none once it was answered."""
+
+    def questions():
+        return [one for one in scene.shown if isinstance(one, Shown)][-1].questions
+
+    ticket = f"t{len(scene.shown)}"
+    scene.say("weź czerwony słoik")
+    at = next(n for n, one in enumerate(scene.shown) if isinstance(one, Answer) and one.ticket == ticket)
+    asked = [one for one in scene.shown[:at] if isinstance(one, Shown)][-1].questions
+    (question,) = asked
+    assert (question.asker, set(question.replies)) == ("me", {"yes", "no", "tak", "nie"})
+    assert question.until == pytest.approx(scene.wires.now + ASKED_S, abs=1.0)
+    scene.wires.crash("hi", Point.AFTER, restart_s=0.5)
+    scene.say("take the container", "another")
+    scene.settle(2.0)
+    assert questions()[0] == question
+    assert set(questions()[1].replies) == {"jar", "bowl", "no", "słoik", "miska", "nie"}
+    assert scene.say("nie").line.state == "refused"
+    assert [one.asker for one in questions()] == ["another"]
+
+
 def test_no_to_a_question_moves_nothing_and_a_no_out_of_nothing_stops(scene):
     """The device sets the flag, and answers."""
     scene.say("take the red jar")
     assert scene.say("no").line.state == "refused"
-    scene.wires.post("hi", Said("n", "no", read("no")))
+    scene.wires.post("hi", Said("n", "no", read("no"), asker="me", at=scene.wires.now))
     scene.settle()
     assert StopRobot("n", "no") in scene.shown
     assert scene.heard == []

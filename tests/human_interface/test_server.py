@@ -2,6 +2,8 @@
 
 import os
 import socket
+import subprocess
+import sys
 import threading
 import time
 
@@ -10,7 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED, listen_at
-from companion.run_files import HI_FILE, SLOTS_FILE, Events, HiAddress, HiEvent, TaskLine, Tasks
+from companion.run_files import HI_FILE, SLOTS_FILE, Events, HiAddress, HiEvent, Question, TaskLine, Tasks
+from companion.tools.verbs.hi import terminal
 from operate.cli.__main__ import app
 from services.human_interface import server
 from services.human_interface.grammar import understand
@@ -231,6 +234,54 @@ def test_a_call_for_help_stops_and_is_told_what_can_be_said(robot, words, told):
     robot.ask("POST", "/release")
     done = CliRunner().invoke(app, ["say", words, "--run-dir", str(robot.run_dir)])
     assert (done.exit_code, told in done.stdout, flag(robot)) == (0, True, STOP_HELD), done.output
+
+
+def asked(robot, asker, for_s=30.0):
+    """hi has asked somebody something."""
+    question = Question(asker, time.time() + for_s, ("yes", "no", "tak", "nie"))
+    robot.desk.tell(Shown((), 0, questions=(question,)))
+
+
+@pytest.mark.parametrize("answer", ["no", "nie", "Nie!", "tak"])
+def test_an_answer_of_who_was_asked_goes_to_the_agent_and_stops_nothing(robot, answer):
+    """With the asker, and when it was said."""
+    asked(robot, "kitchen")
+    robot.ask("POST", "/say", msgspec.json.encode({"text": answer, "asker": "kitchen"}))
+    assert flag(robot) == STOP_RELEASED
+    said = robot.words[-1]
+    assert (said.text, said.asker, abs(said.at - time.time()) < 60.0) == (answer, "kitchen", True)
+
+
+@pytest.mark.parametrize(
+    ("text", "asker", "for_s"),
+    [("nie", "hall", 30.0), ("no", "", 30.0), ("nie", "kitchen", -1.0), ("stop", "kitchen", 30.0)]
+    + [(text, "kitchen", 30.0) for text in ("no no", "nie, nie", "nie bierz", "no, stop", "stój", "help")],
+)
+def test_whatever_is_no_answer_of_who_was_asked_stops(robot, text, asker, for_s):
+    """Another one's no, a no that comes too late, and every other stop word while the question is open."""
+    asked(robot, "kitchen", for_s)
+    status, data = robot.ask("POST", "/say", msgspec.json.encode({"text": text, "asker": asker}))
+    assert (status, msgspec.json.decode(data, type=TaskLine).state, flag(robot)) == (200, "stopped", STOP_HELD)
+
+
+def test_a_terminal_that_was_asked_answers_and_another_one_stops(robot):
+    """`roco say no`: the terminal is told by its session, which a further call in it shares."""
+    command = [sys.executable, "-m", "operate.cli", "say", "nie", "--run-dir", str(robot.run_dir)]
+    asked(robot, terminal())
+    subprocess.run(command, capture_output=True, timeout=50, check=False)
+    assert (robot.words[-1].text, robot.words[-1].asker, flag(robot)) == ("nie", terminal(), STOP_RELEASED)
+    subprocess.run(command, capture_output=True, timeout=50, check=True, start_new_session=True)
+    assert flag(robot) == STOP_HELD
+
+
+def test_a_no_in_a_terminal_stops_where_hi_does_not_answer(robot, monkeypatch):
+    """It is waited for a second; what it says five seconds later counts for nothing."""
+    over, question = threading.Event(), Question(terminal(), time.time() + 30.0, ("no", "nie"))
+    late = Tasks((), questions=(question,))
+    monkeypatch.setattr(robot.desk._server.board, "tasks", lambda: (over.wait(5.0), late)[1])
+    done = CliRunner().invoke(app, ["say", "nie", "--run-dir", str(robot.run_dir)])
+    assert (done.exit_code, flag(robot), over.is_set()) == (0, STOP_HELD, False), done.output
+    over.set()
 
 
 def test_the_agent_hears_of_a_stop_and_of_its_end(robot):

@@ -103,6 +103,34 @@ def test_a_question_back_is_answered_by_a_button(house, opened):
     assert house.asked[0][1] == cmd.Take("bowl")
 
 
+def test_no_is_an_answer_to_a_question_and_else_a_stop(house, opened):
+    """The page's own button in Polish, which is a stop word; another browser answers nothing."""
+    one, other = opened(locale="pl-PL"), opened()
+    say(one, "weź czerwony słoik")
+    expect(one.locator("#replies button")).to_have_text(["Tak", "Nie"])
+    say(other, "yes")
+    expect(other.locator("#answer")).to_contain_text("I asked nothing")
+    one.get_by_role("button", name="Nie", exact=True).click()
+    expect(one.locator("#answer")).to_have_text("Dobrze, więc nie.")
+    assert not house.held
+    say(one, "weź czerwony słoik")
+    one.get_by_role("button", name="Tak", exact=True).click()
+    wait_for(lambda: house.asked, "who was asked says yes")
+    assert house.asked == [("hi-1-1", cmd.Take("jar"))]
+    say(one, "nie")
+    wait_for(lambda: house.held, "nothing was asked: it is a stop")
+
+
+def test_a_question_that_nobody_answered_loses_its_buttons(house, opened):
+    """Its No would stop the robot."""
+    one = opened()
+    one.clock.install()
+    say(one, "take the container")
+    expect(one.locator("#replies button")).to_have_count(3)
+    one.clock.fast_forward(31_000)
+    expect(one.locator("#replies button")).to_have_count(0)
+
+
 def test_cancel_and_order(house, opened):
     """A waiting task is cancelled, another one goes before all others, once, and what it was before is gone."""
     one = opened()

@@ -4,6 +4,7 @@ const byId = (id) => document.getElementById(id);
 const words = JSON.parse(byId("words").textContent);
 const LOST_MS = 9000; // three beats of the stream (services/page/streams.py)
 const AGAIN_MS = 1500;
+const ASKED_MS = 30000; // a question is open so long (services/human_interface/memory.py); later, its No would stop the robot
 const fill = (text, part) => text.replace("{}", part);
 const upper = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
@@ -171,12 +172,18 @@ async function send(path, fields = {}) {
   return !reply.error;
 }
 
+let asked = 0;
+
 function answered(reply) {
+  clearTimeout(asked);
   const text = reply.error ? fill(words.failed, reply.error) : reply.state === "question" ? fill(words.asks, reply.text) : reply.text;
   set("answer", text);
   byId("answer").classList.toggle("alarm", Boolean(reply.error));
   byId("replies").replaceChildren(...(reply.replies || []).map((says) => button(upper(says), "say " + says, "", () => send("/say", { text: says }))));
-  if (reply.replies && reply.replies.length) byId("replies").firstChild.focus();
+  if (reply.replies && reply.replies.length) {
+    byId("replies").firstChild.focus();
+    asked = setTimeout(() => byId("replies").replaceChildren(), ASKED_MS);
+  }
   if (text) speak(text);
 }
 

@@ -1,6 +1,9 @@
 """The client of a_hi over loopback HTTP; the contract is docs/http.md."""
 
 import http.client
+import os
+import socket
+import time
 from typing import TypeVar
 from urllib.parse import urlencode
 
@@ -12,6 +15,7 @@ from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError
 from operate.cli.fleet.targets import Target
 
 ANSWER_S = 10.0  # estimate: a_hi answers without asking anybody, in milliseconds
+AT_ONCE_S = 1.0  # a "no" that may be an answer waits so long for a_hi to say so; then it is a stop
 HI = "hi"
 T = TypeVar("T")
 
@@ -34,7 +38,11 @@ class Hi:
 
     def say(self, text: str, urgency: int = 0, within_s: float = 0.0, later_s: float = 0.0) -> TaskLine:
         """Say a sentence; the task it became, or its refusal."""
-        return self._ask("POST", "/say", TaskLine, Say(text, urgency, within_s, later_s))
+        return self._ask("POST", "/say", TaskLine, Say(text, urgency, within_s, later_s, asker=terminal()))
+
+    def answers(self) -> tuple[str, ...]:
+        """The sentences that answer what a_hi has asked in this terminal."""
+        return self._ask("GET", "/tasks", Tasks, patience_s=AT_ONCE_S).answers(terminal(), time.time())
 
     def cancel(self, task: str = "") -> TaskLine:
         """Cancel this task, or the oldest that has not ended."""
@@ -71,6 +79,11 @@ class Hi:
             return msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as error:
             raise HiError(status, f"{path} answered something else than {kind.__name__}: {error}") from error
+
+
+def terminal() -> str:
+    """Return a name for the terminal, the same for all that is said in it: its session on this machine."""
+    return f"{os.getsid(0)}@{socket.gethostname()}"[:64]
 
 
 def _reason(data: bytes) -> str:

@@ -15,7 +15,7 @@ from agent_runtime.io import fleet_processes
 from agent_runtime.io.run_files import STOP_FILE
 from companion.languages.cmd import TaskState
 from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
-from companion.stop_words import calls_for_help, stop_words
+from companion.stop_words import calls_for_help, may_answer, stop_words
 from companion.tools.verbs.hi import Hi, HiError, address
 from companion.tools.verbs.human_interface_start import starting
 from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
@@ -79,7 +79,8 @@ def say(
     """
     with problems(form):
         wish = Say(text, int(first), within, later or seconds_until(at, datetime.now()))
-        task = _stopped(text, target, run_dir) if stop_words(text) else _said_when_started(wish, target, run_dir, form)
+        stops = stop_words(text, _answers(text, target, run_dir))
+        task = _stopped(text, target, run_dir) if stops else _said_when_started(wish, target, run_dir, form)
         if task.task:
             task = followed(lambda: Hi(address(targets.find(target, run_dir))), task, wait, form)
         tell_task(task, form)
@@ -139,6 +140,16 @@ def _until(hi: Callable[[], Hi], name: str, wait: bool, form: Format) -> TaskLin
             )
             raise HiError(http.HTTPStatus.SERVICE_UNAVAILABLE, words)
         time.sleep(PERIOD_S)
+
+
+def _answers(text: str, target: str, run_dir: Path | None) -> tuple[str, ...]:
+    """The answers to what was asked in this terminal, if the text may be one, and hi says so at once."""
+    if not may_answer(text):
+        return ()
+    try:
+        return Hi(address(targets.find(target, run_dir))).answers()
+    except ConsoleError:
+        return ()
 
 
 def _stopped(text: str, target: str, run_dir: Path | None) -> TaskLine:
