@@ -11,6 +11,7 @@ from typing import Any, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from operate.cli.guarded import guarded
 from operate.cli.verbs import VERBS, Table, merged
 from operate.wording import escaped
 
@@ -189,8 +190,6 @@ def made(name: str, function: Callable[..., None]) -> TyperCommand:
     """A function as a command whose output is guarded; its docstring is the help, the examples at its end stand below
     the options.
     """
-    from operate.cli.output import guarded
-
     text, _, examples = (inspect.getdoc(function) or "").partition(EXAMPLES)
     only = typer.Typer(add_completion=False)
     only.command(name, cls=Verb, help=text.strip(), epilog=_paragraphs(examples))(function)

@@ -1,16 +1,14 @@
 """Parts shared by all verbs: two output formats, the option that names a run, messages and exit codes of errors.
 
 Text is for people, json for programs: one object, or one a line while something goes on; problems on standard error.
-Names and messages are written by others: while a verb runs, whatever it prints has its control characters escaped.
 """
 
-import functools
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, TextIO, cast
+from typing import Annotated
 
 import msgspec
 import typer
@@ -19,38 +17,7 @@ from agent_runtime.io.run_files import LinkedError
 from operate.cli import completion, interrupts
 from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError
 from operate.system import NoSystemError
-from operate.wording import escaped
 from topdown.model.errors import TopdownError
-
-
-class Guarded:
-    """A text stream that escapes what a terminal would obey. `beneath`: the stream itself, for whoever has escaped what
-    others wrote and adds colours (operate.cli.terminal.console). It has no `buffer`, which would be a way around.
-    """
-
-    def __init__(self, beneath: TextIO) -> None:
-        self.beneath = beneath
-
-    def write(self, text: str) -> int:
-        """Write it, escaped."""
-        return self.beneath.write(escaped(text))
-
-    def __getattr__(self, name: str) -> Any:
-        if name == "buffer":
-            raise AttributeError(name)
-        return getattr(self.beneath, name)
-
-
-def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb whose output is escaped, however it prints."""
-
-    @functools.wraps(verb)
-    def call(*given: Any, **named: Any) -> Any:
-        out, err = (cast(TextIO, Guarded(stream)) for stream in (sys.stdout, sys.stderr))
-        with redirect_stdout(out), redirect_stderr(err):
-            return verb(*given, **named)
-
-    return call
 
 
 class Format(StrEnum):

@@ -8,7 +8,7 @@ from rich import console
 from rich.segment import Segment
 from rich.text import Text
 
-from operate.cli.output import Guarded
+from operate.cli.guarded import Guarded
 from operate.wording import OBEYED, escaped
 
 

@@ -1,0 +1,39 @@
+"""Output of verbs: names and messages are written by others, and what a terminal would obey in them is escaped."""
+
+import functools
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from typing import Any, TextIO, cast
+
+from operate.wording import escaped
+
+
+class Guarded:
+    """A text stream that escapes what a terminal would obey. `beneath`: the stream itself, for whoever has escaped what
+    others wrote and adds colours (operate.cli.terminal.console). It has no `buffer`, which would be a way around.
+    """
+
+    def __init__(self, beneath: TextIO) -> None:
+        self.beneath = beneath
+
+    def write(self, text: str) -> int:
+        """Write it, escaped."""
+        return self.beneath.write(escaped(text))
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "buffer":
+            raise AttributeError(name)
+        return getattr(self.beneath, name)
+
+
+def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """A verb whose output is escaped, however it prints."""
+
+    @functools.wraps(verb)
+    def call(*given: Any, **named: Any) -> Any:
+        out, err = (cast(TextIO, Guarded(stream)) for stream in (sys.stdout, sys.stderr))
+        with redirect_stdout(out), redirect_stderr(err):
+            return verb(*given, **named)
+
+    return call
