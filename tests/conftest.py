@@ -23,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -219,6 +219,26 @@ def no_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (tmp_path / library).touch()
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     monkeypatch.delenv("MUJOCO_GL", raising=False)
+
+
+@pytest.fixture
+def disk() -> Iterator[Callable[[Path, str], Path]]:
+    """Makes folders that are file systems of their own, of a size as mount takes it: they can be filled."""
+    made: list[Path] = []
+
+    def make(folder: Path, size: str) -> Path:
+        folder.mkdir()
+        words = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+        if shutil.which("mount") is None:
+            pytest.skip("needs mount (Debian: apt install mount)")
+        if os.geteuid() != 0 or subprocess.run(words, capture_output=True, check=False).returncode != 0:
+            pytest.skip("needs the right to mount (as root, in a container with CAP_SYS_ADMIN: scripts/test)")
+        made.append(folder)
+        return folder
+
+    yield make
+    for folder in made:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -122,7 +122,9 @@ def test_it_is_called_by_its_module(forks: Forks) -> None:
     """The tools tell a process by its command line and its run folder."""
     one = made(forks.fork("waits", "a", "b"))
     words, settings = (Path(f"/proc/{one.pid}/{file}").read_bytes() for file in ("cmdline", "environ"))
-    assert words.rstrip(b"\0").split(b"\0") == [word.encode() for word in (sys.executable, "-m", "waits", "a", "b")]
+    assert words.rstrip(b"\0").split(b"\0") == [
+        word.encode() for word in (sys.executable, "-P", "-m", "waits", "a", "b")
+    ]
     assert f"{RUN_FOLDER_VARIABLE}={forks.run}".encode() in settings.split(b"\0")
     assert os.getsid(one.pid) == one.pid
     one.terminate()

@@ -1,10 +1,8 @@
 """A disk that takes nothing: an agent says so, promises nothing that is not on it, and goes on when there is room."""
 
 import json
-import os
 import resource
-import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -70,15 +68,9 @@ def test_a_file_that_may_not_grow(fleet: Fleet) -> None:
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 1 MB; only root may mount one."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(folder)]
-    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("needs the right to mount (as root, in a container with CAP_SYS_ADMIN: scripts/test)")
-    yield folder
-    subprocess.run(["umount", "-l", str(folder)], check=True)
+def small_disk(tmp_path: Path, disk: Callable[[Path, str], Path]) -> Path:
+    """A file system of 1 MB."""
+    return disk(tmp_path / "disk", "1m")
 
 
 def test_a_disk_that_is_full(small_disk: Path) -> None:

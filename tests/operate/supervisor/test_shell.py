@@ -77,21 +77,14 @@ def test_a_fleet_comes_up_and_goes_down_in_order(start: Callable[..., Shell]) ->
             os.kill(pid, 0)
 
 
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A run folder on a disk of its own that can be filled."""
-    place = tmp_path / "run"
-    place.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", place], capture_output=True).returncode:
-        pytest.skip("needs mount (as root)")
-    yield place
-    subprocess.run(["umount", "--lazy", place], check=True)
-
-
 def test_a_full_disk_ends_neither_the_supervisor_nor_what_it_starts(
-    small_disk: Path, start: Callable[..., Shell], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    disk: Callable[[Path, str], Path],
+    start: Callable[..., Shell],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """What was killed meanwhile is started again; what could not be written is written once there is room."""
+    small_disk = disk(tmp_path / "run", "256k")
     shell = start(Process("ta", WAIT))
     until(shell, lambda: shell.fleet.ready)
     first = shell.children["ta"].pid
