@@ -179,7 +179,7 @@ def test_only_the_override_for_hard_timing_gives_rights():
 def test_every_image_is_locked_checked_and_not_root(stage):
     """Each ends with the imports of what it runs and another user than root; each install compares hashes."""
     text = DOCKERFILE.split(f" AS {stage}\n")[1].split("\nFROM ")[0]
-    assert re.search(r"^RUN python -c '[^']*\bimport services\.", text, re.MULTILINE)
+    assert re.search(r"^RUN (?:python [^']* && )?python -c '[^']*\bimport services\.", text, re.MULTILINE)
     assert re.search(r"^USER roco$", text, re.MULTILINE)
     for name, service in SERVICES.items():
         if target(service) == stage or (name, stage) == ("monitor", "recorder"):
