@@ -33,7 +33,7 @@ def required() -> str:
     A process of its own draws as the robot's will, and reads a pixel of it: so a library that vanished is noticed, and
     one that kills the process is survived.
     """
-    command = [sys.executable, "-m", "velma.sim.gl"]
+    command = [sys.executable, "-P", "-m", "velma.sim.gl"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_WITHIN_S, check=False)
     except subprocess.TimeoutExpired:

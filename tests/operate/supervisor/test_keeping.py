@@ -1,5 +1,6 @@
 """One supervisor keeps a run folder; the next one ends what a dead one left. With real supervisors and routers."""
 
+import contextlib
 import datetime as dt
 import os
 import shutil
@@ -68,6 +69,14 @@ def until(condition: Callable[[], object]) -> None:
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
+
+
+def deleted(run: Path) -> bool:
+    """Delete a run folder; whether that worked, although processes write to it meanwhile."""
+    with contextlib.suppress(OSError):
+        shutil.rmtree(run)
+        return True
+    return False
 
 
 def up(run: Path, supervisor: "subprocess.Popen[str]") -> None:
@@ -170,11 +179,11 @@ def test_a_fleet_whose_run_folder_was_deleted_is_ended(run: Path, start: Start, 
     words = ("up", "--only", "router", "--insecure", "--out", str(run))
     assert roco(start, *words)[0] == 0
     (supervisor,) = of_run(run, "operate.supervisor")
-    shutil.rmtree(run)
+    until(lambda: deleted(run))
     if keeper_dies:
         os.kill(supervisor, signal.SIGKILL)
         until(lambda: not of_run(run, "operate.supervisor"))
-        shutil.rmtree(run, ignore_errors=True)
+        until(lambda: deleted(run))
     else:
         until((run / "fleet.json").exists)
         code, said = roco(start, *words)
