@@ -5,9 +5,9 @@ import re
 import msgspec
 
 LENGTH = 80
-OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u206f\ud800-\udfff]")
-"""What terminals obey in place of showing it (C0 and C1 controls but tab and newline), what turns the direction of text
-around, line ends of Unicode, and halves of characters, which cannot be written.
+OBEYED = re.compile("(?!\r\n)[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u206f\ud800-\udfff]")
+"""What terminals obey in place of showing it (C0 and C1 controls but tab, newline, and CSV's line end), what turns the
+direction of text around, line ends of Unicode, and halves of characters, which cannot be written.
 """
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
