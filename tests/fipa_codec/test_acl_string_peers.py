@@ -66,7 +66,8 @@ def test_messages_of_rock_are_parsed(message):
 
 def jade_reads(text):
     """Whether JADE prints the text so that it has one meaning: no backslash before a quote, no word with : first."""
-    return text is None or not (text.endswith("\\") or text.startswith(":"))
+    trimmed = (text or "").strip(WHITE)  # as content is
+    return not (trimmed.endswith("\\") or trimmed.startswith(":"))
 
 
 @given(MESSAGES.filter(lambda m: all(map(jade_reads, (m.content, *map(m.__getattribute__, FIELDS), *m.user.values())))))
