@@ -64,7 +64,7 @@ class Containers(Router):
                 words, environment = ((folder / name).read_bytes().split(b"\0") for name in ("cmdline", "environ"))
             except OSError:
                 continue
-            if mark in environment and words[1:4] == [b"-m", b"services.monitor", b"hear"]:
+            if mark in environment and words[1:5] == [b"-P", b"-m", b"services.monitor", b"hear"]:
                 found.append(int(folder.name))
         return found
 

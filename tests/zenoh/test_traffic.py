@@ -189,7 +189,7 @@ def _recorder(file: Path) -> int:
     wanted = ["operate.recording", "record", str(file)]
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
-            if path.read_text().split("\0")[2:5] == wanted:
+            if path.read_text().split("\0")[3:6] == wanted:
                 return int(path.parent.name)
     return 0
 
