@@ -60,7 +60,7 @@ def say(
     """Say a sentence to the robot, such as "pour the jar into the bowl". Exits with 1 where it is refused.
 
     It waits until the coordinator has taken the task or refused it, with --wait until it has ended; progress goes to
-    standard error. A question back is an answer, too (exit code 1): say `yes`, or the name of the thing.
+    standard error. A question back is an answer, too (exit code 1): say `yes`, or the name of the thing, within 30 s.
 
     A word such as stop, halt, freeze or careful stops the robot at once, as `roco stop` does. A fleet that is starting
     is waited for, at most 90 s.
