@@ -110,6 +110,16 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
         problem = _nothing_to_cancel(memory, word.task)
         turn.tell(Answer(word.ticket, line) if line else Answer(word.ticket, problem=problem, status=404))
         return memory
+    if line := memory.again(word):  # a double click
+        memory = memory.asking(word.asker, word.at, (), ()).hearing(word, line)
+        turn.tell(_shown(memory))
+        turn.tell(Answer(word.ticket, line))
+        return memory
+    return _said(memory, turn, word)
+
+
+def _said(memory: Memory, turn: Turn, word: Said) -> Memory:
+    """Do what a sentence means to who says it."""
     context = replace(memory.context, options=memory.options(word.asker, word.at))
     found = _timed(outcome(word.meaning, context), word, turn.now)
     options = found.options if isinstance(found, Ask) else ()
@@ -121,7 +131,10 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
         case Ask(text=text):
             turn.tell(_shown(memory))  # before the answer: whoever reads it may reply at once
             offered = offers.replies(options, word.meaning.language)
-            return _told(memory, turn, word, QUESTION if options else REFUSED, text, offered)
+            memory = _told(memory, turn, word, QUESTION if options else REFUSED, text, offered)
+            if context.options and not options:  # a no
+                memory = memory.hearing(word, TaskLine("", REFUSED, text, word.text, word.at))
+            return memory
         case Tell(does="stop"):
             turn.tell(StopRobot(word.ticket, word.text))
             return memory
@@ -129,7 +142,7 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
             line, memory = _cancel(memory, turn, task)
             nothing = TaskLine("", REFUSED, _nothing_to_cancel(memory, task), word.text, turn.now)
             turn.tell(Answer(word.ticket, line or nothing))
-            return memory
+            return memory.hearing(word, line or nothing)
         case Tell(does="cancel_all"):
             return _cancel_all(memory, turn, word)
         case Tell(does="status"):
@@ -188,7 +201,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) ->
     text = _i_will(tasks, word.meaning.language, turn.now)
     line = TaskLine(names[0], TaskState.WAITING, text, word.text, turn.now, tuple(names[1:]))
     turn.tell(Answer(word.ticket, line))
-    return memory
+    return memory.hearing(word, replace(line, text=say(word.meaning.language, "again", text)))
 
 
 def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Memory, str]:
@@ -227,8 +240,9 @@ def _cancel_all(memory: Memory, turn: Turn, word: Said) -> Memory:
     for line in lines:
         _, memory = _cancel(memory, turn, line.task)
     nothing = TaskLine("", REFUSED, _nothing_to_cancel(memory, ""), word.text, turn.now)
-    turn.tell(Answer(word.ticket, lines[0] if lines else nothing))
-    return memory
+    line = lines[0] if lines else nothing
+    turn.tell(Answer(word.ticket, line))
+    return memory.hearing(word, line)
 
 
 def _cancel(memory: Memory, turn: Turn, task: str) -> tuple[TaskLine | None, Memory]:

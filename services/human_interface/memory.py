@@ -9,11 +9,12 @@ import msgspec
 
 from companion.languages.cmd import TaskState
 from companion.run_files import TaskLine
-from services.human_interface.local import Local
+from services.human_interface.local import Local, Said
 from services.human_interface.wishes import Context, Option
 
 KEPT_TASKS = 50  # tasks that are remembered after their end; each record of the journal has them all (estimate)
 ASKED_S = 30.0  # a question can be answered so long; later a "yes" may be meant for something else (estimate)
+AGAIN_S = 2.0  # an equal sentence so soon after is the same one: a double click, a key that was held (estimate)
 MOST_ASKED = 32  # questions that are open, each to somebody else (the page pairs as many browsers)
 FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
 
@@ -42,11 +43,20 @@ class Asked(msgspec.Struct, frozen=True, omit_defaults=True):
     replies: tuple[str, ...]
 
 
+class Heard(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A sentence of somebody that something came of, and what is answered if it comes again at once."""
+
+    asker: str
+    at: float
+    words: tuple[str, int, str]
+    line: TaskLine
+
+
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people know it.
 
-    `context`: what was talked of; `asked`: questions that are open; `looks`: tasks that look around; `follows`: pairs
-    of a task and the one said before it, which it needs.
+    `context`: what was talked of; `asked`: questions that are open; `heard`: what was said just now; `looks`: tasks
+    that look around; `follows`: pairs of a task and the one said before it, which it needs.
     """
 
     tasks: tuple[TaskLine, ...] = ()
@@ -56,6 +66,7 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     away: bool = False
     context: Context = Context()
     asked: tuple[Asked, ...] = ()
+    heard: tuple[Heard, ...] = ()
     looks: tuple[str, ...] = ()
     follows: tuple[tuple[str, str], ...] = ()
 
@@ -85,10 +96,27 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         return next((one.options for one in self.asked if one.asker == asker and at < one.until), ())
 
     def asking(self, asker: str, at: float, options: tuple[Option, ...], replies: tuple[str, ...]) -> "Memory":
-        """Return the memory after a sentence of somebody: an earlier question to them has ended, this one is open."""
-        others = tuple(one for one in self.asked if one.asker != asker and at < one.until)
-        new = (Asked(asker, at + ASKED_S, options, replies),) if options else ()
+        """Return the memory after a sentence of somebody: an earlier question to them has ended, this one is open.
+
+        What would have answered the earlier one is an answer for a moment still: the second click of a double click.
+        """
+        others = [one for one in self.asked if one.asker != asker and at < one.until]
+        ended = [
+            Asked(asker, at + AGAIN_S, (), one.replies) for one in self.asked if one.asker == asker and at < one.until
+        ]
+        new = [Asked(asker, at + ASKED_S, options, replies)] if options else ended
         return msgspec.structs.replace(self, asked=(*others, *new)[-MOST_ASKED:])
+
+    def again(self, word: Said) -> TaskLine | None:
+        """Return what is answered to a sentence that its asker said just now; None for one that is new."""
+        same = (one for one in self.heard if one.asker == word.asker and one.words == _words(word))
+        return next((one.line for one in same if abs(word.at - one.at) <= AGAIN_S), None)  # in any order
+
+    def hearing(self, word: Said, line: TaskLine) -> "Memory":
+        """Return the memory after a sentence that something came of; one without an asker may be of several people."""
+        others = tuple(one for one in self.heard if one.asker != word.asker and word.at - one.at <= AGAIN_S)
+        new = (Heard(word.asker, word.at, _words(word), line),) if word.asker else ()
+        return msgspec.structs.replace(self, heard=(*others, *new)[-MOST_ASKED:])
 
     def following(self, task: str, before: str) -> "Memory":
         """Return the memory with a task that needs the one before it."""
@@ -105,6 +133,11 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     def with_news(self, *news: News) -> "Memory":
         """Return the memory with more news."""
         return msgspec.structs.replace(self, news=(*self.news, *news))
+
+
+def _words(word: Said) -> tuple[str, int, str]:
+    """What makes two sentences of somebody equal."""
+    return word.text.strip(), 0 if word.instead else word.urgency, word.instead
 
 
 # --- the conditions of design.toml ------------------------------------------------------------------------------------

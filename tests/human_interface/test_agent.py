@@ -18,7 +18,7 @@ from fipa_codec.performatives import Performative as P
 from services.human_interface.behaviours import ANSWER_WITHIN_S, agent
 from services.human_interface.grammar import understand
 from services.human_interface.local import Answer, CancelWanted, Halted, Said, Shown, StopRobot, Told
-from services.human_interface.memory import ASKED_S, CONDITIONS, KEPT_TASKS
+from services.human_interface.memory import AGAIN_S, ASKED_S, CONDITIONS, KEPT_TASKS
 
 read = cache(understand)
 
@@ -260,7 +260,7 @@ def test_only_so_many_ended_tasks_are_remembered(scene):
     """Open ones are never forgotten."""
     first = scene.say("take the jar").line.task
     for _ in range(KEPT_TASKS + 5):
-        task = scene.say("look around").line.task
+        task = scene.say("look around", "").line.task
         scene.report(task, P.REFUSE, TaskState.FAILED, "busy")
     assert len(scene.tasks) == KEPT_TASKS
     assert scene.tasks[first] == "waiting"
@@ -490,13 +490,74 @@ def test_open_questions_are_shown_to_who_must_tell_an_answer_from_a_stop(scene):
     assert questions()[0] == question
     assert set(questions()[1].replies) == {"jar", "bowl", "no", "słoik", "miska", "nie"}
     assert scene.say("nie").line.state == "refused"
-    assert [one.asker for one in questions()] == ["another"]
+    assert {one.asker: round(one.until - scene.wires.now) for one in questions()} == {"another": 28, "me": 2}
+
+
+@pytest.mark.parametrize("text", ["take the jar", "take the jar and put it down"])
+def test_six_clicks_are_one_task(scene, text):
+    """Each within two seconds of the one before; it is said so. Later, or of somebody else, it is another task."""
+    first = scene.say(text).line
+    for _ in range(5):
+        scene.settle(AGAIN_S - 0.2)
+        line = scene.say(f" {text} ").line
+        assert (line.task, line.then, line.text) == (first.task, first.then, f"Already asked: {first.text}")
+    asked = len(scene.heard)
+    assert scene.say(text, "another").line.task != first.task
+    assert scene.say("take the bowl").line.task != first.task
+    scene.settle(AGAIN_S + 0.1)
+    assert scene.say(text).line.task != first.task
+    assert len(scene.heard) == 1 + 3 * asked
+
+
+def test_clicks_in_another_order_are_one_task(scene):
+    """Each request has a thread of its own: a later click may be first."""
+    for at in (1.0, 0.0, 1.2, 0.4):
+        scene.ask(Said(f"t{len(scene.shown)}", "look around", read("look around"), asker="me", at=scene.wires.now + at))
+    assert len(scene.heard) == 1
+
+
+def test_what_is_wanted_more_urgently_is_asked_again(scene):
+    """It is no repetition, nor is the same by one who gives no name."""
+    words = "look around"
+    for urgency, asker in ((0, "me"), (1, "me"), (0, ""), (0, "")):
+        scene.ask(Said(f"t{len(scene.shown)}", words, read(words), False, urgency, asker=asker, at=scene.wires.now))
+    assert len(scene.heard) == 4
+
+
+def test_a_double_click_on_an_answer_is_one_answer(scene):
+    """A second yes does nothing, a second no does not stop the robot; the replies are known as such for a moment."""
+    scene.say("take the red jar")
+    task = scene.say("yes").line.task
+    assert scene.say("yes").line.task == task
+    assert len(scene.heard) == 1
+    scene.say("take the red bowl")
+    for _ in range(4):
+        assert scene.say("nie").line.text == "Dobrze, więc nie."
+        scene.settle(AGAIN_S - 0.2)
+        (question,) = [one for one in scene.shown if isinstance(one, Shown)][-1].questions
+        assert ("nie" in question.replies, question.until > scene.wires.now) == (True, True)
+    scene.settle(0.3)
+    scene.wires.post("hi", Said("n", "nie", read("nie"), asker="me", at=scene.wires.now))
+    scene.settle()
+    assert StopRobot("n", "nie") in scene.shown
+
+
+def test_a_cancel_said_twice_at_once_cancels_one_task(scene):
+    """Though the first one has been cancelled by then."""
+    tasks = [scene.say(text).line.task for text in ("take the jar", "look around")]
+    scene.report(tasks[0], P.AGREE, TaskState.WAITING)
+    scene.say("cancel")
+    scene.report(tasks[0], P.INFORM, TaskState.CANCELLED, kind=Kind.CANCEL)
+    assert scene.say("cancel").line.task == tasks[0]
+    assert scene.tasks == {tasks[0]: "cancelled", tasks[1]: "waiting"}
+    assert [one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL] == tasks[:1]
 
 
 def test_no_to_a_question_moves_nothing_and_a_no_out_of_nothing_stops(scene):
     """The device sets the flag, and answers."""
     scene.say("take the red jar")
     assert scene.say("no").line.state == "refused"
+    scene.settle(AGAIN_S + 0.1)
     scene.wires.post("hi", Said("n", "no", read("no"), asker="me", at=scene.wires.now))
     scene.settle()
     assert StopRobot("n", "no") in scene.shown

@@ -121,6 +121,21 @@ def test_no_is_an_answer_to_a_question_and_else_a_stop(house, opened):
     wait_for(lambda: house.held, "nothing was asked: it is a stop")
 
 
+def test_six_clicks_are_one_task_and_two_on_no_are_no_stop(house, opened):
+    """It is said that it was asked for already."""
+    one = opened(locale="pl-PL")
+    one.locator("#always button").first.click(click_count=6)
+    expect(one.locator("#answer")).to_have_text("Już o to poproszono. Przyjęte: rozejrzyj się.")
+    expect(one.locator("#queue li")).to_have_count(1)
+    assert house.asked == [("hi-1-1", cmd.LookAround())]
+    say(one, "weź czerwony słoik")
+    one.get_by_role("button", name="Nie", exact=True).dblclick()
+    expect(one.locator("#answer")).to_have_text("Dobrze, więc nie.")
+    say(one, "status")
+    expect(one.locator("#answer")).to_contain_text("hi-1-1")
+    assert not house.held
+
+
 def test_a_question_that_nobody_answered_loses_its_buttons(house, opened):
     """Its No would stop the robot."""
     one = opened()
