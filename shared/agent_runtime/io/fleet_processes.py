@@ -5,6 +5,7 @@ run folder, too, but no fleet.
 """
 
 import os
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -24,15 +25,23 @@ def variables(pid: int) -> dict[str, str]:
 
 def started_in(run: Path) -> tuple[int, ...]:
     """Return the pids of this user's processes that a supervisor started for a run folder, oldest first."""
-    found = []
+    return tuple(sorted(pid for pid, folder in _started() if folder == run))
+
+
+def run_folders() -> tuple[Path, ...]:
+    """Return the run folders of all fleets of this user that live, also folders that were deleted."""
+    return tuple(sorted({folder for _, folder in _started()}))
+
+
+def _started() -> Iterator[tuple[int, Path]]:
+    """Yield this user's processes that a supervisor started, each with its run folder."""
     for place in PROC.glob("[0-9]*"):
         with suppress(OSError):
             if place.stat().st_uid != os.geteuid():
                 continue
             had = variables(int(place.name))
-            if had.get(FLEET_VARIABLE) and had.get(RUN_FOLDER_VARIABLE) == str(run):
-                found.append(int(place.name))
-    return tuple(sorted(found))
+            if had.get(FLEET_VARIABLE) and had.get(RUN_FOLDER_VARIABLE):
+                yield int(place.name), Path(had[RUN_FOLDER_VARIABLE])
 
 
 def set_stop(run: Path, held: bool) -> None:

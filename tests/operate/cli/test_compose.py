@@ -103,7 +103,7 @@ def test_stop_reaches_the_loop_in_place(world: Path) -> None:
     """The byte that the loop has mapped changes, no other file takes its place."""
     flag = world / "one.ex" / "stop"
     number = flag.stat().st_ino
-    assert roco("stop").exit_code == 0
+    assert roco("stop", "--target", "one").exit_code == 0  # without it, the fleets of other tests are stopped, too
     assert (flag.read_bytes(), flag.stat().st_ino) == (b"\x01", number)
     assert json.loads(roco("agents", "--format", "json").stdout)["where"] == "compose project one"
     assert targets.find().look().stop_held
@@ -170,6 +170,12 @@ def test_of_several_robots_one_is_meant(world: Path) -> None:
     second.hold("ex", True)
     assert (world / "one.ex2" / "stop").read_bytes() == b"\x01"
     assert (world / "one.ex" / "stop").read_bytes() == b"\x00"
+    second.hold("ex", False)
+    whole = targets.find("one")
+    whole.hold("ex", True)
+    assert {(world / f"one.{ex}" / "stop").read_bytes() for ex in ("ex", "ex2")} == {b"\x01"}
+    with pytest.raises(UsageError, match="name the one to release: --target one/velma1 or one/velma2"):
+        whole.hold("ex", False)
     assert [one.conversation for one in second.verdicts()] == ["hi-1-1"]
     assert targets.find("compose/velma1").verdicts() == []
     assert (

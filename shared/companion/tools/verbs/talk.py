@@ -4,6 +4,7 @@ import http
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +13,7 @@ import typer
 from msgspec.structs import replace
 
 from agent_runtime.io import fleet_processes
-from agent_runtime.io.run_files import STOP_FILE
+from agent_runtime.io.run_files import STOP_FILE, LinkedError
 from companion.languages.cmd import TaskState
 from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
 from companion.stop_words import calls_for_help, may_answer, stop_words
@@ -23,7 +24,7 @@ from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import ENDED
-from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json
+from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 
 STARTING_S = 90.0  # as long as `roco up` waits
 PERIOD_S = 0.2  # estimate: nobody notices
@@ -80,7 +81,7 @@ def say(
     with problems(form):
         wish = Say(text, int(first), within, later or seconds_until(at, datetime.now()))
         stops = stop_words(text, _answers(text, target, run_dir))
-        task = _stopped(text, target, run_dir) if stops else _said_when_started(wish, target, run_dir, form)
+        task = _stopped(text, target, run_dir, form) if stops else _said_when_started(wish, target, run_dir, form)
         if task.task:
             task = followed(lambda: Hi(address(targets.find(target, run_dir))), task, wait, form)
         tell_task(task, form)
@@ -152,21 +153,23 @@ def _answers(text: str, target: str, run_dir: Path | None) -> tuple[str, ...]:
         return ()
 
 
-def _stopped(text: str, target: str, run_dir: Path | None) -> TaskLine:
+def _stopped(text: str, target: str, run_dir: Path | None, form: Format) -> TaskLine:
     """Stop the robot as `roco stop` does, with nobody's help; a robot elsewhere is left to its human interface.
 
     Who calls for help is told what can be said, too, if the human interface answers.
     """
-    fleet = targets.find(target, run_dir)
-    fleet.hold(EXECUTOR, True)
-    here = _loop_here(fleet)
-    if not here or calls_for_help(text):
+    try:
+        fleets = held(target, run_dir, form)
+    except (ConsoleError, LinkedError) as failed:
         try:
-            return Hi(address(fleet)).say(text)
+            return Hi(address(targets.find(target, run_dir))).say(text)
         except ConsoleError:
-            if not here:
-                raise
-    return TaskLine("", STOPPED, HELD, text, time.time())
+            raise failed from None
+    if calls_for_help(text):
+        with suppress(ConsoleError):
+            return Hi(address(fleets[0])).say(text)
+    words = "\n".join(_held_words(fleet, target, run_dir) for fleet in fleets)
+    return TaskLine("", STOPPED, words, text, time.time())
 
 
 def _loop_here(fleet: Target) -> bool:
@@ -241,13 +244,16 @@ def cancel(
 def stop(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
     """Stop the robot at once. It reaches the control loop directly and needs no agent, router or supervisor.
 
+    Where no fleet is named and none lives here, all robots of all your fleets on this machine are stopped.
     Exits with 1 where no control loop runs on this machine: a robot elsewhere is stopped there.
 
     Examples:
       roco stop
       roco stop --run-dir runs/latest
     """
-    flag(target, run_dir, True, HELD, form)
+    with problems(form):
+        for fleet in held(target, run_dir, form):
+            tell(Reply(_held_words(fleet, target, run_dir), fleet.where), form)
 
 
 def release(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
@@ -256,17 +262,39 @@ def release(target: targets.Name = "", run_dir: RunDir = None, form: Form = Form
     Examples:
       roco release
     """
-    flag(target, run_dir, False, LET_GO, form)
-
-
-def flag(target: str, run_dir: Path | None, held: bool, words: str, form: Format) -> None:
-    """Write the stop flag and say so."""
     with problems(form):
         fleet = targets.find(target, run_dir)
-        fleet.hold(EXECUTOR, held)
-        if held and not _loop_here(fleet):
-            raise FleetError(NOT_HERE.format(where=fleet.where))
-        tell(Reply(words, fleet.where), form)
+        fleet.hold(EXECUTOR, False)
+        tell(Reply(LET_GO, fleet.where), form)
+
+
+def held(target: str, run_dir: Path | None, form: Format) -> list[Target]:
+    """Hold the robots that a stop means; return their fleets. What failed is told; raise it where none was stopped."""
+    stopped: list[Target] = []
+    failed: list[Exception] = []
+    fleets = targets.to_hold(target, run_dir)
+    for fleet in fleets:
+        try:
+            fleet.hold(EXECUTOR, True)
+        except (ConsoleError, LinkedError) as error:  # the others are stopped all the same
+            failed.append(error)
+        except OSError as error:
+            failed.append(FleetError(f"the robot of {fleet.where} was not stopped: {error}"))
+        else:
+            stopped += [fleet] if _loop_here(fleet) else []
+    if not stopped:
+        raise failed[0] if failed else FleetError(NOT_HERE.format(where=" or ".join(one.where for one in fleets)))
+    for one in failed:
+        tell_problem(one, form)
+    return stopped
+
+
+def _held_words(fleet: Target, target: str, run_dir: Path | None) -> str:
+    """Say that a robot is held, and what releases it: a fleet that was not meant by name or place must be named."""
+    with suppress(ConsoleError):
+        if targets.find(target, run_dir).where == fleet.where:
+            return HELD
+    return HELD.replace("roco release", f"roco release --target {fleet.name}")
 
 
 def tell_task(task: TaskLine, form: Format) -> None:

@@ -65,6 +65,7 @@ class Compose:
 
     def __init__(self, project: str, robot: str = "") -> None:
         self.project, self._robot = project, robot
+        self.name = f"{project}/{robot}".rstrip("/")
         self.where = f"compose project {project}" + (f", robot {robot}" if robot else "")
         self._ids: list[str] = []
 
@@ -118,8 +119,20 @@ class Compose:
         return self._shell(name, f'cat "${RUN_FOLDER_VARIABLE}/{file}"')
 
     def hold(self, name: str, held: bool) -> None:
-        """Set the stop flag of a process, or clear it: one byte, written in place, since the file may be mapped."""
-        self._shell(name, f"printf '\\{int(held):03o}' 1<> \"${RUN_FOLDER_VARIABLE}/{STOP_FILE}\"")
+        """Set the stop flag of a process, or clear it: one byte, written in place, since the file may be mapped.
+
+        Where none of several robots is named all are held. UsageError: one must be named to be released.
+        """
+        script = f"printf '\\{int(held):03o}' 1<> \"${RUN_FOLDER_VARIABLE}/{STOP_FILE}\""
+        robots = [one for one in self._containers() if one.service.rstrip(string.digits) == name and one.runs]
+        if len(robots) < 2:
+            self._shell(name, script)
+        elif held:
+            for robot in robots:
+                docker("exec", robot.id, "sh", "-c", script)
+        else:
+            names = " or ".join(f"{self.project}/{one.variable('ROCO_SYSTEM')}" for one in robots)
+            raise UsageError(f"{self.where} has several robots; name the one to release: --target {names}")
 
     def switch(self, name: str, on: bool) -> None:
         """Start a process, or end it and keep it down; where it shares its container, its supervisor does it."""

@@ -29,7 +29,7 @@ class Local:
 
     def __init__(self, run: Path) -> None:
         self.run = run
-        self.where = str(run)
+        self.where = self.name = str(run)
 
     @cached_property
     def system(self) -> System:

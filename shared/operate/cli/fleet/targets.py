@@ -13,6 +13,7 @@ from typing import Annotated, Protocol
 
 import typer
 
+from agent_runtime.io.fleet_processes import run_folders
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
@@ -40,9 +41,12 @@ Put = Callable[[str, bytes], None]
 
 
 class Target(Protocol):
-    """A fleet, wherever it runs. `where`: for people; `system`: what runs there; may raise NoSystemError."""
+    """A fleet, wherever it runs. `where`: for people; `name`: for --target; `system`: what runs there; may raise
+    NoSystemError.
+    """
 
     where: str
+    name: str
 
     @property
     def system(self) -> System: ...
@@ -116,6 +120,18 @@ def find(name: str = "", run_dir: Path | None = None) -> Target:
     if os.environ.get(RUN_FOLDER_VARIABLE) or _lives(folders.RUNS / LATEST):
         return Local(folders.find(None))
     return _other() or _compose("") or Local(folders.find(None))
+
+
+def to_hold(name: str = "", run_dir: Path | None = None) -> list[Target]:
+    """The fleets that a stop means: the one that is named or lives here, else all of this user's that live anywhere.
+
+    Raises as `find` does.
+    """
+    if name or run_dir is not None or os.environ.get(RUN_FOLDER_VARIABLE) or _lives(folders.RUNS / LATEST):
+        return [find(name, run_dir)]
+    from operate.cli.fleet.compose import Compose, projects
+
+    return [*map(Local, run_folders()), *map(Compose, projects())] or [find()]
 
 
 def about(name: str = "", run_dir: Path | None = None) -> System:

@@ -1,0 +1,71 @@
+"""`roco stop` in a folder without a fleet: every fleet of the user that lives is meant.
+
+In a namespace of its own: fleets of other tests, which run at the same time, are not stopped.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE
+
+pytestmark = pytest.mark.process
+ALONE = ("unshare", "--pid", "--fork", "--kill-child", "--mount-proc")
+INSIDE = f"""
+import mmap, os, shutil, subprocess, sys
+from pathlib import Path
+LOOP = '''
+import mmap, os, sys, time
+file = os.open("stop", os.O_RDWR | os.O_CREAT, 0o600)
+os.pwrite(file, bytes(1), 0)
+byte = mmap.mmap(file, 1)
+print("mapped", flush=True)
+while byte[:1] != bytes([1]):
+    time.sleep(0.001)
+print("held", flush=True)
+'''
+here, gone, elsewhere = (Path(sys.argv[1]) / name for name in ("here", "gone", "elsewhere"))
+elsewhere.mkdir()
+loops = []
+
+def roco(*words):
+    command = [sys.executable, "-P", "-m", "operate.cli", *words]
+    done = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False)
+    print(done.returncode, done.stdout.strip(), done.stderr.strip(), sep="|")
+
+def begin(run):
+    run.mkdir(exist_ok=True)
+    (run / "loop.slots").touch()
+    environment = os.environ | {{"{RUN_FOLDER_VARIABLE}": str(run), "{FLEET_VARIABLE}": run.name}}
+    command = [sys.executable, "-P", "-c", LOOP]
+    loops.append(subprocess.Popen(command, cwd=run, env=environment, stdout=subprocess.PIPE, text=True))
+    assert loops[-1].stdout.readline() == "mapped\\n"
+
+roco("stop")
+for run in (here, gone):
+    begin(run)
+shutil.rmtree(gone)
+roco(*sys.argv[2:])
+print([loop.stdout.readline().strip() for loop in loops])
+"""
+
+
+@pytest.mark.parametrize("words", [["stop"], ["say", "stój"]])
+def test_a_stop_elsewhere_holds_the_robots_of_all_fleets(words: list[str], tmp_path: Path) -> None:
+    """Also of one whose folder was deleted; each is told with the command that releases it. Without any it fails."""
+    user = ["--user", "--map-root-user"] if os.geteuid() else []
+    if subprocess.run([ALONE[0], *user, *ALONE[1:], "true"], capture_output=True, check=False).returncode:
+        pytest.skip("needs a process namespace (as root, in a container with CAP_SYS_ADMIN: scripts/test)")
+    environment = {name: value for name, value in os.environ.items() if name != RUN_FOLDER_VARIABLE}
+    command = [ALONE[0], *user, *ALONE[1:], sys.executable, "-P", "-c", INSIDE, str(tmp_path), *words]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=100)
+    nobody, *stopped, states = done.stdout.splitlines()
+    assert nobody.startswith("3||roco: no run at runs/latest; start one with `roco up`"), done
+    assert states == "['held', 'held']"
+    told = "\n".join(stopped)
+    assert told.startswith("0|stopped: the loop holds the robot until `roco release --target "), done
+    for name in ("here", "gone"):
+        assert f"until `roco release --target {tmp_path / name}`" in told
