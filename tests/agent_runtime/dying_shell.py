@@ -39,7 +39,7 @@ class World:
         """Note it."""
         self._note(["receipt", receipt.taken])
 
-    def send(self, communicate: Communicate, after: bytes = b"") -> int:
+    def send(self, communicate: Communicate, after: bytes = b"", heard: int = 0) -> int:
         """Note it."""
         self._note(["said", int(communicate.id), str(communicate.performative), communicate.conversation])
         return 1

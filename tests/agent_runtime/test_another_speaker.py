@@ -239,15 +239,15 @@ def test_where_it_is_not_known_the_conversation_is_lost_and_the_behaviour_told()
 
 
 def test_each_word_says_which_one_it_follows() -> None:
-    """While that one is not receipted."""
+    """By its digest while that one is not receipted, else by its number."""
     one = asking()
     (first,) = one.state.outbox["server"]
     second = msgspec.structs.replace(first, number=2, communicate=msgspec.structs.replace(first.communicate, id="2"))
     one.state.outbox["server"] = (first, second)
-    assert preceding(one.state, first.communicate) == b""
-    assert preceding(one.state, second.communicate) == digest(first.communicate)
-    one.state.outbox["server"] = (second,)
-    assert preceding(one.state, second.communicate) == b""
+    assert preceding(one.state, first.communicate) == (b"", 0)
+    assert preceding(one.state, second.communicate) == (digest(first.communicate), 0)
+    one.step(receipted(1, digest(first.communicate)))
+    assert preceding(one.state, second.communicate) == (b"", 1)
 
 
 # --- both, and a thief ------------------------------------------------------------------------------------------------

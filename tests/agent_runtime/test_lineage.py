@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from toy_agents import Want, asker, server, wirings
 
 from agent_runtime.core import lineage
+from agent_runtime.core.effects import Effects
 from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted, Received
 from agent_runtime.core.turn import Turn
 from agent_runtime.testing.wires import Faults, Wires
@@ -160,7 +161,7 @@ def test_a_subscriber_renews_when_the_observer_lost_its_memory() -> None:
     one.step(of("old", Arrived(agreed(first))))
     assert one.step(of("old", seen)).receipts
     assert one.step(PeerChanged("watcher", 5, "new")).handled == Broken(
-        first, "watcher lost its memory: its journal is gone, and with it the subscription"
+        first, "watcher lost its memory: its journal is gone, and with it this subscription"
     )
 
 
@@ -226,6 +227,65 @@ def test_lost_journals_among_other_faults(
         wires.run_for(pause_s)
         if wires.up(victim):
             wires.lose_journal(victim)
+    wires.faults = Faults(loss=loss, duplication=duplication, delay=delay)
+    wires.run(lambda: at_rest(wires, 3), limit_s=3600.0)
+    assert wires.memory("asker").answers == ((1, 2), (2, 4), (3, 6))
+
+
+@pytest.mark.parametrize("victim", ["asker", "server"])
+@pytest.mark.parametrize("back", [1, 2, 3, 5, 8])
+@pytest.mark.parametrize("after_s", [0.0018, 0.05, 0.1018, 0.1523, 0.21])
+def test_a_journal_whose_end_is_lost(victim: str, back: int, after_s: float) -> None:
+    """All is answered in the end, and nothing stays open on either side; who forgot what it had taken says so."""
+    wires = toys(1, 2, 3)
+    kept = records(wires)
+    wires.run_for(after_s)
+    before = wires.nodes[victim].core.boot(wires.nodes[victim].journal)
+    wires.put_back(victim, kept[victim][max(0, len(kept[victim]) - 1 - back)])
+    after = wires.nodes[victim].core.boot(wires.nodes[victim].journal)
+    wires.run(lambda: at_rest(wires, 3))
+    assert wires.memory("asker").answers == ((1, 2), (2, 4), (3, 6))
+    other = "server" if victim == "asker" else "asker"
+    forgot = after.taken.get(other, 0) < before.taken.get(other, 0)
+    counts = {name: node.state.counts for name, node in wires.nodes.items() if node.state is not None}
+    assert lineage.SHORTENED not in counts[other]
+    if forgot and wires.nodes[victim].boots > 3:
+        assert counts[victim][lineage.SHORTENED] == counts[other]["peer lost its memory"] == 1
+
+
+def records(wires: Wires) -> dict[str, list[bytes]]:
+    """The records of each agent, of its first life and of those that follow."""
+    kept: dict[str, list[bytes]] = {}
+
+    def keep(agent: str, effects: Effects) -> None:
+        if effects.record is not None:
+            kept.setdefault(agent, []).append(effects.record)
+
+    wires.on_step = keep
+    return kept
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    loss=st.sampled_from([0.0, 0.3]),
+    duplication=st.sampled_from([0.0, 0.3]),
+    delay=st.sampled_from([0.0, 0.4]),
+    crash=st.sampled_from([0.0, 0.05]),
+    lost=st.lists(
+        st.tuples(st.sampled_from(["asker", "server"]), st.floats(0.0, 0.6), st.integers(1, 12)), min_size=1, max_size=4
+    ),
+)
+@settings(max_examples=150, deadline=None)
+def test_journals_put_back_among_other_faults(
+    seed: int, loss: float, duplication: float, delay: float, crash: float, lost: list[tuple[str, float, int]]
+) -> None:
+    """An agent that remembers less than its peer knows makes nobody wait for ever."""
+    wires = toys(1, 2, 3, seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay, crash=crash))
+    kept = records(wires)
+    for victim, pause_s, back in lost:
+        wires.run_for(pause_s)
+        if wires.up(victim) and kept.get(victim):
+            wires.put_back(victim, kept[victim][max(0, len(kept[victim]) - 1 - back)])
     wires.faults = Faults(loss=loss, duplication=duplication, delay=delay)
     wires.run(lambda: at_rest(wires, 3), limit_s=3600.0)
     assert wires.memory("asker").answers == ((1, 2), (2, 4), (3, 6))

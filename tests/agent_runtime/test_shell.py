@@ -40,7 +40,7 @@ class Order:
         """The wire's."""
         self.done.append("receipt")
 
-    def send(self, communicate: Communicate, after: bytes = b"") -> int:
+    def send(self, communicate: Communicate, after: bytes = b"", heard: int = 0) -> int:
         """The wire's."""
         self.done.append(str(communicate.performative))
         return 1
@@ -190,7 +190,7 @@ def test_much_that_was_said_is_written_sooner(
     watching.shell._beat_at = time.time() + 100.0
     watching.happen(Arrived(subscribed))
     before = written(tmp_path)
-    watching.shell._wire.send = lambda communicate, after: 400
+    watching.shell._wire.send = lambda communicate, after, heard: 400
     watching.happen(Local(Seen("jar", 1)))
     assert written(tmp_path) == before, "400 bytes and a few wait"
     watching.happen(Local(Seen("jar", 2)))

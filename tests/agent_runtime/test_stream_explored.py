@@ -132,8 +132,8 @@ class Running:
         names = JOURNALS[1 - to], JOURNALS[to]
         if isinstance(output, Receipt):
             return to, self._number(("receipt", to, output), receipted(NAMES[1 - to], output, *names))
-        after = preceding(state, output)
-        return to, self._number((encode(output), after), Arrived(output, *names, after))
+        behind = preceding(state, output)
+        return to, self._number((encode(output), behind), Arrived(output, *names, *behind))
 
     def _restored(self, place: Place, who: int) -> Place:
         journal = self.things[place.sides[who].journal]
@@ -284,7 +284,7 @@ def test_soft_state_is_all_in_the_key() -> None:
     here.
     """
     used = {"inbox", "resend", "conversations", "over"}
-    unused = {"step", "up", "full", "held", "asks", "peers", "parameters", "answer", "last", "renumbered"}
+    unused = {"step", "up", "full", "held", "asks", "peers", "parameters", "answer", "last", "renumbered", "untold"}
     assert set(Soft.__struct_fields__) == used | unused
 
 

@@ -133,7 +133,8 @@ def answer_due(memory: ServerMemory, turn: Turn) -> ServerMemory:
     name = getattr(turn.event, "name", None)
     for conversation, number in memory.agreed:
         if conversation == name:
-            turn.say(conversation, Performative.INFORM, Doubled(2 * number))
+            if turn.holds(conversation):  # else the asker has not understood what was said twice
+                turn.say(conversation, Performative.INFORM, Doubled(2 * number))
             rest = tuple(pair for pair in memory.agreed if pair[0] != name)
             return ServerMemory(done=(*memory.done, number), agreed=rest)
     return memory

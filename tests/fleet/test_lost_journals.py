@@ -1,4 +1,4 @@
-"""One agent loses its journal in the middle of a task: the task ends, a person hears why, and the fleet is at rest."""
+"""One agent loses its journal, or its end, amid a task: the task ends, a person hears why, and the fleet is at rest."""
 
 import pytest
 from pretended_fleet import FINAL, Fleet
@@ -38,5 +38,25 @@ def test_a_task_ends_and_the_fleet_is_at_rest(victim: str, part: float, counted:
         assert ends
         why = "seen" if victim == "km" else "lost its memory"  # km forgets the world, not a conversation
         assert all(task.state == "done" or why in task.text for task in ends), ends
+    fleet.wires.run(fleet.at_rest, limit_s=900.0)
+    fleet.close()
+
+
+@pytest.mark.parametrize("back", [1, 2, 5, 20])
+@pytest.mark.parametrize("part", AT)
+@pytest.mark.parametrize("victim", ["co", "pl", "ta", "ex", "km"])
+def test_a_shorter_journal_ends_the_task_too(victim: str, part: float, back: int, counted: dict[str, int]) -> None:
+    """As it was some records ago: nobody waits for a message that was taken and is forgotten."""
+    fleet = Fleet(seed=back)
+    kept: list[bytes] = []
+    node = fleet.wires.nodes[victim]
+    fleet.wires.on_step = lambda agent, effects: (
+        kept.append(effects.record) if agent == victim and effects.record is not None else None
+    )
+    fleet.say("pour the jar into the bowl")
+    fleet.wires.run(lambda: node.steps >= 1 + int(part * counted[victim]) or fleet.ended(), limit_s=3600.0)
+    fleet.wires.put_back(victim, kept[max(0, len(kept) - 1 - back)])
+    fleet.wires.run(fleet.ended, limit_s=3600.0)
+    assert all(task.state == "done" or task.text for task in fleet.tasks), fleet.tasks
     fleet.wires.run(fleet.at_rest, limit_s=900.0)
     fleet.close()

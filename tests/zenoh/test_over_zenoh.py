@@ -7,12 +7,12 @@ import msgspec
 import pytest
 import toy_agents as toy
 import zenoh
-from toy_fleet import Fleet, wait_for
+from toy_fleet import DEADLINE_S, Fleet, wait_for
 
 from agent_runtime.core.state import restored
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import communicate_key
-from agent_runtime.io.journal_format import last_record
+from agent_runtime.io.journal_format import MAGIC, frame, last_record, records
 from agent_runtime.io.sessions import client_config
 from agent_runtime.io.steplog import fingerprint, read, replay
 from fipa_codec.communicate import Communicate, encode
@@ -79,9 +79,8 @@ def test_killed_in_the_middle(fleet: Fleet, victim: str) -> None:
 
 
 def _all_wanted(run: Path) -> bool:
-    memory = journalled(run, "asker")
-    assert isinstance(memory, toy.AskerMemory)
-    return len(memory.answers) + len(memory.wanted) == 6
+    record = last_record((run / "journal" / "asker.journal").read_bytes())
+    return record is not None and all_are_wanted(record)
 
 
 def test_a_step_without_an_end(fleet: Fleet) -> None:
@@ -114,6 +113,35 @@ def test_a_deleted_journal(fleet: Fleet, victim: str) -> None:
     assert answers(fleet.run) == tuple((number, 2 * number) for number in range(6))
     other = "asker" if victim == "server" else "server"
     assert f"{victim} has another journal than before" in (fleet.run / f"{other}.log").read_text()
+
+
+@pytest.mark.parametrize("victim", ["server", "asker"])
+def test_a_journal_cut(fleet: Fleet, victim: str) -> None:
+    """kill -9, and the last half of the journal is lost: its peer knows more, and the agent begins again."""
+    for number in range(6):
+        fleet.want(number)
+    wait_for(lambda: len(answers(fleet.run)) >= 3 and _all_wanted(fleet.run), "3 answers, and all words are taken")
+    (fleet.run / "want").unlink()  # an asker that is started again would take them again
+    fleet.kill(victim)
+    journal = fleet.run / "journal" / f"{victim}.journal"
+    kept = list(records(journal.read_bytes()))
+    wanted = [at for at, one in enumerate(kept) if all_are_wanted(one)] if victim == "asker" else [1]
+    journal.write_bytes(MAGIC + b"".join(map(frame, kept[: max(wanted[0], len(kept) // 2) + 1])))
+    fleet.start(victim)
+    assert fleet.processes[victim].wait(DEADLINE_S) == 1
+    assert "a part of" in (fleet.run / f"{victim}.log").read_text()
+    fleet.start(victim)
+    fleet.ready(victim)
+    wait_for(lambda: len(answers(fleet.run)) >= 6, f"6 answers\n{fleet.logs()}")
+    assert answers(fleet.run) == tuple((number, 2 * number) for number in range(6))
+    other = "asker" if victim == "server" else "server"
+    assert f"{victim} has another journal than before" in (fleet.run / f"{other}.log").read_text()
+
+
+def all_are_wanted(record: bytes) -> bool:
+    """Whether the asker has taken all six words by then."""
+    memory = restored(toy.asker(), record).memory
+    return len(memory.answers) + len(memory.wanted) == 6
 
 
 @pytest.mark.parametrize("moved_s", [-3600, 3600])

@@ -16,7 +16,8 @@ class Receipt(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
     """A receipt for a peer: all stream messages up to `taken`, or (taken 0) this version of the subject, are kept.
 
     `digest`: of the message that was taken under that number. `refused`: of one that came and was not taken (`unknown`:
-    perhaps it was, long before), as its number is another's.
+    perhaps it was, long before), as its number is another's. `heard`: the last number of its own that the peer has
+    receipted, told in each `life` of the peer until that life answers (`answer`).
     """
 
     peer: str
@@ -26,6 +27,9 @@ class Receipt(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
     digest: bytes = b""
     refused: bytes = b""
     unknown: bool = False
+    heard: int = 0
+    life: int = 0
+    answer: bool = False
 
 
 class LogLine(msgspec.Struct, frozen=True):

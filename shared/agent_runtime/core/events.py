@@ -97,13 +97,14 @@ class Arrived(Event, frozen=True, omit_defaults=True):
 
     `journal`: the name of its sender's journal; `believed`: of the journal that the sender believes this agent to have.
     Both are "" where no memory of numbers is needed, and of senders without a journal. `after`: digest of the durable
-    message that it follows, while that is not receipted.
+    message that it follows, while that is not receipted; `heard`: else the number of that message.
     """
 
     communicate: Communicate
     journal: str = ""
     believed: str = ""
     after: bytes = b""
+    heard: int = 0
 
 
 class Receipted(Event, frozen=True, omit_defaults=True):
@@ -121,6 +122,9 @@ class Receipted(Event, frozen=True, omit_defaults=True):
     digest: bytes = b""
     refused: bytes = b""
     unknown: bool = False
+    heard: int = 0
+    life: int = 0
+    answer: bool = False
 
 
 class Garbled(Event, frozen=True):

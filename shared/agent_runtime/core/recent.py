@@ -48,20 +48,22 @@ def receipt(record: Record, peer: str) -> Receipt:
 
 def receipted(sender: str, one: Receipt, journal: str = "", believed: str = "") -> Receipted:
     """Return the event that a receipt of `sender` is for whom it names; the names of journals as in Arrived."""
-    return Receipted(
-        sender, one.taken, one.subject, one.version, journal, believed, one.digest, one.refused, one.unknown
-    )
+    parts = {name: getattr(one, name) for name in one.__struct_fields__ if name != "peer"}
+    return Receipted(peer=sender, journal=journal, believed=believed, **parts)
 
 
-def preceding(record: Record, communicate: Communicate) -> bytes:
-    """Return the digest of the durable word that one follows; b"" where all before it are receipted."""
+def preceding(record: Record, communicate: Communicate) -> tuple[bytes, int]:
+    """Return which word a durable one follows: its digest while it is not receipted, else its number.
+
+    (b"", 0) for the first word of a stream, and for one that is of no stream.
+    """
     sent = record.outbox.get(communicate.receiver, ())
-    if len(sent) < 2 or sent[0].communicate is communicate:
-        return b""
+    if sent and sent[0].communicate is communicate:
+        return b"", record.heard.get(communicate.receiver, 0)
     for before, one in pairwise(sent):
         if one.communicate is communicate:
-            return digest(before.communicate)
-    return b""
+            return digest(before.communicate), 0
+    return b"", 0
 
 
 def covered(sent: Sequence[Outgoing], taken: int, word: bytes) -> int:

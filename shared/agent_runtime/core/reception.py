@@ -5,6 +5,8 @@ What the behaviour is to be told is put into the inbox.
 
 from typing import Any
 
+from msgspec.structs import replace
+
 from agent_runtime.core import control, lineage, renumbering, streams
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Out
@@ -24,6 +26,7 @@ from agent_runtime.core.events import (
     Tick,
 )
 from agent_runtime.core.intake import admit
+from agent_runtime.core.recent import receipt
 from agent_runtime.core.state import CoreState, Waiting
 from agent_runtime.core.wiring import Delivery, Wiring
 from fipa_codec.tables import Role
@@ -37,7 +40,7 @@ def note(agent: Agent[Any], wiring: Wiring, state: CoreState, out: Out, event: A
     """Take note of an event, and queue what the behaviour is to be told. Raises BehaviourError for another event."""
     match event:
         case Arrived():
-            _arrive(wiring, state, out, event)
+            _arrive(wiring, state, out, event, now)
         case Local():
             _queue(state, Waiting(event))
         case Receipted(peer=peer):
@@ -68,10 +71,14 @@ def note(agent: Agent[Any], wiring: Wiring, state: CoreState, out: Out, event: A
             raise BehaviourError(agent.name, state.state, f"was stepped with {event!r}", "that is the core's own")
 
 
-def _arrive(wiring: Wiring, state: CoreState, out: Out, event: Arrived) -> None:
+def _arrive(wiring: Wiring, state: CoreState, out: Out, event: Arrived, now: float) -> None:
     said, journal = event.communicate, event.journal
-    if not journal or lineage.fits(state, out, said.sender, journal, event.believed):
-        admit(state, out, wiring, event)
+    if journal:
+        if not lineage.fits(state, out, said.sender, journal, event.believed):
+            return
+        if lineage.shortened(state, out, said.sender, event.heard, now):
+            return
+    admit(state, out, wiring, event)
 
 
 def _obey(agent: Agent[Any], state: CoreState, out: Out, event: Ordered) -> None:
@@ -95,8 +102,19 @@ def _obey(agent: Agent[Any], state: CoreState, out: Out, event: Ordered) -> None
 
 def _settles(wiring: Wiring, state: CoreState, out: Out, event: Receipted, now: float) -> bool:
     """Take a receipt of the present journal. Return True where it covers the last observation due."""
+    told = bool(event.life) and not event.answer
     if event.journal and not lineage.fits(state, out, event.peer, event.journal, event.believed):
+        if told and event.life == state.incarnation:
+            lineage.renamed(state, out, event, now)
         return False
+    if lineage.shortened(state, out, event.peer, event.heard, now):
+        return False
+    if told:
+        out.receipts.append(replace(receipt(state, event.peer), life=event.life, answer=True))
+    elif event.answer and state.soft.untold.get(event.peer) == event.life:
+        del state.soft.untold[event.peer]
+        if not (state.outbox.get(event.peer) or state.due.get(event.peer)):
+            state.soft.resend.pop(event.peer, None)
     emptied = streams.settle(state, out, wiring, event, now)
     renumbering.look(state, out, event, now)
     return emptied
@@ -105,12 +123,15 @@ def _settles(wiring: Wiring, state: CoreState, out: Out, event: Receipted, now: 
 def _note_peer(wiring: Wiring, state: CoreState, out: Out, event: PeerChanged, now: float) -> None:
     if event.incarnation is None:
         state.soft.peers.pop(event.agent, None)
+        state.soft.untold.pop(event.agent, None)
         streams.forget_last(state, event.agent)
     else:
         if state.soft.peers.get(event.agent, event.incarnation) != event.incarnation:
             streams.forget_last(state, event.agent)
         state.soft.peers[event.agent] = event.incarnation
         news = lineage.met(state, out, event.agent, event.journal)
+        if state.heard.get(event.agent) or event.journal in state.given_up:
+            state.soft.untold[event.agent] = event.incarnation
         streams.flush(state, out, wiring, event.agent, now, force=news)
 
 

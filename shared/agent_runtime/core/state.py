@@ -105,7 +105,8 @@ class Soft(msgspec.Struct):
     `held`: keys of the wake-ups and of the late conversations that wait for room. `parameters`: the value of each, set
     or not; `answer`: to the last order. `last`: last words in volatile conversations, by id, until they are receipted;
     `over`: the newest of those conversations (peer, conversation), which no late copy of their opening opens again.
-    `renumbered`: how often messages to a peer got new numbers since it receipted one.
+    `renumbered`: how often messages to a peer got new numbers since it receipted one. `untold`: lives of peers that
+    have not answered yet how much of this agent's messages they had receipted (lineage).
     """
 
     step: int = 0
@@ -122,10 +123,12 @@ class Soft(msgspec.Struct):
     parameters: dict[str, Value] = {}
     answer: Answer = Answer()
     renumbered: dict[str, int] = {}
+    untold: dict[str, int] = {}
 
 
 class Record(msgspec.Struct, kw_only=True):
-    """The journalled part. `taken`, `issued`: last stream number per peer; `counter`: for ids and versions.
+    """The journalled part. `taken`, `issued`, `heard`: last stream number per peer that was taken of it, said to it,
+    receipted by it; `counter`: for ids and versions.
 
     `recent`: number and digest of the newest messages that were taken of a peer's stream.
 
@@ -143,6 +146,7 @@ class Record(msgspec.Struct, kw_only=True):
     taken: dict[str, Count] = {}
     recent: dict[str, tuple[tuple[Count, bytes], ...]] = {}
     issued: dict[str, Count] = {}
+    heard: dict[str, Count] = {}
     outbox: dict[str, tuple[Outgoing, ...]] = {}
     versions: dict[str, dict[str, Version]] = {}
     due: dict[str, dict[str, Due]] = {}
@@ -181,6 +185,7 @@ class CoreState(Record, kw_only=True):
             taken={**self.taken},
             recent={**self.recent},
             issued={**self.issued},
+            heard={**self.heard},
             outbox={**self.outbox},
             versions={**self.versions},
             due={**self.due},
@@ -195,6 +200,7 @@ class CoreState(Record, kw_only=True):
                 peers={**soft.peers},
                 resend={**soft.resend},
                 renumbered={**soft.renumbered} if soft.renumbered else {},
+                untold={**soft.untold} if soft.untold else {},
             ),
         )
 

@@ -107,7 +107,7 @@ class Core(Generic[M]):
         after, out = state.fork(), Out()
         after.soft.step += 1
         note(self.agent, self.wiring, after, out, event, now)
-        if not after.paused:
+        if not after.paused and after.journal == state.journal:
             after, out = self._take_one(after, out, now)
         self._check_owed(state, after)
         durable = self._durable(state, after, out)

@@ -178,12 +178,13 @@ def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: fl
     elif len(rest) == len(sent):
         return False
     if len(rest) < len(sent):
+        state.heard[peer] = taken
         release(state)
         state.soft.renumbered.pop(peer, None)
     put(state.outbox, peer, rest)
     put(state.due, peer, due)
     state.soft.resend.pop(peer, None)
-    if rest or due:
+    if rest or due or peer in state.soft.untold:
         state.soft.resend[peer] = (now + RESEND_FIRST, RESEND_FIRST)
     if waited and not last_waits(state, peer):
         send_due(state, out, wiring, peer, now)
@@ -195,7 +196,7 @@ def flush(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float, *, 
 
     Without `force`, what was sent less than RESEND_FIRST ago is not sent at once, but when that time is over.
     """
-    if state.outbox.get(peer) or state.due.get(peer):
+    if state.outbox.get(peer) or state.due.get(peer) or peer in state.soft.untold:
         at, gap = state.soft.resend.get(peer, (0.0, 0.0))
         fresh = not force and now - (at - gap) < RESEND_FIRST
         if not fresh:
@@ -215,7 +216,10 @@ def _next_at(now: float, last: float, fresh: bool) -> float:
 
 
 def resend(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float) -> None:
-    """Send the outbox of a peer once more, in order, and the observations due."""
+    """Send the outbox of a peer once more, in order, and the observations due; tell it again what it had receipted."""
+    if peer in state.soft.untold and state.soft.up:
+        told = replace(receipt(state, peer), heard=state.heard.get(peer, 0), life=state.soft.untold[peer])
+        out.receipts.append(told)
     for outgoing in state.outbox.get(peer, ()) if _named(state, peer) else ():
         send(state, out, outgoing.communicate)
     send_due(state, out, wiring, peer, now)

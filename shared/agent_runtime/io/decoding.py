@@ -29,7 +29,7 @@ def arrived(item: Bytes) -> AnyEvent:
     says = (one.sender, one.receiver, one.protocol, one.performative)
     if item.told != says:
         return Garbled(item.key, f"the communicate says {'/'.join(says)}", forged=True)
-    return Arrived(communicate, *item.journals, item.after)
+    return Arrived(communicate, *item.journals, item.after, item.heard)
 
 
 def receipt(item: ReceiptBytes) -> AnyEvent:

@@ -9,7 +9,7 @@ NAMELESS = ("", "")
 class Bytes(msgspec.Struct, frozen=True):
     """A communicate as it came off the wire, not decoded yet; `told`: what its key says of it.
 
-    That is sender, receiver, protocol and performative. `journals`, `after`: see Arrived.
+    That is sender, receiver, protocol and performative. `journals`, `after`, `heard`: see Arrived.
     """
 
     key: str
@@ -17,6 +17,7 @@ class Bytes(msgspec.Struct, frozen=True):
     data: bytes
     journals: tuple[str, str] = NAMELESS
     after: bytes = b""
+    heard: int = 0
 
 
 class ReceiptBytes(msgspec.Struct, frozen=True):

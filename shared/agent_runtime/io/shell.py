@@ -20,7 +20,7 @@ import msgspec
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Deed, Out
-from agent_runtime.core.errors import RuntimeFault
+from agent_runtime.core.errors import JournalError, RuntimeFault
 from agent_runtime.core.events import (
     AnyEvent,
     LinkChanged,
@@ -129,6 +129,9 @@ class Shell:
             signal.signal(number, lambda caught, _: self._stop_caught(Stop(caught)))
         try:
             self._serve()
+        except JournalError as error:
+            self.log.write("begins again", level="error", why=str(error))
+            return 1
         except Exception:
             self._diary.write()
             self.log.write("died", level="error", why=traceback.format_exc())
@@ -302,6 +305,8 @@ class Shell:
                 self._beat()
             following = Next() if effects.more else None
             self._quiet_at = now + QUIET_S
+            if after.journal != before.journal:
+                raise JournalError(self._journal.path, "its end was lost", "the agent goes on under another name of it")
         if self._diary.full or not self._serving:
             self._diary.write()
 
@@ -321,7 +326,7 @@ class Shell:
         assert self._wire is not None
         for one in out.receipts:
             self._wire.send_receipt(one)
-        sizes = [self._wire.send(said, preceding(after, said)) for said in out.sends]
+        sizes = [self._wire.send(said, *preceding(after, said)) for said in out.sends]
         for content in out.tells:
             self._device.tell(content)
         return sizes

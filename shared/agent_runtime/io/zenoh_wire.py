@@ -19,20 +19,22 @@ from agent_runtime.io.inbox import Class
 from agent_runtime.io.incoming import NAMELESS, Bytes, OrderBytes, Ping, ReceiptBytes, RouterSeen, Token
 from agent_runtime.io.message_size import put
 from agent_runtime.io.sessions import close
-from fipa_codec.communicate import Communicate, encode
+from fipa_codec.communicate import Communicate, encode, number_of
 
 BULK_BYTES = 16 * 1024
 """Volatile content from here on goes at low priority, so that it delays nobody else (estimate)."""
 KNOWN_KEYS = 1024
 """Keys that are known; estimate: an agent hears on some dozen."""
 LONGEST_NAMES = 64
-"""Bytes of both names, and of the digest behind them, that are read; ours have 25, with a digest 42."""
+"""Bytes of an attachment that are read; ours have 25, with a digest 42, with a number of 18 digits 45."""
 LINK = 2**24
 """Numbers of puts have 32 bits in Zenoh: the upper eight count the times at which the router was reached."""
 NOBODYS = b"?"
 """In the place of a digest that cannot be read: of no message."""
 KNOWN_NAMES = 256
-"""Pairs of names that are known, with and without a digest; estimate: some for each peer."""
+"""Attachments that are known; estimate: some for each peer."""
+Attached = tuple[tuple[str, str], bytes, int]
+NOTHING: Attached = (NAMELESS, b"", 0)
 _FIRST, _SECOND, _LAST = zenoh.Priority.INTERACTIVE_HIGH, zenoh.Priority.DATA, zenoh.Priority.DATA_LOW
 _BLOCK = zenoh.CongestionControl.BLOCK
 
@@ -89,8 +91,8 @@ class ZenohWire:
         """From now on the peers have journals of these names."""
         self._names = {peer: f"{self._journal}/{name}".encode() for peer, name in journals.items()}
 
-    def send(self, communicate: Communicate, after: bytes = b"") -> int:
-        """Put a communicate; its size in bytes. `after`: the digest of the one that it follows (renumbering)."""
+    def send(self, communicate: Communicate, after: bytes = b"", heard: int = 0) -> int:
+        """Put a communicate; its size in bytes. `after`, `heard`: which one it follows (recent.preceding)."""
         data = encode(communicate)
         act = (communicate.receiver, communicate.protocol, communicate.performative)
         route = self._routes.get(act)
@@ -98,8 +100,8 @@ class ZenohWire:
             route = self._routes[act] = self._route(communicate)
         key, priority, bulky, kept = route
         names = self._attached(communicate.receiver) if kept else None
-        if after and names:
-            names += b"/" + after.hex().encode()
+        if names and (after or heard):
+            names += b"/" + after.hex().encode() + (f"/{heard}".encode() if heard else b"")
         self._put(key, data, priority if len(data) < BULK_BYTES else bulky, names)
         return len(data)
 
@@ -161,9 +163,9 @@ class ZenohWire:
     def _on_communicate(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         kind, told, kept = self._known.get(key) or self._told(key)
-        journals, after = _attachment(sample) if kept else (NAMELESS, b"")
+        attached = _attachment(sample) if kept else NOTHING
         data = sample.payload.to_bytes()
-        self._inbox.put(kind, Bytes(key, told, data, journals, after), told[0], len(data))
+        self._inbox.put(kind, Bytes(key, told, data, *attached), told[0], len(data))
 
     def _told(self, key: str) -> tuple[Class, tuple[str, ...], bool]:
         """Return the parts of a key, cached up to a bound, since strangers may make up keys without end."""
@@ -212,18 +214,19 @@ class ZenohWire:
         self._inbox.put(Class.OWN, RouterSeen(up))
 
 
-def _attachment(sample: zenoh.Sample) -> tuple[tuple[str, str], bytes]:
+def _attachment(sample: zenoh.Sample) -> Attached:
     attached = sample.attachment
-    return (NAMELESS, b"") if attached is None else _attached(attached.to_bytes())
+    return NOTHING if attached is None else _attached(attached.to_bytes())
 
 
 @lru_cache(KNOWN_NAMES)
-def _attached(attached: bytes) -> tuple[tuple[str, str], bytes]:
-    """Return the names of both journals, and the digest of the message before, b"" where there is none."""
-    own, believed, after = (*attached[:LONGEST_NAMES].decode("ascii", "replace").split("/"), "", "")[:3]
+def _attached(attached: bytes) -> Attached:
+    """Return the names of both journals, and which message a durable one follows (Arrived)."""
+    parts = (*attached[:LONGEST_NAMES].decode("ascii", "replace").split("/"), "", "", "")
+    own, believed, after, heard = parts[:4]
     with suppress(ValueError):
-        return (own, believed), bytes.fromhex(after)
-    return (own, believed), NOBODYS
+        return (own, believed), bytes.fromhex(after), number_of(heard) or 0
+    return (own, believed), NOBODYS, 0
 
 
 def _owner(sample: zenoh.Sample) -> str:

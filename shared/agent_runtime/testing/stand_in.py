@@ -136,7 +136,7 @@ class StandIn:
             self._record.issued[peer] = number
             self._record.outbox[peer] = (*self._record.outbox.get(peer, ()), Outgoing(number, one))
         self._keep()
-        self._wire.send(one, preceding(self._record, one))
+        self._wire.send(one, *preceding(self._record, one))
         self._due = time.time() + RESEND_FIRST
         return one
 
@@ -217,7 +217,12 @@ class StandIn:
             return
         sent = self._record.outbox.get(item.peer, ())
         taken = covered(sent, came.taken, came.digest)
+        if came.life and not came.answer:
+            known = receipt(self._record, item.peer)
+            self._wire.send_receipt(msgspec.structs.replace(known, life=came.life, answer=True))
         rest = tuple(one for one in sent if one.number > taken)
+        if len(rest) < len(sent):
+            self._record.heard[item.peer] = taken
         if rest:
             self._record.outbox[item.peer] = rest
         else:
@@ -227,7 +232,7 @@ class StandIn:
         if time.time() >= self._due:
             for sent in self._record.outbox.values():
                 for outgoing in sent:
-                    self._wire.send(outgoing.communicate, preceding(self._record, outgoing.communicate))
+                    self._wire.send(outgoing.communicate, *preceding(self._record, outgoing.communicate))
             self._due = time.time() + RESEND_FIRST
 
 

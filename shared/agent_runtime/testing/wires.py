@@ -156,8 +156,12 @@ class Wires:
 
     def lose_journal(self, agent: str, *, restart_s: float = 0.5) -> None:
         """Kill the agent and delete its journal; it comes back `restart_s` later, under another journal's name."""
+        self.put_back(agent, None, restart_s=restart_s)
+
+    def put_back(self, agent: str, journal: bytes | None, *, restart_s: float = 0.5) -> None:
+        """Kill the agent and put another record in place of its journal; it comes back `restart_s` later."""
         self._die(agent, restart_s)
-        self.nodes[agent].journal = None
+        self.nodes[agent].journal = journal
 
     def deliver(self, communicate: Communicate, journals: tuple[str, str] = ("", "")) -> None:
         """Put a communicate on the wire as a stranger might; `journals`: the names that are said with it."""
@@ -277,6 +281,9 @@ class Wires:
         node.state = after
         if effects.record is not None:
             node.journal = effects.record
+        if after.journal != state.journal:  # as the shell has it: it begins again
+            self._die(agent, self.faults.restart_s)
+            return False
         if point is not Point.RECORDED:
             self._emit(agent, effects, receipts_only=point is Point.RECEIPTED)
         if point in (None, Point.AFTER):
@@ -317,8 +324,8 @@ class Wires:
         for communicate in () if receipts_only else effects.sends:
             self.traffic.append(communicate)
             state = self.nodes[agent].state
-            after = preceding(state, communicate) if state is not None else b""
-            self._carry(communicate, *self._journals(agent, communicate), after)
+            behind = preceding(state, communicate) if state is not None else (b"", 0)
+            self._carry(communicate, *self._journals(agent, communicate), *behind)
 
     def _journals(self, agent: str, said: Communicate | Receipt) -> tuple[str, str]:
         """Names of journals that go with it, as over the real wire."""
@@ -331,11 +338,13 @@ class Wires:
                 return "", ""
         return node.state.journal, node.state.journals.get(peer, "")
 
-    def _carry(self, communicate: Communicate, journal: str = "", believed: str = "", after: bytes = b"") -> None:
+    def _carry(
+        self, communicate: Communicate, journal: str = "", believed: str = "", after: bytes = b"", heard: int = 0
+    ) -> None:
         data = encode(communicate)
         receiver = communicate.receiver
         if receiver in self.nodes:
-            self._through(lambda: self._happen(receiver, Arrived(decode(data), journal, believed, after)))
+            self._through(lambda: self._happen(receiver, Arrived(decode(data), journal, believed, after, heard)))
 
     def _carry_receipt(self, agent: str, receipt: Receipt) -> None:
         event = receipted(agent, receipt, *self._journals(agent, receipt))

@@ -67,7 +67,8 @@ def _arrived(one: Communicate, at: float, agent: str, system: System) -> Record 
 
 def _receipted(one: Receipted, at: float, agent: str) -> House:
     """The record of a receipt for what an agent said."""
-    receipt = Receipt(agent, one.taken, one.subject, one.version, one.digest, one.refused, one.unknown)
+    parts = {name: getattr(one, name) for name in Receipt.__struct_fields__ if name != "peer"}
+    receipt = Receipt(agent, **parts)
     return House(RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(receipt))
 
 
