@@ -18,7 +18,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TIME_IS_OVER = 124  # as `timeout` has it
 GRACE_S = 20.0  # pytest-xdist gives its workers 10 s; estimate: a fleet ends in order within that time
 KILLED_S = 10.0  # estimate: until the kernel has taken down what was killed
-LOOK_S = 0.05
+LOOK_S = 0.05  # between two looks; estimate: nobody notices
 PR_SET_CHILD_SUBREAPER = 36  # linux/prctl.h
 
 

@@ -54,7 +54,7 @@ venv_fits() {
 
 # Make .venv with an interpreter and uv in it, where it is missing or does not fit.
 setup_venv() {
-    local python uv
+    local python
     if ! venv_fits; then
         if python=$(find_python); then
             say "making .venv with $("$python" --version)"

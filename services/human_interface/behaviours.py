@@ -129,7 +129,7 @@ def _said(memory: Memory, turn: Turn, word: Said) -> Memory:
         case Act(tasks=tasks):
             return _ask(memory, turn, word, tasks)
         case Ask(text=text):
-            turn.tell(_shown(memory))  # before the answer: whoever reads it may reply at once
+            turn.tell(_shown(memory))  # first: who reads the answer may reply at once
             offered = offers.replies(options, word.meaning.language)
             memory = _told(memory, turn, word, QUESTION if options else REFUSED, text, offered)
             if context.options and not options:  # a no

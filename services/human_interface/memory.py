@@ -55,8 +55,8 @@ class Heard(msgspec.Struct, frozen=True, omit_defaults=True):
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people know it.
 
-    `context`: what was talked of; `asked`: questions that are open; `heard`: what was said just now; `looks`: tasks
-    that look around; `follows`: pairs of a task and the one said before it, which it needs.
+    `context`: things and the look around that were mentioned; `asked`: open questions; `heard`: sentences of the last
+    seconds; `looks`: tasks that look around; `follows`: pairs of a task and the one said before it, which it needs.
     """
 
     tasks: tuple[TaskLine, ...] = ()

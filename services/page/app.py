@@ -25,12 +25,12 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.routing import Route
 
 from companion.run_files import Pairing, Say, TaskLine
-from companion.stop_words import calls_for_help, may_answer, stop_words
+from companion.stop_words import AT_ONCE_S, calls_for_help, may_answer, stop_words
 from companion.wording import plain
 from services.page import catalogue, speech, view
 from services.page.catalogue import LANGUAGES, say
 from services.page.guard import cookie_name
-from services.page.hi_client import AT_ONCE_S, Hi, HiError
+from services.page.hi_client import Hi, HiError
 from services.page.pairing import CODE_S, KEPT_S, Pairs
 from services.page.robot_stop import RobotStop
 from services.page.robot_word import RobotWord
@@ -156,7 +156,7 @@ class Page:
         return ()
 
     async def _stop_in_words(self, text: str, language: str) -> Response:
-        """Stop the robot; who calls for help is told what can be said, too, if hi answers."""
+        """Stop the robot. If the text calls for help and hi answers, the answer lists what can be said."""
         if not calls_for_help(text):
             return await self._hold(True, {}, language)
         if self._stop.hold(True):

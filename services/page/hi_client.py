@@ -10,11 +10,10 @@ import msgspec
 
 from companion.loopback import HERE, answered
 from companion.run_files import HI_FILE, Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
+from companion.stop_words import AT_ONCE_S
 
 ANSWER_S = 6.0
 """hi answers within 5 s, be it that it is busy."""
-AT_ONCE_S = 1.0
-"""A "no" that may be an answer waits so long for hi to say so; then it is a stop (estimate: hi takes milliseconds)."""
 T = TypeVar("T")
 
 

@@ -48,7 +48,7 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     until it may begin, 0 for none.
 
     `instead`: a task that is cancelled as soon as the new one is asked for, such as the same one with less urgency.
-    `asker`: a name for whoever says it, such as a browser or a terminal: hi's question is answered by who was asked.
+    `asker`: the browser or terminal that says it; only the one that hi asked can answer its question.
     """
 
     text: str
@@ -115,7 +115,7 @@ class Question(msgspec.Struct, frozen=True):
 class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
     """GET /tasks: all tasks of this run, oldest first. `held`: the stop flag of hi's run folder is set.
 
-    `wishes`: what could be done with the things that were seen, or talked of. `questions`: that hi has asked.
+    `wishes`: what could be done with the things that were seen, or talked of. `questions`: hi's open questions.
     """
 
     tasks: tuple[TaskLine, ...]

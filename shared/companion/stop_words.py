@@ -16,11 +16,13 @@ import msgspec
 from companion.letters import fold
 
 LANGUAGES = ("en", "pl")
+AT_ONCE_S = 1.0
+"""A "no" waits so long for hi to say that it answers a question; then it stops the robot (estimate: hi takes ms)."""
 LONGEST = 10_000  # characters that are looked through (estimate: hi takes bodies of 4096 bytes)
 
 
 class Harmless(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A group of rows that are no stop."""
+    """A group of rows that do not stop the robot."""
 
     reason: str
     en: str
@@ -176,7 +178,7 @@ def _shape(word: str) -> str:
 
 
 def _without_harmless(words: list[str]) -> str:
-    """The words with a blank before and behind each, without times and what else is no stop."""
+    """The words, each between blanks, without times and harmless rows."""
     text = _table().time.sub("", f" {' '.join(words)} ")
     for row in _table().harmless:
         text = text.replace(row, " ")

@@ -8,8 +8,6 @@
 #include <math.h>
 #include <stddef.h>
 
-#define MOST 32 /* strips at a grid point: two for each joint */
-
 static const double STILL = 1e-9; /* rad per unit of path: joints slower than this limit no acceleration */
 
 typedef struct {
@@ -44,7 +42,7 @@ static double largest(int count, const Strip *strip, double twice, double next, 
 void path_speeds(int n, int joints, const double *first, const double *second, const double *limit, const double *length,
                  double *x)
 {
-    Strip strip[MOST];
+    Strip strip[2 * joints];
     x[n - 1] = 0.0;
     for (int i = n - 2; i >= 0; i--) {
         size_t at = (size_t)i * joints;

@@ -17,7 +17,7 @@ from agent_runtime.core.state import CoreState
 from agent_runtime.core.unheard import Unheard
 from agent_runtime.io import clock
 from agent_runtime.io.full_disk import overwrite
-from agent_runtime.io.run_files import heartbeat_file
+from agent_runtime.io.run_files import heartbeat_file, write_whole
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
@@ -88,20 +88,9 @@ def write(run: Path, whole: Heartbeat, short: Heartbeat) -> None:
     """Write the heartbeat, and once it is ready the file that says so; `short`: where there is little room."""
     file, ready = heartbeat_file(run, whole.agent), ready_file(run, whole.agent)
     try:
-        _replace(file, msgspec.json.encode(whole))
+        write_whole(file, msgspec.json.encode(whole))
         if whole.ready and not ready.exists():
-            _replace(ready, str(whole.incarnation).encode())
+            write_whole(ready, str(whole.incarnation).encode())
     except OSError:
         with suppress(OSError):
             overwrite(file, msgspec.json.encode(msgspec.structs.replace(short, counts={}, parameters={})))
-
-
-def _replace(path: Path, data: bytes) -> None:
-    """Write a small file so that a reader sees the old one or the new one."""
-    beside = path.with_name(f".{path.name}.new")
-    try:
-        beside.write_bytes(data)
-    except OSError:
-        beside.unlink(missing_ok=True)
-        raise
-    beside.replace(path)

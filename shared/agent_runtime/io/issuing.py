@@ -167,11 +167,6 @@ def holding(places: Sequence[Seat], rights: Rights, hosts: Sequence[str]) -> dt.
     return min(one.not_valid_after_utc for one in (issuer, *(certificate for _, certificate in found)))
 
 
-def ends(file: Path) -> dt.datetime:
-    """Until when a certificate holds. Raises OSError, or ValueError where it is none."""
-    return _certificate(file).not_valid_after_utc
-
-
 def lifetime(file: Path) -> tuple[dt.datetime, dt.datetime]:
     """From when until when a certificate holds. Raises OSError, or ValueError where it is none."""
     found = _certificate(file)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.io.run_files import heartbeat_file, make_run
+from agent_runtime.io.run_files import heartbeat_file, make_run, write_whole
 
 PERIOD_S = 1.0
 """As an agent's."""
@@ -45,9 +45,7 @@ class Pulse:
                 self._write()
 
     def _write(self) -> None:
-        beside = self.file.with_name(f".{self.file.name}.new")
-        beside.write_bytes(self._data)
-        beside.replace(self.file)
+        write_whole(self.file, self._data)
 
 
 class Turns:

@@ -47,7 +47,7 @@ class Verbs(TyperGroup):
     def called(self, ctx: Any, cmd_name: str) -> Any:
         """The verb of this name, also one that a project adds; None where there is none."""
         if self.get_command(ctx, cmd_name) is None:
-            self.commands.update(_listed(self.words, of_project()))
+            self.commands.update(_listed(self.words, added(of_project=True)))
         return self.get_command(ctx, cmd_name)
 
     def main(
@@ -146,25 +146,14 @@ def named(examples: str) -> str:
     return re.sub("|".join(names) or "$^", lambda found: names[found[0]], examples)
 
 
-def added() -> Table:
-    """The verbs that the system here adds, if it is installed; none if it is a project's, or cannot be read."""
-    from operate.system import NoSystemError, installed_here
+def added(*, of_project: bool = False) -> Table:
+    """The verbs that the system here adds; none if it cannot be read. A project's is imported only if asked for."""
+    from operate.system import NoSystemError, here, installed_here
     from topdown.model.errors import TopdownError
 
     try:
-        found = installed_here()
+        found = here() if of_project else installed_here()
         return (found.addition("verbs") if found is not None else None) or {}
-    except (NoSystemError, TopdownError):
-        return {}
-
-
-def of_project() -> Table:
-    """The verbs that the system here adds, imported also from a project; none if it is not found or cannot be read."""
-    from operate.system import NoSystemError, here
-    from topdown.model.errors import TopdownError
-
-    try:
-        return here().addition("verbs") or {}
     except (NoSystemError, TopdownError):
         return {}
 

@@ -48,13 +48,10 @@ class Files:
         self.why = ""
         """Why something could not be written; "" where nothing is owed."""
 
-    def put(self, file: Path, data: bytes) -> None:
-        """Have this in a file of the folder; a reader sees the old one or the new one."""
-        self._want(file, data)
-
-    def remove(self, file: Path) -> None:
-        """Have no such file."""
-        self._want(file, None)
+    def put(self, file: Path, data: bytes | None) -> None:
+        """Have this in a file of the folder, which a reader sees whole; None: have no such file."""
+        self._owed[file] = data
+        self.settle()
 
     def tell(self, fleet: Fleet) -> None:
         """Have the fleet in fleet.json."""
@@ -87,10 +84,6 @@ class Files:
             return log_file(self._run, name).open("ab")
         except OSError:
             return open(os.devnull, "ab")
-
-    def _want(self, file: Path, data: bytes | None) -> None:
-        self._owed[file] = data
-        self.settle()
 
 
 def _write(file: Path, data: bytes | None) -> None:

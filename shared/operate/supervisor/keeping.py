@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from agent_runtime.io.fleet_processes import started_in
+from agent_runtime.io.fleet_processes import started_in, variables
 from agent_runtime.io.forked import Other
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, make_run
 from operate.run_folder import LOCK_FILE
@@ -76,7 +76,10 @@ def left(run: Path, processes: tuple[Process, ...]) -> dict[str, Left]:
 
 def end_others(run: Path) -> None:
     """End what else fleets of this folder left: all that was started for one, but this process."""
-    others = [Left(pid) for pid in started_in(run) if pid != os.getpid() and _lives(pid)]
+    others = []
+    for pid in started_in(run):
+        with contextlib.suppress(ProcessLookupError):  # it has ended since
+            others += [Left(pid)] if pid != os.getpid() else []
     for one in others:
         one.terminate()
     until = time.monotonic() + ORDERLY_STOP_S
@@ -85,16 +88,7 @@ def end_others(run: Path) -> None:
             one.kill()
 
 
-def _lives(pid: int) -> bool:
-    """Whether there is more of it than what its parent has not looked at."""
-    try:
-        return bool((Path("/proc") / str(pid) / "cmdline").read_bytes())
-    except OSError:
-        return False
-
-
 def _runs(pid: int, module: str, run: Path) -> bool:
     """Whether this process runs a module in a run folder; a number used again by somebody else does not."""
-    place = Path(f"/proc/{pid}")
-    words, settings = ((place / file).read_bytes().split(b"\0") for file in ("cmdline", "environ"))
-    return module.encode() in words and f"{RUN_FOLDER_VARIABLE}={run}".encode() in settings
+    words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    return module.encode() in words and variables(pid).get(RUN_FOLDER_VARIABLE) == str(run)

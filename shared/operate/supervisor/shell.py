@@ -15,6 +15,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -55,7 +56,7 @@ class Shell:
         self.run = run
         self.system = system
         self.connect = connect
-        self.environment = {**environment, FLEET_VARIABLE: os.environ.get(FLEET_VARIABLE) or uuid.uuid4().hex}
+        self.environment = {FLEET_VARIABLE: uuid.uuid4().hex, **environment}
         self.apart = apart or {}
         self.command = command or python_module
         self.tend = tend or (lambda: None)
@@ -84,7 +85,7 @@ class Shell:
             self.step(time.monotonic())
             self.end_asked.wait(core.PERIOD_S) if not self.fleet.stopping else time.sleep(core.PERIOD_S)
         for file in (ready, pulse.file, pid):
-            self.files.remove(file)
+            self.files.put(file, None)
 
     def end(self, left: Mapping[str, Left]) -> None:
         """End in order what a supervisor that died left running; each has its time, then it is killed."""
@@ -108,11 +109,9 @@ class Shell:
             self.fleet = core.take(self.fleet, event, now)
         self.fleet = core.look(self.fleet, self._beats())
         if self.fleet.failing and not self.held:
-            try:
+            with suppress(OSError):  # tried again at the next look
                 set_stop(self.run, held=True)
                 self.held = True
-            except OSError:  # tried again at the next look
-                pass
         self.fleet, actions = core.decide(self.fleet, now)
         for action in actions:
             outcome = self._act(action)
@@ -129,7 +128,7 @@ class Shell:
             code = child.poll()
             if code is not None:
                 del self.children[name]
-                self.files.remove(folder.pid_file(self.run, name))
+                self.files.put(folder.pid_file(self.run, name), None)
                 seen.append(core.Exited(name, code, folder.last_line(folder.log_file(self.run, name))))
             elif self.fleet.known[name].state is ProcessState.STARTING and folder.ready_file(self.run, name).exists():
                 seen.append(core.Ready(name))
@@ -159,7 +158,7 @@ class Shell:
 
     def _start(self, process: Process) -> core.Event:
         """Start a process; where that cannot work, say why."""
-        self.files.remove(folder.ready_file(self.run, process.name))
+        self.files.put(folder.ready_file(self.run, process.name), None)
         self.beats[process.name] = folder.beat(self.run, process.name)  # of the one before: no beat of this one
         environment = {**self.environment, **self.apart.get(process.name, {})}
         try:

@@ -11,11 +11,11 @@ import msgspec
 
 from companion.loopback import answered
 from companion.run_files import HI_FILE, Cancel, Events, HiAddress, Problem, Say, TaskLine, Tasks
+from companion.stop_words import AT_ONCE_S
 from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError
 from operate.cli.fleet.targets import Target
 
 ANSWER_S = 10.0  # estimate: a_hi answers without asking anybody, in milliseconds
-AT_ONCE_S = 1.0  # a "no" that may be an answer waits so long for a_hi to say so; then it is a stop
 HI = "hi"
 T = TypeVar("T")
 

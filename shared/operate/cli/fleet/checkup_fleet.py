@@ -9,8 +9,7 @@ from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.checkup_reach import refusals, router
 from operate.cli.fleet.key_times import key_folder, key_times
 from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Look, Seen, stuck
-from operate.cli.fleet.process_status import trouble as trouble_of
+from operate.cli.fleet.process_status import Look, Seen, stuck, trouble
 from operate.cli.fleet.targets import Target
 from operate.run_folder import ProcessState
 
@@ -53,7 +52,7 @@ def _process(one: Seen) -> Check | None:
         level = Level.NOTE if status.optional else Level.WRONG
         words = f"{status.state}{': ' + status.note if status.note else ''}"
         return Check(name, level, words, remedies[status.state])
-    words = trouble_of(one)
+    words = trouble(one)
     if words and one.beat is not None and words == one.beat.trouble:
         return Check(name, Level.WRONG, words, "make room (`df -h`, `roco runs remove`); it goes on by itself")
     return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}") if words else None
@@ -78,15 +77,15 @@ def held(fleet: Target, now: Look) -> Iterator[Check]:
 
 def certificates(fleet: Target, now: Look) -> Iterator[Check]:
     """Yield a check of how long the keys are still valid."""
-    folder = key_folder(fleet)
+    folder = key_folder(fleet, now)
     if folder is None:
         return
     times, at = key_times(folder), dt.datetime.now(dt.UTC)
     anew = "`roco down`, then `roco up` makes them anew; keys of `--keys`: `roco keys make`"
     if times is None:
         yield Check("keys", Level.WRONG, f"no certificate in {folder}", anew)
-    elif trouble := times.trouble(at):
-        yield Check("keys", Level.WRONG, trouble, anew)
+    elif why := times.trouble(at):
+        yield Check("keys", Level.WRONG, why, anew)
     else:
         soon = times.end - at < SOON
         words = f"hold until {times.end:%Y-%m-%d %H:%M} UTC"

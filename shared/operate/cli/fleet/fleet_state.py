@@ -44,14 +44,14 @@ def state_of(fleet: Target) -> Status:
     late = tuple(one.name for one in now.seen if one.status.pid and stuck(one))
     who = tuple(unheard(now))
     starting = any(one.status.pid and one.status.state is not ProcessState.READY for one in now.seen)
-    keys = _keys(fleet) if troubles or who or starting else ""
+    keys = _keys(fleet, now) if troubles or who or starting else ""
     return Status(fleet.where, now.fleet, told, now.stop_held, problem, troubles, who, paused, late, now.unkept, keys)
 
 
-def _keys(fleet: Target) -> str:
+def _keys(fleet: Target, now: Look) -> str:
     """Return which certificate of a fleet in trouble does not hold."""
     with suppress(OSError, ValueError):  # doctor tells what is wrong with a file that is no certificate
-        if (folder := key_folder(fleet)) and (times := key_times(folder)):
+        if (folder := key_folder(fleet, now)) and (times := key_times(folder)):
             return times.trouble(dt.datetime.now(dt.UTC))
     return ""
 

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import msgspec
 
+from agent_runtime.io.fleet_processes import variables
 from agent_runtime.io.run_files import KEYS_FOLDER, KEYS_VARIABLE
 from operate.cli.fleet.local import Local
+from operate.cli.fleet.process_status import Look
 from operate.cli.fleet.targets import Target
 
 
@@ -31,14 +33,12 @@ class KeyTimes(msgspec.Struct, frozen=True):
         return ""
 
 
-def key_folder(fleet: Target) -> Path | None:
-    """Return the folder of keys that a fleet on this machine uses; None without one."""
+def key_folder(fleet: Target, now: Look) -> Path | None:
+    """Return the folder of keys that a fleet on this machine uses, by a look at it; None without one."""
     if not isinstance(fleet, Local):
         return None
-    told = fleet.look().fleet
-    living = next((one.name for one in told.processes if one.pid), "") if told else ""
-    given = fleet.variable(living, KEYS_VARIABLE) if living else ""
-    folder = Path(given) if given else fleet.run / KEYS_FOLDER
+    pid = next((one.status.pid for one in now.seen if one.status.pid), 0)
+    folder = Path(variables(pid).get(KEYS_VARIABLE) or fleet.run / KEYS_FOLDER)
     return folder if folder.is_dir() else None
 
 

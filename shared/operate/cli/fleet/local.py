@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, suppress
 from functools import cached_property
 from pathlib import Path
 
-from agent_runtime.io.fleet_processes import set_stop
+from agent_runtime.io.fleet_processes import set_stop, variables
 from agent_runtime.io.run_files import heartbeat_file, opened
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import process_status, starting
@@ -96,11 +96,8 @@ class Local:
         """Return a variable of the environment that a process has, or would be started with; "" where it is not set."""
         told = folders.living(self.run)
         pids = [one.pid for one in told.processes if one.name == name] + [told.supervisor] if told else []
-        for pid in filter(None, pids):
-            with suppress(OSError):
-                words = (PROC / str(pid) / "environ").read_bytes().decode(errors="replace").split("\0")
-                return dict(word.split("=", 1) for word in words if "=" in word).get(variable, "")
-        return ""
+        had = next(filter(None, map(variables, filter(None, pids))), {})
+        return had.get(variable, "")
 
     def wire(self, name: str, kind: str, amount: float | None) -> None:
         """Set a condition of the wires of an agent, or of all to a router, or end it (None). FleetError: none."""
