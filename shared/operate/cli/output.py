@@ -3,6 +3,8 @@
 Text is for people, json for programs: one object, or one a line while something goes on; problems on standard error.
 """
 
+import errno
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +17,7 @@ import typer
 
 from agent_runtime.io.run_files import LinkedError
 from operate.cli import completion, interrupts
-from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError
+from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError, UsageError
 from operate.system import NoSystemError
 from topdown.model.errors import TopdownError
 
@@ -56,6 +58,32 @@ def tell_json(what: object) -> None:
     line = msgspec.json.encode(what).decode()
     with interrupts.put_off():
         print(line)
+
+
+_MAY_NOT = "call roco in a folder that you may write to, or name one"
+_REMEDIES = {
+    errno.EACCES: _MAY_NOT,
+    errno.EPERM: _MAY_NOT,
+    errno.ENOENT: "name one that is there",
+    errno.EEXIST: "it is a file; name a folder",
+    errno.ENOTDIR: "a part of this path is a file; name another path",
+    errno.EISDIR: "it is a folder; name a file",
+    errno.ENAMETOOLONG: "name a shorter path",
+}
+
+
+def refused(error: OSError) -> ConsoleError:
+    """Return what the operating system refused as an error of the command line, with what to do; an error of our own
+    has its words.
+    """
+    from agent_runtime.io.full_disk import DISK, worded  # seldom needed, and verbs start quickly
+
+    if error.errno in DISK:
+        return ConsoleError(f"{worded(error.filename or 'the output', error)}; make room there, or write elsewhere")
+    if error.errno is None or error.filename is None:
+        return ConsoleError(error.strerror or str(error))
+    words = (f"{os.fsdecode(error.filename)}: {error.strerror}", _REMEDIES.get(error.errno))
+    return UsageError("; ".join(filter(None, words)))
 
 
 def tell_problem(problem: object, form: Format) -> None:
