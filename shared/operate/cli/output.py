@@ -4,6 +4,7 @@ Text is for people, json for programs: one object, or one a line while something
 """
 
 import errno
+import json
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -55,7 +56,10 @@ def tell(what: Reply, form: Format) -> None:
 
 def tell_json(what: object) -> None:
     """Print anything made of Structs, in a line; an interrupt does not cut it."""
-    line = msgspec.json.encode(what).decode()
+    try:
+        line = msgspec.json.encode(what).decode()
+    except UnicodeEncodeError:  # the name of a file that is not UTF-8
+        line = json.dumps(msgspec.to_builtins(what))
     with interrupts.put_off():
         print(line)
 
@@ -88,7 +92,7 @@ def refused(error: OSError) -> ConsoleError:
 
 def tell_problem(problem: object, form: Format) -> None:
     """Print a problem in words on standard error."""
-    words = msgspec.json.encode({"error": str(problem)}).decode() if form is Format.JSON else f"roco: {problem}"
+    words = json.dumps({"error": str(problem)}) if form is Format.JSON else f"roco: {problem}"
     print(words, file=sys.stderr)
 
 

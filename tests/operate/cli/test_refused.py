@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -103,3 +104,22 @@ def test_closed_output_is_as_an_empty_one(tmp_path: Path) -> None:
     closed = ["sh", "-c", 'exec "$@" >&-', "sh", *command]
     done = subprocess.run(closed, cwd=tmp_path, stderr=subprocess.PIPE, timeout=50, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_run_in_a_folder_that_is_not_utf_8_is_refused(form: str, tmp_path: Path) -> None:
+    """Its files would name it, and so would Zenoh's configuration."""
+    folder = tmp_path / os.fsdecode(b"caf\xe9")
+    folder.mkdir()
+    done = roco("up", "--format", form, cwd=folder)
+    assert done.returncode == 2
+    assert b"this path is not UTF-8; rename its folders, or name another path" in done.stderr
+    assert not list(folder.iterdir())
+
+
+def test_a_project_whose_path_has_a_colon_is_refused(tmp_path: Path) -> None:
+    """PYTHONPATH would have two folders of it, and each agent would be missing."""
+    shutil.copytree(Path(__file__).parents[3] / "examples/depot", tmp_path / "a:b")
+    done = roco("up", cwd=tmp_path / "a:b")
+    assert done.returncode == 2
+    assert b"cannot be named in PYTHONPATH; rename the folder" in done.stderr

@@ -8,6 +8,7 @@ import typer
 
 from operate.cli.output import Form, Format, tell_problem
 from topdown.model.errors import TopdownError
+from topdown.model.loading import text_of
 from topdown.scaffold import Outcome, scaffold, smallest
 
 
@@ -38,7 +39,7 @@ def new(
 
 def _made(folder: Path, name: str, source: Path | None) -> Outcome:
     if source is not None:
-        return scaffold(source.read_text(encoding="utf-8"), folder, name, str(source))
+        return scaffold(text_of(source), folder, name, str(source))
     package = name or folder.resolve().name
     return scaffold(smallest(package), folder, package)
 
