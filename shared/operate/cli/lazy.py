@@ -199,7 +199,7 @@ def _told(problem: str, code: int, *, json: bool) -> int:
     from operate.cli.output import Format, tell_problem
 
     with suppress(OSError):
-        tell_problem(problem, Format.JSON if json else Format.TEXT)
+        tell_problem(problem if json else escaped(problem), Format.JSON if json else Format.TEXT)
     return code
 
 

@@ -84,7 +84,7 @@ def refused(error: OSError) -> ConsoleError:
 
     if error.errno in DISK:
         return ConsoleError(f"{worded(error.filename or 'the output', error)}; make room there, or write elsewhere")
-    if error.errno is None or error.filename is None:
+    if error.errno is None or not isinstance(error.filename, str | bytes | os.PathLike):  # a number: of an open file
         return ConsoleError(error.strerror or str(error))
     words = (f"{os.fsdecode(error.filename)}: {error.strerror}", _REMEDIES.get(error.errno))
     return UsageError("; ".join(filter(None, words)))

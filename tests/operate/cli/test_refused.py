@@ -51,13 +51,14 @@ def test_a_folder_that_may_not_be_written_to_is_named(form: str) -> None:
 @pytest.mark.parametrize(("verb", "option"), [(("up",), "--out"), (("keys", "make"), "")])
 def test_a_file_in_place_of_a_folder_is_named(verb: tuple[str, ...], option: str, form: str, tmp_path: Path) -> None:
     """As the folder itself, and on the way to it."""
-    file = tmp_path / "file"
+    file = tmp_path / "file\x1b]0;x\u202e"  # what a terminal would obey is shown
     file.touch()
+    shown = str(file).replace("\x1b", "\\u001b").replace("\u202e", "\\u202e")
     for place, remedy in ((file, b"it is a file; name a folder"), (file / "run", b"a part of this path is a file")):
         done = roco(*verb, *[option] * bool(option), str(place), "--format", form, cwd=tmp_path)
         assert (done.returncode, done.stdout) == (2, b"")
         assert remedy in done.stderr
-        assert str(place).encode() in done.stderr
+        assert shown.encode() in done.stderr
 
 
 @pytest.mark.parametrize("words", VERBS, ids=" ".join)
