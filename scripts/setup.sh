@@ -106,10 +106,24 @@ setup() {
     say "installing the project itself, editable"
     .venv/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable . ||
         die "uv could not install the project (see above)"
+    relative_paths
     lend_libgomp
     .venv/bin/python -P -m velma.compiled || say "without that library planning takes twice as long (see above)"
     check_libraries
     printf '%s\n' "$want" >"$stamp"
+}
+
+# Python 3.11 and 3.12 read the paths that an editable install adds in the letters of the locale: with LC_ALL=C, a folder
+# such as Röbot would end each Python at its start. A relative path has no letter of it.
+relative_paths() {
+    .venv/bin/python -S -P - <<'PYTHON'
+import os
+from pathlib import Path
+
+for file in Path(".venv/lib").glob("python3.*/site-packages/_editable_impl_robot_companion.pth"):
+    paths = map(os.fsdecode, file.read_bytes().splitlines())
+    file.write_text("\n".join(dict.fromkeys(os.path.relpath(path, file.parent) for path in paths)) + "\n")
+PYTHON
 }
 
 # pinocchio's wheel wants the system's libgomp.so.1 (GNU's OpenMP), which a small machine may lack. Then take the copy that

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -76,6 +77,28 @@ def test_the_first_supported_python_is_taken(tmp_path: Path) -> None:
     (tmp_path / "python").unlink()
     found = bash(only)
     assert (found.stdout, found.returncode) == ("", 1)
+
+
+def test_the_project_is_found_from_a_folder_of_any_letters(tmp_path: Path) -> None:
+    """An editable install names it; Python 3.11 and 3.12 read that in the letters of the locale, C's being ASCII."""
+    root = tmp_path / "My Röbot"
+    (root / "scripts").mkdir(parents=True)
+    (root / "shared").mkdir()
+    (root / "shared/found.py").touch()
+    setup = shutil.copy(SETUP, root / "scripts")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", root / ".venv"], timeout=50, check=True)
+    (packages,) = root.glob(".venv/lib/python3.*/site-packages")
+    (packages / "_editable_impl_robot_companion.pth").write_text(f"{root}\n{root}/shared", encoding="utf-8")
+    look = '.venv/bin/python -P -c "import found, sys; print(found.__file__.isascii())"'
+    done = subprocess.run(
+        ["bash", "-c", f'source "{setup}"; relative_paths; {look}'],
+        env={"PATH": os.environ["PATH"], "LC_ALL": "C"},
+        capture_output=True,
+        text=True,
+        timeout=50,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("False\n", "")
 
 
 def test_a_named_python_must_be_supported(tmp_path: Path) -> None:

@@ -198,7 +198,7 @@ def _ask(memory: Memory, turn: Turn, word: Said, tasks: tuple[cmd.Task, ...]) ->
         names.append(name)
     memory = memory.replacing(word.instead, names[-1])
     turn.tell(_shown(memory))  # before the answer, whose reader may look at once
-    text = _i_will(tasks, word.meaning.language, turn.now)
+    text = _i_will(tasks, word, turn.now)
     line = TaskLine(names[0], TaskState.WAITING, text, word.text, turn.now, tuple(names[1:]))
     turn.tell(Answer(word.ticket, line))
     return memory.hearing(word, replace(line, text=say(word.meaning.language, "again", text)))
@@ -208,7 +208,7 @@ def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Me
     """Request a task. Return the memory and the name of the task."""
     name = words.ask(turn, task)
     turn.wake(name, turn.now + ANSWER_WITHIN_S)
-    text = _i_will((task,), word.meaning.language, turn.now)
+    text = _i_will((task,), word, turn.now)
     wish = InWords(in_words((task,)), in_words((task,), "pl"))
     line = TaskLine(name, TaskState.WAITING, text, word.text, turn.now, wish=wish)
     memory = memory.with_task(replace(line, urgency=task.urgency, deadline=task.deadline))
@@ -218,20 +218,29 @@ def _request(memory: Memory, turn: Turn, word: Said, task: cmd.Task) -> tuple[Me
     return memory.with_news(News(AgentName.HI, "asked", text, name)), name
 
 
-def _i_will(tasks: tuple[cmd.Task, ...], language: str, now: float) -> str:
+def _i_will(tasks: tuple[cmd.Task, ...], word: Said, now: float) -> str:
     """Return a sentence that says what will be done, in which order, from when on and until when."""
+    language = word.meaning.language
     text = in_words(tasks, language)
     if any(task.urgency for task in tasks):
         text = say(language, "urgent", text)
     if start := max(task.start for task in tasks):
-        text = say(language, "later", text, _span(start - now))
+        text = say(language, "later", text, _span(now, start, word.east_min))
     if deadline := max(task.deadline for task in tasks):
-        text = say(language, "within", text, _span(deadline - now))
+        text = say(language, "within", text, _span(now, deadline, word.east_min))
     return say(language, "i_will", text)
 
 
-def _span(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
+def _span(now: float, then: float, east_min: int | None) -> str:
+    """The time until then, and the time of day by a clock so far ahead of UTC [min], if that is known."""
+    seconds, minutes = then - now, round((then - now) / 60.0)
+    text = f"{seconds:.0f} s" if seconds < 120.0 else f"{minutes} min"
+    if minutes >= 120:
+        text = f"{minutes // 60} h {minutes % 60} min"
+    if east_min is None:
+        return text
+    hour, minute = divmod((round(then) // 60 + east_min) % (24 * 60), 60)
+    return f"{text} ({hour}:{minute:02})"
 
 
 def _cancel_all(memory: Memory, turn: Turn, word: Said) -> Memory:

@@ -38,6 +38,8 @@ class WishRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class TimeRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row [time]: regular expressions of words that say when something is wanted."""
 
+    part: str
+    plus: str
     urgent: str
     within: str
     by: str

@@ -30,7 +30,7 @@ NEAR = 0.75  # similarity from which an unknown word may be a typing error (as d
 SHORT = 3  # letters below which no word is taken for another one (estimate; a guess is only ever asked)
 
 _TASK = re.compile(r"hi-\d+-\d+")
-_WORDS = re.compile(r"hi-\d+-\d+|\d{1,2}:\d\d|[^\W_]+|[,.;:!?]")
+_WORDS = re.compile(r"hi-\d+-\d+|(?<!\w)[-\u2212]\d+|\d{1,2}:\d\d|\d+[.,]\d+|[^\W_]+|[,.;:!?]")
 _PART = re.compile(r"[()|\[\]]|[^\W\d]+")
 
 

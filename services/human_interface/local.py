@@ -14,7 +14,7 @@ class Said(_Message, frozen=True, omit_defaults=True):
     """A person said a sentence, which was read already; the answer goes to `ticket`. `held`: the robot is stopped.
 
     `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none; `instead`: a task that they replace.
-    `asker`: who said it, `at`: when [unix s].
+    `asker`: who said it, `at`: when [unix s]; `east_min`: how far the asker's clock is ahead of UTC [min], if known.
     """
 
     ticket: str
@@ -27,6 +27,7 @@ class Said(_Message, frozen=True, omit_defaults=True):
     instead: str = ""
     asker: str = ""
     at: float = 0.0
+    east_min: int | None = None
 
 
 class CancelWanted(_Message, frozen=True):

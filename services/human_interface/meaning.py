@@ -32,7 +32,7 @@ class When(msgspec.Struct, frozen=True, omit_defaults=True):
     """Times at which the wishes of a sentence are wanted. `urgent`: before all else; `within_s`: seconds until they are
     done, `later_s`: until they may begin.
 
-    `by`, `at`: the same as times of day in minutes, the next of which is meant (three o'clock is by night and by day).
+    `by`, `at`: the same as times of day in minutes; three o'clock is two of them, by night and by day.
     """
 
     urgent: bool = False

@@ -178,10 +178,12 @@ class _Request(http.server.BaseHTTPRequestHandler):
             meaning = understand(text)
             ticket = self.server.board.ticket()
             urgency = max(said.urgency, int(meaning.when.urgent))
-            within_s = said.within_s or times.seconds_left(meaning.when, _minute_of_day())
-            later_s = said.later_s or times.seconds_until(meaning.when, _minute_of_day())
-            when = (urgency, within_s, later_s)
-            self.server.post(Said(ticket, text, meaning, self.server.robot.held, *when, said.instead, said.asker, now))
+            east = time.localtime().tm_gmtoff // 60 if said.east_min is None else said.east_min
+            minute_of_day = (now / 60.0 + east) % times.DAY
+            within_s = said.within_s or times.seconds_left(meaning.when, minute_of_day)
+            later_s = said.later_s or times.seconds_until(meaning.when, minute_of_day)
+            held, when = self.server.robot.held, (urgency, within_s, later_s)
+            self.server.post(Said(ticket, text, meaning, held, *when, said.instead, said.asker, now, east))
             return self._answer(ticket)
 
     def _stop(self) -> msgspec.Struct:
@@ -296,9 +298,3 @@ _ROUTES = {
     "/tasks": ("GET", _Request._tasks),
     "/events": ("GET", _Request._events),
 }
-
-
-def _minute_of_day() -> float:
-    """The minutes since midnight on the clock of this machine."""
-    now = time.localtime()
-    return now.tm_hour * 60 + now.tm_min + now.tm_sec / 60.0

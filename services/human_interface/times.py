@@ -12,20 +12,32 @@ from services.human_interface.catalogue import CATALOGUE, LANGUAGES
 from services.human_interface.meaning import When
 
 HALF_DAY, DAY = 12 * 60, 24 * 60
+MORNING, NIGHT = 6 * 60, 22 * 60  # estimate: who says three o'clock between them means three by day
 
 
 def _choice(words: object) -> str:
     return "|".join(sorted(words, key=len, reverse=True))  # type: ignore[call-overload]
 
 
+def _part(language: str) -> str:
+    """Return the expression of a part of a duration: number, half, unit, half."""
+    number = rf"(\d{{1,4}}(?:[.,]\d{{1,2}})?|{_choice(CATALOGUE.number[language])})"
+    text = re.sub(r"\bN\b", lambda _: number, CATALOGUE.time[language].part)
+    return text.replace("UNIT", f"({_choice(CATALOGUE.unit[language])})")
+
+
+_PART = {language: re.compile(rf"\b{_part(language)}\b") for language in LANGUAGES}
+
+
 def _expression(text: str, language: str) -> re.Pattern[str]:
     """Return a row of the catalogue as an expression over words with a blank between them."""
-    numbers, units = _choice(CATALOGUE.number[language]), _choice(CATALOGUE.unit[language])
+    numbers = _choice(CATALOGUE.number[language])
     hour = rf"\d{{1,2}}|{numbers}"
     spoken = rf"half past (?:{hour})|quarter (?:past|to) (?:{hour})|(?:{hour}) o clock|godziny (?:{hour})"
     clock = rf"\d{{1,2}}:\d\d(?: [ap]m)?|\d{{1,2}} ?[ap]m|{spoken}|{_choice(CATALOGUE.clock[language])}"
     text = text.replace("\n", "").replace("CLOCK", f"({clock})")
-    text = re.sub(r"\bN\b", rf"(\\d{{1,4}}|{numbers})", text).replace("UNIT", f"({units})")
+    part = re.sub(r"\((?!\?)", "(?:", _part(language))
+    text = text.replace("DURATION", f"({part}(?: (?:(?:{CATALOGUE.time[language].plus}) )?{part})*)")
     return re.compile(rf"(?:^| )(?:{text})(?= |$)")
 
 
@@ -58,12 +70,17 @@ def _without(text: str, found: re.Match[str]) -> str:
 
 
 def _seconds(found: re.Match[str], language: str) -> float:
-    *number, unit = (one for one in found.groups() if one)
-    return (_number(number[0], language) if number else 1.0) * CATALOGUE.unit[language][unit]
+    """The sum of the parts of the duration that was found."""
+    seconds = 0.0
+    for part in _PART[language].finditer(next(one for one in found.groups() if one)):
+        number, half, unit, half_more = part.groups()
+        amount = (_number(number, language) if number else 1.0) + (0.5 if half or half_more else 0.0)
+        seconds += amount * CATALOGUE.unit[language][unit]
+    return seconds
 
 
 def _number(word: str, language: str) -> float:
-    return float(word) if word.isdecimal() else CATALOGUE.number[language][word]
+    return float(word.replace(",", ".")) if word[0].isdecimal() else CATALOGUE.number[language][word]
 
 
 def _clocks(said: str, language: str) -> tuple[int, ...]:
@@ -71,6 +88,8 @@ def _clocks(said: str, language: str) -> tuple[int, ...]:
     if said in CATALOGUE.clock[language]:
         return (CATALOGUE.clock[language][said],)
     if found := re.fullmatch(r"(\d+):(\d+)(?: ([ap]m))?", said):
+        if found[1].startswith("0") and not found[3] and int(found[2]) < 60:  # 03:30 is by night
+            return (60 * int(found[1]) + int(found[2]),)
         return _of_day(int(found[1]), int(found[2]), found[3] or "")
     if found := re.fullmatch(r"(\d+) ?([ap]m)", said):
         return _of_day(int(found[1]), 0, found[2])
@@ -90,15 +109,18 @@ def _of_day(hour: int, minute: int, half: str) -> tuple[int, ...]:
 
 
 def seconds_left(when: When, minute_of_day: float) -> float:
-    """Return the seconds until it is to be done, from a time of day in minutes; 0 where nothing was said."""
+    """Return the seconds until it is to be done, from the asker's time of day [min]; 0 where nothing was said."""
     return _sooner(when.within_s, when.by, minute_of_day)
 
 
 def seconds_until(when: When, minute_of_day: float) -> float:
-    """Return the seconds until it may begin, from a time of day in minutes; 0 where nothing was said."""
+    """Return the seconds until it may begin, from the asker's time of day [min]; 0 where nothing was said."""
     return _sooner(when.later_s, when.at, minute_of_day)
 
 
 def _sooner(after_s: float, clocks: tuple[int, ...], minute_of_day: float) -> float:
+    """The sooner one. Of two times of day who speaks by day does not mean the one by night."""
+    if MORNING <= minute_of_day < NIGHT:
+        clocks = tuple(at for at in clocks if at >= MORNING) or clocks
     ahead = [(at - minute_of_day) % DAY * 60.0 for at in clocks]
     return min([after_s] * (after_s > 0.0) + ahead, default=0.0)

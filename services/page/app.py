@@ -8,6 +8,7 @@ of others.
 import asyncio
 import hmac
 import json
+import re
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
@@ -24,7 +25,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from companion.run_files import Pairing, Say, TaskLine
+from companion.run_files import MOST_EAST_MIN, Pairing, Say, TaskLine
 from companion.stop_words import AT_ONCE_S, calls_for_help, may_answer, stop_words
 from companion.wording import plain
 from services.page import catalogue, speech, view
@@ -144,7 +145,7 @@ class Page:
         text = fields.get("text", "").strip()
         if stop_words(text, await self._answers(text, fields[BROWSER])):
             return await self._stop_in_words(text, language)
-        said = Say(text, int("first" in fields), asker=fields[BROWSER])
+        said = Say(text, int("first" in fields), asker=fields[BROWSER], east_min=_east_min(fields))
         return _line(await self._ask(partial(self._hi.say, said)), language)
 
     async def _answers(self, text: str, browser: str) -> tuple[str, ...]:
@@ -272,6 +273,12 @@ async def _form(request: Request) -> dict[str, str]:
     except (UnicodeDecodeError, ValueError) as error:
         raise Refused(400, f"not a form in UTF-8: {error}") from None
     return {name: values[-1] for name, values in fields.items()}
+
+
+def _east_min(fields: dict[str, str]) -> int | None:
+    """How far a browser's clock is ahead of UTC [min]; one without scripts does not say so."""
+    east = re.fullmatch(r"-?\d{1,4}", fields.get("east_min", ""))
+    return int(east[0]) if east and abs(int(east[0])) <= MOST_EAST_MIN else None
 
 
 def _line(line: TaskLine, language: str) -> Response:

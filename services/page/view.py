@@ -1,7 +1,6 @@
 """View that a browser shows, in its language, made from hi and the robot's telemetry. Pure. Must not know: HTTP."""
 
 import math
-import time
 
 import msgspec
 
@@ -30,7 +29,7 @@ class Heard(msgspec.Struct, frozen=True):
 
 class TaskView(msgspec.Struct, frozen=True):
     """A task. `why`: the reason in the words of the one who gave it, which are English. `asks`: the state of its plan
-    that waits for a person, `asks_says` in words.
+    that waits for a person, `asks_says` in words. `deadline` [unix s]: a browser shows it by its own clock.
     """
 
     task: str
@@ -41,6 +40,7 @@ class TaskView(msgspec.Struct, frozen=True):
     why: str = ""
     asks: str = ""
     asks_says: str = ""
+    deadline: float = 0.0
 
 
 class ThingView(msgspec.Struct, frozen=True):
@@ -127,21 +127,17 @@ def plain_step(text: str) -> str:
 
 
 def _task(line: TaskLine, language: str) -> TaskView:
-    notes = []
-    if line.urgency:
-        notes.append(say(language, "urgent"))
-    if line.deadline:
-        notes.append(say(language, "deadline", time.strftime("%H:%M", time.localtime(line.deadline))))
     asks_says = leaf(language, line.asks) if line.asks else ""
     return TaskView(
         line.task,
         _says(line, language),
         line.state,
         state(language, line.state),
-        ", ".join(notes),
+        say(language, "urgent") if line.urgency else "",
         _why(line),
         line.asks,
         asks_says,
+        line.deadline,
     )
 
 

@@ -19,6 +19,7 @@ HELD = "stopped: the loop holds the robot until `roco release`"
 LET_GO = "released: the loop leaves the stop by its own rules"
 LONGEST_WITHIN_S = 86_400.0
 """Until the deadline of a task, or its time to begin; estimate: who says more means neither."""
+MOST_EAST_MIN = 24 * 60  # no place is so far ahead of UTC, or behind it
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
 
 
@@ -48,7 +49,8 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     until it may begin, 0 for none.
 
     `instead`: a task that is cancelled as soon as the new one is asked for, such as the same one with less urgency.
-    `asker`: the browser or terminal that says it; only the one that hi asked can answer its question.
+    `asker`: the browser or terminal that says it; only the one that hi asked can answer its question. `east_min`: how
+    far its clock is ahead of UTC [min]; None: as far as hi's. Of hours named in the sentence.
     """
 
     text: str
@@ -57,6 +59,7 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     later_s: Annotated[float, msgspec.Meta(ge=0, le=LONGEST_WITHIN_S)] = 0.0
     instead: str = ""
     asker: Annotated[str, msgspec.Meta(max_length=64)] = ""
+    east_min: Annotated[int, msgspec.Meta(ge=-MOST_EAST_MIN, le=MOST_EAST_MIN)] | None = None
 
 
 class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -44,6 +44,7 @@ class Time(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     before: str
     number: str
+    half: str
     unit: str
     behind: str
 
@@ -229,7 +230,8 @@ def _table() -> _Table:
     helps = [one for one in ROWS.stop if one.helps]
     fillers = "|".join(sorted((row.strip() for row in _bounded(ROWS.fillers)), key=len, reverse=True))
     part = {name: _once(fold(getattr(ROWS.time, name).replace("\n", ""))) for name in Time.__struct_fields__}
-    span = rf"(?:(?:{part['number']}|\d+) )?(?:{part['unit']})"
+    half = rf"(?: (?:{part['half']}))?"
+    span = rf"(?:(?:{part['number']}|\d+(?: \d+)?){half} )?(?:{part['unit']}){half}"
     time = rf" (?:(?:{part['before']}) {span}(?: (?:{part['behind']}))?|{span} (?:{part['behind']}))(?= )"
     near = {slip for row in _bounded(ROWS.near) for slip in _slips(row.strip())}
     return _Table(

@@ -138,7 +138,13 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
         return resolved(place) if place else None
 
     def environment(self, run: Path) -> dict[str, str]:
-        """Return what a process of a run needs: its own variables, and those by which `here` finds this system."""
+        """Return what a process of a run needs: its own variables, and those by which `here` finds this system.
+
+        Raise NoSystemError where Python could not be told the project's folder.
+        """
+        if os.pathsep in self.project:
+            why = f"a path with {os.pathsep!r} cannot be named in PYTHONPATH; rename the folder"
+            raise NoSystemError(f"the system {self.name} is in {self.project}: {why}")
         path = os.pathsep.join(filter(None, (self.project, os.environ.get("PYTHONPATH", ""))))
         found = {ENTRY_VARIABLE: self.entry, PROJECT_VARIABLE: self.project, "PYTHONPATH": path}
         own = {name: value.format(run=run) for name, value in self.variables.items()}
@@ -282,7 +288,7 @@ def _regular(file: Path) -> bytes:
 def _table(file: Path) -> dict[str, Any]:
     """[tool.roco] of a pyproject.toml; {} where it has none."""
     try:
-        found = tomllib.loads(_regular(file).decode()).get("tool", {}).get("roco", {})
+        found = tomllib.loads(_regular(file).decode("utf-8-sig")).get("tool", {}).get("roco", {})
     except (OSError, ValueError, AttributeError):  # not there, no text, no TOML; `tool` is no table
         return {}
     return found if isinstance(found, dict) else {}

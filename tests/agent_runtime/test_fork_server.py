@@ -109,6 +109,16 @@ def test_what_is_forked_runs_as_if_it_was_started(
     assert forks.log.read_text() == f"__main__ ['40', 'two'] here {tmp_path} 1\nread b'a word'\n"
 
 
+def test_words_that_are_not_utf_8_arrive(forks: Forks) -> None:
+    """A variable and an argument may be any bytes, as they may for a process that is started."""
+    word = os.fsdecode(b"caf\xe9")
+    one = made(forks.fork("ends", "text", word, WORD=word))
+    assert one.wait() == 1
+    assert forks.log.read_text() == "no such scene\n"
+    assert made(forks.fork("tells", "1", word, WORD=word)).wait() == 1
+    assert f"__main__ ['1', {word!r}] {word} ".encode(errors="surrogateescape") in forks.log.read_bytes()
+
+
 @pytest.mark.parametrize("how", ["killed", "raises", "text", "none", "0", "3"])
 def test_it_ends_as_one_that_was_started(how: str, forks: Forks) -> None:
     """Exit code and last words are those of `python -m`."""

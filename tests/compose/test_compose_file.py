@@ -96,6 +96,12 @@ def test_nobody_speaks_without_a_key(name):
     assert environment.get("ROCO_LISTEN") == ("tls/0.0.0.0:7447" if name in ROUTERS else None)
 
 
+@every_service
+def test_every_container_has_the_time_zone_of_who_starts_it(name):
+    """ "At noon" of who tells no zone is by the clock of hi, and logs have times."""
+    assert SERVICES[name]["environment"]["TZ"] == "${TZ:-}"
+
+
 def test_the_second_router_joins_the_first():
     """By the keys that the keeper makes for both."""
     told = {"ROCO_NAME": "router-2", "ROCO_LINK": "tls/router:7447"}

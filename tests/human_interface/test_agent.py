@@ -362,6 +362,22 @@ def test_what_was_urgent_is_urgent_when_a_question_was_answered(scene):
     assert (sent.urgency, round(sent.deadline - scene.wires.now)) == (1, 600)
 
 
+@pytest.mark.parametrize(
+    ("when", "answer"),
+    [
+        ({"later_s": 90.0}, "I will look around, in 90 s ({}:{:02})."),
+        ({"later_s": 600.0}, "I will look around, in 10 min ({}:{:02})."),
+        ({"within_s": 5400.0}, "I will look around, within 90 min ({}:{:02})."),
+        ({"later_s": 82800.0}, "I will look around, in 23 h 0 min ({}:{:02})."),
+    ],
+)
+def test_the_answer_names_the_time_of_day_by_the_clock_of_who_asks(scene, when, answer):
+    """In Nepal, 5:45 ahead of UTC; hours from two of them on."""
+    line = scene.ask(Said("t", "look around", read("look around"), **when, east_min=345)).line
+    then = int(scene.wires.now + sum(when.values())) // 60 + 345
+    assert line.text == answer.format(then // 60 % 24, then % 60)
+
+
 # --- stopped ----------------------------------------------------------------------------------------------------------
 
 

@@ -48,11 +48,24 @@ def test_say_and_cancel_reach_the_agent_and_bring_its_answer(client):
     ],
 )
 def test_when_a_sentence_is_wanted_goes_to_the_agent_as_seconds(client, monkeypatch, words, urgency, within_s):
-    """A time of day by the clock of this machine: it is 15:00:30."""
-    monkeypatch.setattr(server, "_minute_of_day", lambda: 900.5)
-    client.ask("POST", "/say", msgspec.json.encode({"text": words}))
+    """A time of day by the clock of who says it: it is 15:00:30 in a place that is 20 minutes ahead of UTC."""
+    monkeypatch.setattr(server.time, "time", lambda: 1e9 // 86400 * 86400 + 14 * 3600 + 40 * 60 + 30.0)
+    client.ask("POST", "/say", msgspec.json.encode({"text": words, "east_min": 20}))
     said = client.words[-1]
-    assert (said.urgency, round(said.within_s, 6)) == (urgency, within_s)
+    assert (said.urgency, round(said.within_s, 6), said.east_min) == (urgency, within_s, 20)
+
+
+def test_noon_is_another_time_elsewhere(client):
+    """By the clock of the asker, else by hi's own."""
+    left = []
+    own = time.localtime().tm_gmtoff // 60
+    for more in ({"east_min": own}, {}, {"east_min": own + 61}):
+        client.ask("POST", "/say", msgspec.json.encode({"text": "look around at noon"} | more))
+        left.append(client.words[-1].later_s)
+    assert client.words[-2].east_min == own
+    assert (left[0] - left[1]) % 86400.0 < 60.0
+    assert 3660.0 - 60.0 < (left[1] - left[2]) % 86400.0 <= 3660.0 + 60.0
+    assert client.refused("POST", "/say", b'{"text": "look around", "east_min": 1441}')[0] == 400
 
 
 def test_what_the_agent_refuses_keeps_its_status(client):
@@ -272,6 +285,16 @@ def test_a_terminal_that_was_asked_answers_and_another_one_stops(robot):
     assert (robot.words[-1].text, robot.words[-1].asker, flag(robot)) == ("nie", terminal(), STOP_RELEASED)
     subprocess.run(command, capture_output=True, timeout=50, check=True, start_new_session=True)
     assert flag(robot) == STOP_HELD
+
+
+@pytest.mark.parametrize(("zone", "east_min"), [("Asia/Kathmandu", 345), ("EST5", -300), ("UTC", 0)])
+def test_a_terminal_tells_its_time_zone(robot, zone, east_min):
+    """`roco say`: noon is noon where it is called."""
+    command = [sys.executable, "-m", "operate.cli", "say", "look around at noon", "--run-dir", str(robot.run_dir)]
+    subprocess.run(command, env=os.environ | {"TZ": zone}, capture_output=True, timeout=50, check=False)
+    said = next(word for word in robot.words if isinstance(word, Said))
+    assert said.east_min == east_min
+    assert (said.at + said.later_s + 60 * east_min) % 86400.0 == pytest.approx(43200.0, abs=0.01)
 
 
 def test_a_no_in_a_terminal_stops_where_hi_does_not_answer(robot, monkeypatch):

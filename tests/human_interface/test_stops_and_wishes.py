@@ -57,12 +57,12 @@ def times(draw, language):
     """Words that say when, by the expressions of the catalogue."""
     row = draw(st.sampled_from(["within", "by", "later", "at"]))
     text = getattr(CATALOGUE.time[language], row)
-    text = re.sub(r"\(\?<?[!=][^)]*\)|\?P<one>", "", text)
+    text = re.sub(r"\(\?<?[!=][^)]*\)", "", text).replace("DURATION", CATALOGUE.time[language].part)
     while group := re.search(r"\((\?:)?([^()]*)\)(\??)", text):
         choices = group[2].split("|") + ([""] if group[3] else [])
         text = text[: group.start()] + draw(st.sampled_from(choices)) + text[group.end() :]
     text = draw(st.sampled_from(text.split("|")))
-    number = draw(st.sampled_from([*CATALOGUE.number[language], "1", "10"]))
+    number = draw(st.sampled_from([*CATALOGUE.number[language], "1", "10", "2.5"]))
     text = re.sub(r"\bN\b", number, text).replace("UNIT", draw(st.sampled_from([*CATALOGUE.unit[language]])))
     clock = draw(st.sampled_from([*CATALOGUE.clock[language], "15:30", "3 pm", "half past one", "one o'clock"]))
     return text.replace("CLOCK", clock)

@@ -53,6 +53,20 @@ HALF_PAST_THREE = When(by=(3 * 60 + 30, 15 * 60 + 30))
         ("za dziesięć minut", When(later_s=600.0)),
         ("za godzinę", When(later_s=3600.0)),
         ("o 15:30", When(at=(930,))),
+        ("at 03:30", When(at=(210,))),
+        ("in two and a half minutes", When(later_s=150.0)),
+        ("two and a half minutes from now", When(later_s=150.0)),
+        ("in an hour and a half", When(later_s=5400.0)),
+        ("in 1 hour 30 minutes", When(later_s=5400.0)),
+        ("within 1 hour and 30 minutes", When(within_s=5400.0)),
+        ("within 2 minutes, 30 seconds", When(within_s=150.0)),
+        ("in 2.5 minutes", When(later_s=150.0)),
+        ("2.5 minutes from now", When(later_s=150.0)),
+        ("za dwie i pół minuty", When(later_s=150.0)),
+        ("za półtorej godziny", When(later_s=5400.0)),
+        ("za godzinę i kwadrans", When(later_s=4500.0)),
+        ("w ciągu 1 godziny 30 minut", When(within_s=5400.0)),
+        ("za 2,5 minuty", When(later_s=150.0)),
     ],
 )
 def test_words_about_time_leave_the_wish_as_it_is(words, when):
@@ -68,7 +82,10 @@ def test_words_about_time_leave_the_wish_as_it_is(words, when):
 @pytest.mark.parametrize(
     "sentence",
     ["take the jar in ten", "take the jar at 25:10", "take the jar before the bowl", "take the jar by 25:10",
-     "take the jar by 13 pm", "take the jar within ten", "take the jar before you pour", "first"],
+     "take the jar by 13 pm", "take the jar within ten", "take the jar in -5 minutes", "take the jar within -5 minutes",
+     "take the jar -5 minutes from now", "take the jar in \u22125 minutes", "take the jar in minus five minutes",
+     "take the jar minus five minutes from now", "weź słoik za -5 minut", "take the jar twenty five minutes from now",
+     "take the jar at 03:60", "take the jar in 1 2 minutes", "take the jar before you pour", "first"],
 )  # fmt: skip
 def test_what_is_not_understood_of_time_is_not_left_out(sentence):
     """Nothing is done of such a sentence, rather than something at another time."""
@@ -102,6 +119,33 @@ def test_a_deadline_is_the_next_such_time_of_the_clock(hour, minute, now):
     shown = (now + left_s / 60.0) % 1440.0
     meant = [60 * hour + minute + 720 * half for half in (-1, 0, 1)]
     assert min(min(abs(shown - one), 1440.0 - abs(shown - one)) for one in meant) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("now", "said", "meant"),
+    [
+        ("16:00", "three o'clock", "15:00"),
+        ("16:00", "quarter to five", "16:45"),
+        ("6:00", "three o'clock", "15:00"),
+        ("21:59", "half past five", "17:30"),
+        ("22:00", "half past five", "5:30"),
+        ("23:00", "three o'clock", "3:00"),
+        ("2:00", "three o'clock", "3:00"),
+        ("16:00", "eleven o'clock", "23:00"),
+        ("16:00", "twelve o'clock", "12:00"),
+        ("16:00", "3 am", "3:00"),
+        ("16:00", "03:00", "3:00"),
+        ("16:00", "midnight", "0:00"),
+    ],
+)
+def test_who_speaks_by_day_means_no_time_at_night(now, said, meant):
+    """Unless it is said: a clock shows three o'clock twice a day."""
+    hour, minute = map(int, now.split(":"))
+    when = understand(f"take the jar at {said}").when
+    assert when.at
+    then = (60 * hour + minute + times.seconds_until(when, 60 * hour + minute) / 60.0) % 1440.0
+    assert f"{int(then // 60)}:{int(then % 60):02}" == meant
+    assert times.seconds_left(When(by=when.at), 60 * hour + minute) == times.seconds_until(when, 60 * hour + minute)
 
 
 def test_the_sooner_of_two_limits_counts():

@@ -48,6 +48,11 @@ class House:
         self._wires.add(Agent("co", "on", Nothing(), {"on": Behaviour(self._act)}), wiring("co", "test"))
         self._wires.run_for(0.05)
 
+    @property
+    def now(self):
+        """What its clock shows."""
+        return self._wires.now
+
     def open(self):
         """hi listens, at a new port and with a new token."""
         self.desk = HttpDevice(self._post, self.run)

@@ -1,5 +1,7 @@
 """Commands of a person in a real browser reach the coordinator and the robot, and their outcome is seen."""
 
+import time
+
 import pytest
 from page_house import STEPS, wait_for
 from playwright.sync_api import expect
@@ -74,6 +76,26 @@ def test_every_button_is_understood_as_it_is_written(house, opened):
     names = [type(content).__name__ for _, content in house.asked[1:]]
     about_a_thing = ["Take", "Bring", "PutDown", "PutDown", "PourInto"]
     assert names == [*about_a_thing * 2, "LookAround", "ClearTable", "SwapHands"] * 2
+
+
+def test_times_of_day_are_those_of_the_browser(house, opened):
+    """Noon is noon where the person is, and so is what is shown of a deadline; the house has a clock of its own."""
+    one = opened(timezone_id="Asia/Tokyo")
+    said, ahead = time.time(), 9 * 3600
+    say(one, "look around at noon")
+    wait_for(lambda: house.asked, "it is asked for")
+    start = house.asked[0][1].start
+    assert (said + start - house.now + ahead) % 86400 == pytest.approx(43200, abs=30)
+    expect(one.locator("#answer")).to_contain_text(f"({shown(start + ahead)})")
+    say(one, "take the jar within ten minutes")
+    wait_for(lambda: len(house.asked) > 1, "it is asked for")
+    until = shown(house.asked[1][1].deadline + ahead)
+    expect(one.locator("#queue .hint").filter(has_text="by ")).to_have_text(f"waiting, by {until:0>5}")
+
+
+def shown(then):
+    """A time of day."""
+    return f"{int(then) // 3600 % 24}:{int(then) // 60 % 60:02}"
 
 
 def test_the_next_sentence_is_written_while_one_is_on_its_way(house, opened):

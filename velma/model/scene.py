@@ -157,7 +157,7 @@ MOST_FRICTION = 3.0  # estimate: grains that stick to a wall of 70 degrees
 def load(path: Path = CANONICAL) -> Scene:
     """Return the scene of a TOML file. Raises SceneError naming file, line, field, what it is and what it should be."""
     try:
-        text = path.read_text("utf-8")
+        text = path.read_text("utf-8-sig")
         return checked(hung(msgspec.toml.decode(text, type=Scene)))
     except FileNotFoundError:
         raise SceneError("file", str(path), "the path of a TOML file, as velma/model/scenes/canonical.toml") from None

@@ -114,7 +114,8 @@ const cancelButton = (task) =>
 
 function waiting(task, place) {
   const item = element("li");
-  const notes = [task.word, task.note].filter(Boolean).join(", ");
+  const until = task.deadline && fill(words.deadline, new Date(1000 * task.deadline).toTimeString().slice(0, 5));
+  const notes = [task.word, task.note, until].filter(Boolean).join(", ");
   item.append(element("span", upper(task.says), { className: "says" }), element("span", notes, { className: "hint" }));
   const acts = element("span", "", { className: "acts" });
   if (place > 0 || shown.active)
@@ -162,7 +163,7 @@ const order = () => (byId("first").checked ? { first: "1" } : {});
 async function send(path, fields = {}) {
   let reply;
   try {
-    const answer = await fetch(path, { method: "POST", body: new URLSearchParams(fields), headers: { Accept: "application/json" } });
+    const answer = await fetch(path, { method: "POST", body: new URLSearchParams({ ...fields, east_min: -new Date().getTimezoneOffset() }), headers: { Accept: "application/json" } });
     if (answer.status === 401) return location.reload();
     reply = answer.headers.get("content-type").includes("json") ? await answer.json() : { error: answer.status === 429 ? words.too_often : "" };
   } catch {

@@ -116,11 +116,12 @@ class Server:
         files: Sequence[int] = ()
         try:
             data, files, _, _ = socket.recv_fds(line, MOST_BYTES, MOST_FILES)
-            asked = msgspec.json.decode(data, type=Asked)
+            asked = Asked.decoded(data)
             if len(files) != len(asked.places) or self._otherwise(asked):
                 raise OSError("nothing is made")
             pid = os.fork()
-        except (OSError, msgspec.DecodeError):  # who asked sees the line close, and starts the process itself
+        except (OSError, ValueError, RecursionError, msgspec.ValidationError):
+            # Who asked sees the line close, and starts the process itself.
             line.close()
         else:
             if pid == 0:
@@ -223,7 +224,7 @@ def rename(module: str, *arguments: str) -> None:
     start, end = int(numbers[45]), int(numbers[46])  # arg_start and arg_end of proc(5), the 48th and 49th of all
     if not 0 < start < end:
         return
-    words = b"\0".join(word.encode() for word in (sys.executable, "-P", "-m", module, *arguments)) + b"\0"
+    words = b"\0".join(os.fsencode(word) for word in (sys.executable, "-P", "-m", module, *arguments)) + b"\0"
     ctypes.memmove(start, words.ljust(end - start, b"\0")[: end - start - 1] + b"\0", end - start)
 
 

@@ -4,6 +4,7 @@ The variable ROCO_FORKS holds the path of the server's socket. Without an answer
 the caller starts the process itself. A new process waits for the caller's go, and ends if the caller is gone.
 """
 
+import json
 import os
 import select
 import signal
@@ -40,6 +41,15 @@ class Asked(msgspec.Struct, frozen=True):
     environment: dict[str, str]
     session: bool
     places: tuple[int, ...]
+
+    def encoded(self) -> bytes:
+        """Return it as JSON; unlike msgspec's, this has a place for a variable that is not UTF-8."""
+        return json.dumps(msgspec.structs.asdict(self)).encode()
+
+    @classmethod
+    def decoded(cls, data: bytes) -> "Asked":
+        """Raise ValueError, RecursionError or msgspec.ValidationError."""
+        return msgspec.convert(json.loads(data), cls)
 
 
 class Handed(NamedTuple):
@@ -129,7 +139,7 @@ def fork(
     try:
         with short(Path(place)) as address:
             line.connect(address)
-        socket.send_fds(line, [msgspec.json.encode(asked)], [one.file for one in hand])
+        socket.send_fds(line, [asked.encoded()], [one.file for one in hand])
         made = Forked(NUMBER.unpack(line.recv(NUMBER.size))[0], line)
         line.send(GO)
     except (OSError, struct.error):  # the new process, if there is one, sees that nobody waits for it, and ends

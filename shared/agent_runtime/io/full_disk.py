@@ -16,7 +16,7 @@ from agent_runtime.io.logs import Log
 
 PAUSES_S = (0.1, 0.2, 0.5, 1.0)
 """Between tries; the last one again and again. Estimate: people free a disk in minutes."""
-_WORDS = {
+DISK = {
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "the disk quota is used up",
     errno.EFBIG: "the file may not grow any more",
@@ -27,7 +27,7 @@ _WORDS = {
 
 def worded(path: object, error: OSError) -> str:
     """Return what is wrong with the disk, in words."""
-    what = _WORDS.get(error.errno or 0, "the disk cannot be used")
+    what = DISK.get(error.errno or 0, "the disk cannot be used")
     return f"{what}: {path} cannot be written ({error.strerror or error})"
 
 

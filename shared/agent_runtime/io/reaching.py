@@ -78,6 +78,21 @@ def why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
     return "; ".join(dict.fromkeys(reasons))
 
 
+def no_loopback() -> str:
+    """Return why the processes of this host cannot meet on 127.0.0.1; "" where they can: a port there takes a
+    connection.
+    """
+    try:
+        with (
+            socket.create_server(("127.0.0.1", 0)) as listener,
+            socket.create_connection(listener.getsockname(), TRY_S),
+        ):
+            return ""
+    except OSError as error:
+        remedy = "`ip link set lo up`, and `ip address add 127.0.0.1/8 dev lo` if it has no such address"
+        return f"processes cannot meet on 127.0.0.1 ({error.strerror or error}): {remedy}"
+
+
 def _why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
     address = re.match(r"(\w+)/\[?([^\[\]]+)\]?:(\d+)", endpoint)
     if address is None:

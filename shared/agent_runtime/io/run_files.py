@@ -26,8 +26,12 @@ def heartbeat_file(run: Path, name: str) -> Path:
 def make_run(run: Path) -> None:
     """Make a run folder that other users cannot enter: TLS would hide nothing from who reads the recording.
 
-    One that is there keeps its mode.
+    One that is there keeps its mode. Raise OSError, also where its path is not UTF-8: files of the run would name it.
     """
+    try:
+        str(run).encode()
+    except UnicodeEncodeError as error:
+        raise OSError(errno.EILSEQ, "this path is not UTF-8; rename its folders, or name another path", run) from error
     run.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 

@@ -5,6 +5,8 @@ are `rights.json` (agent_runtime/keys.py writes it) and, where a key was revoked
 nothing is encrypted and nobody is asked who it is.
 """
 
+import os
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,9 @@ REVOKED = "revoked.json"
 ROUTER = "router"
 ROUTERS = (ROUTER, "router-2")
 """As topdown.model.rights has them (a test compares)."""
+
+_SEPARATORS = {";", "?"}
+"""Of Zenoh's endpoints, where the files of keys become parameters; all other marks were tried and do no harm."""
 
 
 class Rights(msgspec.Struct, frozen=True):
@@ -111,4 +116,11 @@ def _file(path: Path) -> str:
     if not path.is_file():
         there = ", ".join(sorted(one.stem for one in path.parent.glob("*.key"))) or "none"
         raise KeysError(f"{path} is missing; identities with a key there: {there}; `roco keys make` writes all of them")
-    return str(path.resolve())
+    whole = path.resolve()
+    return f"{_opened(whole.parent)}/{path.name}" if _SEPARATORS & set(str(whole)) else str(whole)
+
+
+@cache
+def _opened(folder: Path) -> str:
+    """Another name of a folder, as long as this process lives: the folder as it has it open."""
+    return f"/proc/self/fd/{os.open(folder, os.O_PATH | os.O_CLOEXEC)}"

@@ -5,11 +5,14 @@ The verbs are in operate.cli.verbs; docs/roco.md has the exit codes, which are t
 
 import os
 import sys
+from contextlib import suppress
 from io import TextIOWrapper
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from operate.cli.guarded import UNSHOWN
 from operate.cli.lazy import Verbs
 
 TEXT = "The operator's command line: a fleet of agents brought up, watched, asked, recorded."
@@ -41,10 +44,26 @@ def roco(
 
 def main() -> None:
     """Entry point of `roco`. Who reads its output by a pipe gets each line at once."""
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)
-    os.environ["PYTHONSAFEPATH"] = "1"  # libraries start Python, too: glfw, of mujoco, to look for itself
-    app()
+    with Path(os.devnull).open("w") as nowhere:
+        sys.stdout, sys.stderr = sys.stdout or nowhere, sys.stderr or nowhere  # a shell closes them by >&-
+        streams = [one for one in (sys.stdout, sys.stderr) if isinstance(one, TextIOWrapper)]
+        for stream in streams:
+            stream.reconfigure(line_buffering=True, errors=UNSHOWN)
+        os.environ["PYTHONSAFEPATH"] = "1"  # libraries start Python, too: glfw, of mujoco, to look for itself
+        try:
+            app()
+        finally:
+            for stream in streams:
+                _given_up(stream)
+
+
+def _given_up(stream: TextIOWrapper) -> None:
+    """Close a stream that cannot be written, which was told; else Python tries again at its end, and shows that."""
+    try:
+        stream.flush()
+    except OSError:
+        with suppress(OSError):
+            stream.close()
 
 
 if __name__ == "__main__":

@@ -1,12 +1,27 @@
 """Output of verbs: names and messages are written by others, and what a terminal would obey in them is escaped."""
 
+import codecs
 import functools
+import struct
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from typing import Any, TextIO, cast
 
 from operate.wording import escaped
+
+UNSHOWN = "roco.unshown"
+"""Name of the error handler of an output that lacks a letter: it is escaped as in JSON, \\u2713 in place of a tick."""
+
+
+def _escaped(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    units = error.object[error.start : error.end].encode("utf-16-be", "surrogatepass")
+    return "".join(f"\\u{unit:04x}" for (unit,) in struct.iter_unpack(">H", units)), error.end
+
+
+codecs.register_error(UNSHOWN, _escaped)
 
 
 class Guarded:

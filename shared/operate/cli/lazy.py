@@ -4,6 +4,7 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from importlib import import_module
 from itertools import pairwise
 from typing import Any, cast
@@ -59,18 +60,24 @@ class Verbs(TyperGroup):
         windows_expand_args: bool = True,
         **extra: Any,
     ) -> Any:
-        """As typer does; to a program that asked for JSON a wrong use is told as one object, not as a box."""
-        words = sys.argv[1:] if args is None else list(args)
-        if not (standalone_mode and wants_json(words)):
-            return super().main(args, prog_name, complete_var, standalone_mode, windows_expand_args, **extra)
+        """As typer does; to a program that asked for JSON a wrong use is told as one object, not as a box. What the
+        operating system refuses is told in a line, output to a full disk too.
+        """
+        if not standalone_mode:
+            return super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
+        json = wants_json(sys.argv[1:] if args is None else list(args))
         try:
-            # A verb gives nothing back: what comes is the exit code of an end in the middle.
-            sys.exit(super().main(args, prog_name, complete_var, False, windows_expand_args, **extra) or 0)
+            try:
+                # A verb gives nothing back: what comes is the exit code of an end in the middle.
+                sys.exit(super().main(args, prog_name, complete_var, not json, windows_expand_args, **extra) or 0)
+            finally:
+                sys.stdout.flush()
         except WrongUse as error:
-            from operate.cli.output import Format, tell_problem
+            sys.exit(_told(error.format_message(), error.exit_code, json=True))
+        except OSError as error:
+            from operate.cli.output import refused
 
-            tell_problem(error.format_message(), Format.JSON)
-            sys.exit(error.exit_code)
+            sys.exit(_told(str(refused(error)), refused(error).code, json=json))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """As click does, and a summary becomes the verb. Where there is none it says what there is."""
@@ -185,6 +192,15 @@ def made(name: str, function: Callable[..., None]) -> TyperCommand:
     command = cast(TyperCommand, typer.main.get_command(only))
     command.callback = guarded(cast(Callable[..., None], command.callback))
     return command
+
+
+def _told(problem: str, code: int, *, json: bool) -> int:
+    """Tell a problem, unless standard error is on the disk that is full; its exit code."""
+    from operate.cli.output import Format, tell_problem
+
+    with suppress(OSError):
+        tell_problem(problem if json else escaped(problem), Format.JSON if json else Format.TEXT)
+    return code
 
 
 def examples_of(function: Callable[..., None]) -> list[str]:

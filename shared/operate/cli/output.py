@@ -3,6 +3,9 @@
 Text is for people, json for programs: one object, or one a line while something goes on; problems on standard error.
 """
 
+import errno
+import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +18,7 @@ import typer
 
 from agent_runtime.io.run_files import LinkedError
 from operate.cli import completion, interrupts
-from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError
+from operate.cli.errors import INTERRUPTED, WRONG_USE, ConsoleError, UsageError
 from operate.system import NoSystemError
 from topdown.model.errors import TopdownError
 
@@ -53,14 +56,43 @@ def tell(what: Reply, form: Format) -> None:
 
 def tell_json(what: object) -> None:
     """Print anything made of Structs, in a line; an interrupt does not cut it."""
-    line = msgspec.json.encode(what).decode()
+    try:
+        line = msgspec.json.encode(what).decode()
+    except UnicodeEncodeError:  # the name of a file that is not UTF-8
+        line = json.dumps(msgspec.to_builtins(what))
     with interrupts.put_off():
         print(line)
 
 
+_MAY_NOT = "call roco in a folder that you may write to, or name one"
+_REMEDIES = {
+    errno.EACCES: _MAY_NOT,
+    errno.EPERM: _MAY_NOT,
+    errno.ENOENT: "name one that is there",
+    errno.EEXIST: "it is a file; name a folder",
+    errno.ENOTDIR: "a part of this path is a file; name another path",
+    errno.EISDIR: "it is a folder; name a file",
+    errno.ENAMETOOLONG: "name a shorter path",
+}
+
+
+def refused(error: OSError) -> ConsoleError:
+    """Return what the operating system refused as an error of the command line, with what to do; an error of our own
+    has its words.
+    """
+    from agent_runtime.io.full_disk import DISK, worded  # seldom needed, and verbs start quickly
+
+    if error.errno in DISK:
+        return ConsoleError(f"{worded(error.filename or 'the output', error)}; make room there, or write elsewhere")
+    if error.errno is None or not isinstance(error.filename, str | bytes | os.PathLike):  # a number: of an open file
+        return ConsoleError(error.strerror or str(error))
+    words = (f"{os.fsdecode(error.filename)}: {error.strerror}", _REMEDIES.get(error.errno))
+    return UsageError("; ".join(filter(None, words)))
+
+
 def tell_problem(problem: object, form: Format) -> None:
     """Print a problem in words on standard error."""
-    words = msgspec.json.encode({"error": str(problem)}).decode() if form is Format.JSON else f"roco: {problem}"
+    words = json.dumps({"error": str(problem)}) if form is Format.JSON else f"roco: {problem}"
     print(words, file=sys.stderr)
 
 

@@ -90,7 +90,7 @@ def main(
             made = Keys(
                 run, bound.design, system, connect, keys, insecure=insecure, here=routing, linked=two, days=key_days
             )
-        except (ValueError, NoSystemError) as error:
+        except (OSError, ValueError, NoSystemError) as error:
             typer.echo(f"supervisor: {error}", err=True)
             raise typer.Exit(USAGE_ERROR) from error
         except KeptError as error:

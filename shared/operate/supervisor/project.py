@@ -45,7 +45,11 @@ def run(entry: str) -> None:
     ) -> None:
         where = (run_dir or Path("runs") / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")).resolve()
         after_s = 0.0 if until_ready else seconds or None
-        raise typer.Exit(foreground(system, where, connect or free_endpoint(), after_s, scene))
+        try:
+            raise typer.Exit(foreground(system, where, connect or free_endpoint(), after_s, scene))
+        except OSError as error:  # no loopback interface, a folder that may not be written to
+            typer.echo(f"{system.name}: {error}", err=True)
+            raise typer.Exit(1) from error
 
     command()
 

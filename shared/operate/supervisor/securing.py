@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from agent_runtime.io.cli import listed
+from agent_runtime.io.reaching import no_loopback
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTERS, key_file
 from operate.wires.files import place
@@ -163,8 +164,11 @@ def free_port() -> int:
     """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side.
 
     Who listens does so seconds later: it is none of those that the system may give to outgoing connections meanwhile,
-    and no other fleet is given it while this process lives, since the UDP port of the same number is kept.
+    and no other fleet is given it while this process lives, since the UDP port of the same number is kept. Raise
+    OSError.
     """
+    if why := no_loopback():
+        raise OSError(why)
     lowest = _lowest_given()
     for port in (*random.sample(range(lowest - PORTS, lowest), TRIES), 0):
         kept = socket.socket(type=socket.SOCK_DGRAM)

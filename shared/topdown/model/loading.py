@@ -5,6 +5,7 @@ The only I/O of topdown: reading the file.
 
 import re
 import tomllib
+from codecs import BOM_UTF8
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,8 @@ def load(path: Path) -> elements.DesignFile:
 
 
 def text_of(path: Path) -> str:
-    """Return what is written in a file. Raise DesignError where it is not UTF-8."""
-    data = path.read_bytes()
+    """Return what is written in a file, without a byte order mark. Raise DesignError where it is not UTF-8."""
+    data = path.read_bytes().removeprefix(BOM_UTF8)
     try:
         return data.decode()
     except UnicodeDecodeError as error:

@@ -44,6 +44,10 @@ def main(words: list[str]) -> int:
                 print("container is not running", file=sys.stderr)
                 return 1
             return subprocess.run(command, env=os.environ | {"ROCO_RUN_DIR": str(ROOT / id)}, check=False).returncode
+        case ["version", *_]:
+            print("28.2.2")
+        case ["compose", "version", "--short"] if (ROOT / "compose").exists():
+            print("2.26.1")
         case ["start" | "stop" as order, *ids]:
             for id in ids:
                 (ROOT / id / "state").write_text("running" if order == "start" else "exited")

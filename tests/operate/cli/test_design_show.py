@@ -69,7 +69,7 @@ def test_what_is_not_there_is_an_error_that_lists_what_is() -> None:
     said = show("--agent", "nobody")
     assert said.exit_code == 1
     assert "the design has co, " in said.stderr
-    assert show("no/such/file.toml").exit_code == 1
+    assert show("no/such/file.toml").exit_code == 2
 
 
 def grid(what: book.What, title: str, **choice: int) -> Grid:

@@ -38,7 +38,9 @@ class Hi:
 
     def say(self, text: str, urgency: int = 0, within_s: float = 0.0, later_s: float = 0.0) -> TaskLine:
         """Say a sentence; the task it became, or its refusal."""
-        return self._ask("POST", "/say", TaskLine, Say(text, urgency, within_s, later_s, asker=terminal()))
+        east_min = time.localtime().tm_gmtoff // 60
+        said = Say(text, urgency, within_s, later_s, asker=terminal(), east_min=east_min)
+        return self._ask("POST", "/say", TaskLine, said)
 
     def answers(self) -> tuple[str, ...]:
         """The sentences that answer what a_hi has asked in this terminal."""

@@ -70,6 +70,6 @@ def problems(form: Format) -> Iterator[None]:
     """Turn what goes wrong into words on standard error and exit code 2."""
     try:
         yield
-    except (TopdownError, NoSystemError, ConsoleError, OSError, ValueError) as error:
+    except (TopdownError, NoSystemError, ConsoleError, ValueError) as error:
         tell_problem(error, form)
         raise typer.Exit(WRONG_FILE) from error

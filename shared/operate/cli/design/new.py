@@ -1,14 +1,14 @@
 """`roco design new`: a project made from a design file, or the smallest one to begin with."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
 import typer
 
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, tell_problem
 from topdown.model.errors import TopdownError
+from topdown.model.loading import text_of
 from topdown.scaffold import Outcome, scaffold, smallest
 
 
@@ -31,16 +31,15 @@ def new(
     """
     try:
         outcome = _made(folder, name, source)
-    except (TopdownError, OSError) as error:
-        text = msgspec.json.encode({"error": str(error)}).decode() if form is Format.JSON else f"roco: {error}"
-        print(text, file=sys.stderr)
+    except TopdownError as error:
+        tell_problem(error, form)
         raise typer.Exit(1) from error
     print(msgspec.json.encode(outcome).decode() if form is Format.JSON else "\n".join(_words(outcome)))
 
 
 def _made(folder: Path, name: str, source: Path | None) -> Outcome:
     if source is not None:
-        return scaffold(source.read_text(encoding="utf-8"), folder, name, str(source))
+        return scaffold(text_of(source), folder, name, str(source))
     package = name or folder.resolve().name
     return scaffold(smallest(package), folder, package)
 

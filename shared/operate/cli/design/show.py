@@ -109,6 +109,6 @@ def problems(form: Format) -> Iterator[None]:
     """Turn what goes wrong into words on standard error and exit code 1."""
     try:
         yield
-    except (TopdownError, NoSystemError, OSError) as error:
+    except (TopdownError, NoSystemError) as error:
         tell_problem(error, form)
         raise typer.Exit(1) from error

@@ -55,7 +55,7 @@ class Chosen(msgspec.Struct, frozen=True):
 def load(file: Path) -> Scenario:
     """Read a scenario. Raise UsageError with the file and the field that is wrong."""
     try:
-        scenario = msgspec.convert(tomllib.loads(file.read_text(encoding="utf-8")), Scenario)
+        scenario = msgspec.convert(tomllib.loads(file.read_text(encoding="utf-8-sig")), Scenario)
     except (OSError, ValueError, RecursionError) as error:  # the last two from tomllib; msgspec's is a ValueError
         raise UsageError(f"{file}: {error}; docs/faults.md shows a scenario") from error
     if not scenario.fault:

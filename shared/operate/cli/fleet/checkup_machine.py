@@ -4,12 +4,12 @@ import importlib.metadata
 import os
 import re
 import shutil
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
+from agent_runtime.io.reaching import no_loopback
 from operate.cli.errors import DockerError
 from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.docker import docker
@@ -90,13 +90,12 @@ def imports(wanted: Collection[str] = IMPORTS) -> Iterator[Check]:
 
 
 def loopback() -> Iterator[Check]:
-    """Whether a port can be had on the loopback interface, over which everything goes."""
-    try:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-        yield Check("ports", Level.FINE, "ports can be had on 127.0.0.1")
-    except OSError as error:
-        yield Check("ports", Level.WRONG, f"no port on 127.0.0.1 ({error})", "ip link set lo up; end what holds ports")
+    """Whether processes can meet on the loopback interface, over which everything goes."""
+    if why := no_loopback():
+        what, _, remedy = why.partition(": ")
+        yield Check("ports", Level.WRONG, what, remedy)
+    else:
+        yield Check("ports", Level.FINE, "a port of 127.0.0.1 takes a connection")
 
 
 def disk() -> Iterator[Check]:
@@ -162,13 +161,22 @@ def clock() -> Iterator[Check]:
 
 
 def containers() -> Iterator[Check]:
-    """Whether docker answers."""
+    """Whether docker answers, and whether Compose is there, as its plugin or as a program of its own."""
     try:
         version = docker("version", "--format", "{{.Server.Version}}").decode().strip()
-        yield Check("docker", Level.FINE, f"engine {version}")
     except DockerError as error:
         remedy = "only needed for containers: start its service, and be in the group docker"
         yield Check("docker", Level.NOTE, str(error), remedy)
+        return
+    try:
+        compose = f"Compose {docker('compose', 'version', '--short').decode().strip()}"
+    except DockerError:
+        compose = "docker-compose" if shutil.which("docker-compose") else ""
+    if compose:
+        yield Check("docker", Level.FINE, f"engine {version}, {compose}")
+    else:
+        remedy = "only needed for containers: install its plugin (Debian: apt install docker-compose)"
+        yield Check("docker", Level.NOTE, f"engine {version}, but no Compose", remedy)
 
 
 MACHINE: dict[str, Callable[[], Iterator[Check]]] = {

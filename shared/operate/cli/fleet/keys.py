@@ -73,7 +73,7 @@ def make(
                 routers=routers,
                 keep_days=keep,
             )
-        except (OSError, UnicodeError) as error:
+        except UnicodeError as error:
             raise ConsoleError(str(error)) from error
         if form is Format.JSON:
             tell_json(made)
@@ -132,8 +132,6 @@ def revoke(
             denied = issuing.revoke(where, name, undo=undo)
         except KeysError as error:
             raise UsageError(str(error)) from error
-        except OSError as error:
-            raise ConsoleError(str(error)) from error
         if form is Format.JSON:
             tell_json(Revoked(str(where), denied))
         else:

@@ -1,0 +1,126 @@
+"""What the operating system refuses of `roco` is told in a line, and its output can be shown by any terminal."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.process
+
+ACL = '(inform :content "ż 😀")'
+VERBS = [
+    ["--help"],
+    ["--version"],
+    ["doctor"],
+    ["acl", "show", ACL],
+    ["design", "check"],
+    ["design", "show"],
+    ["design", "new", "lamp"],
+    ["protocol", "list"],
+]
+FORMS = ["text", "json"]
+
+
+def roco(
+    *words: str, cwd: Path, out: int | None = subprocess.PIPE, **variables: str
+) -> "subprocess.CompletedProcess[bytes]":
+    """`roco` to its end; words on standard error are one line, as an object where JSON was asked for."""
+    command = [sys.executable, "-P", "-m", "operate.cli", *words]
+    shared = os.environ | {"COLUMNS": "80"} | variables
+    done = subprocess.run(command, cwd=cwd, env=shared, stdout=out, stderr=subprocess.PIPE, timeout=50, check=False)
+    if done.stderr:
+        (line,) = done.stderr.decode().splitlines()
+        assert list(json.loads(line)) == ["error"] if "json" in words else line.startswith("roco: "), line
+    return done
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_folder_that_may_not_be_written_to_is_named(form: str) -> None:
+    """/sys takes no folder, also of root."""
+    done = roco("up", "--format", form, cwd=Path("/sys"))
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"/sys/runs: " in done.stderr
+    assert b"call roco in a folder that you may write to, or name one" in done.stderr
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("verb", "option"), [(("up",), "--out"), (("keys", "make"), "")])
+def test_a_file_in_place_of_a_folder_is_named(verb: tuple[str, ...], option: str, form: str, tmp_path: Path) -> None:
+    """As the folder itself, and on the way to it."""
+    file = tmp_path / "file\x1b]0;x\u202e"  # what a terminal would obey is shown
+    file.touch()
+    shown = str(file).replace("\x1b", "\\u001b").replace("\u202e", "\\u202e")
+    for place, remedy in ((file, b"it is a file; name a folder"), (file / "run", b"a part of this path is a file")):
+        done = roco(*verb, *[option] * bool(option), str(place), "--format", form, cwd=tmp_path)
+        assert (done.returncode, done.stdout) == (2, b"")
+        assert remedy in done.stderr
+        assert shown.encode() in done.stderr
+
+
+@pytest.mark.parametrize("words", VERBS, ids=" ".join)
+def test_output_to_a_full_disk_is_told(words: list[str], tmp_path: Path) -> None:
+    """Also where nobody can be told, standard error being there, too, it ends as an error."""
+    with Path("/dev/full").open("wb") as full:
+        done = roco(*words, cwd=tmp_path, out=full.fileno())
+        command = [sys.executable, "-P", "-m", "operate.cli", *words]
+        mute = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=full, timeout=50, check=False)
+    assert (done.returncode, mute.returncode) == (1, 1)
+    assert b"the disk is full: the output cannot be written" in done.stderr
+
+
+@pytest.mark.parametrize("words", VERBS, ids=" ".join)
+def test_letters_that_a_terminal_lacks_are_escaped(words: list[str], tmp_path: Path) -> None:
+    """The verb does the same as elsewhere."""
+    done = roco(*words, cwd=tmp_path, PYTHONIOENCODING="ascii")
+    assert done.returncode == roco(*words, cwd=tmp_path, PYTHONIOENCODING="utf-8").returncode
+    assert done.stdout.isascii()
+    assert done.stdout
+
+
+def test_json_for_such_a_terminal_means_the_same(tmp_path: Path) -> None:
+    """An escape is that of JSON: halves of a pair beyond the first plane."""
+    words = ("acl", "show", ACL, "--format", "json")
+    there, here = (roco(*words, cwd=tmp_path, PYTHONIOENCODING=one).stdout for one in ("ascii", "utf-8"))
+    assert there.isascii()
+    assert there != here
+    assert json.loads(there) == json.loads(here)
+
+
+def test_who_reads_no_further_is_told_nothing(tmp_path: Path) -> None:
+    """A closed pipe is no error of the verb's."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = roco("design", "show", "--format", "json", cwd=tmp_path, out=writing)
+    os.close(writing)
+    assert done.stderr == b""
+
+
+def test_closed_output_is_as_an_empty_one(tmp_path: Path) -> None:
+    """A shell closes it by >&-."""
+    command = [sys.executable, "-P", "-m", "operate.cli", "design", "check"]
+    closed = ["sh", "-c", 'exec "$@" >&-', "sh", *command]
+    done = subprocess.run(closed, cwd=tmp_path, stderr=subprocess.PIPE, timeout=50, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_run_in_a_folder_that_is_not_utf_8_is_refused(form: str, tmp_path: Path) -> None:
+    """Its files would name it, and so would Zenoh's configuration."""
+    folder = tmp_path / os.fsdecode(b"caf\xe9")
+    folder.mkdir()
+    done = roco("up", "--format", form, cwd=folder)
+    assert done.returncode == 2
+    assert b"this path is not UTF-8; rename its folders, or name another path" in done.stderr
+    assert not list(folder.iterdir())
+
+
+def test_a_project_whose_path_has_a_colon_is_refused(tmp_path: Path) -> None:
+    """PYTHONPATH would have two folders of it, and each agent would be missing."""
+    shutil.copytree(Path(__file__).parents[3] / "examples/depot", tmp_path / "a:b")
+    done = roco("up", cwd=tmp_path / "a:b")
+    assert done.returncode == 2
+    assert b"cannot be named in PYTHONPATH; rename the folder" in done.stderr
