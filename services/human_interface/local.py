@@ -29,11 +29,12 @@ class Said(_Message, frozen=True, omit_defaults=True):
     at: float = 0.0
 
 
-class CancelWanted(_Message, frozen=True):
-    """A person cancels a task, "" for the oldest open one."""
+class CancelWanted(_Message, frozen=True, omit_defaults=True):
+    """A person cancels a task, "" for the oldest open one; the answer is in `language`."""
 
     ticket: str
     task: str = ""
+    language: str = "en"
 
 
 class Halted(_Message, frozen=True):

@@ -199,10 +199,10 @@ class _Request(http.server.BaseHTTPRequestHandler):
                 self.rfile.read(min(number_of(self.headers.get("Content-Length", "")) or 0, DRAINED))
 
     def _cancel(self) -> msgspec.Struct:
-        task = self._body(Cancel).task
+        wanted = self._body(Cancel)
         with self._room():
             ticket = self.server.board.ticket()
-            self.server.post(CancelWanted(ticket, task))
+            self.server.post(CancelWanted(ticket, wanted.task, wanted.language))
             return self._answer(ticket)
 
     def _tasks(self) -> msgspec.Struct:
