@@ -108,7 +108,8 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
     if isinstance(word, CancelWanted):
         line, memory = _cancel(memory, turn, word.task)
         problem = _nothing_to_cancel(memory, word.task)
-        turn.tell(Answer(word.ticket, line) if line else Answer(word.ticket, problem=problem, status=404))
+        told = _cancelling((line,), word.language) if line else None
+        turn.tell(Answer(word.ticket, told) if told else Answer(word.ticket, problem=problem, status=404))
         return memory
     if line := memory.again(word):  # a double click
         memory = memory.asking(word.asker, word.at, (), ()).hearing(word, line)
@@ -141,8 +142,9 @@ def _said(memory: Memory, turn: Turn, word: Said) -> Memory:
         case Tell(does="cancel", task=task):
             line, memory = _cancel(memory, turn, task)
             nothing = TaskLine("", REFUSED, _nothing_to_cancel(memory, task), word.text, turn.now)
-            turn.tell(Answer(word.ticket, line or nothing))
-            return memory.hearing(word, line or nothing)
+            told = _cancelling((line,), word.meaning.language) if line else nothing
+            turn.tell(Answer(word.ticket, told))
+            return memory.hearing(word, told)
         case Tell(does="cancel_all"):
             return _cancel_all(memory, turn, word)
         case Tell(does="status"):
@@ -249,9 +251,9 @@ def _cancel_all(memory: Memory, turn: Turn, word: Said) -> Memory:
     for line in lines:
         _, memory = _cancel(memory, turn, line.task)
     nothing = TaskLine("", REFUSED, _nothing_to_cancel(memory, ""), word.text, turn.now)
-    line = lines[0] if lines else nothing
-    turn.tell(Answer(word.ticket, line))
-    return memory.hearing(word, line)
+    told = _cancelling(lines, word.meaning.language) if lines else nothing
+    turn.tell(Answer(word.ticket, told))
+    return memory.hearing(word, told)
 
 
 def _cancel(memory: Memory, turn: Turn, task: str) -> tuple[TaskLine | None, Memory]:
@@ -261,6 +263,12 @@ def _cancel(memory: Memory, turn: Turn, task: str) -> tuple[TaskLine | None, Mem
         return line, memory
     turn.say(line.task, P.CANCEL)
     return line, memory.with_news(News(AgentName.HI, "cancelling", "what is held is put down first", line.task))
+
+
+def _cancelling(lines: tuple[TaskLine, ...], language: str) -> TaskLine:
+    """Return the first of the tasks, with words for the person who cancels them; one that had ended is over already."""
+    says = ", ".join(str(getattr(line.wish, language)) if line.wish else line.said for line in lines)
+    return replace(lines[0], text=say(language, "over" if lines[0].state in FINAL else "cancelling", says))
 
 
 def _halted(memory: Memory, turn: Turn, word: Halted) -> Memory:

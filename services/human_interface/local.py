@@ -30,11 +30,12 @@ class Said(_Message, frozen=True, omit_defaults=True):
     east_min: int | None = None
 
 
-class CancelWanted(_Message, frozen=True):
-    """A person cancels a task, "" for the oldest open one."""
+class CancelWanted(_Message, frozen=True, omit_defaults=True):
+    """A person cancels a task, "" for the oldest open one; the answer is in `language`."""
 
     ticket: str
     task: str = ""
+    language: str = "en"
 
 
 class Halted(_Message, frozen=True):

@@ -97,7 +97,11 @@ class _Server(http.server.ThreadingHTTPServer):
         self.board, self.post, self.token, self.robot = board, post, token, robot
         self.room = threading.Semaphore(AT_ONCE)
         self.doorstep = doorstep.Doorstep()
-        super().__init__(listen, _Request)
+        try:
+            super().__init__(listen, _Request)
+        except OSError as error:
+            why = f"{listen[0]}:{listen[1]} cannot be listened at: {error.strerror}; ROCO_HTTP names another address"
+            raise OSError(error.errno, why) from error
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve a connection in a thread; it is a stranger's until it shows the token."""
@@ -201,10 +205,10 @@ class _Request(http.server.BaseHTTPRequestHandler):
                 self.rfile.read(min(number_of(self.headers.get("Content-Length", "")) or 0, DRAINED))
 
     def _cancel(self) -> msgspec.Struct:
-        task = self._body(Cancel).task
+        wanted = self._body(Cancel)
         with self._room():
             ticket = self.server.board.ticket()
-            self.server.post(CancelWanted(ticket, task))
+            self.server.post(CancelWanted(ticket, wanted.task, wanted.language))
             return self._answer(ticket)
 
     def _tasks(self) -> msgspec.Struct:

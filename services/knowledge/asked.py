@@ -8,62 +8,68 @@ import re
 import resource
 import signal
 import sys
+from contextlib import suppress
 from itertools import islice
 
 import msgspec
 import pyoxigraph as ox
 
-from companion.asking import PREFIXES, Answer, Question, Refused, Rows, Term, Verdict
+from companion.asking import PREFIXES, Answer, Question, Refused, Rows, Term, Triple, Verdict
 from services.knowledge.beliefs import believed
 from services.knowledge.dataset import dataset
 
 MEMORY_BYTES = 2 * 1024**3
 """Beside a robot's own processes; estimate. A recording of a pour and its answer take a tenth of it."""
 
-_QUIET = re.compile(
-    r"""'{3}(?:[^'\\]|\\.|'(?!''))*'{3}|"{3}(?:[^"\\]|\\.|"(?!""))*"{3}|'(?:[^'\\\n\r]|\\.)*'|"(?:[^"\\\n\r]|\\.)*\""""
-    r"""|<[^<>"{}|^`\\\s]*>|\#[^\n\r]*|\\.""",
-    re.DOTALL,
-)
-"""Strings, IRIs, comments and escaped characters of SPARQL: words in them ask for nothing."""
-_ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})|\\U([0-9A-Fa-f]{8})")
-_WORD = re.compile(r"[?$@:\w.\-]+:?")
-_UPDATES = {"INSERT", "DELETE", "LOAD", "CLEAR", "DROP", "CREATE", "ADD", "MOVE", "COPY", "WITH"}
-_GRAPHS = {"CONSTRUCT", "DESCRIBE"}
-
-
-def unescaped(text: str) -> str:
-    r"""The query without \uXXXX, which SPARQL replaces before it looks for words."""
-    while (plain := _ESCAPE.sub(lambda found: chr(int(found[1] or found[2], 16)), text)) != text:
-        text = plain
-    return text
-
-
-def refusal(text: str) -> str:
-    """Return why a query (without escapes) is not evaluated, "" if it may be."""
-    plain = _QUIET.sub(" ", text).upper()
-    words = _WORD.findall(plain)
-    first = next((word for word in words if word in {"SELECT", "ASK", *_UPDATES, *_GRAPHS}), "")
-    if first in _UPDATES:
-        return f"{first} would change what km knows, and `roco ask` only reads; write SELECT or ASK"
-    if first in _GRAPHS:
-        return f"{first} gives a graph, and `roco ask` gives rows; write SELECT or ASK"
-    if "SERVICE" in plain:  # part of a word, too: a parser may find the end of a word elsewhere
-        return "SERVICE asks another store over the network, and `roco ask` asks only this one; leave the word away"
-    return "" if first else "there is neither SELECT nor ASK in the question; write one of them"
+_SERVICE = re.compile("service", re.IGNORECASE)
 
 
 def answer(question: Question) -> Answer:
     """The answer, from what km had heard; the time of the query is bounded by the process's end."""
-    text = unescaped(question.text)
-    if why := refusal(text):
-        return Refused(why)
-    triples = dataset(believed(question.heard), question.begin)
+    text, triples = question.text, dataset(believed(question.heard), question.begin)
     bound(question.seconds)
     try:
+        if asks_another_store(text):
+            return Refused(
+                "SERVICE asks another store over the network, and `roco ask` asks only this one; leave the word away"
+            )
         return _told(triples.query(text, prefixes=PREFIXES), question.rows)
     except SyntaxError as error:
-        return Refused(f"this is not SPARQL: {error}")
+        if is_update(text):
+            return Refused(
+                "this is empty or would change what km knows, and `roco ask` only reads; write SELECT or ASK"
+            )
+        return Refused(f"this is not SPARQL: {error}; write SELECT or ASK")
+
+
+def asks_another_store(text: str) -> bool:
+    """Whether SERVICE is a keyword of the query: it is if the text is no query with another word in its place.
+
+    Raise SyntaxError if the text is no query as it is. Parsing evaluates on an empty store: call `bound` before.
+    """
+    if not _SERVICE.search(text):
+        return False
+    _parse(text)
+    try:
+        _parse(_SERVICE.sub(lambda found: f"{found[0][:3]}x{found[0][3:]}", text))
+    except SyntaxError:
+        return True
+    return False
+
+
+def _parse(text: str) -> None:
+    with suppress(OSError, RuntimeError):  # of the evaluation
+        ox.Store().query(text, prefixes=PREFIXES)
+
+
+def is_update(text: str) -> bool:
+    """Whether the text is a SPARQL update, or has no query at all. It changes an empty store: call `bound` before."""
+    try:
+        with suppress(OSError, RuntimeError):  # of the evaluation: LOAD opens no socket, and there is no graph to move
+            ox.Store().update(text, prefixes=PREFIXES)
+    except SyntaxError:
+        return False
+    return True
 
 
 def bound(seconds: float) -> None:
@@ -77,25 +83,29 @@ def bound(seconds: float) -> None:
 def _told(found: ox.QuerySolutions | ox.QueryBoolean | ox.QueryTriples, most: int) -> Answer:
     if isinstance(found, ox.QueryBoolean):
         return Verdict(bool(found))
-    assert isinstance(found, ox.QuerySolutions)  # the others were refused
+    if isinstance(found, ox.QueryTriples):
+        return Refused("CONSTRUCT and DESCRIBE give a graph, and `roco ask` gives rows; write SELECT or ASK")
     columns = tuple(variable.value for variable in found.variables)
-    rows = tuple(tuple(map(_term, solution)) for solution in islice(found, most))
+    rows = tuple(
+        tuple(None if value is None else _term(value) for value in solution) for solution in islice(found, most)
+    )
     return Rows(columns, rows, next(found, None) is not None)
 
 
-def _term(value: object) -> Term | None:
+def _term(value: object) -> Term:
     match value:
         case ox.NamedNode():
             return Term("uri", value.value)
         case ox.BlankNode():
             return Term("bnode", value.value)
         case ox.Literal(language=str(language)):
-            return Term("literal", value.value, lang=language)
+            return Term("literal", value.value, lang=language, direction=str(value.direction or ""))
         case ox.Literal():
             plain = value.datatype.value == f"{PREFIXES['xsd']}string"
             return Term("literal", value.value, "" if plain else value.datatype.value)
-        case _:
-            return None
+        case ox.Triple():
+            return Term("triple", Triple(*map(_term, value)))
+    raise TypeError(f"a {type(value).__name__} is no value of a row")
 
 
 def main() -> None:

@@ -15,7 +15,6 @@ from contextlib import suppress
 from functools import partial
 from importlib import resources
 from string import Template
-from typing import TypeVar
 from urllib.parse import parse_qs
 
 import anyio.to_thread
@@ -52,7 +51,6 @@ STATIC = {
     "icon.svg": "image/svg+xml",
 }
 _FILES = {name: resources.files(__package__).joinpath("static", name).read_bytes() for name in STATIC}
-T = TypeVar("T")
 
 
 class Refused(Exception):
@@ -146,7 +144,7 @@ class Page:
         if stop_words(text, await self._answers(text, fields[BROWSER])):
             return await self._stop_in_words(text, language)
         said = Say(text, int("first" in fields), asker=fields[BROWSER], east_min=_east_min(fields))
-        return _line(await self._ask(partial(self._hi.say, said)), language)
+        return await self._ask(partial(self._hi.say, said), language)
 
     async def _answers(self, text: str, browser: str) -> tuple[str, ...]:
         """The answers to what hi has asked in a browser, if the text may be one, and hi says so at once."""
@@ -164,7 +162,7 @@ class Page:
             self.hear(held=True)
         call = partial(anyio.to_thread.run_sync, partial(self._hi.say, Say(text)), limiter=self._stopping)
         try:
-            return _line(await _of_hi(call), language)
+            return await _of_hi(call, language)
         except Refused:
             return await self._hold(True, {}, language)
 
@@ -173,11 +171,11 @@ class Page:
         lines = [one for one in self.heard.tasks if one.state not in view.ENDED]
         line = next((one for one in lines if one.task == fields.get("task")), None)
         if line is None or line.wish is None:
-            raise Refused(404, f"there is no open task {fields.get('task')!r}")
+            raise Refused(404, say(language, "passed"))
         urgency = min(MOST_URGENT, 1 + max(one.urgency for one in lines))
         wish = view.in_language(line.wish, language)
         said = Say(wish, urgency, instead=line.task, asker=fields[BROWSER])
-        return _line(await self._ask(partial(self._hi.say, said)), language)
+        return await self._ask(partial(self._hi.say, said), language)
 
     async def _step(self, fields: dict[str, str], language: str) -> Response:
         """Let the act begin that waits, if it is the one that this browser shows."""
@@ -189,21 +187,21 @@ class Page:
         return JSONResponse({"state": "running", "text": say(language, "went_on"), "replies": []})
 
     async def _cancel(self, fields: dict[str, str], language: str) -> Response:
-        return _line(await self._ask(partial(self._hi.cancel, fields.get("task", ""))), language)
+        return await self._ask(partial(self._hi.cancel, fields.get("task", ""), language), language)
 
     async def _hold(self, held: bool, fields: dict[str, str], language: str) -> Response:
         """Stop the robot, or let it go: by its flag, then hi is told; where the flag is elsewhere, by hi."""
         told = partial(anyio.to_thread.run_sync, partial(self._hi.hold, held), limiter=self._stopping)
         if not self._stop.hold(held):
-            return _line(await _of_hi(told), language)
+            return await _of_hi(told, language)
         self.hear(held=held)
         task = asyncio.create_task(_quietly(told))
         self._kept.add(task)
         task.add_done_callback(self._kept.discard)
         return JSONResponse({"state": "stopped" if held else "released", "text": "", "replies": []})
 
-    async def _ask(self, call: Callable[[], TaskLine]) -> TaskLine:
-        return await _of_hi(partial(anyio.to_thread.run_sync, call, limiter=self._room))
+    async def _ask(self, call: Callable[[], TaskLine], language: str) -> Response:
+        return await _of_hi(partial(anyio.to_thread.run_sync, call, limiter=self._room), language)
 
     # --- pairing ------------------------------------------------------------------------------------------------------
 
@@ -281,16 +279,13 @@ def _east_min(fields: dict[str, str]) -> int | None:
     return int(east[0]) if east and abs(int(east[0])) <= MOST_EAST_MIN else None
 
 
-def _line(line: TaskLine, language: str) -> Response:
-    return JSONResponse({"task": line.task, "state": line.state, "text": plain(line.text), "replies": line.replies})
-
-
-async def _of_hi(call: Callable[[], Awaitable[T]]) -> T:
-    """Return hi's answer. Raise Refused with the sentence of hi's error."""
+async def _of_hi(call: Callable[[], Awaitable[TaskLine]], language: str) -> Response:
+    """Return hi's answer. Raise Refused with the sentence of hi's error, or that nothing reached it."""
     try:
-        return await call()
+        line = await call()
     except HiError as error:
-        raise Refused(error.status or 503, str(error)) from error
+        raise Refused(error.status or 503, str(error) if error.status else say(language, "unreached")) from error
+    return JSONResponse({"task": line.task, "state": line.state, "text": plain(line.text), "replies": line.replies})
 
 
 async def _quietly(call: Callable[[], Awaitable[object]]) -> None:

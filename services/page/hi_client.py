@@ -39,9 +39,9 @@ class Hi:
         """Sentences that answer what hi has asked of somebody: none if it does not say so at once."""
         return self._ask("GET", "/tasks", Tasks, patience_s=AT_ONCE_S).answers(asker, time.time())
 
-    def cancel(self, task: str) -> TaskLine:
+    def cancel(self, task: str, language: str) -> TaskLine:
         """Cancel a task."""
-        return self._ask("POST", "/cancel", TaskLine, Cancel(task))
+        return self._ask("POST", "/cancel", TaskLine, Cancel(task, language))
 
     def hold(self, held: bool) -> TaskLine:
         """Stop the robot, or let it go."""

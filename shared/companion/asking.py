@@ -51,12 +51,21 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Term(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A value, as the W3C's "SPARQL 1.1 Query Results JSON Format" writes it; `type`: uri, bnode or literal."""
+    """A value, as the W3C's "SPARQL 1.2 Query Results JSON Format" writes it; `type`: uri, bnode, literal or triple."""
 
     type: str
-    value: str
+    value: "str | Triple"
     datatype: str = ""
     lang: str = msgspec.field(name="xml:lang", default="")
+    direction: str = msgspec.field(name="its:dir", default="")
+
+
+class Triple(msgspec.Struct, frozen=True):
+    """The value of a triple term."""
+
+    subject: Term
+    predicate: Term
+    object: Term
 
 
 class Rows(msgspec.Struct, frozen=True, tag=True):

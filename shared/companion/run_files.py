@@ -63,9 +63,10 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """POST /cancel: this task, or with "" the oldest one that has not ended."""
+    """POST /cancel: this task, or with "" the oldest one that has not ended. `language`: of the answer."""
 
     task: str = ""
+    language: Annotated[str, msgspec.Meta(pattern="^(en|pl)$")] = "en"
 
 
 class InWords(msgspec.Struct, frozen=True):

@@ -58,9 +58,9 @@ class Scene:
         """A person says it; the answer."""
         return self.ask(Said(f"t{len(self.shown)}", text, read(text), asker=asker, at=self.wires.now))
 
-    def cancel(self, task=""):
+    def cancel(self, task="", language="en"):
         """A person cancels; the answer."""
-        return self.ask(CancelWanted(f"t{len(self.shown)}", task))
+        return self.ask(CancelWanted(f"t{len(self.shown)}", task, language))
 
     def ask(self, word):
         """The one answer to a word."""
@@ -160,6 +160,18 @@ def test_cancel_by_words_cancels_the_oldest_or_the_named_task(scene, words):
     assert scene.tasks[task] == "cancelled"
 
 
+def test_a_cancel_is_answered_in_words_not_by_the_step_of_the_plan(scene):
+    """In the language of who cancels; the task itself goes on telling its step."""
+    task = scene.say("look around").line.task
+    scene.say("take the jar")
+    scene.report(task, P.AGREE, TaskState.RUNNING, "look around/look")
+    assert scene.cancel(task).line.text == "I am cancelling: look around."
+    assert scene.cancel(task, "pl").line.text == "Anuluję: rozejrzyj się."
+    assert scene.say("anuluj").line.text == "Anuluję: rozejrzyj się."
+    assert scene.say("cancel everything").line.text == "I am cancelling: look around, take the jar."
+    assert scene.shown[-1].tasks[0].text == "look around/look"
+
+
 def test_a_second_cancel_is_not_sent_again(scene):
     """The protocol has one; the person gets the task both times."""
     task = scene.say("take the jar").line.task
@@ -190,7 +202,8 @@ def test_cancel_of_nothing_and_of_unknown_tasks_is_told(scene):
     assert scene.say("cancel").line.state == "refused"
     task = scene.say("take the jar").line.task
     scene.report(task, P.REFUSE, TaskState.FAILED, "busy")
-    assert scene.cancel(task).line.state == "failed"
+    line = scene.cancel(task).line
+    assert (line.state, line.text) == ("failed", "That is over already: take the jar.")
 
 
 def test_status_names_the_open_tasks(scene):

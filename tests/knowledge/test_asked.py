@@ -8,8 +8,7 @@ import sys
 import msgspec
 import pytest
 
-from companion.asking import ANSWERER, Answer, Question, Refused, Rows
-from services.knowledge import asked
+from companion.asking import ANSWERER, PREFIXES, Answer, Question, Refused, Rows, Term, Triple
 
 CROSS = "SELECT (COUNT(*) AS ?n) WHERE { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
 UPDATES = (
@@ -19,7 +18,7 @@ UPDATES = (
     "PREFIX select: <urn:select> CLEAR ALL",
     "# SELECT\nLOAD <http://example.org/>",
     "DROP ALL ; ADD <urn:a> TO <urn:b>",
-    "\\u0043REATE GRAPH <urn:g>",
+    "CREATE GRAPH <urn:g>",
     "COPY <urn:a> TO DEFAULT",
     "MOVE <urn:a> TO <urn:b>",
 )
@@ -29,9 +28,9 @@ SERVICES = (
     "ASK { ?a ?b 5SERVICE<http://127.0.0.1:1/>{} }",
     "ASK { ?a ?b '''\\'''' . SERVICE <http://127.0.0.1:1/> {} ?d ?e ''' ''' }",
     "ASK { ?a ?b roco:x\\' . SERVICE <http://127.0.0.1:1/> {} ?d ?e roco:x\\' }",
-    "ASK { \\u0053ERVICE <http://127.0.0.1:1/> {} }",
-    "ASK { \\u005Cu0053ERVICE <http://127.0.0.1:1/> {} }",
-    "ASK { ?a ?b '\\u0027 . SERVICE <http://127.0.0.1:1/> {} ?d ?e '' }",
+    "SELECT * { SERVICE SILENT <http://127.0.0.1:1/> { ?a ?b ?c } }",
+    "ASK { FILTER EXISTS { VALUES ?service { 1 } SERVICE ?service { } } }",
+    "ASK { FILTER(?x = <<( ?service ?b 1 )>>) SERVICE roco:service { } }",
     "ASK { ?a ?b ?c FILTER(?a<?b) SERVICE ?s { ?x ?y ?z FILTER(?a>?b) } }",
 )
 
@@ -55,30 +54,37 @@ def told(asked_: Question) -> Answer:
     return answer
 
 
+def refused(text: str) -> str:
+    """Why it is refused."""
+    answer = told(question(text))
+    assert isinstance(answer, Refused)
+    return answer.why
+
+
 @pytest.mark.parametrize("text", UPDATES)
 def test_updates_are_refused(text: str) -> None:
-    """With the word that would change something, wherever it hides."""
-    assert "only reads" in asked.refusal(asked.unescaped(text))
+    """Whatever words are before what changes something."""
+    assert "only reads" in refused(text)
 
 
 @pytest.mark.parametrize("text", SERVICES)
 def test_other_stores_are_not_asked(text: str) -> None:
-    """However the word is written."""
-    assert "network" in asked.refusal(asked.unescaped(text))
-
-
-@pytest.mark.parametrize("text", [text for text in (*UPDATES, *SERVICES) if "\\u" in text])
-def test_escaped_words_are_refused_by_the_process_itself(text: str) -> None:
-    """It looks at the words that the parser sees."""
-    answer = told(question(text))
-    assert isinstance(answer, Refused)
-    assert "roco ask" in answer.why
+    """However the word is written, and whether or not it is reached or may fail."""
+    assert "network" in refused(text)
 
 
 @pytest.mark.parametrize("text", ["CONSTRUCT WHERE { ?a ?b ?c }", "DESCRIBE thing:jar_1"])
 def test_graphs_are_refused(text: str) -> None:
     """Rows are what can be bounded and printed."""
-    assert "SELECT or ASK" in asked.refusal(text)
+    assert "SELECT or ASK" in refused(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["\\u0043REATE GRAPH <urn:g>", "ASK { \\u0053ERVICE ?x {} }", "hello", "SELECT *", "service"]
+)
+def test_what_is_no_sparql_is_refused(text: str) -> None:
+    """Escaped characters make no words."""
+    assert "this is not SPARQL" in refused(text)
 
 
 @pytest.mark.parametrize(
@@ -88,12 +94,34 @@ def test_graphs_are_refused(text: str) -> None:
         'ask { ?a ?b """a "service" of \\"x""" , \'x\' }',
         "PREFIX load: <urn:SERVICE> SELECT ?drop { ?drop a load:x } # SERVICE\n",
         "SELECT * { ?a rdfs:label 'insert'@en }",
+        "SELECT?x { }",
+        "SELECT ?service { ?service roco:serviceable ?Service } GROUP BY ?service",
+        "PREFIX service: <urn:service> ASK { service:x ?b _:service }",
     ],
 )
 def test_words_in_names_strings_and_comments_are_no_orders(text: str) -> None:
     """They are evaluated."""
-    assert asked.refusal(text) == ""
     assert not isinstance(told(question(text)), Refused)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [(r"'\u0041'", "A"), (r"'\\u0041'", r"\u0041"), (r"'\u005Cu0041'", r"\u0041")]
+)
+def test_a_character_is_unescaped_once(text: str, value: str) -> None:
+    """A backslash that is escaped itself, either way, begins no escape."""
+    answer = told(question(f"SELECT ({text} AS ?x) {{}}"))
+    assert isinstance(answer, Rows)
+    assert answer.rows == ((Term("literal", value),),)
+
+
+def test_a_triple_term_is_a_value() -> None:
+    """With its parts, one of which may be a triple term again, and the direction of a text."""
+    inner = "<<( roco:a roco:b 'x'@en--ltr )>>"
+    answer = told(question(f"SELECT (<<( roco:a roco:b {inner} )>> AS ?x) {{}}"))
+    a, b = (Term("uri", f"{PREFIXES['roco']}{name}") for name in "ab")
+    within = Term("triple", Triple(a, b, Term("literal", "x", lang="en", direction="ltr")))
+    assert isinstance(answer, Rows)
+    assert answer.rows == ((Term("triple", Triple(a, b, within)),),)
 
 
 def test_what_is_no_sparql_is_said_with_its_place() -> None:

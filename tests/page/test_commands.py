@@ -186,6 +186,30 @@ def test_cancel_and_order(house, opened):
     assert len(house.asked) == 4
 
 
+def test_a_cancel_is_answered_in_the_language_of_the_page(house, opened):
+    """In words, not by the step of the plan."""
+    one = opened(locale="pl-PL")
+    say(one, "look around")
+    wait_for(lambda: house.asked, "it is asked for")
+    house.running(at="look around/look")
+    one.get_by_role("button", name="Anuluj: rozejrzyj się").click()
+    expect(one.locator("#answer")).to_have_text("Anuluję: rozejrzyj się.")
+
+
+@pytest.mark.parametrize("wreck", ["no address", "nobody listens", "half an address"])
+def test_a_hi_that_is_away_is_said_in_the_language_of_the_page(house, opened, wreck):
+    """Without the names of files and numbers of errors."""
+    one = opened(locale="pl-PL")
+    house.desk.close()
+    if wreck == "nobody listens":
+        (house.run / "hi.json").write_text('{"port": 1, "token": "t"}')
+    elif wreck == "half an address":
+        (house.run / "hi.json").write_text("{")
+    say(one, "weź słoik")
+    expect(one.locator("#answer")).to_have_text("Nie udało się: To nie dotarło do Velmy. Proszę spróbować ponownie.")
+    house.open()
+
+
 def test_do_this_first_takes_those_behind_it_along(house, opened):
     """A task that waits for another one of the same sentence waits for what took its place, and is not cancelled."""
     one = opened()

@@ -47,6 +47,8 @@ CLEARED = (1, 2)
 """Ranks of the things beside a wanted one that are put aside, 1 the nearest. Estimate: a try takes seconds."""
 DOORS = (1, 2)
 """Ranks of the closed doors before a thing, one of which is opened first: a cabinet has two."""
+MOST_STEPS = 200
+"""Steps that a search tries, each of which counts its own iterations. Estimate: the tests' searches try 45 at most."""
 PREFERRED = (Side.LEFT, Side.RIGHT)  # the paper takes the jar with the left hand
 
 
@@ -67,6 +69,7 @@ class Search:
         self.domain = gtpyhop.Domain("robot_companion")
         self._rejected: dict[Rejected, None] = {}
         self._end: _State | None = None
+        self._tried = 0
 
     def run(self, todo: Subtasks, state: str) -> Found | None:
         """Return what does these tasks in this state at km; None for no plan."""
@@ -83,6 +86,9 @@ class Search:
         options = {"strategy": "recursive_dfs", "structured_logging": False}
         with redirect_stdout(StringIO()), gtpyhop.PlannerSession(domain=self.domain, **options) as session:
             found = session.find_plan(start, [*todo, ("a_end",)])
+        if self._tried > MOST_STEPS:
+            self.geometry.failed(f"the search was ended after {MOST_STEPS} tried steps: a person is needed")
+            return None
         if found.error and found.error.startswith("Planning error"):
             raise RuntimeError(found.error)
         if not found.success or self._end is None:
@@ -140,6 +146,7 @@ class Search:
 
         def action(state: _State, *arguments: str) -> _State | bool:
             try:
+                self._count()
                 step = compute(state, *arguments)
                 if step is not None:
                     state.km = self.geometry.ask.suppose(state.km, step.changes)
@@ -154,6 +161,12 @@ class Search:
 
         action.__name__ = name
         return action
+
+    def _count(self) -> None:
+        """Count a step that is tried. Raise where it is one too many: GTPyhop takes it for the end of the search."""
+        self._tried += 1
+        if self._tried > MOST_STEPS:
+            raise RuntimeError("too many tried steps")
 
     def _bind(self, task: str, *methods: Callable[..., Subtasks | None]) -> None:
         gtpyhop.declare_task_methods(task, *(self._answered(method) for method in methods))
@@ -228,9 +241,14 @@ class Search:
 
     def a_in_the_way(self, state: _State, name: str, *others: str) -> _State | bool:
         """Return False, not applicable, if a hand reaches the thing beside the others, or not even without them."""
-        if in_the_way(self.geometry, state.km, name, others):
-            return state
-        self._reject("in_the_way", (name, *others), "they are not what is in the way")
+        why = "they are not what is in the way"
+        try:
+            self._count()
+            if in_the_way(self.geometry, state.km, name, others):
+                return state
+        except Unanswered as unanswered:
+            self.geometry.failed(why := unanswered.reason)
+        self._reject("in_the_way", (name, *others), why)
         return False
 
     def a_replan(self, state: _State, name: str) -> _State:

@@ -3,12 +3,13 @@
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from companion.asking import ANSWERER, PREFIXES, Answer, Heard, Question, Term
+from companion.asking import ANSWERER, PREFIXES, Answer, Heard, Question, Term, Triple
 from companion.tools.system import SYSTEM
 from operate.cli.errors import ConsoleError, NoRunError
 
@@ -101,9 +102,22 @@ def _missing(extra: str, module: str) -> AskError:
 
 def short(term: Term) -> str:
     """A value for people: an IRI with its prefix, as it may be written in a question."""
-    if term.type != "uri":
-        return term.value if term.type == "literal" else f"_:{term.value}"
+    return written(term, _prefixed)
+
+
+def written(term: Term, iri: Callable[[str], str] = str) -> str:
+    """A value in one line; `iri` writes an IRI."""
+    match term.value:
+        case Triple(subject, predicate, about):
+            return f"<<( {' '.join(written(one, iri) for one in (subject, predicate, about))} )>>"
+        case value if term.type == "uri":
+            return iri(value)
+        case value:
+            return f"_:{value}" if term.type == "bnode" else value
+
+
+def _prefixed(iri: str) -> str:
     for prefix, space in PREFIXES.items():
-        if term.value.startswith(space):
-            return f"{prefix}:{term.value.removeprefix(space).replace('/', chr(92) + '/')}"
-    return f"<{term.value}>"
+        if iri.startswith(space):
+            return f"{prefix}:{iri.removeprefix(space).replace('/', chr(92) + '/')}"
+    return f"<{iri}>"

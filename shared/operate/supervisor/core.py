@@ -156,7 +156,7 @@ class Ready(Event, frozen=True):
 
 
 class Exited(Event, frozen=True):
-    """It ended with this code (negative: the signal). `last`: the last line it wrote."""
+    """It ended with this code (negative: the signal). `last`: its exception, or the last line it wrote."""
 
     code: int
     last: str = ""

@@ -18,6 +18,12 @@ from operate.run_folder import FLEET_FILE, LATEST, OFF_SUFFIX, Fleet
 MOST_BYTES = 32 * 1024 * 1024
 """Of what a process prints, as of its log (agent_runtime.io.logs; estimate)."""
 
+TRACEBACK = "Traceback (most recent call last):"
+READ_BYTES = 16_384
+"""Of the end of a log; estimate: four long tracebacks."""
+FAREWELL_LINES = 8
+"""From the exception on which a process ends to the end of its log, at most: it closes what it has (estimate)."""
+
 
 def make(run: Path, *, latest: bool = True) -> None:
     """Make the folder with its stop flag, nobody switched off, no fleet told.
@@ -135,13 +141,16 @@ def off(run: Path) -> frozenset[str]:
     return frozenset(name.removesuffix(OFF_SUFFIX) for name in os.listdir(run) if name.endswith(OFF_SUFFIX))
 
 
-def last_line(log: Path, limit: int = 4096) -> str:
-    """The last line of a log that is not empty, "" if there is none; only the last `limit` bytes are read."""
+def last_words(log: Path) -> str:
+    """The reason that a log ends with: the exception of a traceback near its end, else its last line, "" for none."""
     try:
         with log.open("rb") as file:
             file.seek(0, os.SEEK_END)
-            file.seek(max(0, file.tell() - limit))
-            lines = file.read().decode(errors="replace").split("\n")
+            file.seek(max(0, file.tell() - READ_BYTES))
+            lines = [line for line in file.read().decode(errors="replace").split("\n") if line.strip()]
     except OSError:
         return ""
-    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+    begins = [number for number, line in enumerate(lines) if TRACEBACK in line]
+    after = range(begins[-1] + 1, len(lines)) if begins else range(0)
+    ends = next((number for number in after if not lines[number].startswith(" ")), 0)
+    return lines[ends if ends and len(lines) - ends <= FAREWELL_LINES else -1].strip() if lines else ""

@@ -129,7 +129,7 @@ class Shell:
             if code is not None:
                 del self.children[name]
                 self.files.put(folder.pid_file(self.run, name), None)
-                seen.append(core.Exited(name, code, folder.last_line(folder.log_file(self.run, name))))
+                seen.append(core.Exited(name, code, folder.last_words(folder.log_file(self.run, name))))
             elif self.fleet.known[name].state is ProcessState.STARTING and folder.ready_file(self.run, name).exists():
                 seen.append(core.Ready(name))
         return seen

@@ -71,6 +71,17 @@ def test_csv_as_sparql_has_it() -> None:
     ]
 
 
+def test_a_triple_term_is_shown() -> None:
+    """For people with prefixes, in CSV with whole IRIs, in JSON with its parts."""
+    query = "SELECT (<<( thing:jar_1 roco:isIn 'x' )>> AS ?said) {}"
+    assert run(query)[1].splitlines()[1].strip() == "<<( thing:jar_1 roco:isIn x )>>"
+    space = "urn:robot-companion:"
+    assert run(query, "--format", "csv")[1].splitlines()[1] == f"<<( {space}thing/jar_1 {space}roco#isIn x )>>"
+    said = json.loads(run(query, "--format", "json")[1])["results"]["bindings"][0]["said"]
+    assert said["type"] == "triple"
+    assert said["value"]["object"] == {"type": "literal", "value": "x"}
+
+
 def test_what_is_shown_may_be_asked() -> None:
     """A short name with a slash in it is a name in SPARQL, too."""
     held = "SELECT ?grasp WHERE { thing:jar_1 roco:isGraspedWith ?grasp }"

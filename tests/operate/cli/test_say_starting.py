@@ -1,6 +1,8 @@
-"""`roco say` right after a start: a fleet on its way is waited for; where nothing starts it says so at once."""
+"""`roco say` and `roco page` right after a start: a fleet on its way is waited for; nothing else is."""
 
 import http.server
+import os
+import socket
 import subprocess
 import sys
 import threading
@@ -12,8 +14,8 @@ import msgspec
 import pytest
 from typer.testing import CliRunner, Result
 
-from companion.run_files import HI_FILE, HiAddress, Problem
-from companion.tools.verbs import human_interface_start, talk
+from companion.run_files import HI_FILE, PAGE_FILE, HiAddress, PageAddress, Problem
+from companion.tools.verbs import listener_start, talk
 from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
@@ -48,7 +50,7 @@ class Clock:
 def clock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
     """The time of the verb, in a place without runs and containers."""
     made = Clock()
-    monkeypatch.setattr(talk, "time", made)
+    monkeypatch.setattr(listener_start, "time", made)
     monkeypatch.setattr("operate.cli.fleet.compose.projects", lambda **_: ())
     monkeypatch.delenv("ROCO_RUN_DIR", raising=False)
     monkeypatch.delenv("ROCO_CONNECT", raising=False)
@@ -87,10 +89,10 @@ def heard(done: Result) -> None:
     assert done.stderr.count(STARTING) == 1
 
 
-def told(run: Path, state: ProcessState, supervisor: int) -> None:
-    """Write a supervisor's report about a_hi."""
+def told(run: Path, state: ProcessState, supervisor: int, name: str = "hi") -> None:
+    """Write a supervisor's report about a_hi, or another process."""
     run.mkdir(parents=True, exist_ok=True)
-    processes = (ProcessStatus("hi", state, supervisor, module="services.supervisor"),)
+    processes = (ProcessStatus(name, state, supervisor, module="services.supervisor"),)
     (run / FLEET_FILE).write_bytes(msgspec.json.encode(Fleet("test", "", supervisor, time.time(), processes)))
 
 
@@ -177,23 +179,66 @@ def test_the_wait_ends(clock, called, tmp_path: Path) -> None:
     told(run, ProcessState.STARTING, called("services.supervisor"))
     done = say("--run-dir", run)
     assert done.exit_code == 3
-    assert clock.now == pytest.approx(talk.STARTING_S, abs=1.0)
+    assert clock.now == pytest.approx(listener_start.STARTING_S, abs=1.0)
     assert "still starting after 90 s; see `roco status`" in done.stderr
 
 
 def test_in_a_container_a_hi_itself_is_looked_for(clock, called, pretend, tmp_path: Path, monkeypatch) -> None:
     """There is no supervisor, and no run folder until a_hi makes it."""
     run = tmp_path / "run"
-    monkeypatch.setattr(
-        human_interface_start, "HUMAN_INTERFACE", "services.a_hi_of_this_test"
-    )  # others may have a fleet here
+    mine = listener_start.HUMAN_INTERFACE._replace(module="services.a_hi_of_this_test")  # others may have a fleet here
+    monkeypatch.setattr(talk, "HUMAN_INTERFACE", mine)
     monkeypatch.setenv("ROCO_CONNECT", "tls/router:7447")
     monkeypatch.setenv("ROCO_RUN_DIR", str(run))
     assert say().exit_code == 3
     assert clock.pauses == 0, "it is no container of a_hi"
-    called(human_interface_start.HUMAN_INTERFACE)
+    called(mine.module)
     clock.acts = [listening(pretend, run)]
     heard(say())
+
+
+def page(*words: object) -> Result:
+    """Ask for an address of the page."""
+    return CliRunner().invoke(app, ["page", *(str(word) for word in words)])
+
+
+def test_a_page_that_is_starting_is_waited_for(clock, called, tmp_path: Path) -> None:
+    """First it has told no address, then it has one where it does not listen yet."""
+    run, started = tmp_path / "run", list[subprocess.Popen[bytes]]()
+    told(run, ProcessState.STARTING, called("services.supervisor"), "page")
+
+    def begin() -> None:
+        settings = os.environ | {"ROCO_RUN_DIR": str(run), "ROCO_CONNECT": "tcp/127.0.0.1:1"}
+        with (tmp_path / "page.log").open("ab") as log:
+            words = [sys.executable, "-P", "-m", "services.page"]
+            started.append(subprocess.Popen(words, env=settings, stdout=log, stderr=log))
+        until = time.monotonic() + 20.0
+        while not (run / "page.ready").exists():
+            assert started[0].poll() is None, (tmp_path / "page.log").read_text()
+            assert time.monotonic() < until
+
+    bound = socket.create_server(("127.0.0.1", 0))
+    address = PageAddress(bound.getsockname()[1], "t")
+    bound.close()
+    clock.acts = [lambda: (run / PAGE_FILE).write_bytes(msgspec.json.encode(address)), begin]
+    try:
+        done = page("--run-dir", run)
+        assert (done.exit_code, clock.pauses, done.stderr.count(STARTING)) == (0, 2, 1), done.output
+        assert done.stdout.startswith("http://127.0.0.1:")
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.parametrize("state", [ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY])
+def test_a_page_that_does_not_come_is_not_waited_for(clock, called, tmp_path: Path, state: ProcessState) -> None:
+    """It is said that there is none, in words."""
+    run = tmp_path / "run"
+    told(run, state, called("services.supervisor", "--run-dir", run), "page")
+    done = page("--run-dir", run)
+    assert (done.exit_code, clock.pauses) == (3, 0)
+    assert "has no page (no page.json); see `roco status`" in done.stderr
 
 
 class WithoutCo(fake_fleet.Answers):

@@ -101,6 +101,16 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
     assert not serves(tmp_path)
 
 
+@pytest.mark.parametrize("which", ["grpc", "web"])
+def test_the_port_of_another_program_is_not_told_as_that_of_the_pictures(which: str, tmp_path: Path) -> None:
+    """The drawing process ends with the reason, and there is no view.json."""
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        wished = msgspec.structs.replace(place(), **{which: other.getsockname()[1]})
+        with pytest.raises(ServerError, match="Address already in use; ROCO_VIEW_GRPC and ROCO_VIEW_WEB name others"):
+            child.Child(tmp_path, wished, SYSTEM)
+    assert not (tmp_path / VIEW_FILE).exists()
+
+
 @pytest.mark.parametrize(("module", "limit", "error"), [(child, "OWN_MB", OverLimit), (server, "MOST_MB", ServerError)])
 def test_a_process_above_its_limit_of_memory_ends(
     module: ModuleType, limit: str, error: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from companion.asking import Question, Refused, Rows, Term, Verdict
+from companion.asking import Question, Refused, Rows, Verdict
 from companion.tools import asking
 from operate.cli.errors import NO, UsageError
 from operate.cli.fleet import targets
@@ -78,7 +78,7 @@ def _show(told: Rows | Verdict, form: As, known: asking.Known) -> None:
 
 
 def as_json(told: Rows) -> str:
-    """As "SPARQL 1.1 Query Results JSON Format" has it; `cut` besides says that there are more rows."""
+    """As "SPARQL 1.2 Query Results JSON Format" has it; `cut` besides says that there are more rows."""
     bindings = [{name: term for name, term in zip(told.columns, row, strict=True) if term} for row in told.rows]
     whole = {"head": {"vars": told.columns}, "results": {"bindings": bindings}, "cut": told.cut}
     return msgspec.json.encode(whole).decode()
@@ -90,13 +90,7 @@ def _print_csv(told: Rows) -> None:
 
     writer = csv.writer(sys.stdout)
     writer.writerow(told.columns)
-    writer.writerows([_value(term) for term in row] for row in told.rows)
-
-
-def _value(term: Term | None) -> str:
-    if term is None:
-        return ""
-    return f"_:{term.value}" if term.type == "bnode" else term.value
+    writer.writerows(["" if term is None else asking.written(term) for term in row] for row in told.rows)
 
 
 def _print_table(told: Rows, known: asking.Known) -> None:

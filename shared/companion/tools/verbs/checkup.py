@@ -13,6 +13,7 @@ from operate.cli.fleet.checkup import Check, Checks, Level
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Look
 from operate.cli.fleet.targets import Target
+from operate.cli.fleet.view import GRPC, WEB
 from velma import compiled
 from velma.errors import GlError
 from velma.sim import gl
@@ -87,6 +88,7 @@ CHECKS = Checks(
     machine={
         "libraries": partial(checkup_machine.libraries, NEEDED),
         "imports": partial(checkup_machine.imports, IMPORTS),
+        "ports": partial(checkup_machine.loopback, (GRPC, WEB, "ROCO_HTTP", "ROCO_PAGE")),
         "memory": partial(checkup_machine.memory, MEMORY),
         "OpenGL": opengl,
         "compiled": library,

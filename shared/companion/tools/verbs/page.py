@@ -11,6 +11,7 @@ import typer
 
 from companion.loopback import HERE, answered
 from companion.run_files import PAGE_FILE, PageAddress, Pairing
+from companion.tools.verbs.listener_start import PAGE, PERIOD_S, starting, when_started
 from operate.cli.errors import NOTHING_RUNS, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
@@ -18,10 +19,8 @@ from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.runs import folders
 
-PAGE = "page"
 ANSWER_S = 5.0  # estimate: the page answers in milliseconds
 STARTING_S = 10.0  # estimate: it listens a second after its fleet is ready
-PERIOD_S = 0.2
 
 
 class PageError(ConsoleError):
@@ -45,7 +44,8 @@ def page(
 ) -> None:
     """Pair a browser with the person's page: print an address that does it once. It can be used for five minutes.
 
-    The browser stays paired as long as the run folder is there, over restarts of the page, too.
+    The browser stays paired as long as the run folder is there, over restarts of the page, too. A fleet that is
+    starting is waited for, at most 90 s.
 
     Examples:
       roco page
@@ -53,7 +53,7 @@ def page(
       roco page --target compose
     """
     with problems(form):
-        found = door(targets.find(target, run_dir))
+        found = when_started(lambda: _door_or_error(target, run_dir), lambda _: starting(PAGE, target, run_dir), form)
         if form is Format.JSON:
             tell_json(found)
         else:
@@ -62,10 +62,20 @@ def page(
             webbrowser.open(found.url)
 
 
+def _door_or_error(target: str, run_dir: Path | None) -> Door | ConsoleError:
+    try:
+        return door(targets.find(target, run_dir))
+    except ConsoleError as error:
+        return error
+
+
 def door(fleet: Target) -> Door:
     """Return a new pairing address of the page of a fleet. Raise PageError where it does not answer."""
     try:
-        address = msgspec.json.decode(fleet.read(PAGE, PAGE_FILE), type=PageAddress)
+        told = fleet.read(PAGE.name, PAGE_FILE)
+        if not told:
+            raise PageError(f"{fleet.where} has no page (no {PAGE_FILE}); see `roco status`")
+        address = msgspec.json.decode(told, type=PageAddress)
         status, data = answered(address, "POST", "/code", patience_s=ANSWER_S)
         if status != http.client.OK:
             raise PageError(f"the page of {fleet.where} gave no code ({status}): {data[:200].decode(errors='replace')}")
@@ -83,7 +93,7 @@ def door_when_there(run: Path, within_s: float = STARTING_S) -> Door | None:
     """Return a new pairing address of a run, as soon as its page listens; None where it has none, or not in time."""
     fleet, told = Local(run), folders.fleet(run)
     until = time.monotonic() + within_s
-    while told is not None and any(one.name == PAGE for one in told.processes):
+    while told is not None and any(one.name == PAGE.name for one in told.processes):
         try:
             return door(fleet)
         except PageError:

@@ -18,7 +18,7 @@ from companion.languages.cmd import TaskState
 from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
 from companion.stop_words import calls_for_help, may_answer, stop_words
 from companion.tools.verbs.hi import Hi, HiError, address
-from companion.tools.verbs.human_interface_start import starting
+from companion.tools.verbs.listener_start import HUMAN_INTERFACE, PERIOD_S, starting, when_started
 from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
 from operate.cli.fleet import living_names, targets
 from operate.cli.fleet.local import Local
@@ -26,8 +26,6 @@ from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import ENDED
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 
-STARTING_S = 90.0  # as long as `roco up` waits
-PERIOD_S = 0.2  # estimate: nobody notices
 TAKEN_S = 15.0  # estimate: co agrees within milliseconds; one that hangs is killed after 6 s
 AWAY_S = 60.0  # estimate: a killed hi is back in seconds, a hung one in ten
 EXECUTOR = "ex"
@@ -183,21 +181,11 @@ def _loop_here(fleet: Target) -> bool:
 
 def _said_when_started(wish: Say, target: str, run_dir: Path | None, form: Format) -> TaskLine:
     """The task that a sentence became, once there is somebody to say it to."""
-    until = 0.0
-    while True:
-        said = _said(wish, target, run_dir)
-        if isinstance(said, TaskLine):
-            return said
-        if not (_without_coordinator(said) or starting(target, run_dir)):
-            raise said
-        if not until:
-            until = time.monotonic() + STARTING_S
-            if form is Format.TEXT:
-                print(f"roco: the fleet is starting; waiting for it, at most {STARTING_S:.0f} s", file=sys.stderr)
-        elif time.monotonic() > until:
-            words = f"the fleet is still starting after {STARTING_S:.0f} s; see `roco status` ({said})"
-            raise HiError(0, words) from said
-        time.sleep(PERIOD_S)
+
+    def coming(said: ConsoleError) -> bool:
+        return _without_coordinator(said) or starting(HUMAN_INTERFACE, target, run_dir)
+
+    return when_started(lambda: _said(wish, target, run_dir), coming, form)
 
 
 def _said(wish: Say, target: str, run_dir: Path | None) -> TaskLine | ConsoleError:

@@ -9,7 +9,7 @@ from pathlib import Path
 from companion.asking import PREFIXES, Question, Rows, Term
 from companion.languages import wm
 from companion.tools import asking
-from companion.tools.asking import KM
+from companion.tools.asking import KM, written
 from companion.wording import plain, spaced
 from operate.recording.records import Spoken
 from operate.recording.traced import Run
@@ -46,9 +46,9 @@ def believed(file: Path, run: Run, name: str, at: float | None = None) -> Why | 
         return None
     told: defaultdict[tuple[float, bool], list[str]] = defaultdict(list)
     for subject, relation, value, since in _asked(known, BELIEFS.format(thing)):
-        content = subject.value.startswith(PREFIXES["content"])
+        content = written(subject).startswith(PREFIXES["content"])
         if not (content and _local(relation) == "type"):
-            told[float(since.value), content].append(_sentence(_local(relation), value, content=content))
+            told[float(written(since)), content].append(_sentence(_local(relation), value, content=content))
     facts = [fact for (since, content), texts in told.items() for fact in _observed(run, since, thing, texts, content)]
     facts += _confirmed(run, thing, at)
     return Why(thing, f"{plain(thing)}: {known.words}", known.begin, (Passage("what is believed", tuple(facts)),))
@@ -66,13 +66,13 @@ def _asked(known: asking.Known, text: str) -> list[list[Term]]:
 
 def _local(term: Term) -> str:
     """Return the last part of an IRI, or a literal."""
-    return term.value.rpartition("#")[2].rpartition("thing/")[2].rpartition(":")[2]
+    return written(term).rpartition("#")[2].rpartition("thing/")[2].rpartition(":")[2]
 
 
 def _sentence(relation: str, value: Term, *, content: bool = False) -> str:
-    word = plain(_local(value).rpartition("/")[2] if value.type == "uri" else value.value)
+    word = plain(_local(value).rpartition("/")[2] if value.type == "uri" else written(value))
     if relation in TRUTH:
-        word = TRUTH[relation][value.value in ("true", "1")]
+        word = TRUTH[relation][written(value) in ("true", "1")]
     elif relation == "type":
         word = spaced(word)
     text = WORDS.get(relation, f"{spaced(relation)} {{value}}").format(value=word.replace("_", " "))

@@ -11,8 +11,10 @@ from pathlib import Path
 
 from agent_runtime.io.reaching import no_loopback
 from operate.cli.errors import DockerError
+from operate.cli.fleet import running_fleets
 from operate.cli.fleet.checkup import Check, Level
 from operate.cli.fleet.docker import docker
+from operate.cli.fleet.view import GRPC, WEB, listens
 
 PROJECT = "robot-companion"
 PYTHON = (3, 11)
@@ -89,8 +91,16 @@ def imports(wanted: Collection[str] = IMPORTS) -> Iterator[Check]:
         yield Check("imports", Level.FINE, f"{', '.join(wanted)} load")
 
 
-def loopback() -> Iterator[Check]:
-    """Whether processes can meet on the loopback interface, over which everything goes."""
+def loopback(variables: Collection[str] = (GRPC, WEB)) -> Iterator[Check]:
+    """Whether processes can meet on the loopback interface, over which everything goes, and whether set ports are free.
+
+    `variables`: each with a port, or host:port. Where a fleet runs here, the ports are its own, or it says whose.
+    """
+    for name in () if running_fleets.here() else variables:
+        port = os.environ.get(name, "").rpartition(":")[2]
+        if port.isdecimal() and 0 < int(port) < 65536 and listens(int(port)):
+            remedy = f"end that program, or set {name} to another port"
+            yield Check("ports", Level.WRONG, f"{name}: another program listens at port {port}", remedy)
     if why := no_loopback():
         what, _, remedy = why.partition(": ")
         yield Check("ports", Level.WRONG, what, remedy)

@@ -1,0 +1,60 @@
+"""`roco doctor` on ports that are set: another program has one, before a fleet is up and while it runs."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from companion.tools.verbs.checkup import CHECKS
+from operate.cli.fleet import running_fleets
+from operate.cli.fleet.checkup import Level
+from operate.cli.fleet.checkup_fleet import pictures
+from operate.cli.fleet.local import Local
+from operate.cli.fleet.view import GRPC, WEB
+from operate.cli.runs import folders
+from operate.run_folder import FLEET_FILE, VIEW_FILE, Fleet, ProcessState, ProcessStatus, ViewAddress
+
+pytestmark = pytest.mark.process
+
+
+@pytest.fixture
+def port() -> Iterator[int]:
+    """A port at which another program listens."""
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        yield int(other.getsockname()[1])
+
+
+@pytest.mark.parametrize("variable", [GRPC, WEB, "ROCO_HTTP", "ROCO_PAGE"])
+def test_a_set_port_that_is_taken(variable: str, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the fleet is up; the variable and the port are named."""
+    monkeypatch.setattr(running_fleets, "here", lambda: ())
+    monkeypatch.setenv(variable, str(port) if variable in (GRPC, WEB) else f"127.0.0.1:{port}")
+    wrong = [check for check in CHECKS.machine["ports"]() if check.level is Level.WRONG]
+    assert [check.what for check in wrong] == [f"{variable}: another program listens at port {port}"]
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path) -> None:
+    """Wrong where another program has the port; fine where view.json says that it is the monitor's."""
+    idle = [sys.executable, "-c", "import time; time.sleep(300)", "services.supervisor"]
+    with subprocess.Popen(idle, env=os.environ | {GRPC: str(port)}) as process:
+        try:
+            until = time.monotonic() + 20.0
+            while not folders.is_service(process.pid, "services.supervisor"):
+                assert time.monotonic() < until
+            monitor = ProcessStatus("monitor", ProcessState.READY, process.pid, module="services.supervisor")
+            told = Fleet("test", "", process.pid, time.time(), (monitor,))
+            (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
+            if own:
+                (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(port, 1)))
+            fleet = Local(tmp_path)
+            found = [check.what for check in pictures(fleet, fleet.look())]
+            assert found == ([] if own else [f"none: another program listens at port {port} ({GRPC})"])
+        finally:
+            process.kill()
