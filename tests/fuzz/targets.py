@@ -34,7 +34,8 @@ from operate.cli.faults import scenario
 from operate.recording import contents, history, mcap_file
 from operate.recording.noted import noted
 from operate.recording.records import Garbage, Spoken, Token, understood
-from operate.recording.samples import NoRecordingError, sampled
+from operate.recording.samples import sampled
+from operate.recording.stored import NoRecordingError
 from services.coordinator import behaviours as coordinator
 from services.human_interface import grammar, wishes
 from services.knowledge import behaviours as knowledge

@@ -110,6 +110,7 @@ CALLS: dict[str, Row] = {
     "traffic judge": Row((RUN,), has=(*CHANNELS, "legal")),
     "record": Row(("--for", "0.5", "--out", f"part{FRESH}.mcap"), has=("communicates", "records", f"part{FRESH}.mcap")),
     "record info": Row(("--keys",), has=("C5/dispatcher/ox/", "house/state", "system depot, design ", "not closed in")),
+    "record repair": Row((RUN,), code=2, has=("is being recorded; `roco down`",)),
     "conversation list": Row(("--channel", "C2"), has=("desk > dispatcher", "request")),
     "conversation show": Row(("desk-1-1",), has=("desk-1-1  ", " on C2  ", "dispatcher", "agree")),
     "send": Row(("--list", "--as", "ox"), has=("JOB.Offer", "traffic", "C7")),

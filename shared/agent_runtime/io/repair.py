@@ -44,7 +44,7 @@ def _repaired(path: Path, data: bytes) -> Repaired:
     tail = len(data) - found.end
     if not (found.damaged or tail):
         return Repaired(str(path), found.good, (), "", "nothing: it is whole")
-    beside = _free(path)
+    beside = free_name(path)
     os.link(path, beside)
     record, lost = _goes_on(found.last, tail)
     os.close(put(path, record)[0])
@@ -66,7 +66,7 @@ def _goes_on(last: bytes | None, tail: int) -> tuple[bytes | None, str]:
     return msgspec.msgpack.encode(record), f"{what}; open conversations end: {len(record.lost)}"
 
 
-def _free(path: Path) -> Path:
+def free_name(path: Path) -> Path:
     """Return a name beside the file that nothing has."""
     names = (path.with_name(f"{path.name}.damaged{f'-{number}' if number else ''}") for number in range(1000))
     return next(name for name in names if not name.exists())

@@ -72,6 +72,10 @@ VERBS: Table = {
             ".traffic.record_info:info",
             "Show what is in a recording: topics with counts and times, who wrote it.",
         ),
+        "record repair": (
+            ".traffic.record_repair:repair",
+            "Give a recording that was not closed in order its index, so that Rerun and other tools read it.",
+        ),
         "replay": (
             ".traffic.replay:replay",
             "Say again what a recording holds, with its timing, where no robot hears it.",

@@ -16,6 +16,7 @@ from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.tap import RECORDER
 from operate.experiments.verbs import again, compare, experiment, export, invariants
 from operate.recording.recorder import serve
+from operate.run_folder import TRAFFIC_FILE
 from operate.system import NoSystemError, here, languages_at, of_design, of_run
 
 TEXT = "The recorder: taps all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
@@ -65,10 +66,11 @@ def said(
 ) -> None:
     """Print what a recording holds as samples of a tap, one JSON object a line. Exits with 2 where there is none."""
     from operate.recording import samples
+    from operate.recording.stored import NoRecordingError
 
     try:
         samples.main(file, of_run(file), everything=everything)
-    except (samples.NoRecordingError, NoSystemError) as error:
+    except (NoRecordingError, NoSystemError) as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(USAGE_ERROR) from error
 
@@ -106,13 +108,28 @@ def why(
 
 def info(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
     """Print what is in a recording: topics, keys, counts, times, versions. Exits with 2 where there is none."""
-    from operate.recording import contents, samples
+    from operate.recording import contents
+    from operate.recording.stored import NoRecordingError
 
     try:
         contents.main(file)
-    except samples.NoRecordingError as error:
+    except NoRecordingError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(USAGE_ERROR) from error
+
+
+def repair(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
+    """Give a recording its index, and print what was done. Exits with 2 where there is none, or one is being made."""
+    from agent_runtime.io.full_disk import worded
+    from operate.recording import index
+    from operate.recording.stored import NoRecordingError
+
+    path = file / TRAFFIC_FILE if file.is_dir() else file
+    try:
+        sys.stdout.buffer.write(msgspec.json.encode(index.repaired(path)) + b"\n")
+    except (NoRecordingError, OSError) as error:
+        typer.echo(worded(path, error) if isinstance(error, OSError) else str(error), err=True)
+        raise typer.Exit(1 if isinstance(error, OSError) else USAGE_ERROR) from error
 
 
 def record(
@@ -152,6 +169,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "said": said,
     "dead": dead,
     "info": info,
+    "repair": repair,
     "trace": trace,
     "why": why,
     "record": record,

@@ -13,8 +13,8 @@ import msgspec
 from mcap.records import Channel, Footer, Header, McapRecord, Message, Metadata, Schema
 
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.mcap_file import TORN, stored
-from operate.recording.samples import NoRecordingError
+from operate.recording.index import REPAIRED
+from operate.recording.stored import TORN, NoRecordingError, stored
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 
@@ -137,7 +137,7 @@ def _count(records: Iterator[McapRecord], told: Contents) -> None:
             case Metadata():
                 told.notes[found.name] = found.metadata
             case Footer():
-                told.whole = True
+                told.whole = REPAIRED not in told.notes
             case Schema():
                 schemas[found.id] = found.name
 

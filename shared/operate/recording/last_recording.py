@@ -1,7 +1,7 @@
 """Analysis of the traffic.mcap left by a recorder that died, and the place where the next one goes on in it.
 
 Of each message only the head is looked at, nothing is decoded or written again: while a recorder begins, nobody hears
-the fleet, and its recording may have gigabytes.
+the fleet, and its recording may have gigabytes. Chunks, as in one that was closed, are unpacked.
 """
 
 import mmap
@@ -15,13 +15,12 @@ import msgspec
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, Metadata, Schema
+from mcap.records import Channel, Chunk, Header, Message, MessageIndex, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from fipa_codec.communicate import UNREADABLE
+from operate.recording.stored import RECORD_LIMIT, TORN, inside
 
-RECORD_LIMIT = 64 * 1024 * 1024
-"""A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its fields."""
 LOOK_AFTER = 20_000
 """Records between two calls of `alive`: some 10 ms."""
 _HEAD = struct.Struct("<BQ")  # kind of record, bytes behind the head
@@ -31,8 +30,9 @@ _READ: dict[int, Callable[[ReadDataStream], Any]] = {
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
     Opcode.METADATA: Metadata.read,
+    Opcode.MESSAGE_INDEX: MessageIndex.read,
 }
-"""Beside messages, the records that a recorder writes before the end of the data."""
+"""Beside messages and chunks, the records that a recorder writes before the end of the data."""
 
 
 class Left(msgspec.Struct, frozen=True):
@@ -59,7 +59,8 @@ def left(path: Path, alive: Callable[[], None] = lambda: None) -> Left | None:
 
 def _scanned(data: mmap.mmap, at: int, alive: Callable[[], None]) -> Left:
     size, count = len(data), 0
-    before = last = ends = 0  # where the content of the last two messages begins, and of the last one ends
+    before = last = b""  # heads of the last two messages
+    begun = ends = 0  # where the content of the last one begins and ends, if it is in no chunk
     said: list[Schema | Channel] = []
     while at + _HEAD.size <= size:
         kind, length = _HEAD.unpack_from(data, at)
@@ -67,18 +68,39 @@ def _scanned(data: mmap.mmap, at: int, alive: Callable[[], None]) -> Left:
         if behind > size or length > RECORD_LIMIT:
             break
         if kind == Opcode.MESSAGE and length >= _MESSAGE.size:
-            before, last, ends = last, begins, behind
+            before, last = last, data[begins : begins + _MESSAGE.size]
+            begun, ends = begins, behind
+        elif kind == Opcode.CHUNK:
+            alive()
+            found = _unpacked(data[begins:behind], said)
+            if found is None:
+                break
+            before, last = last, found or last
         elif not _understood(kind, data[begins:behind], said):
             break
         at, count = behind, count + 1
         if count % LOOK_AFTER == 0:
             alive()
-    if last and ends == at and not _decodes(data[last + _MESSAGE.size : ends]):
-        at, last = last - _HEAD.size, before
+    if last and ends == at and not _decodes(data[begun + _MESSAGE.size : ends]):
+        at, last = begun - _HEAD.size, before
     if not last:
         return Left(at, tuple(said))
-    _, number, heard_ns, _ = _MESSAGE.unpack_from(data, last)
+    _, number, heard_ns, _ = _MESSAGE.unpack(last)
     return Left(at, tuple(said), number, heard_ns)
+
+
+def _unpacked(data: bytes, said: list[Schema | Channel]) -> bytes | None:
+    """Return the head of the last message in a chunk, b"" without one; None: it is damaged, or not as we write it."""
+    last = b""
+    try:
+        for one in inside(Chunk.read(ReadDataStream(BytesIO(data)))):
+            if isinstance(one, Message):
+                last = _MESSAGE.pack(one.channel_id, one.sequence, one.log_time, one.publish_time)
+            elif isinstance(one, Schema | Channel) and not _numbered(one, said):
+                return None
+    except TORN:
+        return None
+    return last
 
 
 def _understood(kind: int, data: bytes, said: list[Schema | Channel]) -> bool:
@@ -91,8 +113,11 @@ def _understood(kind: int, data: bytes, said: list[Schema | Channel]) -> bool:
         return False
     if again.end()[_HEAD.size :] != data:  # a length inside is wrong, and readers would stop here
         return False
-    if not isinstance(one, Schema | Channel):
-        return True
+    return _numbered(one, said) if isinstance(one, Schema | Channel) else True
+
+
+def _numbered(one: Schema | Channel, said: list[Schema | Channel]) -> bool:
+    """Whether a schema or channel has the next number; then it is added to `said`."""
     numbered: bool = one.id == 1 + sum(isinstance(other, type(one)) for other in said)
     said += [one] * numbered
     return numbered

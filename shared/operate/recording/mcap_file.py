@@ -1,40 +1,33 @@
 """traffic.mcap: written record by record, readable up to wherever its writing ended.
 
 Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`, `monitor`; messages in JSON with a JSON schema,
-log time = heard, publish time = sent. Records are not gathered in chunks: one that a kill cuts off would be lost as a
-whole.
+log time = heard, publish time = sent. While it is written, records are not gathered in chunks: one that a kill cuts off
+would be lost as a whole. When it is closed, it is written again in chunks (index.py).
 """
 
-import dataclasses
+import fcntl
 import os
-import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-import lz4.frame
 import msgspec
-import zstandard
-from mcap.exceptions import McapError, RecordLengthLimitExceeded, UnsupportedCompressionError
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, Footer, McapRecord, Message, Metadata, Schema
 from mcap.writer import IndexType, Writer
 
+from agent_runtime.io.full_disk import worded
 from fipa_codec.communicate import UNREADABLE
-from operate.recording.last_recording import RECORD_LIMIT, Left, left
+from operate.recording import index
+from operate.recording.last_recording import Left, left
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
 from operate.recording.schemas import schema
+from operate.recording.stored import TORN, stored
 from operate.system import System
 
 FILE = "traffic.mcap"
 PROFILE = "robot-companion"
-CHUNK_LIMIT = 16 * 1024 * 1024
-"""Bytes of an unpacked chunk: other tools gather 1 to 4 MiB in one, and the record that ends it may have 6."""
-TORN = (McapError, struct.error, ValueError, MemoryError)
-"""A damaged or unfinished file shows as any of them."""
 _NS = 1_000_000_000
 _encoder = msgspec.json.Encoder()
 _KINDS: dict[str, type] = {"communicates": Spoken, "house": House, "tokens": Token, "monitor": Resumed}
@@ -51,10 +44,12 @@ class Recording:
 
         `alive` is called while it looks for that one. Such a file has no statistics and no index of notes at its end.
         """
+        self._path = path
         path.parent.mkdir(parents=True, exist_ok=True)
         before = left(path, alive)
         flags = os.O_RDWR | os.O_CREAT | (os.O_TRUNC if before is None else 0)
         self._file = os.fdopen(os.open(path, flags, 0o600), "r+b")
+        fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # until it is closed, nobody writes it again
         alone = {} if before is None else {"use_statistics": False, "index_types": IndexType.NONE}
         self._writer = Writer(self._file, use_chunking=False, **alone)
         self._file.seek(0 if before is None else before.end)
@@ -88,10 +83,18 @@ class Recording:
         """Hand everything to the operating system: from here on a kill cannot take it."""
         self._file.flush()
 
-    def finish(self) -> None:
-        """Write the summary and close."""
+    def finish(self) -> str:
+        """Write the summary, close, and write it again with an index. Return why that failed, "" if it did not.
+
+        The recording is whole all the same; Rerun, for one, reads nothing from it before `roco record repair`.
+        """
         self._writer.finish()
         self._file.close()
+        try:
+            index.write(self._path)
+        except OSError as error:
+            return worded(self._path, error)
+        return ""
 
     def _go_on(self, before: Left) -> None:
         """Have the writer repeat what stands in the file, which is cut off again, and the next record follow there."""
@@ -149,9 +152,9 @@ class Read(msgspec.Struct, frozen=True):
 
 
 class Reading:
-    """The records of one traffic.mcap in the order they were heard, one by one; of a missing file none.
+    """The records of one traffic.mcap as they stand in it, one by one; of a missing file none.
 
-    `whole`, once all are read: whether it was closed in order, nothing is cut off.
+    `whole`, once all are read: whether it was closed in order, nothing is cut off, nor was before a repair.
     """
 
     def __init__(self, path: Path, system: System | None = None) -> None:
@@ -171,6 +174,7 @@ class Reading:
 
     def _records(self, stored: Iterator[McapRecord]) -> Iterator[Record]:
         kinds: dict[int, type] = {}
+        repaired = False
         for found in stored:
             if isinstance(found, Channel):
                 kinds[found.id] = _kind(found.topic)
@@ -180,35 +184,10 @@ class Reading:
                     if isinstance(record, Spoken) and self._system is not None:
                         record.read_in(self._system.languages)
                     yield record
+            elif isinstance(found, Metadata):
+                repaired |= found.name == index.REPAIRED
             elif isinstance(found, Footer):
-                self.whole = True
-
-
-def stored(file: IO[bytes]) -> Iterator[McapRecord]:
-    """The records of an MCAP file as they stand in it, those in chunks of other tools, too. Raise one of TORN."""
-    for found in StreamReader(file, emit_chunks=True, record_size_limit=RECORD_LIMIT).records:
-        if isinstance(found, Chunk):
-            yield from breakup_chunk(dataclasses.replace(found, compression="", data=_unpacked(found)))
-        else:
-            yield found
-
-
-def _unpacked(chunk: Chunk) -> bytes:
-    """What is in a chunk. No more than CHUNK_LIMIT is ever unpacked: a few bytes can stand for gigabytes."""
-    data: bytes = chunk.data
-    most = CHUNK_LIMIT + 1
-    try:
-        if chunk.compression == "lz4":
-            data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
-        elif chunk.compression == "zstd":
-            data = zstandard.ZstdDecompressor(max_window_size=CHUNK_LIMIT).stream_reader(data).read(most)
-        elif chunk.compression:
-            raise UnsupportedCompressionError(chunk.compression)
-    except (RuntimeError, zstandard.ZstdError) as error:  # lz4 has no error of its own
-        raise McapError(str(error)) from error
-    if len(data) > CHUNK_LIMIT:
-        raise RecordLengthLimitExceeded(Opcode.CHUNK, len(data), CHUNK_LIMIT)
-    return data
+                self.whole = not repaired
 
 
 def read(path: Path, system: System | None = None) -> Read:

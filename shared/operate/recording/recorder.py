@@ -195,7 +195,9 @@ class Recorder:
         """Close in order."""
         self._judged(self._judging.finish(time.time()))
         self._sum_up(math.inf)
-        self._recording.finish()
+        why = self._recording.finish()
+        if why:
+            self._say("not indexed", level="warning", why=why)
         self._live_file.close()
         self._verdicts.close()
         if self._feed is not None:

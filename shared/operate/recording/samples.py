@@ -11,13 +11,10 @@ from agent_runtime.io.tap import Sample
 from operate.judging.judged import SYSTEM, key_of
 from operate.recording import filled, mcap_file
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
+from operate.recording.stored import NoRecordingError
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 from topdown.model.design import Design
-
-
-class NoRecordingError(Exception):
-    """There is nothing to read; it says what would be right."""
 
 
 def records(file: Path, system: System) -> tuple[Record, ...]:

@@ -85,7 +85,9 @@ class Keeper:
 
     def finish(self, dropped: int) -> Kept:
         """Close in order."""
-        self._recording.finish()
+        why = self._recording.finish()
+        if why:
+            print(f"{why}; the recording is whole, `roco record repair` makes its index", file=sys.stderr)
         size = self._asked.out.stat().st_size
         return Kept(self.communicates, self.records, size, round(time.time() - self._began, 3), dropped)
 

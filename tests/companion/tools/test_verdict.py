@@ -9,10 +9,10 @@ import pytest
 import synthetic
 from synthetic import Run
 
-from companion.languages import cmd, hfsm, sw
-from companion.languages.values import Pose
+from companion.languages import cmd, hfsm, rc, sw
+from companion.languages.values import Pose, Side
 from companion.telemetry import TrueState
-from companion.tools.report import events, plans, story, verdict
+from companion.tools.report import events, plans, report, story, verdict
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.performatives import Performative as P
@@ -47,8 +47,7 @@ TRUTHS = [
 def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) -> None:
     """Success is no reason against it; a failure names what was wrong."""
     past = _past(pouring)
-    at, last = truth(past)[-1]
-    past = synthetic.with_truth(past, (*truth(past)[:-1], (at, change(last))))
+    past = synthetic.with_truth(past, tuple((at, change(one)) for at, one in truth(past)))
     found = verdict.failure(past)
     assert found is None if reason is None else found is not None and reason in found
 
@@ -70,9 +69,66 @@ def test_a_truth_from_before_the_end_of_the_task_is_none(pouring: Run, before_s:
     assert verdict.failure(past) == (
         None
         if before_s < 1.0
-        else "the true state of the simulation was not recorded at the end of the task, only before it"
+        else "the true state of the simulation was not recorded at the end of the task, only at other times"
     )
-    assert (verdict.poured(past).fraction is None) == (before_s > 1.0)
+    assert (verdict.poured(past, command).fraction is None) == (before_s > 1.0)
+
+
+def put_down(run: Run) -> None:
+    """The person has the jar put down after the pour, and the content is tipped out of the bowl meanwhile."""
+    talk = run.name("hi")
+    run.say("hi", "co", P.REQUEST, cmd.PutDown("jar"), talk=talk, protocol="request")
+    asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("put_down", ("jar",)),))
+    release = rc.Release("r2", Side.LEFT, "jar_1", "table_1", Pose(synthetic.BOWL_END), ())
+    plan = run.planning(asked, 3, hfsm.Machine("put", "release0", (hfsm.ActState("release0", release),)), 0.3)
+    run.running(plan, sw.WorkerState.SUCCEEDED, {"Release": 4.0})
+    run.say("co", "hi", P.INFORM, cmd.TaskReport(cmd.TaskState.DONE, "it is down"), talk=talk, protocol="request")
+    run.inside = {"jar_1": 0, "bowl_1": 0}
+    run.wait(2.0)
+
+
+def test_a_pour_is_judged_at_its_own_end() -> None:
+    """What is asked for afterwards changes nothing: no hand holds the jar then, and the bowl is empty."""
+    run = synthetic.pour(queries=5)
+    put_down(run)
+    past = _past(run)
+    assert not truth(past)[-1][1].fingers_on["jar_1"]["left"]
+    told = report.build(past)
+    assert (told.success, told.failure, told.poured_fraction) == (True, None, pytest.approx(29 / 30))
+    assert [(one.asked, one.outcome, one.success) for one in told.tasks] == [
+        ("pour into jar bowl", "done", True),
+        ("put down jar", "done", True),
+    ]
+
+
+def test_each_pour_of_a_run_has_its_own_verdict() -> None:
+    """A second one whose bowl is empty at its end fails, and the first one stays a success."""
+    run = synthetic.pour(queries=5)
+    put_down(run)
+    talk = run.name("hi")
+    run.say("hi", "co", P.REQUEST, cmd.PourInto("jar", "bowl"), talk=talk, protocol="request")
+    run.say("co", "hi", P.INFORM, cmd.TaskReport(cmd.TaskState.DONE, "poured"), talk=talk, protocol="request")
+    run.wait(1.0)
+    told = report.build(_past(run))
+    assert told.success
+    assert [one.success for one in told.tasks] == [True, True, False]
+    assert "0% of the content is in the bowl" in str(told.tasks[2].failure)
+
+
+def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next_act() -> None:
+    """The world stands still until the robot acts; after that the truth is of another moment."""
+    run = synthetic.pour(queries=5)
+    put_down(run)
+    past = _past(run)
+    command = plans.task_command(past)
+    end = command and plans.task_end(past, command)
+    assert end
+    moved = next(act.start for act in plans.acts(past) if act.start > end.received)
+    heard = tuple(one for one in truth(past) if one[0] > end.received)
+    assert verdict.failure(synthetic.with_truth(past, heard)) is None
+    late = tuple(one for one in heard if one[0] > moved)
+    found = verdict.failure(synthetic.with_truth(past, late))
+    assert found == "the true state of the simulation was not recorded at the end of the task, only at other times"
 
 
 def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) -> None:

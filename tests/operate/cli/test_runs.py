@@ -100,6 +100,33 @@ def test_the_result_of_a_run(
     assert why in one.why
 
 
+POURED = {"asked": "pour into jar bowl", "success": True, "failure": None}
+TAKEN = {"asked": "take jar", "success": True, "failure": None}
+NOT_TAKEN = {"asked": "take cup", "success": False, "failure": "the task ended, failed: there is no cup"}
+
+
+@pytest.mark.parametrize(
+    ("report", "result"),
+    [
+        ({"success": True, "tasks": [POURED, NOT_TAKEN]}, "success"),
+        ({"success": False, "failure": "nobody asked to pour, but to take jar", "tasks": [TAKEN]}, "success"),
+        ({"success": False, "failure": "nobody asked to pour, but to take jar", "tasks": [TAKEN, NOT_TAKEN]}, "failed"),
+        ({"success": False, "failure": "no command of a person was heard", "tasks": []}, "failed"),
+    ],
+)
+def test_a_run_lists_its_tasks_and_failed_only_if_one_did(
+    tmp_path: Path, report: dict[str, object], result: str
+) -> None:
+    """A run in which all was done as asked is not removed as failed, also where it is not the system's main job."""
+    kept(tmp_path, "run", 1.0, **report)
+    assert listed(tmp_path)["run"].result == result
+    said = roco(tmp_path)
+    for task in report["tasks"]:  # type: ignore[attr-defined]
+        assert f"{task['asked']}: {task['failure'] or 'done'}" in said
+    roco(tmp_path, "remove", "--failed")
+    assert (tmp_path / "run").exists() == (result != "failed")
+
+
 def test_the_size_is_that_on_disk(tmp_path: Path) -> None:
     """As du counts it: blocks, a link's target not at all."""
     run = kept(tmp_path, "run")

@@ -13,8 +13,9 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from operate.recording import mcap_file
-from operate.recording.mcap_file import CHUNK_LIMIT, Reading
+from operate.recording.mcap_file import Reading
 from operate.recording.records import Resumed
+from operate.recording.stored import CHUNK_LIMIT
 
 GIGABYTE = 1 << 30
 PIECE = bytes(1 << 20)

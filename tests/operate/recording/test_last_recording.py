@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from synthetic import Run
 
@@ -67,14 +68,23 @@ def test_all_that_was_whole_stays_and_what_follows_is_read(
         assert (tuple(found[: len(before)]), between) == (before, records[195:]), cut
 
 
-def test_not_a_byte_of_it_is_written_again(records: list[Record], written: bytes, tmp_path: Path) -> None:
+@pytest.mark.parametrize("closed", [False, True])
+def test_not_a_byte_of_it_is_written_again(closed: bool, records: list[Record], written: bytes, tmp_path: Path) -> None:
     """A recording of days would take minutes, in which nobody hears the fleet; the file stays the same one."""
     path = tmp_path / mcap_file.FILE
     path.write_bytes(written)
-    inode = path.stat().st_ino
-    gone_on(path, records[150:])
-    assert path.read_bytes().startswith(written)
+    if closed:
+        gone_on(path, [])
+    before, inode, count = path.read_bytes(), path.stat().st_ino, len(read(path).records)
+    kept = before[: before.rindex(bytes([Opcode.DATA_END, 4, 0, 0]))] if closed else before
+    second = Recording(path)
+    for record in records[150:]:
+        second.add(record)
+    second.flush()
+    assert path.read_bytes().startswith(kept)
     assert path.stat().st_ino == inode
+    assert len(read(path).records) == count + 1 + 50, "what a kill would leave now"
+    second.finish()
 
 
 def test_one_that_was_closed_is_gone_on_with_twice(records: list[Record], written: bytes, tmp_path: Path) -> None:

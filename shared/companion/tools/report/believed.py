@@ -61,7 +61,7 @@ def things(history: History) -> tuple[Believed, ...]:
 
 def share(history: History) -> Share:
     """Return how much was poured by belief and by truth."""
-    true = verdict.poured(history).fraction
+    true = verdict.poured(history, plans.task_command(history)).fraction
     done = [
         (one.content.weighed, act.command, one.content.seen)
         for act in plans.acts(history)

@@ -95,7 +95,7 @@ def commands(history: History) -> tuple[Spoken, ...]:
 def asked(command: Spoken) -> str:
     """A command in words: what is to be done with what."""
     what = command.content
-    fields = [getattr(what, name) for name in what.__struct_fields__]
+    fields = [getattr(what, name) for name in what.__struct_fields__ if name not in cmd.Command.__struct_fields__]
     return plain(" ".join((spaced(type(what).__name__), *(one for one in fields if one and isinstance(one, str)))))
 
 

@@ -15,6 +15,7 @@ from companion.tools.report.clock import Clock
 from companion.tools.report.paper import TABLE_8
 from companion.tools.telemetry import paced, robot, truth
 from operate.recording.history import History
+from operate.recording.records import Spoken
 from operate.reports import counts
 from operate.reports.report import FaultAt, HoleAt, Judged, faults, holes, judged
 
@@ -27,6 +28,20 @@ class Happened(msgspec.Struct, frozen=True):
     channels: tuple[str, ...]
     sim_s: float | None
     text: str = ""
+
+
+class Task(msgspec.Struct, frozen=True):
+    """A command of a person, from `t` to `end` [s]; null: it did not end. `asked`: what for; `outcome`: co's last word.
+
+    `success`: a pour by what was true at its end, another task by co's word; `failure`: why not, else null.
+    """
+
+    t: float
+    end: float | None
+    asked: str
+    outcome: str
+    success: bool
+    failure: str | None
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -106,11 +121,12 @@ class Report(msgspec.Struct, frozen=True):
     faults: tuple[FaultAt, ...] = ()
     beliefs: tuple[believed.Believed, ...] = ()
     poured: believed.Share | None = None
+    tasks: tuple[Task, ...] = ()
 
 
 def build(history: History) -> Report:
     """The figures of a run."""
-    clock, state = Clock(history), verdict.poured(history)
+    clock, state = Clock(history), verdict.poured(history, plans.task_command(history))
     failure = verdict.failure(history)
     report = Report(
         success=failure is None,
@@ -135,8 +151,21 @@ def build(history: History) -> Report:
         faults=faults(history),
         beliefs=believed.things(history),
         poured=believed.share(history),
+        tasks=tuple(_task(history, command) for command in plans.commands(history)),
     )
     return msgspec.structs.replace(report, missing=_missing(report, history))
+
+
+def _task(history: History, command: Spoken) -> Task:
+    end, failure = plans.task_end(history, command), verdict.failure_of(history, command)
+    return Task(
+        t=command.received - history.begin,
+        end=None if end is None else end.received - history.begin,
+        asked=plans.asked(command),
+        outcome=plans.outcome(end),
+        success=failure is None,
+        failure=failure,
+    )
 
 
 def _sim_time(history: History, clock: Clock) -> float | None:
@@ -215,8 +244,8 @@ def _missing(report: Report, history: History) -> tuple[str, ...]:
     """A sentence for each figure that is null."""
     no_telemetry = "the robot's telemetry was not recorded" if not robot(history) else "the task did not come so far"
     no_truth = (
-        "the truth was not recorded at the end"
-        if verdict.last_truth(history) is None
+        "the truth was not recorded at the end of the task"
+        if verdict.truth_at_end(history, plans.task_command(history)) is None
         else "the scene has no such thing"
     )
     reasons = {

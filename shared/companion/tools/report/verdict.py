@@ -1,7 +1,7 @@
 """Whether a run did the main job, and if not, why: poured, jar in a hand, bowl level on the table, plans ended.
 
-From the truth of the simulation (newest record) and from what the agents said about plans; nothing is assumed. A
-missing record is a failure that says so, and so is one from before the end of the task.
+From the truth of the simulation at the end of the task, whatever was asked for later, and from what the agents said
+about plans; nothing is assumed. A missing record is a failure that says so, and so is one from before the end.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from companion.languages import cmd, sw, wm
 from companion.languages.values import Pose
 from companion.models import KNOWN_AS, MODELS
 from companion.telemetry import TrueState
-from companion.tools.report.plans import asked, made, others_plans, outcome, ran, reason, task_command, task_end
+from companion.tools.report.plans import acts, asked, made, others_plans, outcome, ran, reason, task_command, task_end
 from companion.tools.telemetry import truth
 from operate.recording.history import History
 from operate.recording.records import Spoken
@@ -30,7 +30,7 @@ TABLES = {name for name, model in MODELS.items() if model.kind == "Table"}
 
 
 class Poured(msgspec.Struct, frozen=True):
-    """Return the simulation's last true state; None where it published none."""
+    """What was true of jar and bowl at the end of a task; None where it was not recorded."""
 
     fraction: float | None = None
     bowl_tilt_deg: float | None = None
@@ -39,9 +39,9 @@ class Poured(msgspec.Struct, frozen=True):
     bowl_on_table: bool | None = None
 
 
-def poured(history: History) -> Poured:
-    """The true state at the end of the recording."""
-    now = last_truth(history)
+def poured(history: History, command: Spoken | None) -> Poured:
+    """Return what was true at the end of a task; without a command at the end of the recording."""
+    now = truth_at_end(history, command)
     if now is None:
         return Poured()
     jar, bowl = _vessel(now, "jar"), _vessel(now, "bowl")
@@ -54,8 +54,22 @@ def poured(history: History) -> Poured:
     )
 
 
+def truth_at_end(history: History, command: Spoken | None) -> TrueState | None:
+    """Return the true state at the end of a task: the newest before it, else the next one before the robot acts again.
+
+    Of a task that did not end, or without one, it is the newest of the recording. None where none was recorded then.
+    """
+    recorded, end = truth(history), task_end(history, command) if command is not None else None
+    if end is None:
+        return recorded[-1][1] if recorded else None
+    moved = min((act.start for act in acts(history) if act.start > end.received), default=float("inf"))
+    before = [one for at, one in recorded if end.received - STALE_S <= at <= end.received]
+    after = [one for at, one in recorded if end.received < at < moved]
+    return next(iter((*before[-1:], *after)), None)
+
+
 def last_truth(history: History) -> TrueState | None:
-    """Return the newest true state; None where none was recorded, or none at the end of the task."""
+    """Return the newest true state; None where none was recorded, or none after the end of the task."""
     recorded, command = truth(history), task_command(history)
     end = task_end(history, command) if command is not None else None
     if not recorded or (end is not None and recorded[-1][0] < end.received - STALE_S):
@@ -70,9 +84,22 @@ def failure(history: History) -> str | None:
         return f"nobody asked to pour, but to {asked(command)}"
     if command is None:
         return "; ".join(_not_whole(history)) or "no command of a person was heard"
-    # Reasons from plans come first: where one failed, an empty bowl follows from that and needs no words.
-    reasons = list(_of_plans(history, command)) or list(_of_truth(history))
+    reasons = list(_against(history, command))
     return "; ".join((*_not_whole(history), *reasons)) if reasons else None
+
+
+def failure_of(history: History, command: Spoken) -> str | None:
+    """Return why a task failed, in words; None: it did not. A task that is no pour is believed to be as co said."""
+    return "; ".join(_against(history, command)) or None
+
+
+def _against(history: History, command: Spoken) -> Iterator[str]:
+    """Yield the reasons from plans, else those from the truth: of a plan that failed an empty bowl needs no words."""
+    if not isinstance(command.content, cmd.PourInto):
+        yield from _of_end(history, command)
+        return
+    of_plans = list(_of_plans(history, command))
+    yield from of_plans or _of_truth(history, command)
 
 
 def _not_whole(history: History) -> Iterator[str]:
@@ -84,12 +111,8 @@ def _not_whole(history: History) -> Iterator[str]:
 def _of_plans(history: History, command: Spoken) -> Iterator[str]:
     """Yield the failures of the command and its plans; plans of other commands are not the job."""
     end, of_others = task_end(history, command), others_plans(history, command)
-    why = ""
-    if end is None:
-        yield "the task did not end"
-    elif outcome(end) != cmd.TaskState.DONE:
-        why = reason(end)
-        yield f"the task ended, {outcome(end)}{': ' + why if why else ''}"
+    why = reason(end) if outcome(end) != cmd.TaskState.DONE else ""
+    yield from _of_end(history, command)
     for plan in made(history):
         if plan.network in of_others:
             continue
@@ -106,12 +129,22 @@ def _of_plans(history: History, command: Spoken) -> Iterator[str]:
         yield "the last plan wanted another one"
 
 
-def _of_truth(history: History) -> Iterator[str]:
-    if last_truth(history) is None:
-        until = ", only before it" if truth(history) else ""
-        yield f"the true state of the simulation was not recorded at the end of the task{until}"
+def _of_end(history: History, command: Spoken) -> Iterator[str]:
+    """Yield how a task ended, unless co said that it is done."""
+    end = task_end(history, command)
+    if end is None:
+        yield "the task did not end"
+    elif outcome(end) != cmd.TaskState.DONE:
+        why = reason(end)
+        yield f"the task ended, {outcome(end)}{': ' + why if why else ''}"
+
+
+def _of_truth(history: History, command: Spoken) -> Iterator[str]:
+    if truth_at_end(history, command) is None:
+        when = ", only at other times" if truth(history) else ""
+        yield f"the true state of the simulation was not recorded at the end of the task{when}"
         return
-    state = poured(history)
+    state = poured(history, command)
     if state.fraction is None:
         yield "it was not recorded how much is in the bowl"
     elif state.fraction < LEAST_POURED:

@@ -35,8 +35,19 @@ ANSWER_S = 0.5
 In = Annotated[Path, typer.Option("--in", help="The folder that the runs are in.", file_okay=False)]
 
 
+class Task(msgspec.Struct, frozen=True):
+    """A task of a run, as its report has it: what was `asked` for, and whether it was done; `failure`: why not."""
+
+    asked: str
+    success: bool
+    failure: str | None = None
+
+
 class Run(msgspec.Struct, frozen=True):
-    """A run. `begin` [unix s]; `duration_s` None: no fleet tells; `bytes` on disk; `why` it failed, or what is up."""
+    """A run. `begin` [unix s]; `duration_s` None: no fleet tells; `bytes` on disk; `why` it failed, or what is up.
+
+    `tasks`: those that its report has; a report is made when the fleet ends.
+    """
 
     name: str
     begin: float
@@ -46,6 +57,7 @@ class Run(msgspec.Struct, frozen=True):
     result: str
     why: str = ""
     latest: bool = False
+    tasks: tuple[Task, ...] = ()
 
     @property
     def up(self) -> bool:
@@ -63,13 +75,20 @@ class _Report(msgspec.Struct, frozen=True):
 
     success: bool | None = None
     failure: str | None = ""
+    tasks: tuple[Task, ...] = ()
+
+    @property
+    def done(self) -> bool:
+        """Whether the run did what was asked of it: the system's own job, or each task where that job was not asked."""
+        return bool(self.success or (self.tasks and all(one.success for one in self.tasks)))
 
 
 def runs(within: In = folders.RUNS, form: Form = Format.TEXT) -> None:
     """List the runs that were kept: begin, duration, size on disk, system, result.
 
     A run `failed` if its report says so, if a process of it was given up, or if its processes died without an end in
-    order; `ended` has a system without a verdict of its own. Exits with 3 where there is none.
+    order; `ended` has a system without a verdict of its own. Below the result are the tasks, each judged at its own
+    end. Exits with 3 where there is no run.
 
     Examples:
       roco runs
@@ -101,7 +120,8 @@ def is_run(folder: Path) -> bool:
 def described(folder: Path) -> Run:
     """Return what is known of a run."""
     told = folders.fleet(folder)
-    result, why = outcome(folder, told)
+    report = folders.read(folder / REPORT_FILE, _Report) or _Report()
+    result, why = outcome(folder, told, report)
     end = time.time() if result == UP else (folder / FLEET_FILE).stat().st_mtime if told else None
     latest = folder.parent / LATEST
     return Run(
@@ -113,16 +133,16 @@ def described(folder: Path) -> Run:
         result=result,
         why=why,
         latest=latest.is_symlink() and latest.resolve() == folder.resolve(),
+        tasks=report.tasks,
     )
 
 
-def outcome(folder: Path, told: Fleet | None) -> tuple[str, str]:
+def outcome(folder: Path, told: Fleet | None, report: _Report) -> tuple[str, str]:
     """Return the result of a run, and why it failed or what of it is up."""
     if up := living(folder, told):
         return UP, up
-    report = folders.read(folder / REPORT_FILE, _Report) or _Report()
     if report.success is not None:
-        return (SUCCESS, "") if report.success else (FAILED, report.failure or "")
+        return (SUCCESS, "") if report.done else (FAILED, report.failure or "")
     if told is None:
         return UNKNOWN, ""
     broken = [one for one in told.processes if one.state is ProcessState.GIVEN_UP]
@@ -170,9 +190,16 @@ def table(found: list[Run]) -> Table:
     for one in found:
         named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
         result = Text(f"{one.result}: {one.why}" if one.why else one.result, COLOURS.get(one.result, ""))
+        for task in one.tasks:
+            result.append(f"\n  {words(task)}", "not bold default" if task.success else COLOURS[FAILED])
         begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
         drawn.add_row(named, begin, span(one.duration_s), bytes_in_words(one.bytes), one.system, result)
     return drawn
+
+
+def words(task: Task) -> str:
+    """Return what was asked for and what came of it."""
+    return f"{task.asked}: {'done' if task.success else task.failure}"
 
 
 def words_of(found: list[Run]) -> str:

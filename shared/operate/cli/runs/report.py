@@ -82,6 +82,8 @@ def figures(told: dict[str, Any], shown: list[dict[str, Any]]) -> RenderableType
     for plan in told.get("plans", ()):
         words = f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}, {plan['queries']} queries"
         rows.append((f"plan {plan['number']}", f"{words}; {plan['ended'] or 'not carried out to its end'}"))
+    for number, task in enumerate(told.get("tasks", ()), start=1):
+        rows.append((f"task {number}", f"{task['asked']}: {'done' if task['success'] else task['failure']}"))
     for name, text in rows:
         table.add_row(name, text)
     return table

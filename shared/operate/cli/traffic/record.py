@@ -128,6 +128,8 @@ def _watched(
         raise ConsoleError(
             f"the recorder ended with {process.returncode}; what was heard before is in its file. {said}"
         )
+    if said:
+        console.print(said, style="yellow", highlight=False, markup=False)
     return last
 
 

@@ -1,0 +1,133 @@
+"""The index of a recording: its messages gathered in chunks, by which tools find them. Rerun reads no others.
+
+A recorder writes without chunks, so that a kill costs little. Who closes or repairs the file writes it again in its
+place, by rename: a reader sees the old one or the new one. Must not know: what a message says.
+"""
+
+import fcntl
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import IO
+
+import msgspec
+from mcap.reader import SeekingReader
+from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Message, Metadata, Schema
+from mcap.writer import Writer
+
+from agent_runtime.io.repair import free_name
+from agent_runtime.io.run_files import replaced
+from operate.recording.last_recording import left
+from operate.recording.stored import RECORD_LIMIT, TORN, NoRecordingError, stored
+
+REPAIRED = "repaired"
+"""Name of the metadata in a recording that was not closed in order."""
+
+
+class Written(msgspec.Struct, frozen=True):
+    """A recording with its index: how many messages were written again, 0 where it had one; `whole`: it was closed in
+    order. `lost`: bytes at its end that could not be read; `kept`: the file as it was, "" where none were lost.
+    """
+
+    file: str
+    messages: int = 0
+    whole: bool = True
+    lost: int = 0
+    kept: str = ""
+
+
+def repaired(path: Path) -> Written:
+    """Write a recording again with an index, if it has none. Raise OSError; NoRecordingError where nothing can be."""
+    if not path.is_file():
+        raise NoRecordingError(f"{path} is not there; give a run folder or a recording (.mcap)")
+    try:
+        done = write(path)
+    except BlockingIOError as error:
+        raise NoRecordingError(
+            f"{path} is being recorded; `roco down`, or Ctrl-C at `roco record`, closes it"
+        ) from error
+    if done is None:
+        raise NoRecordingError(f"{path} holds no record that can be read; give one of `roco record` or of a run")
+    return done
+
+
+def write(path: Path) -> Written | None:
+    """Write a recording again with an index, if it has none; None, and it stays as it is, where no message can be read.
+
+    Raise OSError, and BlockingIOError while a recorder writes it.
+    """
+    with path.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if _is_indexed(file):
+            return Written(str(path))
+        before = left(path)
+        if before is None or not before.heard_ns:
+            return None
+        with replaced(path, 0o600) as new:
+            copy = _Copy(new)
+            copy.take(file)
+            lost = 0 if copy.whole else path.stat().st_size - before.end
+            done = Written(str(path), copy.messages, copy.whole, lost, str(free_name(path)) if lost else "")
+            copy.finish(done)
+            if done.kept:
+                os.link(path, done.kept)
+    return done
+
+
+def _is_indexed(file: IO[bytes]) -> bool:
+    """Whether a file was closed in order and has all of its messages in chunks that its index names."""
+    try:
+        summary = SeekingReader(file, record_size_limit=RECORD_LIMIT).get_summary()
+    except (*TORN, OSError):
+        return False
+    if summary is None or summary.statistics is None:
+        return False
+    return bool(summary.statistics.chunk_count == len(summary.chunk_indexes) > 0)
+
+
+class _Copy:
+    """A file with the records of another one: their order stays, schemas and channels are numbered anew."""
+
+    def __init__(self, new: IO[bytes]) -> None:
+        self._writer = Writer(new)
+        self._begun = False
+        self._schemas: dict[int, int] = {0: 0}
+        self._channels: dict[int, int] = {}
+        self.messages, self.whole = 0, False
+
+    def take(self, file: IO[bytes]) -> None:
+        """Copy what can be read."""
+        file.seek(0)
+        with suppress(*TORN):
+            for one in stored(file):
+                self._add(one)
+
+    def finish(self, done: Written) -> None:
+        """Note what was lost, and write the index."""
+        if not done.whole:
+            self._writer.add_metadata(REPAIRED, {"messages": str(done.messages), "lost_bytes": str(done.lost)})
+        self._writer.finish()
+
+    def _add(self, one: McapRecord) -> None:
+        if not self._begun:
+            self._begun = True
+            self._writer.start(*((one.profile, one.library) if isinstance(one, Header) else ()))
+        match one:
+            case Schema() if one.id not in self._schemas:  # the summary at the end repeats them
+                self._schemas[one.id] = self._writer.register_schema(one.name, one.encoding, one.data)
+            case Channel() if one.id not in self._channels:
+                schema = self._schemas.get(one.schema_id, 0)
+                self._channels[one.id] = self._writer.register_channel(
+                    one.topic, one.message_encoding, schema, one.metadata
+                )
+            case Message() if one.channel_id in self._channels:
+                self._writer.add_message(
+                    self._channels[one.channel_id], one.log_time, one.data, one.publish_time, one.sequence
+                )
+                self.messages += 1
+            case Metadata():
+                self._writer.add_metadata(one.name, one.metadata)
+            case Attachment():
+                self._writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
+            case Footer():
+                self.whole = True
