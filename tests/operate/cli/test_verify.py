@@ -83,7 +83,7 @@ def changed(run: Path, agent: str, field: str, value: Any) -> int:
         if isinstance(told, dict) and field in told:
             told[field] = value
             other = replace(arrived.communicate, content=msgspec.Raw(pack(told)))
-            steps[place], number = replace(step, input=pack(Arrived(other))), step.step
+            steps[place], number = replace(step, input=pack(replace(arrived, communicate=other))), step.step
     lines = [pack(step) for step in steps]
     file.write_bytes(b"".join(HEAD.pack(len(line)) + line for line in lines))
     return number
