@@ -74,7 +74,7 @@ VERBS: Table = {
         ),
         "record repair": (
             ".traffic.record_repair:repair",
-            "Give a recording that was not closed in order its index, so that Rerun and other tools read it.",
+            "Write a recording again in chunks with an index.",
         ),
         "replay": (
             ".traffic.replay:replay",
