@@ -24,7 +24,7 @@ from services.executor.loop.act import Act
 from services.executor.loop.core import LoopCore
 from services.executor.loop.fingers import Activity
 from services.executor.loop.program import Close, Mode, Motion, Report, Until
-from services.executor.loop.slots import Slot
+from services.executor.loop.slots import Slot, begun
 from velma.control.grip import Watch
 
 Array = NDArray[np.float64]
@@ -34,9 +34,7 @@ MEMORY = "loop.memory"
 MAGIC = b"VELMAWM3"
 _HEAD = struct.Struct("<8s32s16s")  # magic, fingerprint of the world, its epoch
 _PLACES = {"motion": (64, 4 << 20), "even": ((4 << 20) + 64, 5 << 20), "odd": ((5 << 20) + 64, 6 << 20)}
-"""Start and end of the slots [bytes]. The file is sparse. A world of 60 grains, the most, has 20 kB where they spin."""
-_USUAL = 96 << 10
-"""Room of a slot that is taken on the disk at once [bytes]: the knots of 8 s; a world and the rest."""
+"""Start and end of the slots [bytes]. A world of 60 grains, the most, has 20 kB where they spin."""
 
 
 @runtime_checkable
@@ -275,12 +273,8 @@ def _opened(path: Path, fingerprint: bytes) -> tuple[mmap.mmap, str] | None:
 
 def _begun(path: Path, fingerprint: bytes) -> tuple[mmap.mmap, str]:
     """Return a new file in place of any other, and a new epoch; only its owner can read it."""
-    epoch, fresh = uuid.uuid4(), path.with_name(f".{path.name}.{os.getpid()}")
-    file = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+    epoch, (file, fresh) = uuid.uuid4(), begun(path, _PLACES["odd"][1])
     try:
-        os.ftruncate(file, _PLACES["odd"][1])
-        for start, _ in _PLACES.values():  # where a write could find the disk full, the process would die of SIGBUS
-            os.posix_fallocate(file, start, _USUAL)
         os.pwrite(file, _HEAD.pack(MAGIC, fingerprint, epoch.bytes), 0)
         os.replace(fresh, path)
         return mmap.mmap(file, 0), epoch.hex

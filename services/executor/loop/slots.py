@@ -26,7 +26,7 @@ MAGIC = b"VELMALP1"
 _HEAD = struct.Struct("<QQ")  # sequence number, length
 _COUNT = struct.Struct("<Q")
 
-# Capacities in bytes. A motion of two minutes has 12000 knots of 120 bytes; the file is sparse, so room costs nothing.
+# Capacities in bytes. A motion of two minutes has 12000 knots of 120 bytes.
 SIZES = {
     "command": 4 << 20,
     "beat": 8,
@@ -73,6 +73,23 @@ class Slot:
         return None
 
 
+def begun(path: Path, size: int) -> tuple[int, Path]:
+    """Return a new file that will be mapped, open, and its name until it takes the place of `path`; its owner's alone.
+
+    All of its `size` [bytes] is on the disk: a write to a mapped page for which there is no room ends the process with
+    SIGBUS. Raise OSError where there is none.
+    """
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    file = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+    try:
+        os.posix_fallocate(file, 0, size)
+    except OSError:
+        os.close(file)
+        fresh.unlink()
+        raise
+    return file, fresh
+
+
 class LoopFile:
     """A mapped slot file, `slots` by name."""
 
@@ -89,9 +106,7 @@ class LoopFile:
     def create(cls, path: Path) -> "LoopFile":
         """Return a new, empty file in place of any old one; only its owner can read it."""
         make_run(path.parent)
-        fresh = path.with_name(f".{path.name}.{os.getpid()}")
-        file = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
-        os.ftruncate(file, _layout()[1])
+        file, fresh = begun(path, _layout()[1])
         os.pwrite(file, MAGIC, 0)
         os.replace(fresh, path)
         return cls(path, file)

@@ -11,7 +11,7 @@ import msgspec
 
 from companion.asking import ANSWERER, PREFIXES, Answer, Heard, Question, Term, Triple
 from companion.tools.system import SYSTEM
-from operate.cli.errors import ConsoleError, NoRunError
+from operate.cli.errors import ConsoleError, NoRunError, UsageError
 
 if TYPE_CHECKING:
     from operate.recording.records import Spoken
@@ -52,11 +52,16 @@ def known(file: Path, at: float | None = None) -> Known:
 
 def _recorded(file: Path) -> "tuple[list[Spoken], list[float]]":
     """All communicates in the order of time, those the recorder missed from step logs; when each life of km began."""
-    from operate.recording import filled, mcap_file
+    from operate.recording import filled
     from operate.recording.records import Spoken, Token
+    from operate.recording.stored import NoRecordingError
 
     said, lives = list[Spoken](), dict[int, float]()
-    for one in filled.of_run(file, SYSTEM).records if file.is_dir() else mcap_file.Reading(file):
+    try:
+        records = filled.of(file, SYSTEM).records
+    except NoRecordingError as error:
+        raise UsageError(str(error)) from error
+    for one in records:
         if isinstance(one, Spoken):
             said.append(one)
         elif isinstance(one, Token) and one.agent == KM and one.alive:

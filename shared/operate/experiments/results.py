@@ -1,6 +1,5 @@
 """The results of runs: an experiment's folder, one run's folder or a recording, read into the same small Structs."""
 
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from operate.experiments import measures, tables
 from operate.experiments.exchanges import Said, said
 from operate.experiments.measures import Runs
 from operate.experiments.run_figures import Figures, Result, Setting
-from operate.recording import filled, history
+from operate.recording import history
 from operate.reports import report
 from operate.run_folder import REPORT_FILE, TRAFFIC_FILE
 from operate.system import System, of_run
@@ -52,17 +51,6 @@ def is_run(place: Path) -> bool:
     )
 
 
-def of_recording(place: Path) -> history.History:
-    """The history of a run's folder or of a recording. Raises NothingHere."""
-    if place.is_dir() and ((place / TRAFFIC_FILE).exists() or (place / filled.STEPS).is_dir()):
-        return history.load(place, of_run(place))
-    if not place.is_file():
-        raise NothingHere(f"{place} holds no recording; give a run's folder or a {TRAFFIC_FILE}")
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, TRAFFIC_FILE).symlink_to(place.resolve())
-        return history.load(Path(folder), of_run(place))
-
-
 def system_of(place: Path) -> System:
     """Return the system of an experiment: that of one of its runs, where their folders are still there."""
     return of_run(next(iter(sorted(place.glob(f"{RUNS}/*"))), place))
@@ -98,7 +86,8 @@ def _experiment(place: Path) -> Runs:
 
 def _single(place: Path) -> tuple[Result[Any], tuple[Said, ...]]:
     """A run; its report.json counts where it is there, else one is made of the recording."""
-    past, system, file = of_recording(place), of_run(place), place / REPORT_FILE
+    system, file = of_run(place), place / REPORT_FILE
+    past = history.of(place, system)
     kept = place.is_dir() and file.exists()
     raw = file.read_bytes() if kept else msgspec.json.encode(report.of(past, system))
     try:

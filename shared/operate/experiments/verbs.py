@@ -21,12 +21,13 @@ def again(
     place: Place, out: Annotated[Path | None, typer.Option(help="Where the files go; else a run's own folder.")] = None
 ) -> None:
     """Make report.json, report.html and run.rrd again, or without a place for them only print the report."""
-    from operate.experiments import measures, results
+    from operate.experiments import measures
+    from operate.recording import history
     from operate.reports import make, report
     from operate.system import of_run
 
     with _telling():
-        past = results.of_recording(place)
+        past = history.of(place, of_run(place))
         target = _target(place, out)
         if target is not None and not make.everything(target, of_run(place), _complain):
             raise typer.Exit(1)
@@ -41,11 +42,12 @@ def export(
     to: Annotated[str, typer.Option(help="parquet or csv")] = "parquet",
 ) -> None:
     """Write communicates, events and telemetry as tables; print which files and how many rows."""
-    from operate.experiments import results, tables
+    from operate.experiments import tables
+    from operate.recording import history
     from operate.system import of_run
 
     with _telling():
-        made = tables.of_history(results.of_recording(place), of_run(place))
+        made = tables.of_history(history.of(place, of_run(place)), of_run(place))
         files = tables.write(made, out, to)
     rows = zip(files, made.values(), strict=True)
     _print([{"file": str(file), "rows": table.num_rows, "columns": table.num_columns} for file, table in rows])
@@ -106,10 +108,11 @@ def _target(place: Path, out: Path | None) -> Path | None:
 def _telling() -> Iterator[None]:
     """Turn the caller's wrong names into a line and exit code 2."""
     from operate.experiments.results import NothingHere
+    from operate.recording.stored import NoRecordingError
 
     try:
         yield
-    except (NothingHere, ValueError) as error:
+    except (NothingHere, NoRecordingError, ValueError) as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(WRONG) from error
 

@@ -8,28 +8,18 @@ from pathlib import Path
 import msgspec
 
 from operate.judging import judged
-from operate.recording import filled, mcap_file
+from operate.recording import filled
 from operate.run_folder import LIVE_FILE, TRAFFIC_FILE, Judged, LiveLine
 from operate.system import System
 
 
-class CannotJudge(Exception):
-    """There is nothing to judge; it says what would be right."""
-
-
 def judge(file: Path, system: System) -> tuple[Judged, ...]:
-    """Return every verdict about what `file` holds, in the order of time. Raise CannotJudge."""
+    """Return every verdict about what `file` holds, in the order of time. Raise NoRecordingError."""
     if file.is_dir() and not (file / TRAFFIC_FILE).exists() and (file / LIVE_FILE).exists():
         file /= LIVE_FILE
     if file.suffix == ".jsonl" and file.is_file():
         return judged.of_live(_live(file), system.design)
-    recorded = file / TRAFFIC_FILE if file.is_dir() else file
-    if not recorded.is_file():
-        raise CannotJudge(f"{recorded} is not there; give a run folder, a {TRAFFIC_FILE} or a {LIVE_FILE}")
-    records = filled.of_run(file, system).known if file.is_dir() else mcap_file.read(file).records
-    if not records:
-        raise CannotJudge(f"{recorded} holds no record that can be read; give a {TRAFFIC_FILE} of a run")
-    return judged.of_records(records, system)
+    return judged.of_records(filled.of(file, system).known, system)
 
 
 def _live(file: Path) -> list[LiveLine]:

@@ -48,13 +48,14 @@ def judge(
 ) -> None:
     """Print the verdict about each communicate of a recording. Exits with 2 where there is nothing to judge."""
     from operate.judging import judged, rejudge
+    from operate.recording.stored import NoRecordingError
 
     try:
         system = of_run(file) if design is None else of_design(design)
         if languages:
             system = msgspec.structs.replace(system, languages=languages_at(languages))
         lines = rejudge.judge(file, system)
-    except (rejudge.CannotJudge, NoSystemError) as error:
+    except (NoRecordingError, NoSystemError) as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(USAGE_ERROR) from error
     sys.stdout.buffer.writelines(map(judged.encoded, lines))

@@ -18,6 +18,7 @@ from operate.recording import hearing, mcap_file
 from operate.recording.hearing import Hearing
 from operate.recording.noted import noted, said_at
 from operate.recording.records import GARBAGE_BYTES, Garbage, Record, Resumed, Spoken, Token
+from operate.recording.stored import NoRecordingError
 from operate.system import System
 
 STEPS = "steps"
@@ -42,6 +43,20 @@ class Filled(msgspec.Struct, frozen=True):
     def known(self) -> tuple[Record, ...]:
         """Return the records as if no recorder had been away, where that is so."""
         return tuple(one for one in self.records if not (self.complete and isinstance(one, Resumed)))
+
+
+def of(place: Path, system: System) -> Filled:
+    """The recording of a run folder, filled, or a recording (.mcap) alone. Raise NoRecordingError: it has no record."""
+    path = place / mcap_file.FILE if place.is_dir() else place
+    if place.is_dir():
+        found = of_run(place, system)
+    else:
+        read = mcap_file.read(path, system)
+        found = filled(read.records, {}, system, whole=read.whole)
+    if not found.records:
+        what = "holds no record that can be read" if path.is_file() else "is not there"
+        raise NoRecordingError(f"{path} {what}; give a run folder, or a recording (.mcap) of `roco record` or of a run")
+    return found
 
 
 def of_run(run: Path, system: System) -> Filled:

@@ -109,7 +109,16 @@ class _Beat(msgspec.Struct, frozen=True):
 
 def load(run: Path, system: System) -> History:
     """The history of a run folder of this system. What cannot be read is a hole, never an error."""
-    past = of_filled(filled.of_run(run, system), system)
+    return _in_folder(of_filled(filled.of_run(run, system), system), run)
+
+
+def of(place: Path, system: System) -> History:
+    """The history of a run folder, or of a recording (.mcap) alone. Raise NoRecordingError if it has no record."""
+    past = of_filled(filled.of(place, system), system)
+    return _in_folder(past, place) if place.is_dir() else past
+
+
+def _in_folder(past: History, run: Path) -> History:
     return msgspec.structs.replace(past, down=_down(run), faults=_faults(run, past.faults))
 
 

@@ -9,10 +9,8 @@ import msgspec
 from agent_runtime.core.wiring import life, service_key
 from agent_runtime.io.tap import Sample
 from operate.judging.judged import SYSTEM, key_of
-from operate.recording import filled, mcap_file
+from operate.recording import filled
 from operate.recording.records import Garbage, House, Record, Resumed, Spoken, Token
-from operate.recording.stored import NoRecordingError
-from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 from topdown.model.design import Design
 
@@ -22,13 +20,7 @@ def records(file: Path, system: System) -> tuple[Record, ...]:
 
     Raises NoRecordingError.
     """
-    path = file / TRAFFIC_FILE if file.is_dir() else file
-    if not path.is_file():
-        raise NoRecordingError(f"{path} is not there; give a run folder or a recording (.mcap)")
-    found = filled.of_run(file, system).known if file.is_dir() else mcap_file.read(path).records
-    if not found:
-        raise NoRecordingError(f"{path} holds no record that can be read; give one of `roco record` or of a run")
-    return found
+    return filled.of(file, system).known
 
 
 def samples(found: tuple[Record, ...], design: Design, *, everything: bool = False) -> Iterator[Sample]:

@@ -4,6 +4,7 @@ Must not know: what a message says.
 """
 
 import dataclasses
+import os
 import struct
 from collections.abc import Iterator
 from typing import IO
@@ -28,12 +29,19 @@ class NoRecordingError(Exception):
 
 
 def stored(file: IO[bytes]) -> Iterator[McapRecord]:
-    """The records of an MCAP file as they stand in it, those in chunks, too. Raise one of TORN."""
-    for found in StreamReader(file, emit_chunks=True, record_size_limit=RECORD_LIMIT).records:
-        if isinstance(found, Chunk):
-            yield from inside(found)
-        else:
-            yield found
+    """The records of an MCAP file as they stand in it, those in chunks, too; of several one after the other.
+
+    Files are joined by `cat` as logs are. Raise one of TORN.
+    """
+    size = os.fstat(file.fileno()).st_size
+    while True:
+        for found in StreamReader(file, emit_chunks=True, record_size_limit=RECORD_LIMIT).records:
+            if isinstance(found, Chunk):
+                yield from inside(found)
+            else:
+                yield found
+        if file.tell() >= size:
+            return
 
 
 def inside(chunk: Chunk) -> list[McapRecord]:

@@ -17,7 +17,7 @@ from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from fipa_codec.communicate import UNREADABLE, Communicate
 from fipa_codec.tables import NOT_UNDERSTOOD, Role
-from operate.recording import filled, history, mcap_file
+from operate.recording import filled, history
 from operate.recording.records import Spoken, Token
 from operate.run_folder import Fault, Judged
 from operate.system import System
@@ -40,7 +40,7 @@ class Run(msgspec.Struct, frozen=True):
 def of(file: Path, system: System) -> Run:
     """Return the trace of a run folder or a recording; of a recording alone all links are by time."""
     folder = file.is_dir()
-    found = filled.of_run(file, system) if folder else _recorded(file, system)
+    found = filled.of(file, system)
     past = history.load(file, system) if folder else history.of_filled(found, system)
     logs = sorted((file / filled.STEPS).glob(f"*.{filled.STEPS}")) if folder else []
     said = [_message(one, system) for one in past.said]
@@ -52,11 +52,6 @@ def of(file: Path, system: System) -> Run:
         away=tuple(_away(found.records, past.faults)),
     )
     return Run(past, traced)
-
-
-def _recorded(file: Path, system: System) -> filled.Filled:
-    read = mcap_file.read(file, system)
-    return filled.filled(read.records, {}, system, whole=read.whole)
 
 
 def _message(one: Spoken, system: System) -> Message:

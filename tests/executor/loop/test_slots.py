@@ -1,11 +1,13 @@
 """Slots: one writer, many readers, nobody waits, nobody reads half a record."""
 
+import errno
 import mmap
 import os
 
 import pytest
 
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
+from services.executor.loop.memory import _begun
 from services.executor.loop.program import Cancel, Release, motion
 from services.executor.loop.slots import Counters, LoopFile, Slot
 from velma.errors import SlotError
@@ -142,3 +144,16 @@ def test_counters_count(slot):
     counters.add(1)
     counters.add(0)
     assert counters.read() == (1, 2)
+
+
+@pytest.mark.parametrize("make", [LoopFile.create, lambda path: _begun(path, bytes(32))])
+def test_a_mapped_file_is_on_the_disk_or_not_made(make, path, disk):
+    """All of it: a write to a page that finds no room there would end the loop by SIGBUS."""
+    path.parent.mkdir()
+    make(path)
+    assert path.stat().st_blocks * 512 >= path.stat().st_size > 1 << 20
+    small = disk(path.parent / "small", "1m") / path.name
+    with pytest.raises(OSError, match="No space left") as refused:
+        make(small)
+    assert refused.value.errno == errno.ENOSPC
+    assert not list(small.parent.iterdir())

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -99,6 +100,15 @@ def test_where_nothing_runs_any_more_a_fleet_is_started(begin: Begin, told: list
     starting.down(begin("runs/first"))
     assert roco("up").exit_code == 0
     assert "--no-latest" not in told[-1]
+
+
+def test_without_room_no_fleet_is_started(tmp_path: Path, disk: Callable[[Path, str], Path]) -> None:
+    """The sentence says where, how much there is, and how much it takes."""
+    done = roco("up", "--out", disk(tmp_path / "small", "1m") / "run")
+    assert done.exit_code == 1
+    assert re.search(
+        r"the disk of .*/small/run has 1\.0 MB free, and a fleet needs 34 MB to start: make room", done.stderr
+    )
 
 
 def test_a_second_fleet_is_named_and_latest_stays(begin: Begin, told: list[list[str]], tmp_path: Path) -> None:

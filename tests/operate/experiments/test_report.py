@@ -16,6 +16,8 @@ from companion.tools.telemetry import robot
 from operate.experiments import make, page, pictures, results, summary, tables
 from operate.experiments.results import NothingHere
 from operate.experiments.run_figures import Latency, Result, Spans
+from operate.recording import history
+from operate.recording.stored import NoRecordingError
 from operate.reports import report
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -159,7 +161,7 @@ def test_a_recorded_run_fills_every_table() -> None:
 
 def test_a_recording_is_exported_as_tables(tmp_path: Path) -> None:
     """Communicates, events, telemetry: the rows of the recording, the same in both formats."""
-    past = results.of_recording(POUR / "traffic.mcap")
+    past = history.of(POUR / "traffic.mcap", SYSTEM)
     made = tables.of_history(past, SYSTEM)
     assert {name: table.num_rows for name, table in made.items()} == {
         "communicates": len(past.said), "states": len(report.busy(past)), "events": 19, "telemetry": len(robot(past)),
@@ -180,8 +182,8 @@ def test_what_holds_nothing_is_named(tmp_path: Path) -> None:
     """An empty folder, a file that is not there, an experiment without a line."""
     with pytest.raises(NothingHere, match="holds no runs; give an experiment's folder"):
         results.load(tmp_path)
-    with pytest.raises(NothingHere, match="holds no recording"):
-        results.of_recording(tmp_path / "none")
+    with pytest.raises(NoRecordingError, match="none is not there; give a run folder, or a recording"):
+        history.of(tmp_path / "none", SYSTEM)
     with pytest.raises(NothingHere, match="`roco experiment` makes one"):
         make.everything(tmp_path)
     (tmp_path / results.RESULTS_FILE).touch()

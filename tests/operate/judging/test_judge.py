@@ -16,6 +16,7 @@ from operate.recording import history
 from operate.recording.history import Setting
 from operate.recording.recorder import Recorder
 from operate.recording.records import understood
+from operate.recording.stored import NoRecordingError
 from operate.reports import make
 from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged, LiveLine, Sent
 from operate.system import NoSystemError, languages_at, of_design
@@ -132,7 +133,7 @@ def test_what_cannot_be_judged_says_so(name: str, tmp_path: Path) -> None:
     if name.endswith("jsonl"):
         assert rejudge.judge(tmp_path / name, SYSTEM) == ()
         return
-    with pytest.raises(rejudge.CannotJudge, match=r"give a "):
+    with pytest.raises(NoRecordingError, match=r"give a "):
         rejudge.judge(tmp_path / name, SYSTEM)
 
 

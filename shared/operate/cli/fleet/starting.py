@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ SUPERVISOR = "operate.supervisor"
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, doubled; to be measured
 CHECK_S = 60.0  # estimate: it takes half a second
+LEAST_ROOM = 32 << 20  # bytes for a start; estimate: a fleet that is ready has written 12 MB
 STOP_S = 150.0  # the monitor may take two minutes for its reports, the others seconds
 
 
@@ -43,6 +45,10 @@ def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
     _refuse_second(run, 0)
     shared = os.environ | here().environment(run) | {RUN_FOLDER_VARIABLE: str(run), FLEET_VARIABLE: uuid.uuid4().hex}
     make_run(run)
+    free = shutil.disk_usage(run).free
+    if free < LEAST_ROOM:
+        least = f"has {free / 1e6:.1f} MB free, and a fleet needs {LEAST_ROOM / 1e6:.0f} MB to start"
+        raise FleetError(f"the disk of {run} {least}: make room, or name a folder on another disk with --out")
     with (run / "supervisor.log").open("ab") as log:
         return subprocess.Popen(
             [sys.executable, "-P", "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
