@@ -107,7 +107,7 @@ def contents(file: Path) -> Contents:
     """Return what is in a recording, or in the one of a run folder. Raise NoRecordingError."""
     path = file / TRAFFIC_FILE if file.is_dir() else file
     if not path.is_file():
-        raise NoRecordingError(f"{path} is not there; give a run folder or a recording (.mcap)")
+        raise NoRecordingError(path, "is not there")
     told = Contents(str(path), path.stat().st_size, False, [], {}, {})
     with path.open("rb") as opened:
         try:
@@ -115,7 +115,7 @@ def contents(file: Path) -> Contents:
         except TORN:
             told.whole = False
     if not told.versions:
-        raise NoRecordingError(f"{path} is not a recording that can be read; give one of `roco record` or of a run")
+        raise NoRecordingError(path, "holds no record that can be read")
     told.topics.sort(key=lambda one: one.name)
     return told
 

@@ -54,8 +54,7 @@ def of(place: Path, system: System) -> Filled:
         read = mcap_file.read(path, system)
         found = filled(read.records, {}, system, whole=read.whole)
     if not found.records:
-        what = "holds no record that can be read" if path.is_file() else "is not there"
-        raise NoRecordingError(f"{path} {what}; give a run folder, or a recording (.mcap) of `roco record` or of a run")
+        raise NoRecordingError(path, "holds no record that can be read" if path.is_file() else "is not there")
     return found
 
 

@@ -39,15 +39,14 @@ class Written(msgspec.Struct, frozen=True):
 def repaired(path: Path) -> Written:
     """Write a recording again with an index, if it has none. Raise OSError; NoRecordingError where nothing can be."""
     if not path.is_file():
-        raise NoRecordingError(f"{path} is not there; give a run folder or a recording (.mcap)")
+        raise NoRecordingError(path, "is not there")
     try:
         done = write(path)
     except BlockingIOError as error:
-        raise NoRecordingError(
-            f"{path} is being recorded; `roco down`, or Ctrl-C at `roco record`, closes it"
-        ) from error
+        closes = "`roco down`, or Ctrl-C at `roco record`, closes it"
+        raise NoRecordingError(path, "is being recorded", closes) from error
     if done is None:
-        raise NoRecordingError(f"{path} holds no record that can be read; give one of `roco record` or of a run")
+        raise NoRecordingError(path, "holds no record that can be read")
     return done
 
 

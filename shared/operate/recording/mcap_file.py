@@ -193,7 +193,7 @@ class Reading:
 def read(path: Path, system: System | None = None) -> Read:
     """Everything readable of one traffic.mcap, recorded of this system; of a missing file nothing."""
     reading = Reading(path, system)
-    return Read(tuple(sorted(reading, key=lambda one: one.received)), reading.whole)
+    return Read(tuple(reading), reading.whole)
 
 
 def first(path: Path) -> Record | None:

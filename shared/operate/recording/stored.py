@@ -7,6 +7,7 @@ import dataclasses
 import os
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 from typing import IO
 
 import lz4.frame
@@ -24,8 +25,14 @@ TORN = (McapError, struct.error, ValueError, MemoryError)
 """A damaged or unfinished file shows as any of them."""
 
 
+GIVE = "give a run folder, or a recording (.mcap) of `roco record` or of a run"
+
+
 class NoRecordingError(Exception):
-    """There is nothing to read; it says what would be right."""
+    """There is nothing to read at `path`, for this reason; `remedy`: what to do."""
+
+    def __init__(self, path: Path, why: str, remedy: str = GIVE) -> None:
+        super().__init__(f"{path} {why}; {remedy}")
 
 
 def stored(file: IO[bytes]) -> Iterator[McapRecord]:

@@ -134,9 +134,9 @@ def test_a_heavy_query_ends_in_time() -> None:
 
 
 def test_a_place_without_a_recording_is_named(tmp_path: Path) -> None:
-    """Exit code 3: there is nothing to ask."""
+    """Exit code 2: there is nothing to ask."""
     code, _, error = run(IN, recording=tmp_path)
-    assert code == 3
+    assert code == 2
     assert "give a run folder" in error
 
 

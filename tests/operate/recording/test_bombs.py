@@ -86,7 +86,7 @@ def test_a_bomb_is_a_file_that_cannot_be_read(tmp_path: Path, bomb: str, says: i
     file = recording(tmp_path / "traffic.mcap", *BOMBS[bomb](), says)
     code, said, memory = asked("judge", file)
     assert code == 2, said
-    assert f"{file} holds no record that can be read; give a traffic.mcap of a run" in said
+    assert f"{file} holds no record that can be read; give a run folder" in said
     assert memory < MOST_KB
 
 
@@ -97,7 +97,7 @@ def test_every_reader_has_the_bound(tmp_path: Path, verb: str) -> None:
     file = recording(tmp_path / "traffic.mcap", *BOMBS["lz4"](), 1000)
     code, said, memory = asked(verb, file)
     assert code == 2, said
-    assert "that can be read; give one of `roco record` or of a run" in said
+    assert "that can be read; give a run folder, or a recording" in said
     assert memory < MOST_KB
 
 

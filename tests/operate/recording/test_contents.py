@@ -14,7 +14,7 @@ from operate.recording import mcap_file
 from operate.recording.contents import NOTE, Contents, contents, digest, versions_now
 from operate.recording.mcap_file import Recording, topic
 from operate.recording.records import Record, understood
-from operate.recording.samples import NoRecordingError
+from operate.recording.stored import NoRecordingError
 
 
 @pytest.fixture(scope="module")
