@@ -87,8 +87,14 @@ def dead(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=Tr
 def trace(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
     """Print the trace of a run in JSON: conversations, and which was opened for the sake of which."""
     from operate.recording import traced
+    from operate.recording.stored import NoRecordingError
 
-    sys.stdout.buffer.write(msgspec.json.encode(traced.of(file, of_run(file)).trace))
+    try:
+        found = traced.of(file, of_run(file)).trace
+    except NoRecordingError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(USAGE_ERROR) from error
+    sys.stdout.buffer.write(msgspec.json.encode(found))
 
 
 def why(
@@ -98,10 +104,11 @@ def why(
 ) -> None:
     """Print the reasons that are recorded, in JSON. Exits with 2 where nothing is known of what was asked about."""
     from operate.recording import reasons
+    from operate.recording.stored import NoRecordingError
 
     try:
         found = reasons.of(file, of_run(file), about, at)
-    except reasons.NothingKnown as error:
+    except (reasons.NothingKnown, NoRecordingError) as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(USAGE_ERROR) from error
     sys.stdout.buffer.write(msgspec.json.encode(found))

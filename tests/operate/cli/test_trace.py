@@ -111,4 +111,4 @@ def test_a_recording_that_is_not_there(verb: str, tmp_path: Path) -> None:
     assert (code, "give a run folder, or a recording" in error) == (2, True)
     code, _, error = roco(verb, "--run", tmp_path)
     assert code == 2
-    assert "give the folder of a run" in error
+    assert "give a run folder" in error
