@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+LOOPBACK_REMEDY = "`ip link set lo up`, and `ip address add 127.0.0.1/8 dev lo` if it has no such address"
 TRY_S = 1.0
 """Longest of a connection, and of a handshake (estimate: it takes some ms in one house)."""
 REFUSED_S = 0.5
@@ -89,8 +90,13 @@ def no_loopback() -> str:
         ):
             return ""
     except OSError as error:
-        remedy = "`ip link set lo up`, and `ip address add 127.0.0.1/8 dev lo` if it has no such address"
-        return f"processes cannot meet on 127.0.0.1 ({error.strerror or error}): {remedy}"
+        return f"processes cannot meet on 127.0.0.1 ({error.strerror or error})"
+
+
+def require_loopback() -> None:
+    """Raise OSError where the processes of this host cannot meet on 127.0.0.1; it says what to do."""
+    if why := no_loopback():
+        raise OSError(f"{why}: {LOOPBACK_REMEDY}")
 
 
 def _why_not(endpoint: str, tls: dict[str, Any] | None) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 import zenoh
 
 from agent_runtime.io.message_size import LONGEST
-from agent_runtime.io.reaching import Tries, no_loopback
+from agent_runtime.io.reaching import Tries, require_loopback
 
 LEASE_MS = 2000
 KEPT_BYTES = 128 * 1024 * 1024
@@ -180,8 +180,7 @@ def close(session: zenoh.Session, within_s: float = CLOSE_S) -> bool:
 
 def free_endpoint() -> str:
     """A loopback endpoint whose port nobody uses now. Raise OSError where processes cannot meet there."""
-    if why := no_loopback():
-        raise OSError(why)
+    require_loopback()
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{one.getsockname()[1]}"

@@ -77,7 +77,8 @@ class Verbs(TyperGroup):
         except OSError as error:
             from operate.cli.output import refused
 
-            sys.exit(_told(str(refused(error)), refused(error).code, json=json))
+            problem = refused(error)
+            sys.exit(_told(str(problem), problem.code, json=json))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """As click does, and a summary becomes the verb. Where there is none it says what there is."""

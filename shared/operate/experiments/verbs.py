@@ -108,11 +108,10 @@ def _target(place: Path, out: Path | None) -> Path | None:
 def _telling() -> Iterator[None]:
     """Turn the caller's wrong names into a line and exit code 2."""
     from operate.experiments.results import NothingHere
-    from operate.recording.stored import NoRecordingError
 
     try:
         yield
-    except (NothingHere, NoRecordingError, ValueError) as error:
+    except (NothingHere, ValueError) as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(WRONG) from error
 

@@ -16,6 +16,7 @@ from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.tap import RECORDER
 from operate.experiments.verbs import again, compare, experiment, export, invariants
 from operate.recording.recorder import serve
+from operate.recording.stored import NoRecordingError
 from operate.run_folder import TRAFFIC_FILE
 from operate.system import NoSystemError, here, languages_at, of_design, of_run
 
@@ -48,17 +49,11 @@ def judge(
 ) -> None:
     """Print the verdict about each communicate of a recording. Exits with 2 where there is nothing to judge."""
     from operate.judging import judged, rejudge
-    from operate.recording.stored import NoRecordingError
 
-    try:
-        system = of_run(file) if design is None else of_design(design)
-        if languages:
-            system = msgspec.structs.replace(system, languages=languages_at(languages))
-        lines = rejudge.judge(file, system)
-    except (NoRecordingError, NoSystemError) as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(USAGE_ERROR) from error
-    sys.stdout.buffer.writelines(map(judged.encoded, lines))
+    system = of_run(file) if design is None else of_design(design)
+    if languages:
+        system = msgspec.structs.replace(system, languages=languages_at(languages))
+    sys.stdout.buffer.writelines(map(judged.encoded, rejudge.judge(file, system)))
 
 
 def said(
@@ -67,13 +62,8 @@ def said(
 ) -> None:
     """Print what a recording holds as samples of a tap, one JSON object a line. Exits with 2 where there is none."""
     from operate.recording import samples
-    from operate.recording.stored import NoRecordingError
 
-    try:
-        samples.main(file, of_run(file), everything=everything)
-    except (NoRecordingError, NoSystemError) as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(USAGE_ERROR) from error
+    samples.main(file, of_run(file), everything=everything)
 
 
 def dead(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=True, file_okay=False)]) -> None:
@@ -87,14 +77,8 @@ def dead(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=Tr
 def trace(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
     """Print the trace of a run in JSON: conversations, and which was opened for the sake of which."""
     from operate.recording import traced
-    from operate.recording.stored import NoRecordingError
 
-    try:
-        found = traced.of(file, of_run(file)).trace
-    except NoRecordingError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(USAGE_ERROR) from error
-    sys.stdout.buffer.write(msgspec.json.encode(found))
+    sys.stdout.buffer.write(msgspec.json.encode(traced.of(file, of_run(file)).trace))
 
 
 def why(
@@ -104,11 +88,10 @@ def why(
 ) -> None:
     """Print the reasons that are recorded, in JSON. Exits with 2 where nothing is known of what was asked about."""
     from operate.recording import reasons
-    from operate.recording.stored import NoRecordingError
 
     try:
         found = reasons.of(file, of_run(file), about, at)
-    except (reasons.NothingKnown, NoRecordingError) as error:
+    except reasons.NothingKnown as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(USAGE_ERROR) from error
     sys.stdout.buffer.write(msgspec.json.encode(found))
@@ -117,27 +100,21 @@ def why(
 def info(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
     """Print what is in a recording: topics, keys, counts, times, versions. Exits with 2 where there is none."""
     from operate.recording import contents
-    from operate.recording.stored import NoRecordingError
 
-    try:
-        contents.main(file)
-    except NoRecordingError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(USAGE_ERROR) from error
+    contents.main(file)
 
 
 def repair(file: Annotated[Path, typer.Argument(help="A run folder or a recording.")]) -> None:
     """Give a recording its index, and print what was done. Exits with 2 where there is none, or one is being made."""
     from agent_runtime.io.full_disk import worded
     from operate.recording import index
-    from operate.recording.stored import NoRecordingError
 
     path = file / TRAFFIC_FILE if file.is_dir() else file
     try:
         sys.stdout.buffer.write(msgspec.json.encode(index.repaired(path)) + b"\n")
-    except (NoRecordingError, OSError) as error:
-        typer.echo(worded(path, error) if isinstance(error, OSError) else str(error), err=True)
-        raise typer.Exit(1 if isinstance(error, OSError) else USAGE_ERROR) from error
+    except OSError as error:
+        typer.echo(worded(path, error), err=True)
+        raise typer.Exit(1) from error
 
 
 def record(
@@ -199,7 +176,11 @@ def main() -> None:
     elif sys.argv[1:2] and sys.argv[1] in VERBS:
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         app.command()(VERBS[sys.argv[1]])
-        app(sys.argv[2:], prog_name=f"monitor {sys.argv[1]}")
+        try:
+            app(sys.argv[2:], prog_name=f"monitor {sys.argv[1]}")
+        except (NoRecordingError, NoSystemError) as error:
+            typer.echo(str(error), err=True)
+            sys.exit(USAGE_ERROR)
     else:
         cli.run("monitor", TEXT, lambda options: serve(options, here()))
 

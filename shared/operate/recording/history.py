@@ -109,16 +109,17 @@ class _Beat(msgspec.Struct, frozen=True):
 
 def load(run: Path, system: System) -> History:
     """The history of a run folder of this system. What cannot be read is a hole, never an error."""
-    return _in_folder(of_filled(filled.of_run(run, system), system), run)
+    return in_folder(of_filled(filled.of_run(run, system), system), run)
 
 
 def of(place: Path, system: System) -> History:
     """The history of a run folder, or of a recording (.mcap) alone. Raise NoRecordingError if it has no record."""
     past = of_filled(filled.of(place, system), system)
-    return _in_folder(past, place) if place.is_dir() else past
+    return in_folder(past, place) if place.is_dir() else past
 
 
-def _in_folder(past: History, run: Path) -> History:
+def in_folder(past: History, run: Path) -> History:
+    """Return a history with what the files of its run folder tell besides: processes that did not run, faults."""
     return msgspec.structs.replace(past, down=_down(run), faults=_faults(run, past.faults))
 
 

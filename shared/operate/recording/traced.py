@@ -41,7 +41,9 @@ def of(file: Path, system: System) -> Run:
     """Return the trace of a run folder or a recording; of a recording alone all links are by time."""
     folder = file.is_dir()
     found = filled.of(file, system)
-    past = history.load(file, system) if folder else history.of_filled(found, system)
+    past = history.of_filled(found, system)
+    if folder:
+        past = history.in_folder(past, file)
     logs = sorted((file / filled.STEPS).glob(f"*.{filled.STEPS}")) if folder else []
     said = [_message(one, system) for one in past.said]
     steps = [step for log in logs for step in _steps(log, said, system)]

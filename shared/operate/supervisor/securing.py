@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from agent_runtime.io.cli import listed
-from agent_runtime.io.reaching import no_loopback
+from agent_runtime.io.reaching import require_loopback
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTERS, key_file
 from operate.wires.files import place
@@ -167,8 +167,7 @@ def free_port() -> int:
     and no other fleet is given it while this process lives, since the UDP port of the same number is kept. Raise
     OSError.
     """
-    if why := no_loopback():
-        raise OSError(why)
+    require_loopback()
     lowest = _lowest_given()
     for port in (*random.sample(range(lowest - PORTS, lowest), TRIES), 0):
         kept = socket.socket(type=socket.SOCK_DGRAM)

@@ -145,30 +145,25 @@ def test_the_last_words_of_a_process_are_told(start: Callable[..., Shell]) -> No
     assert read(shell).processes[0].note == "ended with code 2: no such scene"
 
 
-def test_the_exception_of_a_process_is_told_though_it_said_more(start: Callable[..., Shell]) -> None:
-    """As an agent does, which logs its traceback and then that it stopped."""
+@pytest.mark.parametrize(
+    ("behind", "note"),
+    [
+        ("hi stopped", "OSError: [Errno 98] Address already in use"),
+        ("it goes on\\n" * 9 + "no such scene", "no such scene"),
+    ],
+    ids=["a farewell", "more lines"],
+)
+def test_the_exception_on_which_a_process_ends_is_told(start: Callable[..., Shell], behind: str, note: str) -> None:
+    """An agent logs its traceback, and then that it stopped; a traceback long before the end is no reason."""
     code = (
         "import sys, traceback\n"
         "try: raise OSError(98, 'Address already in use')\n"
         "except OSError: print('06:12 hi ! died why=' + traceback.format_exc())\n"
-        "print('06:12 hi stopped'); sys.exit(2)"
+        f"print('{behind}'); sys.exit(2)"
     )
     shell = start(Process("hi", code))
     until(shell, lambda: shell.fleet.known["hi"].state is ProcessState.GIVEN_UP)
-    assert read(shell).processes[0].note == "ended with code 2: OSError: [Errno 98] Address already in use"
-
-
-def test_a_traceback_long_before_the_end_is_no_reason(start: Callable[..., Shell]) -> None:
-    """It went on for some lines."""
-    code = (
-        "import sys, traceback\n"
-        "try: raise OSError(5)\n"
-        "except OSError: traceback.print_exc(file=sys.stdout)\n"
-        "print('it goes on\\n' * 9 + 'no such scene'); sys.exit(2)"
-    )
-    shell = start(Process("hi", code))
-    until(shell, lambda: shell.fleet.known["hi"].state is ProcessState.GIVEN_UP)
-    assert read(shell).processes[0].note == "ended with code 2: no such scene"
+    assert read(shell).processes[0].note == f"ended with code 2: {note}"
 
 
 def test_a_service_without_a_program_is_named() -> None:

@@ -166,7 +166,7 @@ def _stopped(text: str, target: str, run_dir: Path | None, form: Format) -> Task
     if calls_for_help(text):
         with suppress(ConsoleError):
             return Hi(address(fleets[0])).say(text)
-    words = "\n".join(_held_words(fleet, target, run_dir) for fleet in fleets)
+    words = "\n".join(_held_words(fleets, target, run_dir).values())
     return TaskLine("", STOPPED, words, text, time.time())
 
 
@@ -240,8 +240,8 @@ def stop(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
       roco stop --run-dir runs/latest
     """
     with problems(form):
-        for fleet in held(target, run_dir, form):
-            tell(Reply(_held_words(fleet, target, run_dir), fleet.where), form)
+        for where, words in _held_words(held(target, run_dir, form), target, run_dir).items():
+            tell(Reply(words, where), form)
 
 
 def release(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
@@ -277,12 +277,15 @@ def held(target: str, run_dir: Path | None, form: Format) -> list[Target]:
     return stopped
 
 
-def _held_words(fleet: Target, target: str, run_dir: Path | None) -> str:
-    """Say that a robot is held, and what releases it: a fleet that was not meant by name or place must be named."""
+def _held_words(fleets: list[Target], target: str, run_dir: Path | None) -> dict[str, str]:
+    """Say of each fleet that its robot is held, and what releases it: one that was not meant by name or place must be
+    named.
+    """
+    meant = ""
     with suppress(ConsoleError):
-        if targets.find(target, run_dir).where == fleet.where:
-            return HELD
-    return HELD.replace("roco release", f"roco release --target {fleet.name}")
+        meant = targets.find(target, run_dir).where
+    named = {one.where: HELD.replace("roco release", f"roco release --target {one.name}") for one in fleets}
+    return {where: HELD if where == meant else words for where, words in named.items()}
 
 
 def tell_task(task: TaskLine, form: Format) -> None:

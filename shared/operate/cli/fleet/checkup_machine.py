@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
-from agent_runtime.io.reaching import no_loopback
+from agent_runtime.io.reaching import LOOPBACK_REMEDY, no_loopback
 from operate.cli.errors import DockerError
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.checkup import Check, Level
@@ -102,8 +102,7 @@ def loopback(variables: Collection[str] = (GRPC, WEB)) -> Iterator[Check]:
             remedy = f"end that program, or set {name} to another port"
             yield Check("ports", Level.WRONG, f"{name}: another program listens at port {port}", remedy)
     if why := no_loopback():
-        what, _, remedy = why.partition(": ")
-        yield Check("ports", Level.WRONG, what, remedy)
+        yield Check("ports", Level.WRONG, why, LOOPBACK_REMEDY)
     else:
         yield Check("ports", Level.FINE, "a port of 127.0.0.1 takes a connection")
 
