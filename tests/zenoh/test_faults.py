@@ -325,7 +325,7 @@ def test_a_moment_that_does_not_come(depot: Depot) -> None:
 
 
 def test_the_report_has_each_fault(depot: Depot) -> None:
-    """Also one that was done to the monitor; those that did not begin are none."""
+    """Also one that was done to the monitor; those that did not begin are none. Then nothing can be hit any more."""
     depot.roco("fault", "kill", "monitor", "--run-dir", str(depot.run))
     depot.roco("down", "--run-dir", str(depot.run))
     report = json.loads((depot.run / "report.json").read_bytes())
@@ -337,9 +337,5 @@ def test_the_report_has_each_fault(depot: Depot) -> None:
     recorded = [(one.id, one.t) for record in records if (one := fault_in(record)) is not None]
     assert recorded == [(one.id, one.t) for one in read((depot.run / FAULTS_FILE).read_bytes())]
     assert "Faults on purpose" in (depot.run / "report.html").read_text()
-
-
-def test_without_a_fleet_a_list_is_shown_and_nothing_is_hit(depot: Depot) -> None:
-    """The run has ended."""
-    assert "kill dispatcher at" in depot.roco("fault", "list", "--run-dir", str(depot.run))
+    assert "kill monitor" in depot.roco("fault", "list", "--run-dir", str(depot.run))
     depot.roco("fault", "kill", "ox", "--run-dir", str(depot.run), code=1)
