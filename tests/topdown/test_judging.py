@@ -245,7 +245,7 @@ def test_after_deafness_only_what_begins_is_judged(design: Design) -> None:
     """Open conversations are not."""
     yard = Yard(design)
     yard.say(P.REQUEST, 1.0, "1")
-    yard.heard(yard.judge.deaf(5.0))
+    yard.heard(yard.judge.deaf(2.0, 5.0))
     assert yard.say(P.INFORM, 6.0, "7", in_reply_to="1") == [V.NOT_JUDGED]
     assert yard.say(P.REQUEST, 7.0, "4", conversation="d") == [V.LEGAL]
 

@@ -63,8 +63,8 @@ class Judging:
                 return self._judge.lived(record.agent, record.incarnation, at, fresh=fresh, journal=record.journal)
             case House(kind=kind) if kind == SETTING:
                 self._began = at
-            case Resumed(sender=sender):
-                return self._judge.deaf(at, sender)
+            case Resumed(since=since, sender=sender):
+                return self._judge.deaf(since, at, sender)
         return self._judge.pass_time(at)
 
 

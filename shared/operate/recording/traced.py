@@ -16,13 +16,13 @@ from agent_runtime.core.errors import StepLogError
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from fipa_codec.communicate import UNREADABLE, Communicate
-from fipa_codec.tables import NOT_UNDERSTOOD, Role
 from operate.recording import filled, history
 from operate.recording.records import Spoken, Token
 from operate.run_folder import Fault, Judged
 from operate.system import System
 from operate.tracing.linking import Talk, spans
 from operate.tracing.trace import Away, Identity, Message, Step, Trace
+from topdown.judge import follow
 
 LONGEST_S = 60.0
 """From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a minute."""
@@ -96,21 +96,13 @@ def _talks(said: list[Message], judged: tuple[Judged, ...], system: System) -> I
         first = messages[0]
         both_ways = (first.protocol, frozenset((first.sender, first.receiver)))
         initiator, participant = sides.get(both_ways, (first.sender, first.receiver))
-        ended = key in states and _ended(states[key], system)
+        table, last = system.design.tables.get(first.protocol), states.get(key)
+        ended = table is not None and last is not None and follow.ended(table, (last.initiator, last.participant))
         yield Talk(first.conversation, first.protocol, first.channel, initiator, participant, ended, tuple(messages))
 
 
 def _pair(conversation: str, protocol: str, one: str, other: str) -> tuple[str, str, frozenset[str]]:
     return conversation, protocol, frozenset((one, other))
-
-
-def _ended(last: Judged, system: System) -> bool:
-    """Whether both roles stand at an end of their tables."""
-    tables = system.design.tables.get(last.protocol)
-    if tables is None:
-        return False
-    both = ((Role.INITIATOR, last.initiator), (Role.PARTICIPANT, last.participant))
-    return all(set(states.split("|")) <= tables.tables[role].ended | {NOT_UNDERSTOOD} for role, states in both)
 
 
 # --- steps ------------------------------------------------------------------------------------------------------------

@@ -50,13 +50,16 @@ class Waits(NamedTuple):
 
 
 class Talk:
-    """A conversation. `followed` None: nothing opened it yet. `lost`: a part of it was not heard, it is not judged."""
+    """A conversation. `followed` None: nothing opened it yet.
+
+    `lost`: why it is not judged ("": it is): a part of it was not heard. Its states are still followed, from anywhere.
+    """
 
     def __init__(self, name: Name, at: float) -> None:
         self.name, self.at = name, at
         self.initiator = ""
         self.followed: Followed | None = None
-        self.lost = False
+        self.lost = ""
         self.pending: list[Entry] = []
         self.waits: dict[Role, Waits] = {}
         self.opened: tuple[float, elements.Protocol] | None = None
@@ -71,11 +74,18 @@ class Talk:
         """The role of one of them."""
         return Role.INITIATOR if agent == self.initiator else Role.PARTICIPANT
 
-    def lose(self) -> list[Entry]:
+    def lose(self, why: str) -> list[Entry]:
         """Judge it no more; what waited in it."""
-        left, self.pending, self.lost = self.pending, [], True
+        left, self.pending, self.lost = self.pending, [], self.lost or why
         self.waits.clear()
+        if self.followed is not None:
+            self.followed.lose()
         return left
+
+    def guess(self, entry: Entry) -> None:
+        """It is lost, and this was said in it: where may both stand now?"""
+        assert self.followed is not None
+        self.followed.guess(self.role(entry.communicate.sender), self._at_a_guess(entry))
 
     def kept(self, now: float) -> bool:
         """Whether it is still to be kept at `now` [s]: none for ever, but one that may rest."""
@@ -115,11 +125,15 @@ class Talk:
     def overlook(self, entry: Entry) -> None:
         """It was out of sequence: go on as if it had been said, or not."""
         assert self.followed is not None
+        self.followed.doubt(self.role(entry.communicate.sender), self._at_a_guess(entry))
+
+    def _at_a_guess(self, entry: Entry) -> Said:
+        """The communicate as the tables see it, or with any use that it may have if its labels tell none."""
         one, said = entry.communicate, self.read(entry)
         if isinstance(said, str):
             kinds = tuple(Kind) if one.performative is Performative.CONFIRM else entry.kinds
-            said = Said(one.performative, kinds, one.reply_with)
-        self.followed.doubt(self.role(one.sender), said)
+            return Said(one.performative, kinds, one.reply_with)
+        return said
 
     def timed(self, entry: Entry) -> tuple[Verdict, str]:
         """Whether it came in time, if it is an answer; what it waits for itself is noted."""
@@ -185,9 +199,23 @@ class Talks:
     def open(self, talk: Talk, entry: Entry) -> None:
         """It is opened by this communicate."""
         one = entry.communicate
-        table, use = self._tables[one.protocol], self._uses[one.sender, one.receiver, one.protocol]
-        talk.initiator, talk.followed = one.sender, Followed(table, durable=use.durable)
+        use = self._uses[one.sender, one.receiver, one.protocol]
+        self._follow(talk, use)
         talk.opened = (entry.heard.at, use)
+
+    def guess(self, talk: Talk, entry: Entry) -> None:
+        """A communicate of a conversation of which a part was not heard, perhaps its opening."""
+        one = entry.communicate
+        if talk.followed is None:
+            there, back = (one.sender, one.receiver, one.protocol), (one.receiver, one.sender, one.protocol)
+            self._follow(talk, self._uses.get(there) or self._uses[back])
+            assert talk.followed is not None
+            talk.followed.lose()
+        talk.guess(entry)
+
+    def _follow(self, talk: Talk, use: elements.Protocol) -> None:
+        talk.initiator = use.initiator
+        talk.followed = Followed(self._tables[use.follows], durable=use.durable)
 
     def sweep(self, now: float) -> None:
         """It is `now` [s]: forget the conversations that are not to be kept, but for their names."""

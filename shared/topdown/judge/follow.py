@@ -8,7 +8,7 @@ merge explains them. Must not know: content, size, time, who the agents are.
 """
 
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 from fipa_codec.labels import Needs, needs
@@ -49,6 +49,17 @@ class Moves:
         self.may_reopen = forgetful and role is Role.PARTICIPANT
         self.over = table.ended | {NOT_UNDERSTOOD}
         self._known: dict[tuple[object, ...], States] = {}
+
+    @cached_property
+    def uncancelled(self) -> States:
+        """States that are reached without a cancel."""
+        found: set[str] = {START}
+        while (
+            more := {row.to for row in self.table if row.state in found and row.performative is not Performative.CANCEL}
+            - found
+        ):
+            found |= more
+        return frozenset(found)
 
     def saying(self, states: States, said: Said) -> States:
         """Return the states it may be in after saying this; none: it may not say it."""
@@ -151,6 +162,13 @@ class Side:
         jumped = self._moves.saying(self._moves.table.states, said)
         self._settle([states | jumped for states in self._at])
         self.likely |= jumped
+
+    def lose(self) -> None:
+        """A part of what was said was not heard: it may stand anywhere, but for a cancel that nobody heard of."""
+        self._ahead, self._taken, self._labels = [], 0, {}
+        uncancelled = self._moves.uncancelled
+        self.likely = uncancelled if self.likely <= uncancelled else self._moves.table.states
+        self._at = [self.likely]
 
     def hear(self, said: Said) -> None:
         """The other role said this: it is on its way."""
@@ -268,6 +286,17 @@ class Followed:
             self._rounds |= {said.label}
         self._pass_on(role, said._replace(sure=False))
 
+    def lose(self) -> None:
+        """A part was not heard: both may stand anywhere, until what is said next tells."""
+        for side in self.sides.values():
+            side.lose()
+
+    def guess(self, role: Role, said: Said) -> None:
+        """`role` says this from wherever it may stand."""
+        if not self.sides[role].say(said):
+            self.sides[role].jump(said)
+        self._pass_on(role, said)
+
     def repeat(self, role: Role, said: Said) -> None:
         """A copy came by: where no journal numbers it, its receiver may take it once more."""
         if not self.durable:
@@ -285,6 +314,14 @@ class Followed:
         if said.label or said.performative is Performative.CANCEL:
             self._labels[role].setdefault(said.label, {}).setdefault(said.performative, said.kinds)
         self.sides[role.other].hear(said)
+
+
+def ended(protocol: Protocol, states: tuple[str, str]) -> bool:
+    """Whether initiator and participant, in states as `Followed.states` words them, are at an end of their tables."""
+    both = zip(Role, states, strict=True)
+    return all(
+        words and set(words.split("|")) <= protocol.tables[role].ended | {NOT_UNDERSTOOD} for role, words in both
+    )
 
 
 @lru_cache(maxsize=4096)

@@ -112,18 +112,20 @@ class Judge:
             self._reborn(agent)
         return self._told()
 
-    def deaf(self, at: float, sender: str = "") -> tuple[Judgement, ...]:
-        """Until now something may have been said that was not heard: open conversations are judged no more.
+    def deaf(self, since: float, at: float, sender: str = "") -> tuple[Judgement, ...]:
+        """From `since` until `at` [s] something may have been said that was not heard: open conversations are judged no
+        more, nor is anybody blamed for a deadline in between.
 
         `sender`: by this agent alone; its conversations.
         """
-        self._advance(at)
+        self._advance(since)
         if sender:
             self._whole.discard(sender)
             self._lose([talk for talk in self._talks if sender in talk.agents], self._streams.forget(sender))
         else:
             self._whole.clear()
             self._lose(list(self._talks), self._streams.forget())
+        self._advance(at)
         return self._told()
 
     def finish(self, at: float) -> tuple[Judgement, ...]:
@@ -178,7 +180,7 @@ class Judge:
             return
         ready = self._streams.put(pair, number, entry, first=1 if one.sender in self._whole else None)
         if ready is None:
-            self._judge(Verdict.NOT_JUDGED, entry, "said before anything of this stream was heard")
+            self._pass_over(entry, "said before anything of this stream was heard")
         elif not ready:
             self._timers.later(entry.heard.at + self._patience, lambda now: self._give_up(pair, number))
         for each in ready or ():
@@ -192,9 +194,10 @@ class Judge:
         (first, last), ready = found
         self._whole.difference_update(pair)
         numbers = str(first) if first == last else f"{first} to {last}"
+        why = f"number {numbers} of {pair[0]} was not heard"
         between = [talk for talk in self._talks if set(talk.agents) == set(pair)]
-        self._lose(between, [], f"number {numbers} of {pair[0]} was not heard")
-        for entry in ready:
+        left = [entry for talk in between for entry in talk.lose(why)]
+        for entry in sorted((*left, *ready), key=lambda one: one.heard.n):
             self._place(entry)
 
     def _place(self, entry: Entry) -> None:
@@ -213,7 +216,7 @@ class Judge:
         if talk.followed is None and not talk.lost and self._talks.opens(one):
             self._talks.open(talk, entry)
         if talk.lost:
-            self._judge(Verdict.NOT_JUDGED, entry, "the beginning of its conversation was not heard")
+            self._pass_over(entry, talk.lost)
         elif talk.followed is None or self._behind(talk, entry) or not self._took(talk, entry):
             talk.pending.append(entry)
             self._timers.later(entry.heard.at + self._patience, lambda now: self._expire(talk, entry))
@@ -269,7 +272,7 @@ class Judge:
                 talk.pending = [one for one in talk.pending if one is not entry]
                 why = f"nothing opened conversation {entry.communicate.conversation}"
                 self._judge(Verdict.OUT_OF_SEQUENCE, entry, why)
-            self._lose([talk], [])
+            self._lose([talk], [], "the beginning of its conversation was not heard")
             return
         talk.pending = [one for one in talk.pending if one is not entry]
         # Never None here: what is explained was taken by the last retry.
@@ -290,10 +293,18 @@ class Judge:
 
     def _lose(self, talks: list[Talk], entries: list[Entry], why: str = "") -> None:
         why = why or "a part of its conversation was not heard"
-        for talk in talks:
-            entries = [*entries, *talk.lose()]
-        for entry in entries:
-            self._judge(Verdict.NOT_JUDGED, entry, why)
+        left = [*entries, *(entry for talk in talks for entry in talk.lose(why))]
+        for entry in sorted(left, key=lambda one: one.heard.n):
+            self._pass_over(entry, why)
+
+    def _pass_over(self, entry: Entry, why: str) -> None:
+        """It is not judged; where its conversation may stand after it is followed all the same."""
+        talk = self._talks.find(entry.communicate)
+        if talk is not None:
+            if not talk.lost:
+                self._lose([talk], [], why)
+            self._talks.guess(talk, entry)
+        self._judge(Verdict.NOT_JUDGED, entry, why, talk)
 
     def _reborn(self, agent: str) -> None:
         for talk in self._talks:

@@ -8,7 +8,6 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from fipa_codec.tables import NOT_UNDERSTOOD, Protocol, Role
 from operate.cli import completion
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
@@ -20,6 +19,7 @@ from operate.cli.traffic.listen import about
 from operate.cli.traffic.verdicts import judged, told
 from operate.run_folder import Judged
 from operate.system import NoSystemError
+from topdown.judge import follow
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
 
@@ -160,20 +160,11 @@ def _made(said: list[Judged], design: Design) -> Conversation:
         participant=participant,
         since=first.t,
         until=said[-1].t,
-        ended=_ended(design.tables.get(first.protocol), states),
+        ended=first.protocol in design.tables and follow.ended(design.tables[first.protocol], states),
         states=states,
         violations=sum(one.violation for one in said),
         said=tuple(said),
     )
-
-
-def _ended(tables: Protocol | None, states: tuple[str, str]) -> bool:
-    """Whether both roles stand at an end of their tables."""
-    if tables is None or not all(states):
-        return False
-    roles = (Role.INITIATOR, Role.PARTICIPANT)
-    ends = [tables.tables[role].ended | {NOT_UNDERSTOOD} for role in roles]
-    return all(set(words.split("|")) <= end for words, end in zip(states, ends, strict=True))
 
 
 def _lines(run: Path | None, run_dir: Path | None, target: str) -> list[Judged]:

@@ -123,7 +123,7 @@ def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgemen
     if sample is None:
         return judge.pass_time(at)
     if sample.deaf_since:
-        return judge.deaf(at, sample.sender)
+        return judge.deaf(sample.deaf_since, at, sample.sender)
     if sample.token:
         agent, chunk = sample.key.split("/")[-2:]
         found = None if sample.gone else parse_life(chunk)
