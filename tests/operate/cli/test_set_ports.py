@@ -42,7 +42,7 @@ def test_a_set_port_that_is_taken(variable: str, port: int, monkeypatch: pytest.
 @pytest.mark.parametrize("own", [False, True])
 def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path) -> None:
     """Wrong where another program has the port; fine where view.json says that it is the monitor's."""
-    idle = [sys.executable, "-c", "import time; time.sleep(300)", "services.supervisor"]
+    idle = [sys.executable, "-c", "import time; time.sleep(300)", "services.supervisor", folders.PICTURES]
     with subprocess.Popen(idle, env=os.environ | {GRPC: str(port)}) as process:
         try:
             until = time.monotonic() + 20.0
@@ -52,7 +52,7 @@ def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path) -> None:
             told = Fleet("test", "", process.pid, time.time(), (monitor,))
             (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
             if own:
-                (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(port, 1)))
+                (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(port, 1, process.pid)))
             fleet = Local(tmp_path)
             found = [check.what for check in pictures(fleet, fleet.look())]
             assert found == ([] if own else [f"none: another program listens at port {port} ({GRPC})"])

@@ -1,7 +1,6 @@
 """`roco view` says what shows a run, or what is missing and what to do."""
 
 import os
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ import pytest
 
 from operate.cli.errors import NoRunError, UsageError
 from operate.cli.fleet import view
+from operate.cli.runs import folders
 from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 
 pytestmark = pytest.mark.process
@@ -19,16 +19,23 @@ pytestmark = pytest.mark.process
 NOWHERE = {name: word for name, word in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 
+PORT = "import socket, time; s = socket.create_server(('127.0.0.1', 0)); print(s.getsockname()[1], flush=True); "
+
+
 @pytest.fixture
-def served() -> Iterator[int]:
-    """A port that somebody listens at."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        yield server.getsockname()[1]
+def serving() -> Iterator[tuple[int, int]]:
+    """A process that listens at a port, as that of the pictures does: its pid, and the port."""
+    command = [sys.executable, "-c", f"{PORT}time.sleep(300)", folders.PICTURES]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        yield process.pid, int(process.stdout.readline())
+        process.kill()
 
 
-def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, served: int) -> None:
+def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, serving: tuple[int, int]) -> None:
     """Live comes before a recording; page and viewer connect to the same port."""
-    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(served, 4711)))
+    pid, served = serving
+    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(served, 4711, pid)))
     (tmp_path / RRD_FILE).touch()
     seen = view.found(tmp_path, "", web=False)
     assert seen.live
@@ -36,9 +43,9 @@ def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, se
     assert seen.url == f"http://127.0.0.1:4711/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{served}%2Fproxy"
 
 
-def test_a_fleet_that_has_ended_is_shown_by_its_recording(tmp_path: Path) -> None:
-    """view.json is left, nobody listens there."""
-    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(view.free_port(), 1)))
+def test_a_fleet_that_has_ended_is_shown_by_its_recording(tmp_path: Path, serving: tuple[int, int]) -> None:
+    """view.json is left; another program listens there now."""
+    (tmp_path / VIEW_FILE).write_bytes(msgspec.json.encode(ViewAddress(serving[1], 1, os.getpid())))
     (tmp_path / RRD_FILE).touch()
     seen = view.found(tmp_path, "", web=False)
     assert (seen.live, seen.command[1:]) == (False, (str(tmp_path / RRD_FILE),))

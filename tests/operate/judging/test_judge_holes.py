@@ -1,4 +1,4 @@
-"""A conversation whose last message was heard after a hole in the recording has ended, and why it is not judged is so."""
+"""After a hole in the recording: which conversations have ended, and why some of it is not judged."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ WHOLE = {name: told(RUNS[name], system) for name, system in SYSTEMS.items()}
 @pytest.mark.parametrize("name", SYSTEMS)
 @given(ends=st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)).map(sorted))
 def test_a_hole_before_the_last_message_leaves_nothing_open(name: str, ends: list[float]) -> None:
-    """Whatever was not heard before; nothing is blamed, and nobody is told that a beginning is missing that was heard."""
+    """Nobody is blamed, and no beginning that was heard is said to be missing."""
     records, system = RUNS[name], SYSTEMS[name]
     said = [one.received for one in records if isinstance(one, Spoken)]
     since, until = (said[0] - 0.1 + end * (said[-1] - said[0] + 0.2) for end in ends)

@@ -13,7 +13,7 @@ from operate.cli.fleet.process_status import Look, Seen, stuck, trouble
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.view import GRPC, WEB, listens
 from operate.cli.runs import folders
-from operate.run_folder import VIEW_FILE, ProcessState, ViewAddress
+from operate.run_folder import ProcessState
 
 SOON = dt.timedelta(hours=12)
 """A certificate that ends before is told: a run may go on over night (estimate)."""
@@ -121,7 +121,7 @@ def pictures(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether the ports that are set for the pictures are the monitor's own."""
     if not isinstance(fleet, Local) or not any(one.name == MONITOR and one.status.pid for one in now.seen):
         return
-    address = folders.read(fleet.run / VIEW_FILE, ViewAddress)
+    address = folders.pictures(fleet.run)
     for name, own in ((GRPC, address and address.grpc), (WEB, address and address.web)):
         port = fleet.variable(MONITOR, name)
         if port.isdecimal() and int(port) not in (0, own) and listens(int(port)):

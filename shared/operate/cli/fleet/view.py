@@ -26,7 +26,7 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
-from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
+from operate.run_folder import RRD_FILE, ViewAddress
 
 HOST = "127.0.0.1"
 GRPC, WEB = "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
@@ -86,7 +86,7 @@ def found(run: Path | None, target: str, web: bool) -> Seen:
     meant = targets.find(str(run) if run else target)
     if not isinstance(meant, Local):
         return live(containers(os.environ), meant.where)
-    address = folders.read(meant.run / VIEW_FILE, ViewAddress)
+    address = folders.pictures(meant.run)
     if address is not None and listens(address.grpc):
         return live(address, meant.where)
     if (meant.run / RRD_FILE).exists():
