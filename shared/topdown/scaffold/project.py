@@ -117,6 +117,7 @@ x-environment: &environment
   ROCO_SYSTEM: {package}
   ROCO_CONNECT: tcp/router:7447
   ROCO_RUN_DIR: /var/lib/roco/run
+  TZ: ${{TZ:-}}
 
 x-agent: &agent
   <<: *common
