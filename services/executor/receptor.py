@@ -2,11 +2,12 @@
 
 It sets a copy of the simulated world to the state that the loop published, and casts rays from the camera to points
 on each thing. A thing is detected if enough of its points are in the field of view, in range and not hidden. Markers
-(the lab's models carry them) tell which thing it is.
+(the lab's models carry them) tell which thing it is. How much is in a vessel is told by the rays through its opening
+that end at grains, as eyes by pixels tell it by the colour.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import mujoco
 import numpy as np
@@ -15,7 +16,10 @@ import pinocchio as pin
 from services.executor.looks import uncertainty
 from services.executor.sight import Neck, Sight
 from velma import names
+from velma.eyes import content
 from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
+from velma.model.grains import GRAIN
+from velma.model.kinds import Model
 from velma.model.scene import Noise
 
 # Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see held
@@ -26,20 +30,25 @@ TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform 
 LEAST_M = 0.0005  # deviation along each axis that is told without noise, too; estimate: nobody sees better
 OUTLIER_M = 0.1  # largest error of a sight that is wrong, on each horizontal axis (estimate)
 AROUND = 8  # points around a cylinder
+UPRIGHT = math.cos(math.radians(10.0))  # a vessel that is tilted more is not looked into (estimate)
+RINGS = np.sqrt((np.arange(6) + 0.5) / 6)
+"""Radii of rays through an opening, as shares of its own: each ring stands for the same area."""
 GRID_M = 0.15  # between points on a box's face, at least two in each direction
 
 
 class Receptor:
-    """Detects the things (bodies by name) of a world model with the head camera.
+    """Detects the things (bodies by name, with their models) of a world model with the head camera.
 
     The same looks in the same order give the same sights.
     """
 
-    def __init__(self, model: mujoco.MjModel, things: tuple[str, ...], noise: Noise) -> None:
+    def __init__(self, model: mujoco.MjModel, things: Mapping[str, Model], noise: Noise) -> None:
         self._model, self._data = model, mujoco.MjData(model)
         self._camera = model.body(names.CAMERA_BODY).id
         self._bodies = {name: model.body(name).id for name in things}
         self._points = {name: np.array(list(_points(model, body))) for name, body in self._bodies.items()}
+        self._openings = {name: hole for name in things if (hole := content.opening(things[name])) is not None}
+        self._grains = frozenset(n for n in range(model.nbody) if model.body(n).name.startswith(GRAIN))
         self._largest, self._seed, self._looks = np.array([noise.position] * 2 + [noise.height]), noise.seed, 0
         self._outliers = noise.outliers
         constant = np.random.default_rng([noise.seed, *b"bias"]).uniform(-noise.bias, noise.bias, (len(things), 3))
@@ -66,14 +75,30 @@ class Receptor:
         shift = np.array([*across, more.uniform(-self._largest[2], self._largest[2])]) + self._bias[name]
         if more.random() < self._outliers:
             shift[:2] += more.uniform(-OUTLIER_M, OUTLIER_M, 2)
-        return Sight(name, pin.SE3(turn @ rotation, self._data.xpos[body] + shift), uncertainty=self._uncertainty)
+        seen = pin.SE3(turn @ rotation, self._data.xpos[body] + shift)
+        return Sight(name, seen, self._content(name), self._uncertainty)
+
+    def _content(self, name: str) -> float | None:
+        """Return the mass [kg] of what is seen in a thing; None for one that cannot be looked into from here."""
+        body, eye = self._bodies[name], self._data.xpos[self._camera]
+        rotation, position = self._data.xmat[body].reshape(3, 3), self._data.xpos[body]
+        hole = self._openings.get(name)
+        if hole is None or rotation[2, 2] < UPRIGHT:
+            return None
+        edge = content.circle(*hole) @ rotation.T + position
+        if not (content.is_above(eye, edge) and self._framed(edge - eye).all()):
+            return None
+        centre = edge.mean(axis=0)
+        rays = np.concatenate([centre + share * (edge - centre) for share in RINGS]) - eye
+        hit = [self._first(eye, ray) in self._grains for ray in rays / np.linalg.norm(rays, axis=1)[:, None]]
+        return content.mass(float(np.mean(hit)))
 
     def _visible(self, name: str) -> bool:
         body, eye = self._bodies[name], self._data.xpos[self._camera]
         rays = self._points[name] @ self._data.xmat[body].reshape(3, 3).T + self._data.xpos[body] - eye
         distance = np.linalg.norm(rays, axis=1)
         framed = self._framed(rays) & (distance > NEAREST_M) & (distance < FARTHEST_M)
-        seen = sum(self._hits(eye, rays[k] / distance[k], body) for k in np.flatnonzero(framed))
+        seen = sum(self._first(eye, rays[k] / distance[k]) == body for k in np.flatnonzero(framed))
         return bool(seen >= max(LEAST_POINTS, LEAST_SHARE * len(rays)))
 
     def _framed(self, rays: np.ndarray) -> np.ndarray:
@@ -81,11 +106,11 @@ class Receptor:
         x, y, z = (rays @ self._data.xmat[self._camera].reshape(3, 3)).T  # camera: z forward, x right, y down
         return np.asarray((z > 0) & (np.abs(x) < HALF_WIDTH * z) & (np.abs(y) < HALF_HEIGHT * z))
 
-    def _hits(self, eye: np.ndarray, direction: np.ndarray, body: int) -> bool:
-        """Whether the first thing on the ray is this body."""
+    def _first(self, eye: np.ndarray, direction: np.ndarray) -> int:
+        """Return the first body on the ray, -1 for none."""
         geom = np.full(1, -1, dtype=np.int32)
         mujoco.mj_ray(self._model, self._data, eye, direction, None, 1, -1, geom)
-        return geom[0] >= 0 and int(self._model.geom_bodyid[geom[0]]) == body
+        return int(self._model.geom_bodyid[geom[0]]) if geom[0] >= 0 else -1
 
 
 def _points(model: mujoco.MjModel, body: int) -> Iterator[np.ndarray]:

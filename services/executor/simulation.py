@@ -35,7 +35,7 @@ def receptor(scene: Scene, eyes: Eyes = Eyes.RAYS) -> Eye:
     """Return the eyes for a scene, with their own copy of the world."""
     if eyes is Eyes.PIXELS:
         return PixelReceptor(scene)
-    return Receptor(compiled(scene), tuple(t.id for t in scene.things), scene.noise)
+    return Receptor(compiled(scene), {thing.id: thing.model for thing in scene.things}, scene.noise)
 
 
 class InProcess:

@@ -33,7 +33,7 @@ class Place:
         scene = Scene("test", things, None, noise)
         backend = MujocoBackend(scene)
         self.model, self.qpos = backend.model, backend.configuration().copy()
-        self.things = tuple(thing.id for thing in things)
+        self.things = {thing.id: thing.model for thing in things}
         self.noise = noise
 
     def eye(self, seed: int = 3) -> Receptor:

@@ -51,12 +51,20 @@ def seen_mass(pixels: Pixels, view: View, edge: Array) -> float | None:
     `pixels`: (height, width, 3), red green blue. None where the opening is not in the picture as a whole, or is looked
     at from too low down.
     """
-    way = view.position - edge.mean(axis=0)
-    if math.atan2(way[2], math.hypot(way[0], way[1])) < LEAST_RISE:
+    if not is_above(view.position, edge):
         return None
     share = _covered(pixels, view, edge)
-    if share is None:
-        return None
+    return None if share is None else mass(share)
+
+
+def is_above(eye: Array, edge: Array) -> bool:
+    """Whether a vessel with the opening `edge` (n, 3) can be looked into from the eye (3,)."""
+    way = eye - edge.mean(axis=0)
+    return math.atan2(way[2], math.hypot(way[0], way[1])) >= LEAST_RISE
+
+
+def mass(share: float) -> float:
+    """Return the mass [kg] of a pile that covers this share of an opening."""
     return float(objects()["grain"]["mass"] * (PER_SHARE * share + PER_SHARE_SQUARED * share**2))
 
 

@@ -18,9 +18,13 @@ Numbers = Mapping[str, Any]
 AXES = ("1 0 0", "0 1 0", "0 0 1")
 
 
+GRAIN = "grain_"
+"""The body of the k-th grain is GRAIN and k."""
+
+
 def grain_name(k: int) -> str:
     """Return the body of the k-th grain."""
-    return f"grain_{k}"
+    return f"{GRAIN}{k}"
 
 
 def contacts(objects: Numbers, content: Content | None) -> Numbers:
