@@ -23,12 +23,12 @@ class Holding(msgspec.Struct, frozen=True):
 class Unfinished(msgspec.Struct, frozen=True):
     """A pour that was begun: into which thing, and what the hand felt of the source [kg].
 
-    `full`: the mass before the tilt, with what had left in earlier tilts. `left`: the mass that left in all tilts, None
-    while the last one has not been weighed. `had`: the mass seen in the destination before.
+    `full`: the mass before the tilt, with what had left in earlier tilts; None: it was not felt. `left`: the mass that
+    left in all tilts, None while the last one has not been weighed. `had`: the mass seen in the destination before.
     """
 
     destination: str
-    full: float
+    full: float | None
     left: float | None = None
     had: float = 0.0
 

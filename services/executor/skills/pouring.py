@@ -3,7 +3,7 @@
 The jar is weighed in the same posture before and after: what left it was felt. With much still in it, it is tilted once
 more, farther. A pour that goes on after an interruption adds what left in the earlier tilts; what is taken out of the
 jar between two tilts was not poured. What left may have fallen beside: at last the hand is drawn back, and the
-destination is looked into.
+destination is looked into. Only what is seen in it has arrived.
 """
 
 import math
@@ -35,6 +35,7 @@ FARTHER = math.radians(15.0)  # of the second tilt; estimate: grains that stick 
 ENOUGH = 0.55
 """Share of what left the source that is to be seen in the destination: with less, more is missing than a look errs by.
 27 of 30 grains that stick to each other were seen as 18 (the worst of all trials), 13 as 9."""
+LEAST_SEEN_KG = 0.015  # more in the destination than before; a look errs by up to 5 grains of 2 g (velma.eyes.content)
 MOVED_M = 0.015  # of the destination, seen only above it: a stream that misses by more falls beside (estimate)
 SEEN_KG = 0.06  # content of which all is seen: of more, a pile hides some (velma.eyes.content)
 AWAY = ((0.15, 0.0), (0.25, 0.0), (0.25, 0.1), (0.15, 0.2), (0.3, 0.2), (0.0, 0.3))
@@ -69,8 +70,7 @@ def pour(here: Situation, command: rc.Pour) -> Skill:
         after = yield from _tilted(here, command, flow, _farther(here, command, flow, tilt))
     begun = _weigh(here, command, after)
     yield from _look_into(here, command, rim)
-    if begun is not None and here.weighed is not None:
-        _compare(here, command, begun.had, here.weighed[0] - here.weighed[1])
+    _judge(here, command, begun)
 
 
 def _look_into(here: Situation, command: rc.Pour, rim: np.ndarray) -> Skill:
@@ -94,12 +94,26 @@ def _away(here: Situation, command: rc.Pour) -> list[np.ndarray]:
     raise replan(f"{command.destination} cannot be looked into")
 
 
-def _compare(here: Situation, command: rc.Pour, had: float, left: float) -> None:
-    """Note whether what left the source [kg] is seen in the destination; nothing if that was not looked into."""
-    if command.destination in here.missing:
+def _judge(here: Situation, command: rc.Pour, begun: Unfinished) -> None:
+    """Note whether what was in the source is seen in the destination; nothing if that was not looked into.
+
+    Raises failed if nothing left the source, by the weight, and nothing is seen in the destination either: a wrist that
+    feels no difference may be wrong.
+    """
+    name, (before, after) = command.destination, here.weighed or (begun.full or command.empty_mass, command.empty_mass)
+    nothing_left = here.weighed is not None and before - after < rc.LEAST_WEIGHED_KG
+    if name in here.missing:
         here.arrived = False
-    elif command.destination in here.looked_into:
-        here.arrived = here.contents[command.destination] > ENOUGH * min(had + left, SEEN_KG)
+    elif name in here.looked_into:
+        # What is known to have left; where no difference was felt, what was in the source.
+        content = before - (command.empty_mass if nothing_left else after)
+        seen, felt = here.contents[name], here.weighed is not None and not nothing_left
+        more = felt or seen > begun.had + LEAST_SEEN_KG
+        here.arrived = more and seen > ENOUGH * min(begun.had + content, SEEN_KG)
+    if nothing_left and not here.arrived:
+        raise failed(
+            f"nothing left {command.source}: it weighs {before:.3f} kg before and {after:.3f} kg after the pour"
+        )
 
 
 def _tilted(
@@ -124,10 +138,10 @@ def _tilted(
 
 def _much_left(here: Situation, command: rc.Pour, after: Sensed) -> bool:
     """Whether the hand feels that much of the content is still in the source; never without sensors."""
-    begun, grip = here.unfinished.get(command.source), _grip(command, after)
-    if begun is None or grip.felt != Grip.HELD:
+    begun, mass = here.unfinished.get(command.source), _felt(command, after)
+    if begun is None or begun.full is None or mass is None:
         return False
-    rest, content = grip.mass - command.empty_mass, begun.full - command.empty_mass
+    rest, content = mass - command.empty_mass, begun.full - command.empty_mass
     return rest > max(rc.LEAST_WEIGHED_KG, MUCH * content)
 
 
@@ -142,36 +156,37 @@ def _grip(command: rc.Pour, sensed: Sensed) -> GripReport:
 
 
 def _begin(here: Situation, command: rc.Pour, before: Sensed) -> None:
-    """Note the mass before the tilt, and what left in earlier tilts into the same thing; none without sensors."""
-    grip, earlier = _grip(command, before), here.unfinished.pop(command.source, None)
-    if grip.felt != Grip.HELD:
-        return
-    full, had = grip.mass, here.contents.get(command.destination, 0.0)
+    """Note the mass before the tilt, and what left in earlier tilts into the same thing."""
+    earlier = here.unfinished.pop(command.source, None)
+    full, had = _felt(command, before), here.contents.get(command.destination, 0.0)
     if earlier is not None and earlier.destination == command.destination:
-        full, had = max(full, earlier.full) if earlier.left is None else full + earlier.left, earlier.had
+        had = earlier.had
+        if full is None or earlier.full is None:
+            full = full or earlier.full
+        else:
+            full = max(full, earlier.full) if earlier.left is None else full + earlier.left
     here.unfinished[command.source] = Unfinished(command.destination, full, had=had)
+
+
+def _felt(command: rc.Pour, sensed: Sensed) -> float | None:
+    """Return the mass [kg] that is felt in the hand; None without a sensor, or where it does not feel the source."""
+    grip = _grip(command, sensed)
+    return grip.mass if grip.felt == Grip.HELD else None
 
 
 def _interrupt(here: Situation, command: rc.Pour, after: Sensed) -> None:
     """Note what has left the source when a pour is interrupted; nothing if the hand does not feel it."""
-    begun, grip = here.unfinished.get(command.source), _grip(command, after)
-    if begun is not None and grip.felt == Grip.HELD:
-        left = max(0.0, begun.full - grip.mass)
+    begun, rest = here.unfinished.get(command.source), _felt(command, after)
+    if begun is not None and begun.full is not None and rest is not None:
+        left = max(0.0, begun.full - rest)
         here.unfinished[command.source] = Unfinished(begun.destination, begun.full, left, begun.had)
 
 
-def _weigh(here: Situation, command: rc.Pour, after: Sensed) -> Unfinished | None:
-    """Note what the hand felt before and after, and return the pour that is over; None without sensors.
-
-    Raises failed if both weigh the same.
-    """
-    begun, grip = here.unfinished.pop(command.source, None), _grip(command, after)
-    if begun is None or grip.felt != Grip.HELD:
-        return None
-    full, rest = begun.full, grip.mass
-    if full - rest < rc.LEAST_WEIGHED_KG:
-        raise failed(f"nothing left {command.source}: it weighs {full:.3f} kg before and {rest:.3f} kg after the pour")
-    here.weighed = full, rest
+def _weigh(here: Situation, command: rc.Pour, after: Sensed) -> Unfinished:
+    """Note what the hand felt before and after, if it felt both, and return the pour that is over."""
+    begun, rest = here.unfinished.pop(command.source), _felt(command, after)
+    if begun.full is not None and rest is not None:
+        here.weighed = begun.full, rest
     return begun
 
 

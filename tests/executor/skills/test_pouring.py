@@ -1,6 +1,7 @@
 """Weights of a pour: felt before and after, over interruptions. No physics: the test says what the hand feels."""
 
 import dataclasses
+import math
 from itertools import islice
 
 import msgspec
@@ -56,7 +57,7 @@ def _in_view_below(here: Situation, tilting: Tilting, rim: np.ndarray) -> bool:
 def poured(
     here: Situation, command: rc.Pour, before: float, *after: float, cancelled: int = -1
 ) -> rc.Done | rc.NotDone:
-    """Perform a pour with these masses [kg] felt: before, after each tilt; its n-th motion is cancelled."""
+    """Perform a pour with these masses [kg] felt (nan: none): before, after each tilt; its n-th motion is cancelled."""
     return performed(here, command, before, *after, cancelled=cancelled)[0]
 
 
@@ -84,7 +85,7 @@ def performed(
 
 def _sensed(here: Situation, motion: Motion, mass: float, cancelled: bool, content: float | None) -> Sensed:
     q = motion.path()[-1]
-    grips = {str(LEFT): GripReport(felt=Grip.HELD, mass=mass)}
+    grips = {} if math.isnan(mass) else {str(LEFT): GripReport(felt=Grip.HELD, mass=mass)}
     standing = [(name, pose) for name, pose in here.seen.items() if here.holder(name) is None]
     sights = [Sight(name, pose, content if name == BOWL else None) for name, pose in standing]
     ended = "cancelled" if cancelled else "done"
@@ -139,10 +140,10 @@ def test_a_jar_with_little_left_is_tilted_once(left: float, over_the_bowl: tuple
 
 
 def test_content_that_does_not_leave_in_two_tilts_is_not_poured(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
-    """It is tried twice, then the pour fails."""
+    """It is tried twice, the bowl is looked into, then the pour fails."""
     outcome, motions = performed(*over_the_bowl, FULL, FULL, FULL)
     assert isinstance(outcome, rc.NotDone)
-    assert (outcome.kind, len(motions)) == ("failed", 5)
+    assert (outcome.kind, len(motions)) == ("failed", 6)
 
 
 def test_a_second_tilt_that_is_cancelled_counts_too(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
@@ -204,6 +205,36 @@ def test_what_left_the_jar_is_looked_for_in_the_bowl(
     assert isinstance(outcome, rc.Done)
     assert outcome.arrived is arrived
     assert {one.object: one.content for one in outcome.seen}[BOWL] == seen
+
+
+@pytest.mark.parametrize(("seen", "arrived"), [(0.055, True), (0.018, None), (0.0, None), (None, None)])
+def test_a_wrist_that_feels_no_difference_is_not_believed_alone(
+    seen: float | None, arrived: bool | None, over_the_bowl: tuple[Situation, rc.Pour]
+) -> None:
+    """It is stuck, and the bowl is full: the pour is done. The bowl is not: it failed, for two senses say so."""
+    outcome, _ = performed(*over_the_bowl, FULL, FULL, FULL, content=(None, seen))
+    assert getattr(outcome, "arrived", None) is arrived
+    assert isinstance(outcome, rc.Done if arrived else rc.NotDone)
+
+
+@pytest.mark.parametrize(("seen", "arrived"), [(0.055, True), (0.018, False), (None, None)])
+def test_a_wrist_that_feels_nothing_after_the_tilt_leaves_it_to_the_eyes(
+    seen: float | None, arrived: bool | None, over_the_bowl: tuple[Situation, rc.Pour]
+) -> None:
+    """What was in the jar was felt before; as much must be seen in the bowl."""
+    outcome, _ = performed(*over_the_bowl, FULL, math.nan, content=(None, seen))
+    assert isinstance(outcome, rc.Done)
+    assert (outcome.arrived, outcome.weighed) == (arrived, None)
+
+
+@pytest.mark.parametrize(("seen", "arrived"), [(0.055, True), (0.0, False), (None, None)])
+def test_without_sensors_the_eyes_tell(
+    seen: float | None, arrived: bool | None, over_the_bowl: tuple[Situation, rc.Pour]
+) -> None:
+    """Nobody knows how much was in the jar: there must be something in the bowl that was not there."""
+    outcome, _ = performed(*over_the_bowl, math.nan, math.nan, content=(None, seen))
+    assert isinstance(outcome, rc.Done)
+    assert (outcome.arrived, outcome.weighed) == (arrived, None)
 
 
 def test_only_the_last_look_tells_what_arrived(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
