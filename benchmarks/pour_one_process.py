@@ -130,6 +130,8 @@ class Run:
             if done.missing:
                 self.act(SURVEY)
                 return hfsm.Outcome.REPLAN, f"missing: {', '.join(done.missing)}"
+            if isinstance(leaf.command, rc.Pour) and not done.arrived:
+                return hfsm.Outcome.FAILED, "nobody saw whether the content is there"
             return hfsm.Outcome.SUCCEEDED, ""
         if done.kind in LOOK_FIRST:
             self.act(SURVEY)

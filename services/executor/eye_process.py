@@ -7,6 +7,7 @@ import numpy as np
 
 from agent_runtime.io.worker import Link
 from services.executor.looks import Saw, See, Thing, uncertainty
+from velma.eyes.content import Content
 from velma.eyes.fit import View
 from velma.eyes.lens import lens
 from velma.eyes.seeing import Seen, eyes_of
@@ -26,6 +27,7 @@ def serve(link: Link) -> None:
         link.send(Saw(see.number, tuple(_thing(one, eyes.content(one, pixels, view)) for one in bodies)))
 
 
-def _thing(seen: Seen, content: float | None) -> Thing:
+def _thing(seen: Seen, content: Content | None) -> Thing:
     rotation, position = tuple(seen.rotation.ravel().tolist()), tuple(seen.position.tolist())
-    return Thing(seen.name, rotation, position, content, uncertainty(seen.covariance))
+    mass, whole = content or (None, True)
+    return Thing(seen.name, rotation, position, mass, whole, uncertainty(seen.covariance))

@@ -19,14 +19,15 @@ class See(msgspec.Struct, frozen=True, tag=True):
 class Thing(msgspec.Struct, frozen=True):
     """A thing that was seen: rotation (9 numbers, row by row) and position in the world [m].
 
-    `content`: mass of what is seen in it [kg]; None for a thing that cannot be looked into from there.
-    `uncertainty`: of the pose.
+    `content`: mass of what is seen in it [kg]; None for a thing that cannot be looked into from there. `whole`: of all
+    that is in it, else there may be more. `uncertainty`: of the pose.
     """
 
     name: str
     rotation: tuple[float, ...]
     position: tuple[float, ...]
     content: float | None = None
+    whole: bool = True
     uncertainty: Uncertainty | None = None
 
 

@@ -70,4 +70,4 @@ class PixelReceptor:
 
 
 def _sight(one: Thing) -> Sight:
-    return Sight(one.name, pose_of(one.rotation, one.position), one.content, one.uncertainty)
+    return Sight(one.name, pose_of(one.rotation, one.position), one.content, one.uncertainty, one.whole)

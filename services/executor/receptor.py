@@ -76,22 +76,24 @@ class Receptor:
         if more.random() < self._outliers:
             shift[:2] += more.uniform(-OUTLIER_M, OUTLIER_M, 2)
         seen = pin.SE3(turn @ rotation, self._data.xpos[body] + shift)
-        return Sight(name, seen, self._content(name), self._uncertainty)
+        mass, whole = self._content(name) or (None, True)
+        return Sight(name, seen, mass, self._uncertainty, whole)
 
-    def _content(self, name: str) -> float | None:
-        """Return the mass [kg] of what is seen in a thing; None for one that cannot be looked into from here."""
+    def _content(self, name: str) -> content.Content | None:
+        """Return what is seen in a thing; None for one that cannot be looked into from here."""
         body, eye = self._bodies[name], self._data.xpos[self._camera]
         rotation, position = self._data.xmat[body].reshape(3, 3), self._data.xpos[body]
         hole = self._openings.get(name)
         if hole is None or rotation[2, 2] < UPRIGHT:
             return None
         edge = content.circle(*hole) @ rotation.T + position
-        if not (content.is_above(eye, edge) and self._framed(edge - eye).all()):
+        above = content.rise(eye, edge)
+        if above < content.LOW_RISE or not self._framed(edge - eye).all():
             return None
         centre = edge.mean(axis=0)
         rays = np.concatenate([centre + share * (edge - centre) for share in RINGS]) - eye
         hit = [self._first(eye, ray) in self._grains for ray in rays / np.linalg.norm(rays, axis=1)[:, None]]
-        return content.mass(float(np.mean(hit)))
+        return content.Content(content.mass(float(np.mean(hit))), above >= content.LEAST_RISE)
 
     def _visible(self, name: str) -> bool:
         body, eye = self._bodies[name], self._data.xpos[self._camera]

@@ -17,13 +17,15 @@ class Sight:
     """A detected thing: its name, and its pose in the world with the error that eyes have.
 
     `content`: mass of what is seen in it [kg]; None where these eyes, or from there, do not tell. An arm before the
-    opening hides some of it. `uncertainty`: of the pose; None where these eyes do not tell.
+    opening hides some of it, and from low down its own wall does (not `whole`). `uncertainty`: of the pose; None where
+    these eyes do not tell.
     """
 
     name: str
     T_world_object: pin.SE3
     content: float | None = None
     uncertainty: Uncertainty | None = None
+    whole: bool = True
 
 
 class Eye(Protocol):

@@ -182,7 +182,7 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
     if isinstance(outcome, rc.Done):
         if outcome.missing and outcome.arrived is None and memory.safe is None:
             return _look(memory, turn, outcome.key, f"{' and '.join(outcome.missing)}: not where it was")
-        end = Outcome.FAILED if outcome.arrived is False else Outcome.SUCCEEDED
+        end = Outcome.SUCCEEDED if _confirmed(memory, outcome) else Outcome.FAILED
         return leave(memory, turn, end, _seen(memory, outcome), finish)
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
@@ -199,14 +199,24 @@ def _look(memory: Memory, turn: Turn, key: str, reason: str) -> Memory:
     return acts.begin(memory, turn, replace(SURVEY, key=f"{key}.look"))
 
 
+def _confirmed(memory: Memory, outcome: rc.Done) -> bool:
+    """Whether what the act was for was seen: content that nobody saw in the destination is not poured."""
+    match plans.leaf(memory.machine, memory.at):
+        case hfsm.ActState(command=rc.Pour()):
+            return outcome.arrived is True
+        case _:
+            return True
+
+
 def _seen(memory: Memory, outcome: rc.Done) -> str:
     """Return what was seen or felt in an act, which is told where it ends the plan."""
     leaf = plans.leaf(memory.machine, memory.at)
     match leaf:
         case hfsm.ActState(command=rc.Look()):
             return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}"
-        case hfsm.ActState(command=rc.Pour() as pour) if outcome.weighed is not None:
-            return _felt(pour, *outcome.weighed) + _looked_into(pour, outcome)
+        case hfsm.ActState(command=rc.Pour() as pour):
+            felt = "" if outcome.weighed is None else _felt(pour, *outcome.weighed)
+            return "; ".join(filter(None, (felt, _looked_into(pour, outcome))))
         case _:
             return ""
 
@@ -221,11 +231,11 @@ def _felt(pour: rc.Pour, before: float, after: float) -> str:
 def _looked_into(pour: rc.Pour, outcome: rc.Done) -> str:
     """Return how much was seen in the destination then."""
     if pour.destination in outcome.missing:
-        return f"; {pour.destination} is not where it was"
+        return f"{pour.destination} is not where it was"
+    if outcome.arrived is None:
+        return f"not seen: whether it is in {pour.destination}; look into {pour.destination}"
     seen = next((one.content for one in outcome.seen if one.object == pour.destination), None)
-    if outcome.arrived is None or seen is None:
-        return ""
-    words = f"; seen: about {round(1000 * seen, -1):.0f} g in {pour.destination}"
+    words = f"seen: {'some' if seen is None else f'about {round(1000 * seen, -1):.0f} g'} in {pour.destination}"
     return words if outcome.arrived else f"{words}: the rest is not there"
 
 

@@ -108,8 +108,9 @@ class Robot:
         self._act = None
         kept = self._changed(perform.command, perform.remembered)
         seen = tuple(self._sights(kept)) if isinstance(perform.command, rc.Look) else ()
-        weighed = (0.26, 0.2) if isinstance(perform.command, rc.Pour) else None
-        outcome = rc.Done(perform.command.key, _posture(kept), seen, kept.holding(), 2.0, weighed)
+        outcome = rc.Done(perform.command.key, _posture(kept), seen, kept.holding(), 2.0)
+        if isinstance(perform.command, rc.Pour):
+            outcome = replace(outcome, weighed=(0.26, 0.2), arrived=True)
         self._post(Ended(number, outcome, kept), 0.01)
 
     def _skill(self, perform: Perform) -> Iterator[Motion]:

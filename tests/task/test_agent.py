@@ -187,9 +187,10 @@ def test_what_stays_in_the_jar_is_told() -> None:
         )
         scene.hears("ex", 1)
         scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
-        scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=(0.26, after)))
+        scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=(0.26, after), arrived=True))
         told.append(scene.hears("co", 2).reason)
-    assert told == ["felt: 50 g left jar_1", "felt: 30 g left jar_1, 30 g are still in it"]
+    felt = ("felt: 50 g left jar_1", "felt: 30 g left jar_1, 30 g are still in it")
+    assert told == [f"{one}; seen: some in b" for one in felt]
 
 
 @pytest.mark.parametrize(
@@ -202,7 +203,7 @@ def test_what_stays_in_the_jar_is_told() -> None:
             sw.WorkerState.FAILED,
             "felt: 60 g left jar_1; seen: about 30 g in bowl_1: the rest is not there",
         ),
-        (None, None, sw.WorkerState.SUCCEEDED, "felt: 60 g left jar_1"),
+        (None, None, sw.WorkerState.FAILED, "felt: 60 g left jar_1; not seen: whether it is in bowl_1"),
     ],
 )
 def test_content_that_is_not_seen_to_arrive_was_not_poured(
@@ -230,7 +231,7 @@ def test_content_is_told_only_if_it_was_felt(weighed: tuple[float, float] | None
     scene.start(plan(hfsm.ActState("pour", pour)))
     scene.hears("ex", 1)
     scene.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
-    scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=weighed))
+    scene.ex(P.INFORM, rc.Done("plan/1", BODY, weighed=weighed, arrived=True))
     report = scene.hears("co", 2)
     assert report.state is sw.WorkerState.SUCCEEDED
     felt = [content for _, _, content in scene.heard["km"] if isinstance(content, wm.FeltContent)]

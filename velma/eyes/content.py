@@ -5,6 +5,7 @@ much content it is a lower bound.
 """
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -23,9 +24,10 @@ away: with them no grain is ever seen in an empty bowl (trial)."""
 PER_SHARE, PER_SHARE_SQUARED = 128.0, 152.0
 """Grains by the share of the opening that they cover: one layer, and what is hidden below it. Fitted to 68 piles of up
 to 30 grains that fell into the bowl from 2 to 12 cm, in its middle or beside: rms 2.1, at most 5.3 grains off."""
-LEAST_RISE = math.radians(47.0)
+LEAST_RISE, LOW_RISE = math.radians(47.0), math.radians(35.0)
 """From where a vessel is looked into, above the horizontal: from lower down its near wall hides too much (piles were 10
-grains off)."""
+grains off), and what is seen is a lower bound. From below the second one, hardly anything is seen (at 37 degrees 3 to
+23 of 30 grains)."""
 INSIDE_M, BELOW_M = 0.007, 0.004  # from the rim's outer edge to the circle that is looked into; estimates
 CORNERS = 48  # of that circle
 
@@ -45,22 +47,30 @@ def circle(radius: float, height: float) -> Array:
     return np.column_stack([radius * np.cos(around), radius * np.sin(around), np.full(CORNERS, height)])
 
 
-def seen_mass(pixels: Pixels, view: View, edge: Array) -> float | None:
-    """Return the mass [kg] of the content seen through an opening; `edge` (n, 3): points on it in the world.
+class Content(NamedTuple):
+    """The mass [kg] of what is seen in a vessel; `whole`: of all that is in it, else there may be more."""
+
+    mass: float
+    whole: bool
+
+
+def seen_content(pixels: Pixels, view: View, edge: Array) -> Content | None:
+    """Return the content seen through an opening; `edge` (n, 3): points on it in the world.
 
     `pixels`: (height, width, 3), red green blue. None where the opening is not in the picture as a whole, or is looked
     at from too low down.
     """
-    if not is_above(view.position, edge):
+    above = rise(view.position, edge)
+    if above < LOW_RISE:
         return None
     share = _covered(pixels, view, edge)
-    return None if share is None else mass(share)
+    return None if share is None else Content(mass(share), above >= LEAST_RISE)
 
 
-def is_above(eye: Array, edge: Array) -> bool:
-    """Whether a vessel with the opening `edge` (n, 3) can be looked into from the eye (3,)."""
+def rise(eye: Array, edge: Array) -> float:
+    """Return how high above the horizontal [rad] an eye (3,) is, seen from an opening with the `edge` (n, 3)."""
     way = eye - edge.mean(axis=0)
-    return math.atan2(way[2], math.hypot(way[0], way[1])) >= LEAST_RISE
+    return math.atan2(way[2], math.hypot(way[0], way[1]))
 
 
 def mass(share: float) -> float:

@@ -66,13 +66,13 @@ class Eyes:
         """Return the name of the body with the marker of this number."""
         return next(name for name, markers in self._of.items() if number in markers)
 
-    def content(self, seen: Seen, pixels: Pixels, view: View) -> float | None:
-        """Return the mass [kg] of what is seen in a body; None for one that cannot be looked into from there."""
+    def content(self, seen: Seen, pixels: Pixels, view: View) -> content.Content | None:
+        """Return what is seen in a body; None for one that cannot be looked into from there."""
         hole = self._openings.get(seen.name)
         if hole is None or seen.tipped:
             return None
         edge = content.circle(*hole) @ seen.rotation.T + seen.position
-        return content.seen_mass(pixels, view, edge)
+        return content.seen_content(pixels, view, edge)
 
     def markers(self, pixels: Pixels) -> dict[int, Array]:
         """Return the markers in a picture (height, width, 3), red green blue: fine corners (4, 2) by number."""

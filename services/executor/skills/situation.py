@@ -44,7 +44,8 @@ class Situation:
     `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]. `unfinished`:
     pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
     [kg]; `arrived`: whether what left is seen in the destination. `contents`: mass seen in things [kg], by the last
-    look into each that no arm hid; `looked_into`: those of this act. `filled`: things that something was poured into.
+    look into each that nothing hid; `looked_into`: those of this act; `at_least`: mass seen by the last look of this
+    act, where an arm or the thing's own wall hid some. `filled`: things that something was poured into.
     `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in
     this act and are not where they should be.
     """
@@ -65,6 +66,7 @@ class Situation:
     arrived: bool | None = None
     contents: dict[str, float] = field(default_factory=dict)
     looked_into: set[str] = field(default_factory=set)
+    at_least: dict[str, float] = field(default_factory=dict)
     filled: set[str] = field(default_factory=set)
     uncertain: dict[str, Uncertainty] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)
@@ -72,7 +74,7 @@ class Situation:
     def begin(self) -> None:
         """Forget what is told at the end of one act only."""
         self.weighed = self.arrived = None
-        self.looked_into, self.missing = set(), set()
+        self.looked_into, self.at_least, self.missing = set(), {}, set()
 
     def see(self, sights: Sequence[Sight]) -> None:
         """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
@@ -88,23 +90,27 @@ class Situation:
                 self.held[side].T_grip_object = grip.inverse() * sight.T_world_object
                 self.world.attach(sight.name, side, self.held[side].T_grip_object)
         for sight in sights:
-            if sight.content is not None and self.in_view(sight.name, self.q):
+            if sight.content is None or self.holder(sight.name) is not None:
+                continue
+            if sight.whole and self.hidden(sight.name, self.q) == 0:
                 self.contents[sight.name] = sight.content
                 self.looked_into.add(sight.name)
+            else:
+                self.at_least[sight.name] = sight.content
 
-    def in_view(self, name: str, q: np.ndarray) -> bool:
-        """Whether all of a thing's opening, else its origin, is not hidden from the head, at q (15,).
+    def hidden(self, name: str, q: np.ndarray) -> float:
+        """Return how many points of a thing's opening, else of its origin, are hidden from the head, at q (15,).
 
-        By what is known. A thing in a hand, or farther away than it is surely seen, is not in view.
+        By what is known. Infinite for a thing in a hand, or farther away than it is surely seen.
         """
         if not self._stands(name):
-            return False
+            return math.inf
         eye = self._eye(q)
         hole = models.MODELS[self.models[name]].hole
         points = [self.seen[name].act(np.array(point)) for point in (_edge(hole) if hole else [(0.0, 0.0, 0.0)])]
         if np.linalg.norm(points[0] - eye) > SURE_M:
-            return False
-        return self.world.hidden(q, eye, points, name) == 0
+            return math.inf
+        return self.world.hidden(q, eye, points, name)
 
     def surely_seen(self, name: str) -> bool:
         """Whether a thing would be seen from here if it is where it should be: nothing hides enough of its markers.

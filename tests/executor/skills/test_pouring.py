@@ -244,15 +244,18 @@ def test_only_the_last_look_tells_what_arrived(over_the_bowl: tuple[Situation, r
     assert (outcome.arrived, len(motions)) == (None, LOOK)
 
 
-def test_a_look_that_something_hides_tells_nothing(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
-    """A box stands between the head and the bowl, wherever the hand is."""
+@pytest.mark.parametrize(("seen", "arrived"), [(0.03, True), (0.006, None), (0.0, None)])
+def test_a_look_that_something_hides_tells_the_least(
+    seen: float, arrived: bool | None, over_the_bowl: tuple[Situation, rc.Pour]
+) -> None:
+    """A box stands between the head and the bowl, wherever the hand is: there is as much as is seen, or more."""
     here, command = over_the_bowl
     bowl, eye = here.seen[BOWL].translation, here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
     here.models = {**here.models, "box_1": "box1"}
     here.place("box_1", standing(eye + 0.3 * (bowl - eye)))
-    outcome, _ = performed(here, command, FULL, EMPTY, content=(None, 0.03))
+    outcome, _ = performed(here, command, FULL, EMPTY, content=(None, seen))
     assert isinstance(outcome, rc.Done)
-    assert outcome.arrived is None
+    assert outcome.arrived is arrived
     assert all(one.content is None for one in outcome.seen)
     here.forget("box_1")
 
@@ -261,7 +264,7 @@ def test_the_hand_is_drawn_back_until_the_bowl_is_in_view(over_the_bowl: tuple[S
     """The last motion ends where nothing is before the bowl."""
     here, command = over_the_bowl
     _, motions = performed(here, command, FULL, EMPTY)
-    assert here.in_view(BOWL, motions[-1].path()[-1])
+    assert here.hidden(BOWL, motions[-1].path()[-1]) == 0
 
 
 def test_a_cancel_while_it_looks_changes_nothing(over_the_bowl: tuple[Situation, rc.Pour]) -> None:
