@@ -41,7 +41,8 @@ class Held:
 class Situation:
     """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen, things held.
 
-    `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]. `unfinished`:
+    `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]; `put`: where the
+    hand left those of this act, seen since or not. `unfinished`:
     pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
     [kg]; `arrived`: whether what left is seen in the destination. `contents`: mass seen in things [kg], by the last
     look into each that nothing hid; `looked_into`: those of this act; `at_least`: mass seen by the last look of this
@@ -60,6 +61,7 @@ class Situation:
     seen: dict[str, pin.SE3] = field(default_factory=dict)
     held: dict[str, Held] = field(default_factory=dict)
     placed: dict[str, float] = field(default_factory=dict)
+    put: dict[str, pin.SE3] = field(default_factory=dict)
     unfinished: dict[str, Unfinished] = field(default_factory=dict)
     time: float = 0.0
     weighed: tuple[float, float] | None = None
@@ -74,7 +76,7 @@ class Situation:
     def begin(self) -> None:
         """Forget what is told at the end of one act only."""
         self.weighed = self.arrived = None
-        self.looked_into, self.at_least, self.missing = set(), {}, set()
+        self.looked_into, self.at_least, self.missing, self.put = set(), {}, set(), {}
 
     def see(self, sights: Sequence[Sight]) -> None:
         """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
@@ -135,8 +137,11 @@ class Situation:
         return np.asarray(self.robot.camera(float(q[names.TORSO]), *self.head).translation)
 
     def miss(self, name: str, sights: Sequence[Sight]) -> bool:
-        """Forget where a thing is, if it is not seen though it surely would be there; return whether it is missing."""
-        if name not in {sight.name for sight in sights} and self.surely_seen(name):
+        """Forget where a thing is, if it is not seen though it surely would be there; return whether it is missing.
+
+        Eyes that see nothing at all tell nothing: there is furniture everywhere.
+        """
+        if sights and name not in {sight.name for sight in sights} and self.surely_seen(name):
             self.give_up(name)
         return name in self.missing
 
@@ -164,7 +169,7 @@ class Situation:
         held = self.held.pop(side)
         pose = self.robot.grip(self.q, side) * held.T_grip_object
         self.seen[held.object] = pose
-        self.placed[held.object] = self.time
+        self.placed[held.object], self.put[held.object] = self.time, pose
         self._note(held.object, None)
         self.world.detach(held.object, pose)
 

@@ -126,7 +126,7 @@ class Search:
         self._bind(TaskName.BRING, *both(methods.bring_with))
         self._bind("hold_out", *(self._numbered(methods.hold_out_at_try, number) for number in GRASPS_TRIED))
         self._bind(TaskName.SWAP_HANDS, methods.swap_hands)
-        self._bind(TaskName.PUT_DOWN, methods.put_down)
+        self._bind(TaskName.PUT_DOWN, methods.put_down, *both(methods.put_down_upright_with))
         self._bind(TaskName.PUT_AT, methods.put_at_nothing, methods.put_at_held, *both(methods.put_at_with))
         self._bind("set_at", *(self._numbered(methods.set_at_try, number) for number in GRASPS_TRIED))
         self._bind(TaskName.CLEAR_TABLE, methods.clear_nothing, methods.clear_things)

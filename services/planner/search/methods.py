@@ -160,10 +160,27 @@ class Methods:
         side = self.facts.holder(km, name)
         if side is not None:
             return [("a_place", side), ("a_home", side)]
-        away = self._away(km) if self.facts.support(km, name) else []
+        away = self._just_put_down(km, name)
         if not away:
             self.failed(f"no hand holds {name}")
             return None
+        return self._not(f"{name} lies on its side") if self.facts.lies(km, name) else self._homes(away)
+
+    def put_down_upright_with(self, km: str, hand: Side, name: str) -> Subtasks | None:
+        """Take a thing with this hand that fell over as it was put down, and put it down once more."""
+        away = self._just_put_down(km, name)
+        if not away or not self.facts.lies(km, name):
+            return self._not(f"{name} did not fall over")
+        if held := self.facts.in_hand(km, hand):
+            return self._not(f"the {hand} hand holds {held}")
+        return [*self._homes(away), ("a_take", name, hand), ("a_place", hand), ("a_home", hand)]
+
+    def _just_put_down(self, km: str, name: str) -> list[Side]:
+        """Return the sides of empty arms that are away from home, where nobody holds the thing; one put it down."""
+        held = self.facts.holder(km, name) is not None
+        return self._away(km) if not held and self.facts.support(km, name) else []
+
+    def _homes(self, away: list[Side]) -> Subtasks:
         return [("a_home", side) for side in away]
 
     def _away(self, km: str) -> list[Side]:
@@ -174,7 +191,9 @@ class Methods:
         """Do nothing where it stands there already."""
         if holder := self.facts.holder(km, name):
             return self._not(f"the {holder} hand holds {name}")
-        return [] if self.facts.at(km, name, where) else self._not(f"{name} stands elsewhere")
+        if self.facts.at(km, name, where):
+            return self._not(f"{name} lies on its side") if self.facts.lies(km, name) else []
+        return self._not(f"{name} stands elsewhere")
 
     def put_at_held(self, km: str, name: str, where: str) -> Subtasks | None:
         """Put it there with the hand that holds it, and bring that one home."""

@@ -35,19 +35,24 @@ def cabinet_gone(jar_out: Acting) -> Situation:
 
 
 def looked(here: Situation, at: Sequence[tuple[float, float, float]], seen_from: int) -> list[Motion]:
-    """Return the motions of a look; the bowl is seen from the n-th one on."""
+    """Return the motions of a look; a table is seen in each, the bowl from the n-th one on."""
     work, motions = look(here, rc.Look("look", tuple(at))), []
-    bowl = Sight(BOWL, here.seen[BOWL])
+    bowl, table = Sight(BOWL, here.seen[BOWL]), table_of(here)
     try:
         motion = next(work)
         while True:
             motions.append(motion)
             here.q = motion.path()[-1]
-            sights = [bowl] if len(motions) >= seen_from else []
+            sights = [table, bowl] if len(motions) >= seen_from else [table]
             here.see(sights)
             motion = work.send(sensed(here, sights))
     except StopIteration:
         return motions
+
+
+def table_of(here: Situation) -> Sight:
+    """A table, as it is known."""
+    return Sight("table_1", here.seen["table_1"])
 
 
 def sensed(here: Situation, sights: list[Sight]) -> Sensed:
@@ -91,6 +96,14 @@ def test_a_thing_that_is_not_where_nothing_hides_it_is_missing(cabinet_gone: Sit
     assert here.missing == {BOWL}
 
 
+def test_eyes_that_see_nothing_at_all_miss_nothing(cabinet_gone: Situation) -> None:
+    """The picture is black: no furniture is in it either."""
+    here = cabinet_gone
+    here.begin()
+    assert not here.miss(BOWL, [])
+    assert here.miss(BOWL, [table_of(here)])
+
+
 def test_a_thing_that_may_be_hidden_is_not_missing(cabinet_gone: Situation) -> None:
     """A box stands before it."""
     here = cabinet_gone
@@ -116,13 +129,13 @@ def test_what_is_missing_is_told_and_forgotten(cabinet_gone: Situation) -> None:
 
 
 def performed(here: Situation, command: rc.Look) -> rc.Done | rc.NotDone:
-    """Perform it; nothing is seen."""
+    """Perform it; a table is seen, and nothing else."""
     work = perform(here, command)
     try:
         motion = next(work)
         while True:
             q = motion.path()[-1]
-            motion = work.send(Sensed("done", "", q, q, {}, {}, {}, here.head, [], here.time))
+            motion = work.send(Sensed("done", "", q, q, {}, {}, {}, here.head, [table_of(here)], here.time))
     except StopIteration as stop:
         return stop.value
 
@@ -132,8 +145,8 @@ def test_a_picture_that_shows_nothing_is_followed_by_others(cabinet_gone: Situat
     """Only a thing that is in none of them is missing."""
     here = cabinet_gone
     here.begin()
-    sights = [Sight(BOWL, here.seen[BOWL])]
-    pictures = [sights if number == seen_at else [] for number in range(MORE_LOOKS + 1)]
+    table, bowl = table_of(here), Sight(BOWL, here.seen[BOWL])
+    pictures = [[table, bowl] if number == seen_at else [table] for number in range(MORE_LOOKS + 1)]
     work = missed(here, "act", BOWL, sensed(here, pictures[0]))
     looks, missing = 0, None
     try:

@@ -1,5 +1,7 @@
 """What is put down and not seen is told as that, where the hand left it: true loop, simulated physics."""
 
+import math
+
 import mujoco
 import numpy as np
 import pytest
@@ -12,11 +14,11 @@ from services.executor.remembered import Remembered
 from services.executor.sight import Neck
 from services.executor.skill_process import remembered
 from services.executor.skills.emergency_place import free_spot
-from velma.kinematics.frames import transform, xyz_quat
+from velma.kinematics.frames import lies, transform, xyz_quat
 from velma.kinematics.tasks.placing import ABOVE_M
 
 JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
-JAR_M, RIM_M = 0.2, 0.09  # height; radius of the rim, within its wall (objects.yaml)
+JAR_M, JAR_RADIUS_M, RIM_M = 0.2, 0.04, 0.09  # height and radius; radius of the rim, within its wall (objects.yaml)
 NEAR_M = 0.02  # of the true place: the receptor's noise of 4 mm on each axis, and what slips at the opening (estimate)
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
@@ -58,6 +60,45 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, sees
     assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, "also if its end is not told"
 
 
+class Pushed(Receptor):
+    """Sees, and when it first sees the jar in no hand, that is pushed by `shift` (3,) [m] and tilted."""
+
+    def __init__(self, acting: Acting, shift: tuple[float, float, float], pitch: float) -> None:
+        self._acting, self._eye, self._shift, self._pitch = acting, acting.eye, shift, pitch
+        self.pushed = False
+
+    def look(self, qpos: np.ndarray, neck: Neck) -> list:
+        """Return what the other eye sees."""
+        if not self.pushed and self._acting.here.put:
+            self.pushed = True
+            at = np.add(self._acting.truth.at[JAR], self._shift)
+            put(self._acting, JAR, at, (math.cos(self._pitch / 2), 0.0, math.sin(self._pitch / 2), 0.0))
+            qpos = self._acting.core.backend.configuration()
+        return self._eye.look(qpos, neck)
+
+
+@pytest.mark.parametrize(
+    ("shift", "pitch", "told"),
+    [
+        ((0.0, 0.0, 0.0), 0.0, ""),
+        ((0.05, 0.0, JAR_RADIUS_M - JAR_M / 2), math.pi / 2, "fell over as the left hand let go of it"),
+        ((0.12, 0.0, 0.0), 0.0, "m from where it was put as the left hand let go of it"),
+    ],
+)
+def test_what_is_put_down_is_looked_at(
+    shift: tuple[float, float, float], pitch: float, told: str, jar_out: Acting
+) -> None:
+    """What fell over or stands elsewhere was not put down, and is told as it is seen."""
+    jar_out.eye = Pushed(jar_out, shift, pitch)
+    outcome = jar_out.act(jar_out.put_down(JAR, LEFT))
+    assert jar_out.eye.pushed
+    assert isinstance(outcome, rc.NotDone if told else rc.Done), outcome
+    assert told in getattr(outcome, "reason", "")
+    (jar,) = [one for one in outcome.seen if one.object == JAR]
+    assert np.linalg.norm(np.array(jar.pose.xyz) - jar_out.truth.at[JAR]) < NEAR_M
+    assert lies(transform(jar.pose)) is bool(pitch)
+
+
 def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> None:
     """A bowl's rim is at the jar's place: the jar is put down beside it, upright, on the same surface."""
     retreat = [(transform(one.at), one.fingers) for one in jar_out.retreats[JAR]]
@@ -74,12 +115,14 @@ def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> N
     assert np.linalg.norm(np.subtract(truth.at[JAR], truth.at[BOWL])[:2]) > 0.1, "not in the bowl"
 
 
-def put(acting: Acting, name: str, xyz: np.ndarray) -> None:
-    """Put a thing at `xyz` (3,) [m], where nobody looks."""
+def put(
+    acting: Acting, name: str, xyz: np.ndarray, turned: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+) -> None:
+    """Put a thing at `xyz` (3,) [m], turned by a quaternion (w, x, y, z), where nobody looks."""
     model, data = acting.core.backend.model, acting.core.backend.data
     joint = model.body(name).jntadr[0]
     at = model.jnt_qposadr[joint]
-    data.qpos[at : at + 7] = [*xyz, 1.0, 0.0, 0.0, 0.0]
+    data.qpos[at : at + 7] = [*xyz, *turned]
     data.qvel[model.jnt_dofadr[joint] :][:6] = 0.0
     mujoco.mj_forward(model, data)
     acting.core.hold(0.2)
