@@ -183,13 +183,23 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
         if outcome.missing and outcome.arrived is None and memory.safe is None:
             return _look(memory, turn, outcome.key, f"{' and '.join(outcome.missing)}: not where it was")
         end = Outcome.SUCCEEDED if _confirmed(memory, outcome) else Outcome.FAILED
-        return leave(memory, turn, end, _seen(memory, outcome), finish)
+        return leave(memory, turn, end, _joined(_seen(memory, outcome), _ill(outcome)), finish)
     turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=outcome.reason)
     if memory.safe is not None:
         memory = replace(memory, reason=memory.reason or outcome.reason)
     if outcome.kind in LOOK_FIRST and memory.safe is None:
         return _look(memory, turn, outcome.key, outcome.reason)
-    return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), outcome.reason, finish)
+    why = _joined(outcome.reason, _ill(outcome))
+    return leave(memory, turn, OF_KIND.get(outcome.kind, Outcome.FAILED), why, finish)
+
+
+def _ill(outcome: acts.Outcome) -> str:
+    """Return which wrist does not feel, and why."""
+    return "; ".join(f"the {side} wrist does not feel: its sensor {wrong}" for side, wrong in outcome.ill.items())
+
+
+def _joined(*words: str) -> str:
+    return "; ".join(filter(None, words))
 
 
 def _look(memory: Memory, turn: Turn, key: str, reason: str) -> Memory:
@@ -216,7 +226,7 @@ def _seen(memory: Memory, outcome: rc.Done) -> str:
             return f"seen: {', '.join(sorted(one.object for one in outcome.seen)) or 'nothing'}"
         case hfsm.ActState(command=rc.Pour() as pour):
             felt = "" if outcome.weighed is None else _felt(pour, *outcome.weighed)
-            return "; ".join(filter(None, (felt, _looked_into(pour, outcome))))
+            return _joined(felt, _looked_into(pour, outcome))
         case _:
             return ""
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from scripted_partner import Open, Say
 from ta_alone import BODY, HOME, LOOK, OK, Scene, plan
 
@@ -175,6 +176,22 @@ def test_what_was_put_down_and_not_seen_is_told_so() -> None:
     assert scene.hears("co", 2).state is sw.WorkerState.SUCCEEDED
     told = [content for _, _, content in scene.heard["km"] if isinstance(content, wm.SeenObject | wm.PlacedObject)]
     assert told == [wm.PlacedObject("jar_1", "jar", at, 3.0)]
+
+
+def test_a_wrist_that_does_not_feel_is_told() -> None:
+    """With what the task came to, well or not."""
+    for outcome in (rc.Done("plan/1", BODY, ill={Side.LEFT: "reads zero"}), lost()):
+        scene = Scene()
+        scene.start(plan(hfsm.ActState("home", replace(HOME, key="plan/1"))))
+        scene.hears("ex", 1)
+        scene.ex(P.INFORM if isinstance(outcome, rc.Done) else P.FAILURE, outcome)
+        told = scene.hears("co", 2).reason
+        assert told.endswith("the left wrist does not feel: its sensor reads zero")
+
+
+def lost() -> rc.NotDone:
+    """A failure with a wrist that does not feel."""
+    return rc.NotDone("plan/1", rc.NotDoneKind.FAILED, "no way", ill={Side.LEFT: "reads zero"})
 
 
 def test_what_stays_in_the_jar_is_told() -> None:

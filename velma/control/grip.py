@@ -34,6 +34,7 @@ ARM_N, WARN_N = 0.2, 0.6
 LOAD_S = 0.15  # s, time constant of the weight: settled to 0.1 % after 1 s at rest, noise of 0.1 N is 1 g
 CALM_CYCLES, LIGHT_CYCLES = 25, 50  # 50, 100 ms
 WARN_CYCLES = 5  # 10 ms: no single reading
+STUCK_CYCLES, WELL_CYCLES = 10, 250  # 20 ms: no true reading is the same for so long in motion; 0.5 s (estimates)
 OVER_CYCLES = 250  # 0.5 s: longer than a jar takes to slide out of a tilted hand (0.44 s, measured)
 
 
@@ -114,6 +115,37 @@ class Wrists:
             window[cycle + 1 :] = window[cycle]
         part["felt"][:] = np.add.reduce(window, 0) / WINDOW
         part["cycle"] += 1.0
+
+
+class Health:
+    """Whether a wrist's readings may be true: numbers, with the weight of the hand, that change as the hand turns.
+
+    `wrong`: why they may not, "" where nothing is known against them.
+    """
+
+    def __init__(self) -> None:
+        self.wrong = ""
+        self._reading, self._rotation, self._stuck, self._well = [math.nan], [math.nan], 0, 0
+
+    def judge(self, reading: list[float], rotation: list[float]) -> bool:
+        """Take the reading (6,) and the rotation (9,) of the hand in a cycle; whether this reading may be true.
+
+        What was wrong is so until nothing has been for a while.
+        """
+        changed, turned = reading != self._reading, rotation != self._rotation
+        self._reading, self._rotation = reading, rotation
+        self._stuck = 0 if changed else self._stuck + turned
+        wrong = ""
+        if not all(map(math.isfinite, reading)):
+            wrong = "reads what is no number"
+        elif not any(reading):
+            wrong = "reads zero"
+        elif self._stuck >= STUCK_CYCLES:
+            wrong = "reads the same while the hand turns"
+        self._well = 0 if wrong else self._well + 1
+        if wrong or self._well >= WELL_CYCLES:
+            self.wrong = wrong
+        return not wrong
 
 
 def tare(force: Array, gravity: Array) -> Array:

@@ -1,7 +1,8 @@
 """Both hands watched by the sensors in the wrists: is what a hand has taken still in it? The law is velma.control.grip.
 
 A hand is tared as a motion says, while it is empty and free, and watched from the payload that it is told to carry
-until it opens. On its way down to put something down it is not watched: the support takes the load.
+until it opens. On its way down to put something down it is not watched: the support takes the load. With a sensor that
+is not well a hand feels nothing, and says why.
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from services.executor.loop.program import GripReport, Motion, Open, Payload, Phase, Until
 from velma.control import grip
 from velma.control.dynamics import Terms
-from velma.control.grip import Grip, Watch
+from velma.control.grip import Grip, Health, Watch
 from velma.names import SIDES
 from velma.sim.backend import State
 
@@ -32,6 +33,7 @@ class GripWatch:
         self._load = np.zeros(2)
         self._down = [False, False]
         self._watch = [Watch(), Watch()]
+        self._health, self._good = (Health(), Health()), np.zeros((2, 6))
 
     def begin(self, asked: Motion) -> None:
         """Note what a motion does with the hands."""
@@ -47,7 +49,7 @@ class GripWatch:
                 self._watch[row] = Watch()
 
     def _expect(self, row: int, payload: Payload) -> None:
-        if not payload.mass or not self._high[row]:
+        if not payload.mass or not self._high[row] or self._watch[row].grip is Grip.LOST:  # it is there after all
             self._watch[row] = Watch()
         self._low[row], self._high[row] = payload.mass, payload.mass + payload.content if payload.mass else 0.0
 
@@ -55,16 +57,30 @@ class GripWatch:
         """Take the readings of a cycle."""
         if state.wrist is None:
             return
-        self._sensed, self._felt = True, self.wrists.feel(state.wrist, terms.rotation, terms.position)
+        self._sensed, self._felt = (
+            True,
+            self.wrists.feel(self._well(state.wrist, terms), terms.rotation, terms.position),
+        )
         forces, gravities = (self._felt[:, 0] - self._error).tolist(), self._felt[:, 1].tolist()
         masses = [grip.mass(force, gravity) for force, gravity in zip(forces, gravities, strict=True)]
         self._load += self._share * (masses - self._load)
         if not self.wrists.settled:
             return
         for row, (low, high) in enumerate(zip(self._low.tolist(), self._high.tolist(), strict=True)):
-            if high and not self._down[row]:
+            if self._health[row].wrong:
+                self._watch[row] = Watch()
+            elif high and not self._down[row]:
                 rest = grip.residual(forces[row], gravities[row], masses[row], low, high)
                 self._watch[row] = grip.watched(self._watch[row], rest, masses[row], low)
+
+    def _well(self, wrist: Array, terms: Terms) -> Array:
+        """Return the readings (2, 6); of a sensor that reads what cannot be, the last that could."""
+        well = [
+            health.judge(reading.tolist(), rotation.ravel().tolist())
+            for health, reading, rotation in zip(self._health, wrist, terms.rotation, strict=True)
+        ]
+        self._good = wrist if all(well) else np.where(np.array(well)[:, None], wrist, self._good)
+        return self._good
 
     def skip(self) -> None:
         """A cycle without readings."""
@@ -89,5 +105,6 @@ class GripWatch:
 
     def report(self, row: int) -> GripReport:
         """Return what is felt in a hand."""
-        felt = "" if not (self._sensed and self._high[row]) else str(self._watch[row].grip)
-        return GripReport(felt, float(self._load[row]))
+        wrong = self._health[row].wrong
+        felt = "" if wrong or not (self._sensed and self._high[row]) else str(self._watch[row].grip)
+        return GripReport(felt, float(self._load[row]), wrong)

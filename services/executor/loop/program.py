@@ -154,11 +154,13 @@ class Phase(StrEnum):
 class GripReport(msgspec.Struct, frozen=True):
     """Feeling of a hand's wrist: a velma.control.grip.Grip ("": empty hand or no sensor), the mass in the hand [kg].
 
-    The mass is that of the last 0.5 s: at rest for a second, it is a weight.
+    The mass is that of the last 0.5 s: at rest for a second, it is a weight. `wrong`: what is wrong with the sensor, ""
+    for nothing; such a one feels nothing.
     """
 
     felt: str = ""
     mass: float = 0.0
+    wrong: str = ""
 
 
 class HandReport(msgspec.Struct, frozen=True):

@@ -38,7 +38,11 @@ def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
 
 
 def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
-    """Return where the head looks after a free motion: at the held object nearest to the middle, if any."""
+    """Return where the head looks after a free motion: at what was put down and not seen since, else at the held object
+    nearest to the middle, if any.
+    """
+    if here.put:
+        return np.asarray(next(iter(here.put.values())).translation)
     held = [here.robot.grip(q, side) * h.T_grip_object for side, h in here.held.items()]
     return min((p.translation for p in held), key=lambda p: abs(p[1]), default=None)
 
@@ -130,7 +134,7 @@ def home(here: Situation, command: rc.Home) -> Skill:
     path = own_paths.free_path(here, side, _homes(here, side), speed)
     if path is None:
         raise replan(f"the {side} arm finds no path home")
-    yield motions.along(here, command.key, path, speed)
+    yield motions.along(here, command.key, path, speed, watch=_watched(here, path[-1]) if here.put else None)
     here.set_fingers(side, HOME_FINGERS)
     yield motions.still(here, command.key, **motions.hand(side, motions.fingers(HOME_FINGERS)))
 

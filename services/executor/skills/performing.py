@@ -1,24 +1,30 @@
 """Runs the skill of a robot command to its outcome, and updates the situation after each motion.
 
 What a hand does not feel, the act has not done: a hand that lost its thing, or never lifted it, is opened, and the
-outcome says so.
+outcome says so. But it is opened only if the joints or the eyes tell the same: the wrist alone may be wrong.
 """
 
 from collections.abc import Collection, Generator
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+import pinocchio as pin
 from msgspec.structs import replace
 
 from companion.languages import rc, rs
 from companion.languages.values import BodyPosture, Pose, Side
 from services.executor.loop.program import Motion, Open, Phase
 from services.executor.skills import SKILLS, motions
+from services.executor.skills.looking import MORE_LOOKS
 from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill
 from velma import names
+from velma.control.cartesian import GRAVITY, CartesianGains
 from velma.control.grip import Grip
 from velma.kinematics.frames import xyz_quat
 
+SAG_S = 0.3  # [s] until a hand that was stopped hangs still: -0.4 mm with the jar, 1.3 mm without it (measured)
+IN_HAND_M = 0.05  # nearer to its place in the hand, a thing is in it (estimate: that place is known to 1 cm)
 OPEN_BY, OPEN_SPEED = 0.45, 2.0  # [rad], [rad/s]: half open within 0.25 s, so that it is told at once; estimates
 _MOVES_A_THING = (rc.MoveJoint, rc.MoveCartesian, rc.Pour)
 Names = Collection[str]
@@ -27,13 +33,13 @@ Performance = Generator[Motion, Sensed, rc.Done | rc.NotDone]
 
 def perform(here: Situation, command: rc.Act) -> Performance:
     """Yield motions, take the Sensed of each, return the outcome."""
-    began, sights, sensed = here.time, {}, None
+    began, sights, sensed, known = here.time, {}, None, {}
     here.begin()
     skill: Skill = SKILLS[type(command)](here, command)
     try:
         motion = next(skill)
         while True:
-            sensed = yield motion
+            sensed, known = (yield motion), {side: held.T_grip_object for side, held in here.held.items()}
             take(here, sensed)
             sights.update({s.name: s for s in sensed.sights})
             if sensed.ended == Phase.CANCELLED:
@@ -43,42 +49,64 @@ def perform(here: Situation, command: rc.Act) -> Performance:
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:
-                return (
-                    yield from _emptied(here, sights, command.key, Phase.LOST, _feeling(here, sensed, Grip.LOST), began)
-                )
+                hands = Hands(_feeling(here, sensed, Grip.LOST), known, sensed)
+                return (yield from _emptied(here, sights, command.key, Phase.LOST, hands, began))
             else:
                 return ended(here, sights, command.key, sensed.ended, sensed.reason, began)
     except StopIteration:
-        if unfelt := _unfelt(here, command, sensed):
-            return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
+        if sensed is not None and (unfelt := _unfelt(here, command, sensed)):
+            hands = Hands(unfelt, known, sensed)
+            return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, hands, began))
+        if astray := here.astray():
+            return ended(here, sights, command.key, rc.NotDoneKind.REPLAN, astray, began)
         return _done(here, sights, command.key, began)
     except Cancelled:
         return ended(here, sights, command.key, rc.NotDoneKind.CANCELLED, "cancelled", began)
     except NotPossible as reason:
-        if unfelt := _unfelt(here, command, sensed):
-            return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
+        if sensed is not None and (unfelt := _unfelt(here, command, sensed)):
+            hands = Hands(unfelt, known, sensed)
+            return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, hands, began))
         return ended(here, sights, command.key, reason.kind, reason.reason, began)
 
 
-def _unfelt(here: Situation, command: rc.Act, sensed: Sensed | None) -> list[str]:
+class Hands(NamedTuple):
+    """Hands that do not feel what they should hold: sides, T_grip_object by side as known before, what is sensed."""
+
+    sides: list[str]
+    known: dict[str, pin.SE3]
+    sensed: Sensed
+
+
+def _unfelt(here: Situation, command: rc.Act, sensed: Sensed) -> list[str]:
     """Return the side of the hand that the command moved, if it does not feel what it should hold."""
     moved = command.side if isinstance(command, _MOVES_A_THING) else ""
     return [side for side in _feeling(here, sensed, Grip.UNSURE) if side == moved and _light(here, sensed, side)]
 
 
-def _light(here: Situation, sensed: Sensed | None, side: str) -> bool:
+def _light(here: Situation, sensed: Sensed, side: str) -> bool:
     """Whether less than half of the thing's mass is in the hand; with more it is there, whatever touches it."""
-    return sensed is not None and sensed.grips[side].mass < here.held[side].mass / 2.0
+    return sensed.grips[side].mass < here.held[side].mass / 2.0
 
 
-def _feeling(here: Situation, sensed: Sensed | None, felt: Grip) -> list[str]:
+def _feeling(here: Situation, sensed: Sensed, felt: Grip) -> list[str]:
     """Return the sides that should hold something and feel this."""
-    grips = {} if sensed is None else sensed.grips
-    return [side for side in here.held if side in grips and grips[side].felt == felt]
+    return [side for side in here.held if side in sensed.grips and sensed.grips[side].felt == felt]
 
 
-def _emptied(here: Situation, sights: Names, key: str, kind: str, sides: list[str], began: float) -> Performance:
-    """Open hands that do not hold what they should, so that they can move again, and return the outcome."""
+def _emptied(here: Situation, sights: Names, key: str, kind: str, those: Hands, began: float) -> Performance:
+    """Open hands that do not hold what they should, so that they can move again, and return the outcome.
+
+    Where no other sense tells the same, the hand stays closed.
+    """
+    sides = []
+    for side in those.sides:
+        if (yield from _gone(here, key, side, those)):
+            sides.append(side)
+            continue
+        name, mass, inside = here.held[side].object, here.held[side].mass, here.held[side].T_grip_object
+        take(here, (yield motions.still(here, key, **motions.payload(side, mass, inside))))  # felt from the beginning
+        why = f"the {side} wrist does not feel {name}, but it is there: the sensor may be wrong"
+        return ended(here, sights, key, rc.NotDoneKind.REPLAN, why, began)
     lost = {Side(side): here.lose(side) for side in sides}
     hands: dict[str, Any] = {}
     for side in sides:
@@ -93,9 +121,34 @@ def _emptied(here: Situation, sights: Names, key: str, kind: str, sides: list[st
     return replace(ended(here, sights, key, kind, reason, began), lost=lost)
 
 
+def _gone(here: Situation, key: str, side: str, hands: Hands) -> Generator[Motion, Sensed, bool]:
+    """Return whether the thing of a hand that does not feel it is gone by the joints or the eyes, too.
+
+    An arm without its load rises. A thing that is seen elsewhere is gone, and so is one that would surely be seen.
+    """
+    name, inside, sensed = here.held[side].object, hands.known[side], hands.sensed
+    for _ in range(MORE_LOOKS):
+        at = here.robot.grip(here.q, side) * inside
+        sensed = yield motions.still(here, key, watch=at.translation, settle_s=SAG_S)
+        here.q, here.head, here.time = sensed.q.copy(), sensed.head, sensed.time
+        if _risen(here, side, sensed):
+            return True
+        sight = next((one for one in sensed.sights if one.name == name), None)
+        if sight is not None:
+            return bool(np.linalg.norm(sight.T_world_object.translation - at.translation) > IN_HAND_M)
+    return bool(sensed.sights) and here.surely_seen(name, at)
+
+
+def _risen(here: Situation, side: str, sensed: Sensed) -> bool:
+    """Whether the hand is above its set-point as it is without its load, which is still fed forward."""
+    up = here.robot.grip(sensed.measured, side).translation[2] - here.robot.grip(sensed.q, side).translation[2]
+    return bool(up > here.held[side].mass * GRAVITY / CartesianGains().stiffness[0] / 2.0)
+
+
 def take(here: Situation, sensed: Sensed) -> None:
     """Update the situation after a motion."""
     here.q, here.head, here.time = sensed.q.copy(), sensed.head, sensed.time
+    here.ill = {Side(side): grip.wrong for side, grip in sensed.grips.items() if grip.wrong}
     here.see(sensed.sights)
 
 
@@ -103,14 +156,16 @@ def _done(here: Situation, sights: Names, key: str, began: float) -> rc.Done:
     """Return the outcome of an act that was done."""
     seen, placed = _seen_and_placed(here, sights)
     took, missing = here.time - began, tuple(sorted(here.missing))
-    return rc.Done(key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived, missing)
+    return rc.Done(key, posture(here), seen, held(here), took, here.weighed, placed, here.arrived, missing, here.ill)
 
 
 def ended(here: Situation, sights: Names, key: str, kind: str, reason: str, began: float) -> rc.NotDone:
     """Return the outcome of an act that was not done."""
     seen, placed = _seen_and_placed(here, sights)
     took, missing = here.time - began, tuple(sorted(here.missing))
-    return rc.NotDone(key, kind, reason, posture(here), seen, held(here), took, placed=placed, missing=missing)
+    return rc.NotDone(
+        key, kind, reason, posture(here), seen, held(here), took, placed=placed, missing=missing, ill=here.ill
+    )
 
 
 def _seen_and_placed(here: Situation, sights: Names) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:

@@ -1,12 +1,11 @@
-"""The skill that puts down: move above the place, level the object, go down to contact, open, retreat, look at it.
+"""The skill that puts down: move above the place, level the object, go down to contact, open, retreat.
 
 Where the object meets something above the place, what stands there is not known: the arm and the object hide it. It is
-put down beside then. A thing that falls over as the hand lets go of it, or rolls away, was not put down.
+put down beside then.
 """
 
 import math
-from collections.abc import Generator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -14,22 +13,11 @@ import pinocchio as pin
 from companion import models
 from companion.languages import rc
 from companion.languages.values import Vector
-from services.executor.loop.program import Motion, Open, Until
+from services.executor.loop.program import Open, Until
 from services.executor.skills import emergency_place, motions, own_paths
-from services.executor.skills.looking import look
 from services.executor.skills.moving import straight
 from services.executor.skills.situation import Situation
-from services.executor.skills.skill import (
-    Cancelled,
-    NotPossible,
-    Sensed,
-    Skill,
-    despite_cancel,
-    despite_slips,
-    failed,
-    missing,
-    replan,
-)
+from services.executor.skills.skill import NotPossible, Skill, despite_cancel, despite_slips, failed, replan
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
@@ -46,10 +34,6 @@ HIGH_M = 0.04  # above its place a thing is not let go, whatever the hand met: i
 SETTLE_S = 0.3
 OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5  # same runs (they waited 0.9 s in all)
 SPREAD_SPEED = 0.5  # [rad/s], same runs
-FALLEN, ASIDE_M = math.radians(20.0), 0.05
-"""From here on a thing fell over, or is not where it was put. Estimates: one that stands is seen within 2 degrees and
-20 mm of where the hand left them (tests/executor/skills/test_placed.py)."""
-ROLLS, ROLL_S, AT_REST_M = 10, 0.3, 0.005  # looks until a thing that rolls is at rest (estimates)
 JOIN_LIMIT = 1.2  # [rad] a joint may move on the way to above the place before a path is planned (estimate)
 
 
@@ -65,9 +49,7 @@ def release(here: Situation, command: rc.Release) -> Skill:
         yield from despite_slips(lambda: _lower(here, command, *_place(here, command.side, command)))
     except _Met as met:
         yield from _beside(here, command, met)
-    sensed = yield from _let_go(here, command.side, command)
-    with suppress(Cancelled):  # it was put down
-        yield from _confirm(here, command, here.put[command.object], sensed)
+    yield from _let_go(here, command.side, command)
 
 
 class _Met(NotPossible):
@@ -139,11 +121,8 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
     return found
 
 
-def _let_go(here: Situation, side: str, command: rc.Release) -> Generator[Motion, Sensed, Sensed]:
-    """Open the hand and retreat, and return what is sensed then.
-
-    A cancel changes nothing: a hand is not left half open around a thing.
-    """
+def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
+    """Open the hand and retreat, the head on the thing. A cancel changes nothing: a hand is not left half open."""
     grip, object_name = here.robot.grip(here.q, side), command.object
     unload = motions.payload(side)
     yield from despite_cancel(
@@ -159,37 +138,7 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Generator[Motion
     with attaching.allowed(here.world, (object_name, f"{side}_hand")):
         path = backing.way_out(here.robot, here.world, side, here.q, retreat_poses(grip, _retreat(command)))
     way, watch = own_paths.rest(here, path), here.put[object_name].translation
-    return (yield from despite_cancel(lambda: motions.along(here, command.key, way, RETREAT_SPEED, watch=watch)))
-
-
-def _confirm(here: Situation, command: rc.Release, put: pin.SE3, sensed: Sensed) -> Skill:
-    """Look at the thing, `put` where the hand let go of it, until it is seen at rest; hidden, it stays unseen.
-
-    Raises replan if it is seen to have fallen over or to be elsewhere, missing if it is surely not there.
-    """
-    name = command.object
-    if name not in {sight.name for sight in sensed.sights}:
-        yield from look(here, rc.Look(command.key, (_point(put),)))
-    for _ in range(ROLLS):
-        if name in here.missing:
-            raise missing(f"{name} is not where the {command.side} hand let go of it")
-        if name in here.placed:
-            return
-        seen = here.seen[name]
-        turned = math.acos(float(np.clip(seen.rotation[:, 2] @ put.rotation[:, 2], -1.0, 1.0)))
-        aside = float(np.linalg.norm(seen.translation - put.translation))
-        if turned < FALLEN and aside < ASIDE_M:
-            return
-        yield motions.still(here, command.key, watch=seen.translation, settle_s=ROLL_S)
-        if name in here.seen and np.linalg.norm(here.seen[name].translation - seen.translation) < AT_REST_M:
-            break
-    fell = "fell over" if turned >= FALLEN else f"is {aside:.2f} m from where it was put"
-    raise replan(f"{name} {fell} as the {command.side} hand let go of it")
-
-
-def _point(pose: pin.SE3) -> Vector:
-    x, y, z = (float(v) for v in pose.translation)
-    return x, y, z
+    yield from despite_cancel(lambda: motions.along(here, command.key, way, RETREAT_SPEED, watch=watch))
 
 
 def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -> list[np.ndarray]:

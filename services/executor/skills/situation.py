@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion import models
-from companion.languages.values import Uncertainty
+from companion.languages.values import Side, Uncertainty
 from services.executor.local import Array
 from services.executor.remembered import Unfinished
 from services.executor.sight import Sight
@@ -22,6 +22,9 @@ from velma.kinematics.robot import Robot
 SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
 SURE_MARKERS = 3  # in view, by which a thing is surely seen: two would do where each is read (estimate)
 FACING = math.cos(math.radians(60.0))  # least cosine of the angle at which a marker is surely read (estimate)
+FALLEN, ASIDE_M = math.cos(math.radians(20.0)), 0.05
+"""From here on a thing fell over, or is not where it was put down. Estimates: one that stands is seen within 2 degrees
+and 20 mm of where the hand left it (tests/executor/skills/test_placed.py)."""
 EDGE_POINTS = 12  # 5 cm apart on a bowl: narrower than a finger with its neighbours (estimate)
 TINY = 1e-9  # above the rounding of a marker that faces along the z axis
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
@@ -41,14 +44,14 @@ class Held:
 class Situation:
     """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen, things held.
 
-    `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]; `put`: where the
-    hand left those of this act, seen since or not. `unfinished`:
+    `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]; `put`: where a
+    hand left things that were not seen to stand there since. `unfinished`:
     pours that were begun and not ended, by source. `weighed`: mass in the hand before and after the pour of this act
     [kg]; `arrived`: whether what left is seen in the destination. `contents`: mass seen in things [kg], by the last
     look into each that nothing hid; `looked_into`: those of this act; `at_least`: mass seen by the last look of this
     act, where an arm or the thing's own wall hid some. `filled`: things that something was poured into.
     `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in
-    this act and are not where they should be.
+    this act and are not where they should be. `ill`: wrists that read what cannot be, and what.
     """
 
     robot: Robot
@@ -72,11 +75,12 @@ class Situation:
     filled: set[str] = field(default_factory=set)
     uncertain: dict[str, Uncertainty] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)
+    ill: dict[Side, str] = field(default_factory=dict)
 
     def begin(self) -> None:
         """Forget what is told at the end of one act only."""
         self.weighed = self.arrived = None
-        self.looked_into, self.at_least, self.missing, self.put = set(), {}, set(), {}
+        self.looked_into, self.at_least, self.missing = set(), {}, set()
 
     def see(self, sights: Sequence[Sight]) -> None:
         """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
@@ -114,14 +118,15 @@ class Situation:
             return math.inf
         return self.world.hidden(q, eye, points, name)
 
-    def surely_seen(self, name: str) -> bool:
+    def surely_seen(self, name: str, at: pin.SE3 | None = None) -> bool:
         """Whether a thing would be seen from here if it is where it should be: nothing hides enough of its markers.
 
-        Those inside a vessel may be covered by its content.
+        `at`: its pose in the world, also in a hand; None: as it was seen to stand. Markers inside a vessel may be
+        covered by its content.
         """
-        if not self._stands(name):
+        if at is None and not self._stands(name):
             return False
-        eye, pose = self._eye(self.q), self.seen[name]
+        eye, pose = self._eye(self.q), self.seen[name] if at is None else at
         covered = name in self.filled or self.contents.get(name, 0.0) > 0.0
         bare = (corners for corners in self.markers.get(name, ()) if not (covered and _inwards(corners)))
         markers = (corners @ pose.rotation.T + pose.translation for corners in bare)
@@ -150,6 +155,17 @@ class Situation:
         self.missing.add(name)
         self.forget(name)
 
+    def astray(self) -> str:
+        """Return which thing was seen to have fallen over, or to be elsewhere than a hand left it; "" for none."""
+        for name in [name for name in self.put if name in self.seen and name not in self.placed]:
+            put, seen = self.put.pop(name), self.seen[name]
+            aside = float(np.linalg.norm(seen.translation - put.translation))
+            if seen.rotation[:, 2] @ put.rotation[:, 2] < FALLEN:
+                return f"{name} fell over after it was put down"
+            if aside > ASIDE_M:
+                return f"{name} is {aside:.2f} m from where it was put down"
+        return ""
+
     def _note(self, name: str, uncertainty: Uncertainty | None) -> None:
         self.uncertain.pop(name, None)
         if uncertainty is not None:
@@ -161,6 +177,7 @@ class Situation:
 
     def take(self, side: str, held: Held) -> None:
         """Note that the hand holds this."""
+        self.put.pop(held.object, None)
         self.held[side] = held
         self.world.attach(held.object, side, held.T_grip_object)
 
@@ -184,6 +201,7 @@ class Situation:
     def forget(self, name: str) -> None:
         """Note that nobody knows where a thing is."""
         self.placed.pop(name, None)
+        self.put.pop(name, None)
         if self.seen.pop(name, None) is not None:
             self.world.remove(name)
 

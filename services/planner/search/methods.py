@@ -50,7 +50,7 @@ class Methods:
         """Put a destination that is held down, look at it, plan again."""
         if self.facts.holder(km, destination) is None:
             return self._not(f"no hand holds {destination}")
-        return [(TaskName.PUT_DOWN, destination), ("localize", destination)]
+        return [("set_down", destination), ("localize", destination)]
 
     def pour_into_unseen(self, km: str, source: str, destination: str) -> Subtasks | None:
         """Look at a destination that was put down and not seen since, plan again."""
@@ -72,7 +72,7 @@ class Methods:
             (TaskName.TAKE, source, first),
             ("a_carry", first),
             (TaskName.TAKE, destination, OTHER[first]),
-            (TaskName.PUT_DOWN, destination),
+            ("set_down", destination),
             ("localize", destination),
         ]
 
@@ -86,7 +86,7 @@ class Methods:
         if not self._open(km, destination):
             return None
         taken = [(TaskName.TAKE, source, hand), ("a_pour", source, destination, hand)]
-        return [(TaskName.PUT_DOWN, source), ("a_look", source), *taken]
+        return [("set_down", source), ("a_look", source), *taken]
 
     def _open(self, km: str, name: str) -> bool:
         """Whether the thing was seen where it stands, and is not inside another one."""
@@ -114,7 +114,7 @@ class Methods:
             return self._not(f"no hand holds {name}")
         if side in ("", holder):
             return self._not(f"the {holder} hand holds {name} already")
-        return [(TaskName.PUT_DOWN, name), ("localize", name)]
+        return [("set_down", name), ("localize", name)]
 
     def take_with(self, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
         """Take it with this hand, if it is empty and wanted."""
@@ -153,35 +153,30 @@ class Methods:
         if other := self.facts.in_hand(km, OTHER[side]):
             self.failed(f"the {OTHER[side]} hand holds {other}")
             return None
-        return [(TaskName.PUT_DOWN, thing), ("a_look", thing), ("hold_out", thing, OTHER[side])]
+        return [("set_down", thing), ("a_look", thing), ("hold_out", thing, OTHER[side])]
 
     def put_down(self, km: str, name: str) -> Subtasks | None:
-        """Put it down and bring the hand home; home alone where it stands already, as after a way that was blocked."""
-        side = self.facts.holder(km, name)
-        if side is not None:
-            return [("a_place", side), ("a_home", side)]
-        away = self._just_put_down(km, name)
-        if not away:
-            self.failed(f"no hand holds {name}")
-            return None
-        return self._not(f"{name} lies on its side") if self.facts.lies(km, name) else self._homes(away)
+        """Put it down and look at it; where it stands already, as after a way that was blocked, bring the hand home."""
+        if self.facts.holder(km, name):
+            return [("set_down", name), ("a_look", name)]
+        away = self._away(km) if self.facts.support(km, name) else []
+        if away and not self.facts.lies(km, name):
+            return [*(("a_home", side) for side in away), ("a_look", name)]
+        self.failed(f"no hand holds {name}")
+        return None
 
-    def put_down_upright_with(self, km: str, hand: Side, name: str) -> Subtasks | None:
-        """Take a thing with this hand that fell over as it was put down, and put it down once more."""
-        away = self._just_put_down(km, name)
-        if not away or not self.facts.lies(km, name):
+    def put_down_lying_with(self, km: str, hand: Side, name: str) -> Subtasks | None:
+        """Take a thing with this hand that fell over, and put it down upright."""
+        if self.facts.holder(km, name) or not self.facts.lies(km, name):
             return self._not(f"{name} did not fall over")
         if held := self.facts.in_hand(km, hand):
             return self._not(f"the {hand} hand holds {held}")
-        return [*self._homes(away), ("a_take", name, hand), ("a_place", hand), ("a_home", hand)]
+        return [("a_take", name, hand), ("set_down", name), ("a_look", name)]
 
-    def _just_put_down(self, km: str, name: str) -> list[Side]:
-        """Return the sides of empty arms that are away from home, where nobody holds the thing; one put it down."""
-        held = self.facts.holder(km, name) is not None
-        return self._away(km) if not held and self.facts.support(km, name) else []
-
-    def _homes(self, away: list[Side]) -> Subtasks:
-        return [("a_home", side) for side in away]
+    def set_down(self, km: str, name: str) -> Subtasks | None:
+        """Put it down, and bring the hand home; whoever needs it there looks at it."""
+        side = self.facts.holder(km, name)
+        return [("a_place", side), ("a_home", side)] if side else self._not(f"no hand holds {name}")
 
     def _away(self, km: str) -> list[Side]:
         """Return the sides of empty arms that are not at home."""
@@ -196,9 +191,10 @@ class Methods:
         return self._not(f"{name} stands elsewhere")
 
     def put_at_held(self, km: str, name: str, where: str) -> Subtasks | None:
-        """Put it there with the hand that holds it, and bring that one home."""
+        """Put it there with the hand that holds it, bring that one home, and look at it."""
         side = self.facts.holder(km, name)
-        return [("a_place", side, where), ("a_home", side)] if side else self._not(f"no hand holds {name}")
+        after = (("a_home", side), ("a_look", name))
+        return [("a_place", side, where), *after] if side else self._not(f"no hand holds {name}")
 
     def put_at_with(self, km: str, hand: Side, name: str, where: str) -> Subtasks | None:
         """Take it with this hand, if it is empty, and put it there."""
@@ -211,7 +207,7 @@ class Methods:
 
     def set_at_try(self, km: str, number: str, name: str, hand: Side, where: str) -> Subtasks | None:
         """Take it by some grasp, from which it can be put there: not every one leaves a way."""
-        return [("a_take_to", name, hand, number, where), ("a_place", hand, where), ("a_home", hand)]
+        return [("a_take_to", name, hand, number, where), ("a_place", hand, where), ("a_home", hand), ("a_look", name)]
 
     def clear_nothing(self, km: str) -> Subtasks | None:
         """Do nothing where no thing that can be taken stands on a table, and say so."""

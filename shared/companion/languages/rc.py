@@ -146,7 +146,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt. `placed`: things
     where a hand let go of them, not seen since. `arrived`: whether what left the source of a pour is in the
     destination, by a look into it; None: not looked into. `missing`: things that were looked for and are not where they
-    should be, though nothing hides the place.
+    should be, though nothing hides the place. `ill`: wrists whose sensors read what cannot be, and what they read.
     """
 
     key: str
@@ -158,6 +158,7 @@ class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     placed: tuple[Seen, ...] = ()
     arrived: bool | None = None
     missing: tuple[str, ...] = ()
+    ill: dict[Side, str] = {}
 
 
 class NotDoneKind(StrEnum):
@@ -181,7 +182,7 @@ class NotDoneKind(StrEnum):
 class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """An act ended otherwise. `kind`: a NotDoneKind; `reason` in words; `lost`: what is in no hand any more.
 
-    `placed`, `missing`: as of Done.
+    `placed`, `missing`, `ill`: as of Done.
     """
 
     key: str
@@ -194,6 +195,7 @@ class NotDone(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
     lost: dict[Side, str] = {}
     placed: tuple[Seen, ...] = ()
     missing: tuple[str, ...] = ()
+    ill: dict[Side, str] = {}
 
 
 class Accepted(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):

@@ -43,11 +43,11 @@ class Lifted:
     def grip(self):
         return self.core.report.hand(self.side).grip
 
-    def begin_to_move(self, seconds=2.0):
-        """Swing the torso."""
+    def begin_to_move(self, seconds=2.0, turn=0.2):
+        """Swing the torso by an angle [rad]."""
         turned = self.core.setpoint.copy()
         s = np.linspace(0, 1, round(seconds * 100))[:, None]
-        turned = turned + 0.2 * s * s * (3 - 2 * s) * (np.arange(15) == 0)
+        turned = turned + turn * s * s * (3 - 2 * s) * (np.arange(15) == 0)
         assert self.core.begin(motion("swing", turned)) == ""
 
     def friction(self, factor):
@@ -139,6 +139,38 @@ def test_a_thing_put_down_is_not_lost(lifted):
     assert lifted.core.report.phase is Phase.DONE
     lifted.core.run(motion("open", lifted.core.setpoint, **{lifted.side: Open(), f"payload_{lifted.side}": Payload()}))
     assert lifted.core.report.phase is Phase.DONE
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        ("nan", "reads what is no number"),
+        ("zero", "reads zero"),
+        ("stuck", "reads the same while the hand turns"),
+    ],
+)
+def test_a_sensor_that_is_not_well_feels_nothing(lifted, kind, wrong, monkeypatch):
+    """The motion goes on and the thing stays in the hand; the other hand feels; a sensor that is well again is one."""
+    observe, row = lifted.core.backend.observe, lifted.row
+    stuck = lifted.core.state.wrist[row].copy()
+    spoilt = {"nan": np.full(6, math.nan), "zero": np.zeros(6), "stuck": stuck}[kind]
+
+    def spoil():
+        state = observe()
+        state.wrist = state.wrist.copy()
+        state.wrist[row] = spoilt
+        return state
+
+    monkeypatch.setattr(lifted.core.backend, "observe", spoil)
+    lifted.begin_to_move(1.0, turn=0.03)  # the bowl meets nothing on it
+    lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
+    assert lifted.core.report.phase is Phase.DONE
+    assert (lifted.grip.felt, lifted.grip.wrong) == ("", wrong)
+    assert lifted.core.report.hand(SIDES[1 - row]).grip.wrong == ""
+    assert lifted.core.fingers.locked[row]
+    monkeypatch.setattr(lifted.core.backend, "observe", observe)
+    lifted.core.run(motion("still", lifted.core.setpoint, settle_s=1.0))
+    assert (lifted.grip.felt, lifted.grip.wrong) == (Grip.HELD, "")
 
 
 def test_a_robot_without_sensors_feels_nothing():

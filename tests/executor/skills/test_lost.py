@@ -9,9 +9,12 @@ from companion.languages.values import Side
 from services.executor.loop.core import LoopCore
 from services.executor.sight import Sight
 from services.executor.skills.situation import Situation
+from velma.control.grip import HAND_KG
 from velma.names import COLUMNS
+from velma.sim.backend import State
 
 JAR, LEFT = "jar_1", Side.LEFT
+JAR_KG = 0.26  # with its content
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
@@ -64,6 +67,28 @@ def test_a_jar_that_falls_is_told_within_a_second(jar_out: Acting, monkeypatch: 
     poured = jar_out.act(pour)
     assert isinstance(poured, rc.NotDone)
     assert poured.kind == "replan"
+
+
+@pytest.mark.parametrize("sees", [True, False])
+def test_no_hand_opens_because_of_the_wrist_alone(sees: bool, jar_out: Acting, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its sensor begins to read an empty hand: the act is not done, and the jar stays in the hand, seen or not."""
+    observe, share = jar_out.core.backend.observe, HAND_KG / (HAND_KG + JAR_KG)
+
+    def light() -> State:
+        state = observe()
+        assert state.wrist is not None
+        state.wrist = state.wrist * [[1.0], [share]]
+        return state
+
+    monkeypatch.setattr(jar_out.core.backend, "observe", light)
+    if not sees:
+        monkeypatch.setattr(jar_out.eye, "look", lambda *_: [])
+    outcome = jar_out.act(swing(jar_out))
+    assert isinstance(outcome, rc.NotDone)
+    assert (outcome.kind, list(outcome.held)) == ("replan", [LEFT])
+    assert "the sensor may be wrong" in outcome.reason
+    assert jar_out.core.fingers.locked[1]
+    assert jar_out.truth.fingers_on[JAR]["left"] >= 3
 
 
 def test_a_jar_that_is_not_lifted_is_not_taken(holding: Acting) -> None:

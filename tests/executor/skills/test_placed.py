@@ -81,8 +81,8 @@ class Pushed(Receptor):
     ("shift", "pitch", "told"),
     [
         ((0.0, 0.0, 0.0), 0.0, ""),
-        ((0.05, 0.0, JAR_RADIUS_M - JAR_M / 2), math.pi / 2, "fell over as the left hand let go of it"),
-        ((0.12, 0.0, 0.0), 0.0, "m from where it was put as the left hand let go of it"),
+        ((0.05, 0.0, JAR_RADIUS_M - JAR_M / 2), math.pi / 2, "jar_1 fell over after it was put down"),
+        ((0.12, 0.0, 0.0), 0.0, "0.12 m from where it was put down"),
     ],
 )
 def test_what_is_put_down_is_looked_at(
