@@ -4,6 +4,8 @@ A hand is tared as a motion says, while it is empty and free, and watched from t
 until it opens. On its way down to put something down it is not watched: the support takes the load.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,6 +56,9 @@ class GripWatch:
     def update(self, state: State, terms: Terms) -> None:
         """Take the readings of a cycle."""
         if state.wrist is None:
+            return
+        if not all(map(math.isfinite, state.wrist.ravel().tolist())):  # it would stay in the filters for ever
+            self.wrists.restart()
             return
         self._sensed, self._felt = True, self.wrists.feel(state.wrist, terms.rotation, terms.position)
         forces, gravities = (self._felt[:, 0] - self._error).tolist(), self._felt[:, 1].tolist()

@@ -17,6 +17,7 @@ from services.executor.skills.situation import Situation
 from services.executor.skills.skill import Cancelled, NotPossible, Sensed, Skill
 from velma import names
 from velma.control.grip import Grip
+from velma.errors import MotionError
 from velma.kinematics.frames import xyz_quat
 
 OPEN_BY, OPEN_SPEED = 0.45, 2.0  # [rad], [rad/s]: half open within 0.25 s, so that it is told at once; estimates
@@ -58,6 +59,8 @@ def perform(here: Situation, command: rc.Act) -> Performance:
         if unfelt := _unfelt(here, command, sensed):
             return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
         return ended(here, sights, command.key, reason.kind, reason.reason, began)
+    except MotionError as wrong:
+        return ended(here, sights, command.key, rc.NotDoneKind.FAILED, str(wrong), began)
 
 
 def _unfelt(here: Situation, command: rc.Act, sensed: Sensed | None) -> list[str]:
